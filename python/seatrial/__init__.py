@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from seatrial.experiment.coverage_result import Coverage
     from seatrial.experiment.plan import plan
     from seatrial.experiment.plan_result import Plan
+    from seatrial.export.c_code import CExport, export_c
+    from seatrial.export.fmu import FmuExport, export_fmu
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.flight import Flight
     from seatrial.flight.fly import fly, fly_batch
@@ -60,6 +62,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Autopilot": "seatrial._core",
     "BenchTest": "seatrial.bench_test.result",
+    "CExport": "seatrial.export.c_code",
     "Campaign": "seatrial.campaign.campaign",
     "CampaignError": "seatrial.base.errors",
     "Comparison": "seatrial.trial.comparison",
@@ -70,6 +73,7 @@ _HOME = {
     "Fitted": "seatrial.identification.fitted",
     "Flight": "seatrial.flight.flight",
     "Flights": "seatrial._core",
+    "FmuExport": "seatrial.export.fmu",
     "Identification": "seatrial.identification.identification",
     "Imported": "seatrial.intake.imported",
     "LeaveOneOut": "seatrial.identification.leave_one_out",
@@ -98,6 +102,8 @@ _HOME = {
     "bench": "seatrial.bench_test.evaluate",
     "compare": "seatrial.trial.comparison",
     "coverage": "seatrial.experiment.coverage",
+    "export_c": "seatrial.export.c_code",
+    "export_fmu": "seatrial.export.fmu",
     "falsify": "seatrial.verification.falsify",
     "failure_boundary": "seatrial.verification.boundary",
     "fly": "seatrial.flight.fly",
@@ -120,6 +126,7 @@ _HOME = {
 __all__ = [
     "Autopilot",
     "BenchTest",
+    "CExport",
     "Campaign",
     "CampaignError",
     "Comparison",
@@ -130,6 +137,7 @@ __all__ = [
     "Fitted",
     "Flight",
     "Flights",
+    "FmuExport",
     "Identification",
     "Imported",
     "LeaveOneOut",
@@ -158,6 +166,8 @@ __all__ = [
     "bench",
     "compare",
     "coverage",
+    "export_c",
+    "export_fmu",
     "failure_boundary",
     "falsify",
     "fly",

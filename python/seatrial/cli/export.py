@@ -1,9 +1,9 @@
-"""`seatrial export`: a trial, a flight or a vehicle for other programs."""
+"""`seatrial export`: a trial or a flight for other programs, a vehicle for other simulators and machines."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -12,22 +12,29 @@ from seatrial.cli.console import Json
 if TYPE_CHECKING:
     import polars as pl
 
+    from seatrial.export.c_code import CExport
+    from seatrial.export.fmu import FmuExport
+
 __all__ = ["export"]
 
 
 def export(
     form: Annotated[
-        Literal["mcap", "csv", "parquet", "sdf", "uuv", "stonefish"],
-        typer.Argument(help="Format.", metavar="mcap|csv|parquet|sdf|uuv|stonefish"),
+        Literal["mcap", "csv", "parquet", "c", "fmu", "sdf", "uuv", "stonefish"],
+        typer.Argument(help="Format.", metavar="mcap|csv|parquet|c|fmu|sdf|uuv|stonefish"),
     ],
-    trial: Annotated[
+    source: Annotated[
         str,
         typer.Argument(
-            help="Recording, flight.parquet of a run, or trial of the campaign; a vehicle for a simulator.",
+            help="Recording, flight.parquet of a run, or trial of the campaign; for c, fmu and a simulator"
+            " a vehicle: name or file; for c and fmu also the run directory of an identification.",
             metavar="TRIAL|VEHICLE",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write; for c and fmu a folder.")],
+    autopilot: Annotated[
+        str | None, typer.Argument(help="For c and fmu: autopilot, name or file; it flies --mission.")
+    ] = None,
     columns_from: Annotated[
         Path | None, typer.Option(help="Campaign file whose reader and column map the recording follows.")
     ] = None,
@@ -37,15 +44,95 @@ def export(
             metavar="COLUMN=UNIT", help="Unit of a column of CSV or Parquet: u_m_s=knot; repeatable."
         ),
     ] = None,
+    mission: Annotated[Path | None, typer.Option(help="Mission that the autopilot's program flies.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Vehicle that the autopilot believes in; VEHICLE by default.")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Prefix of files and functions; the vehicle's name by default.")
+    ] = None,
+    feedback: Annotated[
+        bool, typer.Option(help="The autopilot is told what its actuators do, and so finds a failed one.")
+    ] = True,
+    voltage: Annotated[
+        float | None, typer.Option(metavar="V", help="Supply, where thrust depends on it.")
+    ] = None,
+    max_step: Annotated[float, typer.Option(metavar="S", help="Longest step of the vehicle.")] = 0.02,
+    samples: Annotated[
+        int, typer.Option(metavar="N", help="For fmu: parameter sets drawn from the covariance.")
+    ] = 0,
+    seed: Annotated[int, typer.Option(help="Of those draws.")] = 0,
+    binary: Annotated[bool, typer.Option(help="For fmu: build a binary with the C compiler.")] = True,
     json: Json = False,
 ) -> None:
-    """Write a trial or a flight for other programs: MCAP for Foxglove, CSV or Parquet in any unit.
+    """Write samples for other programs (MCAP, CSV, Parquet), or a vehicle for other machines and simulators.
 
-    sdf, uuv and stonefish write a vehicle for gz-sim, uuv_simulator and Stonefish, and say what is lost.
+    c and fmu write vehicle and autopilot as C99 and as functional mock-up units; sdf, uuv and stonefish write the
+    vehicle for gz-sim, uuv_simulator and Stonefish, and say what is lost.
     """
-    if form in ("sdf", "uuv", "stonefish"):
-        _model(form, trial, out, json=json)
+    from seatrial.cli.console import answer, print_json
+
+    if form in ("c", "fmu"):
+        _refuse(form, {"--columns-from": columns_from, "--unit": unit})
+        shared: dict[str, Any] = {
+            "out": out,
+            "mission": mission,
+            "model": model,
+            "name": name,
+            "feedback": feedback,
+            "voltage_v": voltage,
+            "max_step_s": max_step,
+        }
+        if form == "c":
+            _refuse(form, {"--samples": samples, "--seed": seed, "--no-binary": not binary})
+        result = _program(form, source, autopilot, shared, samples=samples, seed=seed, binary=binary)
+        if json:
+            print_json(result.to_dict())
+        else:
+            answer(result.report())
         return
+    programs = {"AUTOPILOT": autopilot, "--mission": mission, "--model": model, "--name": name}
+    _refuse(form, programs | {"--voltage": voltage, "--samples": samples, "--seed": seed})
+    if form in ("sdf", "uuv", "stonefish"):
+        _refuse(form, {"--columns-from": columns_from, "--unit": unit})
+        _model(form, source, out, json=json)
+        return
+    _table_written(form, source, out, columns_from, unit, json=json)
+
+
+def _refuse(form: str, given: dict[str, Any]) -> None:
+    """Refuse what has no meaning for a format."""
+    from seatrial.base.errors import SimulationError
+
+    for name, value in given.items():
+        if value:
+            raise SimulationError(f"{name}: has no meaning for export {form}, found {value}; leave it out")
+
+
+def _program(
+    form: str,
+    vehicle: str,
+    autopilot: str | None,
+    shared: dict[str, Any],
+    *,
+    samples: int,
+    seed: int,
+    binary: bool,
+) -> CExport | FmuExport:
+    """Programs of a vehicle and its autopilot, written."""
+    from seatrial.export import export_c, export_fmu
+
+    if form == "c":
+        return export_c(vehicle, autopilot, **shared)
+    return export_fmu(
+        vehicle, autopilot, samples=samples, seed=seed, compiler=None if binary else "", **shared
+    )
+
+
+def _table_written(
+    form: str, trial: str, out: Path, columns_from: Path | None, unit: list[str] | None, *, json: bool
+) -> None:
+    """Write a table of samples and say so."""
     from seatrial.base.errors import TrialError
     from seatrial.base.report import Report
     from seatrial.cli.console import answer, print_json

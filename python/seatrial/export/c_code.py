@@ -1,0 +1,327 @@
+"""`export_c`: one step of a vehicle and of its autopilot as C99, recorded from the core.
+
+The core runs its own step once on numbers that record what is done with them (``crates/seatrial/src/number/traced.rs``)
+and writes the record as C. Tests: ``tests/export/test_c.py``, ``tests/export.rs`` of the core.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seatrial._core import Autopilot, Vehicle, autopilot_c, vehicle_c
+from seatrial.base.atomic_write import write_atomic
+from seatrial.base.errors import SimulationError, reason
+from seatrial.base.report import Report, Section, Table
+from seatrial.base.toml_file import loaded
+from seatrial.flight.checks import checked_step, checked_supply
+from seatrial.flight.mission import Mission, Route
+
+if TYPE_CHECKING:
+    from seatrial.identification.fitted import Fitted
+
+__all__ = ["CExport", "Program", "Programs", "export_c", "recorded"]
+
+
+@dataclass(frozen=True)
+class Program:
+    """A step as C.
+
+    Attributes
+    ----------
+    prefix
+        Of all of its public names.
+    header, source
+        Text of ``PREFIX.h`` and ``PREFIX.c``.
+    parameters, state, inputs, outputs
+        Its numbers: ``name`` in C, ``known_as`` here, ``unit``, ``about``, ``start``.
+    operations
+        Per function the operations of a call by kind.
+    step_s
+        Time that a step takes, s.
+    """
+
+    prefix: str
+    header: str
+    source: str
+    parameters: list[dict[str, Any]]
+    state: list[dict[str, Any]]
+    inputs: list[dict[str, Any]]
+    outputs: list[dict[str, Any]]
+    operations: dict[str, dict[str, int]]
+    step_s: float
+
+
+@dataclass(frozen=True)
+class Programs:
+    """What was recorded: the vehicle, the autopilot where there is one, and how well the vehicle is known."""
+
+    vehicle: Program
+    autopilot: Program | None
+    fitted: Fitted
+    substeps: int
+    """Steps of the vehicle in a control period."""
+
+    def all(self) -> list[Program]:
+        """Those that there are."""
+        return [program for program in (self.vehicle, self.autopilot) if program is not None]
+
+
+@dataclass(frozen=True)
+class CExport:
+    """Files that were written, and the programs in them."""
+
+    programs: Programs
+    folder: Path
+    files: list[Path] = field(default_factory=list)
+
+    def report(self) -> Report:
+        """The files, their operations and their numbers."""
+        programs = self.programs.all()
+        rows = [
+            (
+                f"{program.prefix}_{function}",
+                *(f"{counts[kind]}" for kind in ("simple", "quotients", "functions", "decisions", "tables", "all")),
+            )
+            for program in programs
+            for function, counts in program.operations.items()
+        ]
+        head = ["function", "+ - *", "/ sqrt", "sin exp …", "compare, select", "tables", "all"]
+        sizes = [
+            (program.prefix, *(str(len(part)) for part in (program.parameters, program.state, program.inputs, program.outputs)))
+            for program in programs
+        ]
+        numbers = ["program", "parameters", "state", "inputs", "outputs"]
+        last = programs[-1]
+        return Report(
+            title=str(self.folder),
+            outcome="exported as C99",
+            good=f"{len(self.files)} files without dependencies but math.h; {rows[-1][-1]} operations in a step of"
+            f" {last.prefix}",
+            worst=self._left_out(),
+            next_step=f"gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for single precision",
+            sections=(
+                Section(
+                    tables=(
+                        Table.of("Operations of a call", head, rows),
+                        Table.of("Numbers of the interface", numbers, sizes),
+                    )
+                ),
+            ),
+        )
+
+    def _left_out(self) -> str:
+        """What is fixed in the files."""
+        fixed = "dead times, limits, tables and zero coefficients"
+        if self.programs.autopilot is not None:
+            fixed += ", the mission and the autopilot's model of the vehicle"
+        return f"{fixed} are part of the program; to change them, export again"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Files, operations and the numbers of the interfaces as plain data."""
+        return {
+            "folder": str(self.folder),
+            "files": [str(path) for path in self.files],
+            "programs": {
+                program.prefix: {
+                    "step_s": program.step_s,
+                    "operations": program.operations,
+                    "parameters": program.parameters,
+                    "state": len(program.state),
+                    "inputs": program.inputs,
+                    "outputs": program.outputs,
+                }
+                for program in self.programs.all()
+            },
+        }
+
+
+def export_c(
+    vehicle: Fitted | Vehicle | str | Path,
+    autopilot: Autopilot | str | Path | None = None,
+    *,
+    out: str | Path,
+    mission: Mission | str | Path | None = None,
+    model: Vehicle | str | Path | None = None,
+    name: str | None = None,
+    feedback: bool = True,
+    voltage_v: float | None = None,
+    max_step_s: float = 0.02,
+    rho: float | None = None,
+    g: float | None = None,
+) -> CExport:
+    """One step of a vehicle, and of its autopilot on a mission, as C99 without dependencies but ``math.h``.
+
+    Writes ``NAME_vehicle.h`` and ``.c``, and with an autopilot ``NAME_autopilot.h`` and ``.c``. The step is the one
+    that flies here: no second implementation.
+
+    Parameters
+    ----------
+    vehicle : Fitted, Vehicle, str or Path
+        A vehicle, a built-in name, a file, or the run directory of an identification.
+    autopilot : Autopilot, str or Path, optional
+        The same of the autopilot; it needs a mission.
+    out : str or Path
+        Folder for the files.
+    mission : Mission, str or Path, optional
+        The mission that becomes part of the autopilot's program.
+    model : Vehicle, str or Path, optional
+        The vehicle that the autopilot believes in; by default `vehicle`.
+    name : str, optional
+        Prefix of files and functions; by default the vehicle's name.
+    feedback : bool, optional
+        Whether the autopilot is told what its actuators do, and so finds a failed one.
+    voltage_v : float, optional
+        Supply, V, where thrust depends on it; it is part of the program.
+    max_step_s : float, optional
+        The longest step of the vehicle, s; with an autopilot a whole number of them makes its period.
+    rho, g : float, optional
+        Density, kg/m3, and gravity, m/s2; by default the vehicle file's.
+
+    Returns
+    -------
+    CExport
+
+    Raises
+    ------
+    SimulationError
+        The step cannot be recorded, an argument is impossible, or a file cannot be written.
+    VehicleError
+        A file cannot be read, or the autopilot does not fit the vehicle.
+    """
+    programs = recorded(
+        vehicle,
+        autopilot,
+        mission=mission,
+        model=model,
+        name=name,
+        feedback=feedback,
+        voltage_v=voltage_v,
+        max_step_s=max_step_s,
+        rho=rho,
+        g=g,
+    )
+    folder = Path(out)
+    texts = {
+        f"{program.prefix}{suffix}": text
+        for program in programs.all()
+        for suffix, text in ((".h", program.header), (".c", program.source))
+    }
+    return CExport(programs, folder, written(folder, texts))
+
+
+def recorded(
+    vehicle: Fitted | Vehicle | str | Path,
+    autopilot: Autopilot | str | Path | None = None,
+    *,
+    mission: Mission | str | Path | None = None,
+    model: Vehicle | str | Path | None = None,
+    name: str | None = None,
+    feedback: bool = True,
+    voltage_v: float | None = None,
+    max_step_s: float = 0.02,
+    rho: float | None = None,
+    g: float | None = None,
+) -> Programs:
+    """The programs of `export_c`, which says what its arguments are, not written yet."""
+    from seatrial.identification.fitted import Fitted
+
+    fitted = Fitted.of(vehicle)
+    flown = fitted.vehicle
+    if (autopilot is None) != (mission is None):
+        lacking = "a mission: add --mission FILE" if mission is None else "an autopilot: name one after the vehicle"
+        raise SimulationError(f"export: an autopilot flies a mission; expected both or none, found no {lacking[2:]}")
+    checked_supply(voltage_v, flown)
+    stem = identifier(flown.name if name is None else name, given=name is not None)
+    supply = math.nan if voltage_v is None else float(voltage_v)
+    pilot = plan = None
+    substeps, step_s = 1, float(max_step_s)
+    begin: dict[str, Any] = {"position": [0.0] * 3, "attitude": [0.0] * 3, "nu": [0.0] * 6}
+    if autopilot is not None and mission is not None:
+        pilot, plan = loaded(Autopilot, autopilot, "autopilot"), loaded(Mission, mission, "mission")
+        checked_step(max_step_s, pilot)
+        substeps = max(1, math.ceil(pilot.period_s / max_step_s - max(pilot.period_s / max_step_s, 1.0) * 1e-9))
+        step_s = pilot.period_s / substeps
+        route = Route.of(plan)
+        begin |= {"position": route.start, "attitude": [0.0, 0.0, route.heading]}
+    about = [f"{flown.name}: one step of {step_s:g} s.", *_origin()]
+    program = _program(
+        f"{stem}_vehicle",
+        vehicle_c(flown, f"{stem}_vehicle", about, step_s, **begin, voltage_v=supply, rho=rho, g=g),
+        step_s,
+    )
+    steering = None
+    if pilot is not None and plan is not None:
+        believed = flown if model is None else loaded(Vehicle, model, "model")
+        about = [
+            f"Autopilot of {believed.name} on the mission {plan.name}: one step of {pilot.period_s:g} s.",
+            *_origin(),
+        ]
+        facts = autopilot_c(
+            pilot, believed, plan.core, f"{stem}_autopilot", about, feedback=feedback, voltage_v=supply
+        )
+        steering = _program(f"{stem}_autopilot", facts, pilot.period_s)
+    return Programs(program, steering, fitted, substeps)
+
+
+def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:
+    """Paths of files that were written into a folder, each whole or not at all.
+
+    Raises
+    ------
+    SimulationError
+        One cannot be written.
+    """
+    paths = []
+    for name, text in texts.items():
+        path = folder / name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(path, text if isinstance(text, bytes) else text.encode())
+        except OSError as error:
+            raise SimulationError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
+        paths.append(path)
+    return paths
+
+
+def identifier(name: str, *, given: bool) -> str:
+    """A name as an identifier of C; one that was given must be one.
+
+    Raises
+    ------
+    SimulationError
+        It is none.
+
+    Examples
+    --------
+    >>> identifier("BlueROV2 Heavy", given=False)
+    'bluerov2_heavy'
+    """
+    if given and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+        raise SimulationError(
+            f'--name {name}: expected letters, digits and "_", a letter first, since it begins names in C'
+        )
+    plain = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+    return name if given else plain if plain[:1].isalpha() else f"v{plain}"
+
+
+def _program(prefix: str, facts: Mapping[str, Any], step_s: float) -> Program:
+    return Program(prefix=prefix, step_s=step_s, **facts)
+
+
+def _origin() -> Sequence[str]:
+    """Where a file comes from, for its head."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        release = version("seatrial")
+    except PackageNotFoundError:
+        release = "(not installed)"
+    return (
+        f"Recorded by seatrial {release}: SI units and radians unless a comment says otherwise;",
+        "north-east-down, body axes forward, starboard, down. Compile without -ffast-math: infinite ages count.",
+    )
