@@ -302,8 +302,7 @@ def sitl(
     chosen = sensors_of(sensors, mapped.vehicle)
     shown = None if chosen is None else Shown(chosen, seed)
     notes = list(mapped.sentences)
-    if shown is not None and shown.left_out:
-        notes.append(f"Sensors without a place in the answer are left out: {', '.join(shown.left_out)}.")
+    notes += [] if shown is None else shown.sentences
     loop = _Loop(plant, mapped.channels, shown, seabed_m, log_hz)
     with listen(host, port) as link:
         link.settimeout(min(idle_s, 0.25))
