@@ -144,6 +144,8 @@ class SitlSession:
             )
         passed = ", ".join(f"{count} {word}" for word, count in sorted(self.ignored.items()))
         worst = f"packets passed over: {passed}" if passed else "no packet was passed over"
+        if not self.frames and not passed:
+            worst = "nothing spoke to this port"
         if self.lost:
             worst = f"{self.lost} frames were lost on the way; {worst}"
         if self.frames and self.steps_per_s < self.rate_hz:
@@ -161,7 +163,7 @@ class SitlSession:
         counts = Table.of("Packets passed over", ["why", "packets"], rows)
         return Report(
             title=f"sitl {self.mapping.vehicle.name}",
-            outcome={"idle": "ended, the peer is silent", "frames": "done"}.get(self.ended, self.ended),
+            outcome={"idle": "ended in silence", "frames": "done"}.get(self.ended, self.ended),
             good=good,
             worst=worst,
             next_step=following,

@@ -68,24 +68,24 @@ class Live:
         self._messages: Any = messages
         self._context = foxglove.Context()
         self._writer = self._server = None
-        if record is not None:
-            if record.exists():
-                raise SimulationError(f"{record}: is there already; choose another name")
-            try:
-                self._writer = foxglove.open_mcap(str(record), context=self._context)
-            except (OSError, RuntimeError) as error:
-                why = reason(error)
-                raise SimulationError(f"{record}: cannot be written ({why}); choose another folder") from None
+        if record is not None and record.exists():
+            raise SimulationError(f"{record}: is there already; choose another name")
         if port is not None:
             try:
                 self._server = foxglove.start_server(
                     name=f"seatrial {vehicle.name}", host=host, port=port, context=self._context
                 )
             except (OSError, RuntimeError, OverflowError) as error:
-                self.close()
                 raise SimulationError(
                     f"{host}:{port}: cannot listen ({error}); end what listens there or choose another port"
                 ) from None
+        if record is not None:
+            try:
+                self._writer = foxglove.open_mcap(str(record), context=self._context)
+            except (OSError, RuntimeError) as error:
+                self.close()
+                why = reason(error)
+                raise SimulationError(f"{record}: cannot be written ({why}); choose another folder") from None
         channel = _typed_channels()
         self._tf = channel["FrameTransformChannel"]("/tf", context=self._context)
         self._pose = channel["PoseInFrameChannel"]("/pose", context=self._context)
