@@ -112,7 +112,8 @@ class Plant:
             spans = vehicle.table_voltages().values()
             within = f", {min(a for a, _ in spans):g} to {max(b for _, b in spans):g} V" if spans else ""
             raise SimulationError(
-                f"voltage_v: the thrust of {dependent[0]} depends on the supply voltage; give it (--voltage){within}"
+                f"voltage_v: the thrust of {dependent[0]} depends on the supply voltage; give it"
+                f" (--voltage){within}"
             )
         self.vehicle = vehicle
         self._initial = State() if initial is None else initial
