@@ -27,7 +27,7 @@ SET_UP := $(VENV)/.set-up
 BUILT  := $(VENV)/.built
 WHEEL  := dist/.built
 
-.PHONY: help setup build page demo site test test-long test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel clean
+.PHONY: help setup build page demo site test test-long test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel package targets clean
 
 help: ## list the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -117,6 +117,32 @@ $(WHEEL): $(BUILT) $(PAGE) $(PACKAGE)
 	rm -rf dist
 	env -u MAKEFLAGS -u MFLAGS $(BIN)/maturin build --release --locked --out dist
 	@touch $@
+
+# Tools that build for other machines live in an environment of their own: zig alone is larger than all the others.
+PACKAGE_TOOLS := target/package-tools/.installed
+$(PACKAGE_TOOLS): package-constraints.txt
+	rm -rf $(@D)
+	$(PYTHON) -m venv $(@D)
+	$(@D)/bin/python -m pip install --no-compile --requirement package-constraints.txt
+	@touch $@
+
+package: $(PAGE) $(PACKAGE_TOOLS) ## a wheel for any Linux since glibc 2.28, checked by auditwheel, and an sdist that builds one
+	rm -rf dist/package
+	env -u MAKEFLAGS -u MFLAGS PATH="$(CURDIR)/target/package-tools/bin:$$PATH" maturin build --release --locked --zig \
+	  --compatibility manylinux_2_28 --out dist/package
+	target/package-tools/bin/auditwheel show dist/package/*.whl | tee dist/package/auditwheel.txt
+	grep -q '"manylinux_2_28_' dist/package/auditwheel.txt
+	PATH="$(CURDIR)/target/package-tools/bin:$$PATH" maturin sdist --out dist/package
+	env -u MAKEFLAGS -u MFLAGS CARGO_TARGET_DIR=$(CURDIR)/target/sdist CARGO_PROFILE_RELEASE_LTO=off CARGO_PROFILE_RELEASE_OPT_LEVEL=0 \
+	  target/package-tools/bin/pip wheel --no-deps --wheel-dir dist/package/from-sdist dist/package/*.tar.gz
+
+TARGETS := aarch64-unknown-linux-gnu aarch64-apple-darwin x86_64-pc-windows-gnu
+
+targets: ## does the core and the binding compile for other machines? (ARM with its vector lanes, macOS, Windows)
+	for target in $(TARGETS); do \
+	  rustup target list --installed | grep -qx "$$target" || rustup target add "$$target"; \
+	  env -u MAKEFLAGS -u MFLAGS cargo check --locked --quiet --workspace --target "$$target"; \
+	done
 
 clean: ## remove everything that was built, and the environment
 	rm -rf target dist $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis

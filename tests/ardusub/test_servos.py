@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import seatrial as st
 from seatrial.ardusub.parameters import ParameterFile
-from seatrial.ardusub.servos import Channel, map_channels, map_parameters
+from seatrial.ardusub.servos import FRAME_NAMES, Channel, map_channels, map_parameters
 from seatrial.base.errors import TrialError
+from seatrial.logs.dataflash import open_log
 from seatrial.trial.mixer import FRAMES
 
 
@@ -70,6 +74,9 @@ def test_what_is_not_mapped_is_said(heavy: st.Vehicle) -> None:
     said = " ".join(map_parameters(heavy, file).sentences)
     assert "SERVO9_FUNCTION" in said
     assert "2 other parameters" in said
+    part = map_parameters(heavy, _file(MOT_1_DIRECTION=-1))
+    assert part.turned == ()
+    assert "no FRAME_CONFIG" in part.sentences[0]
     custom = map_parameters(heavy, _file(FRAME_CONFIG=7))
     assert custom.turned == ()
     assert "custom" in custom.sentences[0]
@@ -108,7 +115,7 @@ def test_channels_of_pulses_pass_and_those_of_revolutions_are_scaled(heavy: st.V
     [
         ({"FRAME_CONFIG": 9}, "FRAME_CONFIG: expected 0 to 7, found 9"),
         ({"FRAME_CONFIG": 1.5}, "FRAME_CONFIG: expected 0 to 7, found 1.5"),
-        ({"MOT_1_DIRECTION": 0}, "MOT_1_DIRECTION: expected 1 or -1, found 0"),
+        ({"FRAME_CONFIG": 2, "MOT_1_DIRECTION": 0}, "MOT_1_DIRECTION: expected 1 or -1, found 0"),
         ({"SERVO1_FUNCTION": 33, "SERVO4_FUNCTION": 33}, "motor 1 is on channel 1, too"),
         ({"SERVO2_FUNCTION": 33}, "both thruster_1 and thruster_2 are on it"),
         ({"MOT_PWM_MIN": 1600}, "expected rest between the ends"),
@@ -128,3 +135,21 @@ def test_a_vehicle_with_too_few_actuators_and_unknown_channels_are_refused(heavy
         map_channels(heavy, {"thruster1": 3})
     with pytest.raises(TrialError, match="from 1 to 32"):
         map_channels(heavy, {"thruster_1": 33})
+
+
+def test_frames_have_the_order_of_frame_config() -> None:
+    assert FRAME_NAMES[:3] == ("BLUEROV1", "VECTORED", "VECTORED_6DOF")
+    assert FRAME_NAMES[3:] == ("VECTORED_6DOF_90DEG", "SIMPLEROV_3", "SIMPLEROV_4", "SIMPLEROV_5")
+
+
+def test_the_parameters_of_a_real_vehicle_are_mapped(heavy: st.Vehicle) -> None:
+    """BlueROV2 of six motors: its four reversed motors, all channels, 871 parameters accounted for."""
+    path = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "ardusub_small" / "small.BIN"
+    if not path.is_file():
+        pytest.skip("ardusub_small is not here; set SEATRIAL_DATA")
+    values = open_log(path).parameters
+    mapped = map_parameters(heavy, ParameterFile("small.BIN", values))
+    assert [values[f"MOT_{k}_DIRECTION"] for k in range(1, 7)] == [-1, -1, 1, -1, -1, 1]
+    assert mapped.turned == ("thruster_3", "thruster_6")
+    assert [one.number for one in mapped.channels] == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert "742 other parameters" in mapped.sentences[-1]

@@ -60,7 +60,9 @@ def test_reset_begins_anew_and_a_missing_voltage_is_named() -> None:
     again = plant.advance(AHEAD, 0.1)
     assert (again.nu == first.nu).all()
     assert again.t_s == first.t_s
-    with pytest.raises(SimulationError, match=r"voltage_v: the thrust of thruster_1 .* 10 to 20 V"):
+    with pytest.raises(
+        SimulationError, match=r"voltage_v: the thrust of thruster_1 .*give it .*, 10 to 20 V"
+    ):
         Plant(st.Vehicle.load("bluerov2-heavy"))
 
 

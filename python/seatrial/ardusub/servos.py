@@ -28,15 +28,7 @@ from seatrial.trial.mixer import FRAMES
 
 __all__ = ["FRAME_NAMES", "Channel", "ChannelMap", "map_channels", "map_parameters"]
 
-FRAME_NAMES = (
-    "BLUEROV1",
-    "VECTORED",
-    "VECTORED_6DOF",
-    "VECTORED_6DOF_90DEG",
-    "SIMPLEROV_3",
-    "SIMPLEROV_4",
-    "SIMPLEROV_5",
-)
+FRAME_NAMES = tuple(FRAMES)
 """Frames by the number of FRAME_CONFIG; 7 is a custom one, whose factors no parameter tells."""
 
 _MOTOR_FUNCTIONS = {33 + k: k + 1 for k in range(8)} | {82 + k: k + 9 for k in range(4)}
@@ -322,10 +314,11 @@ def _turned(
     vehicle: Vehicle, values: Mapping[str, float], where: str, used: set[str], said: list[str]
 ) -> list[str]:
     """Thrusters that push against what the frame and the directions say."""
-    number = 1  # ArduSub's own default
-    if "FRAME_CONFIG" in values:
-        number = _whole(values, "FRAME_CONFIG", where, range(8), "0 to 7")
-        used.add("FRAME_CONFIG")
+    if "FRAME_CONFIG" not in values:
+        said.append("The file has no FRAME_CONFIG: directions stay those of the vehicle file.")
+        return []
+    number = _whole(values, "FRAME_CONFIG", where, range(8), "0 to 7")
+    used.add("FRAME_CONFIG")
     if number >= len(FRAME_NAMES):
         said.append(
             "FRAME_CONFIG 7 is a custom frame: its factors are in the firmware, so that directions stay those"

@@ -67,8 +67,8 @@ def export(
 ) -> None:
     """Write samples for other programs (MCAP, CSV, Parquet), or a vehicle for other machines and simulators.
 
-    c and fmu write vehicle and autopilot as C99 and as functional mock-up units; sdf, uuv and stonefish write the
-    vehicle for gz-sim, uuv_simulator and Stonefish, and say what is lost.
+    c and fmu write vehicle and autopilot as C99 and as functional mock-up units; sdf, uuv and stonefish write
+    the vehicle for gz-sim, uuv_simulator and Stonefish, and say what is lost.
     """
     from seatrial.cli.console import answer, print_json
 

@@ -10,6 +10,7 @@ import typer
 
 from seatrial.base.file_names import file_name
 from seatrial.cli.console import Figures, Json, Pdf, Verbose
+from seatrial.cli.realtime import Hardware, LivePort, Realtime, Record, Speed, Watchdog, fly_by_the_clock
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
@@ -108,6 +109,12 @@ def fly(
         Path | None,
         typer.Option(metavar="FILE", help="Water, plumes and the sensors that sample it: a payload file."),
     ] = None,
+    realtime: Realtime = False,
+    speed: Speed = 1.0,
+    live: LivePort = None,
+    record: Record = None,
+    hardware: Hardware = None,
+    watchdog: Watchdog = 0.5,
     figures: Figures = True,
     pdf: Pdf = False,
     page: Page = None,
@@ -118,6 +125,7 @@ def fly(
 
     The exit code is 0 when the mission was complete and every waypoint reached, 1 when not, 2 for bad input.
     """
+    from seatrial.base.errors import SimulationError
     from seatrial.base.run import check_writable, only_user
     from seatrial.cli.console import answer, formats, print_json
     from seatrial.flight.failures import Fault, Outage
@@ -125,9 +133,45 @@ def fly(
     from seatrial.flight.sea import SeaState
     from seatrial.flight.seeds import fly_seeds
 
+    sources = (vehicle, autopilot, mission)
+    by_the_clock = {"--live": live is not None, "--record": record, "--hardware": hardware}
+    if realtime:
+        fly_by_the_clock(
+            sources,
+            hardware=hardware,
+            out=out,
+            verbose=verbose,
+            json=json,
+            refused={
+                "--turbulence": turbulence,
+                "--current-trend": any(current_trend),
+                "--current-walk": current_walk,
+                "--waves": waves,
+                "--fault": fault,
+                "--outage": outage,
+                "--seabed": seabed is not None,
+                "--seeds": seeds,
+                "--payload": payload,
+                "--navigation": navigation != "sensors",
+                "--report": page,
+            },
+            model=model,
+            speed=speed,
+            max_time_s=max_time,
+            sensors=sensors,
+            seed=seed,
+            current=current,
+            voltage_v=voltage,
+            feedback=feedback,
+            live_port=live,
+            record=record,
+            watchdog_s=watchdog,
+        )
+        return
+    if given := [name for name, value in by_the_clock.items() if value]:
+        raise SimulationError(f"{', '.join(given)}: needs --realtime; add it")
     if out is not None:
         check_writable(out)
-    sources = (vehicle, autopilot, mission)
     options: dict[str, Any] = {
         "model": model,
         "sensors": sensors,

@@ -11,11 +11,38 @@ from seatrial.base.front import front
 if TYPE_CHECKING:
     from seatrial.realtime.ardupilot_link import SitlSession as SitlSession
     from seatrial.realtime.ardupilot_link import sitl as sitl
+    from seatrial.realtime.flight import RealtimeFlight as RealtimeFlight
+    from seatrial.realtime.flight import fly_realtime as fly_realtime
+    from seatrial.realtime.hardware import Hardware as Hardware
+    from seatrial.realtime.hardware import command_packet as command_packet
+    from seatrial.realtime.hardware import sensor_packet as sensor_packet
+    from seatrial.realtime.live import Live as Live
     from seatrial.realtime.plant import Plant as Plant
 
-__all__ = ["Plant", "SitlSession", "sitl"]
+__all__ = [
+    "Hardware",
+    "Live",
+    "Plant",
+    "RealtimeFlight",
+    "SitlSession",
+    "command_packet",
+    "fly_realtime",
+    "sensor_packet",
+    "sitl",
+]
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
     __getattr__ = front(
-        __name__, {"Plant": "plant", "SitlSession": "ardupilot_link", "sitl": "ardupilot_link"}
+        __name__,
+        {
+            "Hardware": "hardware",
+            "Live": "live",
+            "Plant": "plant",
+            "RealtimeFlight": "flight",
+            "SitlSession": "ardupilot_link",
+            "command_packet": "hardware",
+            "fly_realtime": "flight",
+            "sensor_packet": "hardware",
+            "sitl": "ardupilot_link",
+        },
     )

@@ -144,6 +144,8 @@ class SitlSession:
             )
         passed = ", ".join(f"{count} {word}" for word, count in sorted(self.ignored.items()))
         worst = f"packets passed over: {passed}" if passed else "no packet was passed over"
+        if not self.frames and not passed:
+            worst = "nothing spoke to this port"
         if self.lost:
             worst = f"{self.lost} frames were lost on the way; {worst}"
         if self.frames and self.steps_per_s < self.rate_hz:
@@ -161,7 +163,7 @@ class SitlSession:
         counts = Table.of("Packets passed over", ["why", "packets"], rows)
         return Report(
             title=f"sitl {self.mapping.vehicle.name}",
-            outcome={"idle": "ended, the peer is silent", "frames": "done"}.get(self.ended, self.ended),
+            outcome={"idle": "ended in silence", "frames": "done"}.get(self.ended, self.ended),
             good=good,
             worst=worst,
             next_step=following,
@@ -302,8 +304,7 @@ def sitl(
     chosen = sensors_of(sensors, mapped.vehicle)
     shown = None if chosen is None else Shown(chosen, seed)
     notes = list(mapped.sentences)
-    if shown is not None and shown.left_out:
-        notes.append(f"Sensors without a place in the answer are left out: {', '.join(shown.left_out)}.")
+    notes += [] if shown is None else shown.sentences
     loop = _Loop(plant, mapped.channels, shown, seabed_m, log_hz)
     with listen(host, port) as link:
         link.settimeout(min(idle_s, 0.25))

@@ -112,7 +112,8 @@ class Plant:
             spans = vehicle.table_voltages().values()
             within = f", {min(a for a, _ in spans):g} to {max(b for _, b in spans):g} V" if spans else ""
             raise SimulationError(
-                f"voltage_v: the thrust of {dependent[0]} depends on the supply voltage; give it{within}"
+                f"voltage_v: the thrust of {dependent[0]} depends on the supply voltage; give it"
+                f" (--voltage){within}"
             )
         self.vehicle = vehicle
         self._initial = State() if initial is None else initial
@@ -136,6 +137,11 @@ class Plant:
     def state(self) -> State:
         """Where it is, with all that the motors remember."""
         return self._state
+
+    @property
+    def through_water(self) -> Array:
+        """Velocity through the water, body frame, (3,), m/s."""
+        return np.asarray(self.motion.nu[:3] - matrix(self.motion.attitude).T @ self._current)
 
     def advance(self, commands: Mapping[str, float], dt_s: float) -> Motion:
         """Motion `dt_s` later under held commands, each in the unit of its actuator; missing ones are
@@ -200,6 +206,14 @@ class Shown:
     sensors : mapping of str to Sensor
         By kind; position, depth, attitude, dvl and gyro count.
     seed : int, optional
+
+    Attributes
+    ----------
+    fresh
+        Which of x y z, roll pitch yaw, u v w, p q r are a sample of the last `measure` and no held one,
+        (12,).
+    sentences
+        What is shown without error, and what is left out.
     """
 
     def __init__(self, sensors: Mapping[str, Sensor], seed: int = 0) -> None:
@@ -209,7 +223,14 @@ class Shown:
             kind: sensor.bias * self._random.standard_normal(len(_KINDS[kind].columns))
             for kind, sensor in self._sensors.items()
         }
-        self.left_out = tuple(kind for kind in sensors if kind not in _KINDS)
+        told = {column for kind in self._sensors for column in _KINDS[kind].columns}
+        groups = ("position", "depth", "attitude", "dvl", "gyro")
+        perfect = [kind for kind in groups if not told & set(_KINDS[kind].columns)]
+        left_out = [kind for kind in sensors if kind not in _KINDS]
+        said = [f"Shown without error, for want of a sensor: {', '.join(perfect)}."] if perfect else []
+        said += [f"Left out, without a channel here: {', '.join(left_out)}."] if left_out else []
+        self.sentences = tuple(said)
+        self.fresh = np.ones(12, bool)
         self._past: deque[tuple[float, Array]] = deque()
         self._held: dict[str, tuple[float, Array]] = {}
         self._keep = max((sensor.latency_s for sensor in self._sensors.values()), default=0.0)
@@ -226,6 +247,7 @@ class Shown:
         while len(self._past) > 2 and self._past[1][0] <= motion.t_s - self._keep:
             self._past.popleft()
         seen = row.copy()
+        self.fresh[:] = True
         for kind, sensor in self._sensors.items():
             seen[list(_KINDS[kind].columns)] = self._sample(kind, sensor, motion.t_s)
         nu = np.concatenate([seen[6:9], seen[9:12]])
@@ -234,6 +256,7 @@ class Shown:
     def _sample(self, kind: str, sensor: Sensor, t_s: float) -> Array:
         interval = 0.0 if sensor.rate_hz is None else 1.0 / sensor.rate_hz
         if kind in self._held and t_s < self._held[kind][0] + interval - 1e-9:
+            self.fresh[list(_KINDS[kind].columns)] = False
             return self._held[kind][1]
         columns, factor = list(_KINDS[kind].columns), _KINDS[kind].factor
         then = t_s - sensor.latency_s

@@ -202,7 +202,8 @@ def contradictions(body: Body) -> tuple[Body, list[str]]:
             for k in negative:
                 added[k, k] = -added[k, k]
     unequal = np.abs(added - added.T)
-    if unequal.max() > _SYMMETRY * max(1.0, np.abs(added).max()):
+    larger = np.maximum(np.abs(added), np.abs(added.T))
+    if (unequal > _SYMMETRY * larger).any():
         i, j = np.unravel_index(int(unequal.argmax()), (6, 6))
         said.append(
             f"added mass is not symmetric: entry {i + 1},{j + 1} is {added[i, j]:.6g}, entry {j + 1},{i + 1}"

@@ -129,7 +129,8 @@ def import_model(path: str | Path, *, name: str | None = None, rho: float | None
     if not found.body.mass > 0.0:
         raise VehicleError(f"{source}: expected a positive mass, found {found.body.mass:g} kg")
     body, doubts = contradictions(found.body)
-    body = replace(body, name=name or body.name or "model")
+    told = "" if "$" in body.name else body.name
+    body = replace(body, name=name or told or Path(source).stem)
     comments = (
         f"From {Path(source).name}, a model of {KINDS[found.kind]}; forward-right-down about the link's"
         " origin, SI.",

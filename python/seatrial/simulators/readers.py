@@ -317,7 +317,7 @@ def _uuv(root: Element, source: str, rho: float | None) -> Read:
     )
     size = _box(model, where)
     body = Body(
-        name=name.rpartition("/")[0].strip("${}") or name,
+        name=root.get("name") or name.rpartition("/")[0] or name,
         mass=mass,
         gravity_centre=_FLIP3 @ centre,
         inertia=_FLIP3 @ inertia @ _FLIP3,

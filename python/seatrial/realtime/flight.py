@@ -1,0 +1,379 @@
+"""A flight that keeps time with the clock: vehicle, sensors and autopilot step by step, seen while it flies.
+
+Once per control period the sensors are read, the autopilot steps (`seatrial._core.Helm`, or hardware over
+UDP), its commands are held and the vehicle moves by a period, as in `seatrial.fly`; with perfect sensors the
+motion is that of `seatrial.fly` to rounding. Held by ``tests/realtime/test_realtime_flight.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial._core import Autopilot, State, Vehicle
+from seatrial.base.atomic_write import parquet
+from seatrial.base.errors import SimulationError
+from seatrial.base.progress import Clock
+from seatrial.base.report import Report, Section, Table
+from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
+from seatrial.base.toml_file import loaded
+from seatrial.flight.mission import Mission
+from seatrial.flight.sensor_channels import sensors_of
+from seatrial.realtime.hardware import Hardware, HardwareFacts, udp_hardware
+from seatrial.realtime.live import Live
+from seatrial.realtime.pace import Pacer, Timing
+from seatrial.realtime.plant import Motion, Plant, Shown
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from seatrial._core import Helm
+    from seatrial.sensors.sensor import Sensor
+
+__all__ = ["RealtimeFlight", "fly_realtime"]
+
+_CHANNELS = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
+
+_FASTEST = 1000.0
+
+_LONGEST_S = 24 * 3600.0
+
+
+@dataclass(frozen=True, eq=False)
+class RealtimeFlight:
+    """A flight by the clock.
+
+    Attributes
+    ----------
+    vehicle
+        What flew.
+    outcome
+        "complete", "ended by safety", "time is up", "interrupted" or "diverged".
+    reaction, cause
+        Of the autopilot at the end, in words; empty with hardware.
+    timing
+        How the loop kept time.
+    hardware
+        What went over the link; None without hardware.
+    speed
+        Periods of motion per period of the clock.
+    rows
+        Time, position, roll pitch yaw, nu, then commands and actuators, SI.
+    notes
+        What differs from the sensors as described.
+    inputs
+        Texts of vehicle, autopilot and mission as they were used.
+    clock
+        When it began.
+    """
+
+    vehicle: Vehicle
+    outcome: str
+    reaction: str
+    cause: str
+    timing: Timing
+    hardware: HardwareFacts | None
+    speed: float
+    rows: list[list[float]]
+    notes: tuple[str, ...] = ()
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    clock: Clock = field(default_factory=Clock)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the mission was completed; with hardware, whether the time was flown."""
+        return self.outcome == ("time is up" if self.hardware is not None else "complete")
+
+    def table(self) -> pl.DataFrame:
+        """Motion and commands as the columns of a trial."""
+        import polars as pl
+
+        names = ["t_s", "x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg"]
+        names += ["u_m_s", "v_m_s", "w_m_s", "p_deg_s", "q_deg_s", "r_deg_s"]
+        names += [f"{kind}.{name}" for kind in ("cmd", "meas") for name in self.vehicle.actuators]
+        data = np.array(self.rows, float).reshape(len(self.rows), len(names))
+        for k, name in enumerate(names):
+            if name.endswith(("_deg", "_deg_s")):
+                data[:, k] = np.rad2deg(data[:, k])
+        return pl.DataFrame(data, schema=names, orient="row")
+
+    def report(self) -> Report:
+        """Report on the flight and on how it kept time."""
+        flown = len(self.rows) * self.timing.period_s * self.speed
+        late = self.timing.quantile(0.99)
+        worst = f"99 % of the ticks were at most {1e3 * late:.3f} ms late"
+        if self.timing.overruns:
+            worst = f"{self.timing.overruns} of {len(self.timing.lateness)} ticks overran; {worst}"
+        if self.hardware is not None:
+            worst = f"{self.hardware.sentence()}; {worst}"
+        if self.cause:
+            worst = f"{self.reaction} because of {self.cause}; {worst}"
+        tables: tuple[Table, ...] = (self.timing.table(),)
+        if self.hardware is not None:
+            tables += (self.hardware.table(),)
+        return Report(
+            title=self.vehicle.name,
+            outcome=self.outcome,
+            good=f"{flown:.1f} s of motion at {self.speed:g} times real time; {self.timing.sentence()}",
+            worst=worst,
+            next_step="open the recording in Foxglove, or score the log as a trial",
+            sections=(Section("", self.notes, tables),),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data, without the motion."""
+        return {
+            "vehicle": self.vehicle.name,
+            "outcome": self.outcome,
+            "reaction": self.reaction,
+            "cause": self.cause,
+            "speed": self.speed,
+            "timing": self.timing.to_dict(),
+            "hardware": None if self.hardware is None else self.hardware.to_dict(),
+            "notes": list(self.notes),
+        }
+
+    def save(self, folder: str | Path) -> Path:
+        """Path of a run directory with the flight: JSON, Parquet, summary and inputs.
+
+        Raises
+        ------
+        SeatrialError
+            The directory cannot be written; nothing is left half-written.
+        """
+        files: dict[str, str | bytes] = {
+            **{f"{name}.toml": text for name, text in self.inputs.items()},
+            "flight.json": to_json(self.to_dict()),
+            **self.report().files(),
+            "flight.parquet": parquet(self.table()),
+        }
+        facts = run_facts(
+            "flight",
+            self.vehicle.name,
+            clock=self.clock,
+            inputs={name: sha256(text) for name, text in self.inputs.items()},
+            options={"speed": self.speed, "realtime": True},
+        )
+        with RunDirectory(folder) as run:
+            return run.publish(facts, files)
+
+
+def fly_realtime(
+    vehicle: Vehicle | str | Path,
+    autopilot: Autopilot | str | Path,
+    mission: Mission | str | Path,
+    *,
+    model: Vehicle | str | Path | None = None,
+    speed: float = 1.0,
+    max_time_s: float | None = None,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
+    seed: int = 0,
+    current: ArrayLike = (0.0, 0.0, 0.0),
+    voltage_v: float | None = None,
+    feedback: bool = True,
+    live_host: str = "127.0.0.1",
+    live_port: int | None = None,
+    record: str | Path | None = None,
+    hardware: tuple[str, int] | Hardware | None = None,
+    hardware_from: tuple[str, int] = ("127.0.0.1", 0),
+    watchdog_s: float = 0.5,
+    ready: Callable[[int | None], None] | None = None,
+) -> RealtimeFlight:
+    """Flight by the clock, with measured jitter and overruns, shown live and recorded where it is asked for.
+
+    Parameters
+    ----------
+    vehicle, autopilot, mission : Vehicle, Autopilot, Mission, str or Path
+        What flies; with `hardware` autopilot and mission give the period, the start and the longest time.
+    model : Vehicle, str or Path, optional
+        The vehicle that the autopilot believes in; by default the one that flies.
+    speed : float, optional
+        Periods of motion per period of the clock; 1 is real time.
+    max_time_s : float, optional
+        Longest motion, s; by default three times the planned time and five minutes.
+    sensors : mapping of str to Sensor, str or Path, optional
+        By kind, "typical", or a file; perfect ones when omitted.
+    seed : int, optional
+        Of the sensors' errors.
+    current : (3,) array_like, optional
+        Velocity of the water, NED, m/s.
+    voltage_v : float, optional
+        Supply, V, where thrust depends on it.
+    feedback : bool, optional
+        Whether the autopilot sees what its actuators do.
+    live_host, live_port : str, int, optional
+        Address of the WebSocket for Foxglove; none without a port.
+    record : str or Path, optional
+        MCAP file to write.
+    hardware : (str, int) or Hardware, optional
+        UDP address of autopilot hardware that steers instead.
+    hardware_from : (str, int), optional
+        Own address of that link; only this machine when omitted.
+    watchdog_s : float, optional
+        Time without a good packet of the hardware after which the actuators rest, s.
+    ready : callable, optional
+        Called with the port of the WebSocket before the first period.
+
+    Raises
+    ------
+    VehicleError, TrialError, SimulationError
+        A file or a number is not usable, or an address is not to be had.
+    """
+    clock = Clock()
+    flown: Vehicle = loaded(Vehicle, vehicle)
+    believed: Vehicle = flown if model is None else loaded(Vehicle, model)
+    pilot: Autopilot = loaded(Autopilot, autopilot)
+    route: Mission = loaded(Mission, mission)
+    if not 0.0 < speed <= _FASTEST:
+        raise SimulationError(f"speed: expected more than 0 and at most {_FASTEST:g}, found {speed:g}")
+    helm = pilot.engage(believed, route)
+    longest = 3.0 * route.planned_time + 300.0 if max_time_s is None else max_time_s
+    if not 0.0 < longest <= _LONGEST_S:
+        raise SimulationError(f"max_time_s: expected up to {_LONGEST_S:g} s, found {longest:g}")
+    plant = Plant(flown, initial=_start(route), current=current, voltage_v=voltage_v)
+    chosen = sensors_of(sensors, flown)
+    shown = None if chosen is None else Shown(chosen, seed)
+    notes = () if shown is None else shown.sentences
+    info = flown.actuator_info()
+    neutral = {name: float(info[name]["neutral"]) for name in flown.actuators}
+    link = None
+    if isinstance(hardware, tuple):
+        hardware, link = udp_hardware(
+            hardware, flown.actuators, neutral, listen_on=hardware_from, watchdog_s=watchdog_s
+        )
+    live = None
+    try:
+        if live_port is not None or record is not None:
+            path = None if record is None else Path(record)
+            live = Live(flown, host=live_host, port=live_port, record=path)
+        if ready is not None:
+            ready(None if live is None else live.port)
+        loop = _Flight(plant, helm, shown, hardware, live, neutral, (voltage_v, feedback))
+        pacer = Pacer(pilot.period_s / speed)
+        outcome = loop.run(pacer, pilot.period_s, longest)
+        timing = pacer.timing()
+    finally:
+        if live is not None:
+            live.close()
+        if link is not None:
+            link.close()
+    thought = {} if hardware is not None else helm.thought
+    return RealtimeFlight(
+        vehicle=flown,
+        outcome=outcome,
+        reaction=str(thought.get("reaction", "")),
+        cause=str(thought.get("cause", "") or ""),
+        timing=timing,
+        hardware=None if hardware is None else hardware.facts(),
+        speed=speed,
+        rows=loop.rows,
+        notes=notes,
+        inputs={"vehicle": flown.to_toml(), "autopilot": pilot.to_toml(), "mission": route.to_toml()},
+        clock=clock,
+    )
+
+
+def _start(mission: Mission) -> State:
+    start = mission.start
+    position = [start["north_m"], start["east_m"], start["depth_m"]]
+    return State(position, [0.0, 0.0, start["heading"]])
+
+
+class _Flight:
+    """The loop of a flight by the clock."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        helm: Helm,
+        shown: Shown | None,
+        hardware: Hardware | None,
+        live: Live | None,
+        neutral: Mapping[str, float],
+        supply: tuple[float | None, bool],
+    ) -> None:
+        self.plant, self.helm, self.shown, self.hardware = plant, helm, shown, hardware
+        self.live, self.neutral = live, neutral
+        self.voltage_v, self.feedback = supply
+        self.rows: list[list[float]] = []
+
+    def run(self, pacer: Pacer, period_s: float, longest_s: float) -> str:
+        """Outcome of the flight."""
+        try:
+            for _ in range(math.floor(longest_s / period_s) + 1):
+                pacer.wait()
+                motion = self.plant.motion
+                if not np.isfinite(motion.nu).all():
+                    return "diverged"
+                commands = self._commands(motion)
+                self._log(motion, commands)
+                if self.hardware is None and self.helm.thought.get("ended"):
+                    return (
+                        "complete" if self.helm.thought.get("reaction") == "continue" else "ended by safety"
+                    )
+                self.plant.advance(commands, period_s)
+        except KeyboardInterrupt:
+            return "interrupted"
+        return "time is up"
+
+    def _commands(self, motion: Motion) -> dict[str, float]:
+        seen = motion if self.shown is None else self.shown.measure(motion)
+        if self.hardware is not None:
+            told = {} if self.voltage_v is None else {"voltage_v": self.voltage_v}
+            return self.hardware.exchange(seen, **told)
+        row = [*seen.position, *seen.euler, *seen.nu]
+        # A sample that is held from before was not measured: it grows old by itself.
+        fresh = [True] * len(row) if self.shown is None else self.shown.fresh.tolist()
+        values = {name: value for name, value, new in zip(_CHANNELS, row, fresh, strict=True) if new}
+        if self.shown is None:
+            values |= dict(zip(("u_water", "v_water", "w_water"), self.plant.through_water, strict=True))
+        if self.voltage_v is not None:
+            values["voltage"] = self.voltage_v
+        signals = {**self.neutral, **self.plant.actuators} if self.feedback else None
+        return dict(self.helm.step(values, signals))
+
+    def _log(self, motion: Motion, commands: Mapping[str, float]) -> None:
+        done = {**self.neutral, **self.plant.actuators}
+        names = self.plant.vehicle.actuators
+        self.rows.append([
+            motion.t_s,
+            *motion.position.tolist(),
+            *motion.euler.tolist(),
+            *motion.nu.tolist(),
+            *(commands.get(name, self.neutral[name]) for name in names),
+            *(done[name] for name in names),
+        ])
+        if self.live is not None:
+            self.live.show(motion, self._numbers(motion, commands, done))
+
+    def _numbers(
+        self, motion: Motion, commands: Mapping[str, float], done: Mapping[str, float]
+    ) -> dict[str, Any]:
+        """What is plotted: units as in the columns of a trial."""
+        euler = np.rad2deg(motion.euler)
+        found: dict[str, Any] = {
+            "depth_m": float(motion.position[2]),
+            "north_m": float(motion.position[0]),
+            "east_m": float(motion.position[1]),
+            "roll_deg": float(euler[0]),
+            "pitch_deg": float(euler[1]),
+            "yaw_deg": float(euler[2]),
+            "nu": dict(zip("uvwpqr", motion.nu.tolist(), strict=True)),
+            "cmd": {name: float(value) for name, value in commands.items()},
+            "meas": {name: float(value) for name, value in done.items()},
+        }
+        if self.hardware is None:
+            thought = self.helm.thought
+            found["desired"] = {
+                key: value
+                for key, value in thought.items()
+                if isinstance(value, float) and math.isfinite(value)
+            }
+            found["mode"] = str(thought.get("mode", ""))
+        return found

@@ -1,0 +1,331 @@
+"""Hardware in the loop over UDP: what sensors show goes out once per period, commands of actuators come in.
+
+All numbers are little-endian. To the hardware goes
+
+    uint32 magic 0x31535453 "STS1", uint16 version 1, uint16 flags, uint32 sequence, uint64 time in us,
+    float64 x y z (NED, m), float32 roll pitch yaw (rad), u v w (m/s), p q r (rad/s),
+    specific force x y z (m/s2), altitude (m, NaN: none), supply (V, NaN: none), uint32 CRC-32 of all before
+
+and it answers
+
+    uint32 magic 0x31435453 "STC1", uint16 version 1, uint16 count, uint32 sequence, uint32 acknowledged
+    sequence, uint64 its own time in us, float32 commands[count] in the order and units of the vehicle file,
+    uint32 CRC-32
+
+Flag 1 says that the watchdog has expired: no good packet came for so long that the actuators rest at neutral.
+Sequence numbers rise by one; a packet that is not newer than the last good one is passed over. Held by
+``tests/realtime/test_hardware.py``.
+"""
+
+from __future__ import annotations
+
+import math
+import socket
+import struct
+import time
+import zlib
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from seatrial.base.errors import SimulationError
+from seatrial.base.report import Table
+from seatrial.realtime.plant import Motion
+
+__all__ = ["COMMAND_MAGIC", "SENSOR_MAGIC", "Hardware", "HardwareFacts", "command_packet", "sensor_packet"]
+
+SENSOR_MAGIC, COMMAND_MAGIC = 0x31535453, 0x31435453
+
+VERSION = 1
+
+WATCHDOG_FLAG = 1
+
+_SENSOR = struct.Struct("<IHHIQ3d14f")
+
+_COMMAND = struct.Struct("<IHHIIQ")
+
+_CRC = struct.Struct("<I")
+
+_LARGEST = 2048
+
+_MOST_ACTUATORS = 64
+
+_MOST_PER_PERIOD = 256
+"""Packets that are read per period: a flood does not stop the loop."""
+
+_RESTART = 1000
+"""A sequence that is lower by more than this is one of hardware that began anew."""
+
+
+def sensor_packet(
+    motion: Motion,
+    sequence: int,
+    *,
+    flags: int = 0,
+    altitude_m: float = math.nan,
+    voltage_v: float = math.nan,
+) -> bytes:
+    """Packet to the hardware."""
+    body = _SENSOR.pack(
+        SENSOR_MAGIC,
+        VERSION,
+        flags,
+        sequence & 0xFFFFFFFF,
+        round(motion.t_s * 1e6),
+        *motion.position,
+        *motion.euler,
+        *motion.nu,
+        *motion.specific_force,
+        altitude_m,
+        voltage_v,
+    )
+    return body + _CRC.pack(zlib.crc32(body))
+
+
+def command_packet(commands: Sequence[float], sequence: int, acknowledged: int, time_us: int = 0) -> bytes:
+    """Packet of the hardware, for a peer in Python."""
+    body = _COMMAND.pack(
+        COMMAND_MAGIC, VERSION, len(commands), sequence & 0xFFFFFFFF, acknowledged & 0xFFFFFFFF, time_us
+    ) + struct.pack(f"<{len(commands)}f", *commands)
+    return body + _CRC.pack(zlib.crc32(body))
+
+
+@dataclass(frozen=True)
+class _Command:
+    sequence: int
+    acknowledged: int
+    values: tuple[float, ...]
+
+
+def _parse(data: bytes, count: int) -> _Command | str:
+    """Commands of a packet, or in a word why it is none."""
+    if len(data) < _COMMAND.size + _CRC.size:
+        return "short"
+    magic, version, told, sequence, acknowledged, _ = _COMMAND.unpack_from(data)
+    if magic != COMMAND_MAGIC:
+        return "magic"
+    if version != VERSION:
+        return "version"
+    if told != count or len(data) != _COMMAND.size + 4 * count + _CRC.size:
+        return "count"
+    if zlib.crc32(data[: -_CRC.size]) != _CRC.unpack_from(data, len(data) - _CRC.size)[0]:
+        return "checksum"
+    values = struct.unpack_from(f"<{count}f", data, _COMMAND.size)
+    if not all(map(math.isfinite, values)):
+        return "number"
+    return _Command(sequence, acknowledged, values)
+
+
+@dataclass(frozen=True)
+class HardwareFacts:
+    """What went over the link.
+
+    Attributes
+    ----------
+    sent, taken
+        Packets to the hardware, and good ones from it.
+    lost
+        Numbers that were missing between good packets.
+    ignored
+        Packets that were passed over, by why: short, magic, version, count, checksum, number, old, stranger.
+    expired
+        How often the watchdog expired.
+    neutral_periods
+        Periods with the actuators at neutral because of it, the ones before the first packet included.
+    round_trip_s
+        From a packet to the answer to it, of each good packet, s.
+    """
+
+    sent: int
+    taken: int
+    lost: int
+    ignored: Mapping[str, int]
+    expired: int
+    neutral_periods: int
+    round_trip_s: tuple[float, ...]
+
+    def sentence(self) -> str:
+        """What went over the link, in a sentence."""
+        if not self.taken:
+            return f"{self.sent} packets were sent, no good one came back: the actuators rested at neutral"
+        trips = np.array(self.round_trip_s) if self.round_trip_s else np.zeros(1)
+        return (
+            f"{self.sent} packets sent, {self.taken} taken, {self.lost} lost; round trip"
+            f" {1e3 * float(np.median(trips)):.2f} ms in the middle, {1e3 * float(trips.max()):.2f} ms at"
+            " most;"
+            f" the watchdog expired {self.expired} times"
+        )
+
+    def table(self) -> Table:
+        """Packets that were passed over."""
+        rows = [[word, str(count)] for word, count in sorted(self.ignored.items())]
+        return Table.of("Packets passed over", ["why", "packets"], rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        trips = np.array(self.round_trip_s) if self.round_trip_s else np.zeros(0)
+        return {
+            "sent": self.sent,
+            "taken": self.taken,
+            "lost": self.lost,
+            "ignored": dict(self.ignored),
+            "expired": self.expired,
+            "neutral_periods": self.neutral_periods,
+            "round_trip_s": {
+                f"{share:g}": float(np.quantile(trips, share)) if len(trips) else None
+                for share in (0.5, 0.99, 1.0)
+            },
+        }
+
+
+@dataclass
+class Hardware:
+    """Autopilot hardware at the other end of a link.
+
+    Attributes
+    ----------
+    actuators, neutral
+        Names in the order of the packet, and the command of each at rest.
+    send
+        Sends a packet to the hardware.
+    receive
+        Gives a packet and its sender, None when there is none.
+    watchdog_s
+        Time without a good packet after which the actuators rest.
+    clock
+        Monotonic time, s.
+    """
+
+    actuators: Sequence[str]
+    neutral: Mapping[str, float]
+    send: Callable[[bytes], None]
+    receive: Callable[[], tuple[bytes, Any] | None]
+    watchdog_s: float = 0.5
+    clock: Callable[[], float] = time.monotonic
+    _sequence: int = field(default=0, init=False)
+    _last: int | None = field(default=None, init=False)
+    _heard: float | None = field(default=None, init=False)
+    _peer: Any = field(default=None, init=False)
+    _commands: dict[str, float] = field(default_factory=dict, init=False)
+    _sent_at: dict[int, float] = field(default_factory=dict, init=False)
+    _ignored: Counter[str] = field(default_factory=Counter, init=False)
+    _taken: int = field(default=0, init=False)
+    _lost: int = field(default=0, init=False)
+    _expired: int = field(default=0, init=False)
+    _neutral_periods: int = field(default=0, init=False)
+    _resting: bool = field(default=True, init=False)
+    _trips: list[float] = field(default_factory=list, init=False)
+
+    def __post_init__(self) -> None:
+        if not self.watchdog_s > 0.0:
+            raise SimulationError(f"watchdog_s: expected a positive time in s, found {self.watchdog_s:g}")
+        if len(self.actuators) > _MOST_ACTUATORS:
+            raise SimulationError(
+                f"actuators: expected at most {_MOST_ACTUATORS}, found {len(self.actuators)}"
+            )
+
+    def exchange(self, motion: Motion, **shown: float) -> dict[str, float]:
+        """Commands for the next period, by actuator, after what came in; then the sensors go out.
+
+        ``altitude_m`` and ``voltage_v`` are shown where they are given.
+        """
+        now = self.clock()
+        for _ in range(_MOST_PER_PERIOD):
+            received = self.receive()
+            if received is None:
+                break
+            self._take(*received, now)
+        expired = self._heard is None or now - self._heard > self.watchdog_s
+        if expired and not self._resting:
+            self._expired += 1
+        self._resting = expired
+        self._neutral_periods += expired
+        self._sequence += 1
+        self._sent_at[self._sequence] = now
+        if len(self._sent_at) > 2 * _MOST_PER_PERIOD:
+            del self._sent_at[next(iter(self._sent_at))]
+        self.send(sensor_packet(motion, self._sequence, flags=WATCHDOG_FLAG * expired, **shown))
+        return dict(self.neutral) if expired else dict(self._commands)
+
+    def facts(self) -> HardwareFacts:
+        """What went over the link so far."""
+        return HardwareFacts(
+            self._sequence,
+            self._taken,
+            self._lost,
+            dict(self._ignored),
+            self._expired,
+            self._neutral_periods,
+            tuple(self._trips),
+        )
+
+    def _take(self, data: bytes, sender: Any, now: float) -> None:
+        silent = self._heard is None or now - self._heard > self.watchdog_s
+        if self._peer is not None and sender != self._peer and not silent:
+            self._ignored["stranger"] += 1
+            return
+        found = _parse(data, len(self.actuators))
+        if isinstance(found, str):
+            self._ignored[found] += 1
+            return
+        if self._last is not None:
+            # Numbers of 32 bits go round.
+            step = (found.sequence - self._last) & 0xFFFFFFFF
+            behind = 0x100000000 - step
+            if step == 0 or (step > 0x7FFFFFFF and behind <= _RESTART and not silent):
+                self._ignored["old"] += 1
+                return
+            if step <= 0x7FFFFFFF:
+                self._lost += step - 1
+        self._last, self._heard, self._peer = found.sequence, now, sender
+        self._taken += 1
+        sent = self._sent_at.pop(found.acknowledged, None)
+        if sent is not None:
+            self._trips.append(now - sent)
+        self._commands = dict(zip(self.actuators, found.values, strict=True))
+
+
+def udp_hardware(
+    peer: tuple[str, int],
+    actuators: Sequence[str],
+    neutral: Mapping[str, float],
+    *,
+    listen_on: tuple[str, int] = ("127.0.0.1", 0),
+    watchdog_s: float = 0.5,
+) -> tuple[Hardware, socket.socket]:
+    """Hardware at a UDP address, and the socket, which the caller closes.
+
+    Raises
+    ------
+    SimulationError
+        An address is not to be had.
+    """
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        link.bind(listen_on)
+        address = socket.getaddrinfo(peer[0], peer[1], socket.AF_INET, socket.SOCK_DGRAM)[0][4]
+    except (OSError, OverflowError) as error:
+        link.close()
+        raise SimulationError(
+            f"hardware at {peer[0]}:{peer[1]}: cannot open the link ({error}); check the address"
+        ) from None
+    link.setblocking(False)
+
+    def send(data: bytes) -> None:
+        try:
+            link.sendto(data, address)
+        except OSError:
+            return  # nobody listens there yet: the watchdog tells
+
+    def receive() -> tuple[bytes, Any] | None:
+        try:
+            return link.recvfrom(_LARGEST)
+        except BlockingIOError:
+            return None
+        except OSError:  # the port of the peer is closed
+            return None
+
+    return Hardware(actuators, neutral, send, receive, watchdog_s), link
