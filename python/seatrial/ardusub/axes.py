@@ -31,7 +31,16 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
 
-__all__ = ["AXES_OF_LOOPS", "SOUGHT", "AxisVerdict", "Margins", "axis_verdicts", "margins_of"]
+__all__ = [
+    "AMPLE",
+    "AXES_OF_LOOPS",
+    "SOUGHT",
+    "AxisVerdict",
+    "MarginModel",
+    "Margins",
+    "axis_verdicts",
+    "margins_of",
+]
 
 SOUGHT: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "roll": {
@@ -64,6 +73,9 @@ _TRIALS = {
     "place": "in STABILIZE, runs ahead and sideways at 30, 60 and 100 % of the stick both ways, 8 s each, with free"
     " coasting",
 }
+
+AMPLE = (45.0, 12.0, 1.5)
+"""Phase margin, deg, gain margin, dB, and sensitivity that a tuning may come down to where there was more."""
 
 _AGREE = 0.3  # relative standard deviation of an apparent mass up to which drawn vehicles agree
 
@@ -199,18 +211,21 @@ class Margins:
     @property
     def accepted(self) -> bool:
         """Whether all are what is accepted of a tuned loop."""
-        return (
-            self.phase_deg >= ACCEPTED_PHASE_DEG
-            and self.gain_db >= ACCEPTED_GAIN_DB
-            and self.sensitivity <= ACCEPTED_SENSITIVITY
-        )
+        return self.lacking() <= 0.0
 
-    def lacking(self) -> float:
-        """By how much they fall short of what is accepted, relative; zero where they do not."""
+    def lacking(self, before: Margins | None = None) -> float:
+        """By how much they fall short, relative; zero where they do not.
+
+        Of what is accepted of a tuned loop; where those before were better, of these, up to what is ample.
+        """
+        own = before or self
+        phase = max(ACCEPTED_PHASE_DEG, min(own.phase_deg, AMPLE[0])) if before else ACCEPTED_PHASE_DEG
+        gain = max(ACCEPTED_GAIN_DB, min(own.gain_db, AMPLE[1])) if before else ACCEPTED_GAIN_DB
+        most = min(ACCEPTED_SENSITIVITY, max(own.sensitivity, AMPLE[2])) if before else ACCEPTED_SENSITIVITY
         return float(
-            max(0.0, 1.0 - self.phase_deg / ACCEPTED_PHASE_DEG)
-            + max(0.0, 1.0 - self.gain_db / ACCEPTED_GAIN_DB)
-            + max(0.0, self.sensitivity / ACCEPTED_SENSITIVITY - 1.0)
+            max(0.0, 1.0 - self.phase_deg / phase)
+            + max(0.0, 1.0 - self.gain_db / gain)
+            + max(0.0, self.sensitivity / most - 1.0)
         )
 
 

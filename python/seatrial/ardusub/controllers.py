@@ -235,6 +235,9 @@ class Controllers:
         if math.isnan(k_p):
             return
         self.add(controller, "P term", unit, t, rows["P"], k_p * rows["Err"])
+        for term in ("D", "FF"):
+            if not rows[term].any() and rows["Err"].any():
+                self.keep(Found(f"{name}_{term}", 0.0, math.nan, f"{term} term, zero throughout"))
         if np.abs(rows["FF"]).max() > 0.0:
             k_ff = self.gain(f"{name}_FF", rows["FF"], rows["Tar"], t, "FF term over target")
             self.add(controller, "FF term", unit, t, rows["FF"], k_ff * rows["Tar"])

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["tuned_report"]
 
+_WIDE = 3.0  # half-width over the rms of the log beyond which an envelope tells little
+
 
 def tuned_report(found: LogTuning) -> Report:
     """Report of a result."""
@@ -81,8 +83,15 @@ def _worst(found: LogTuning) -> str:
             f" rows, expected at most {100 * ACCEPTED_OUTSIDE:.0f} %"
         )
     if stays:
-        words.append(f"{', '.join(one.loop for one in stays)} stay: {stays[-1].why}")
+        words.append(
+            f"{_listed([one.loop for one in stays])} stay as flown: the log does not tell these loops"
+            f" ({stays[-1].loop}: {stays[-1].why})"
+        )
     return "; ".join(words) or "nothing stands out"
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def _next(found: LogTuning) -> str:
@@ -182,6 +191,12 @@ def _behind(found: LogTuning) -> tuple[str, ...]:
         Spread().sentence(),
         "The missions judge the loops under the model that the log identified: what it misses, it misses in both.",
     ]
+    for one in found.reflight.shares:
+        if one.width > _WIDE * one.rms:
+            told.append(
+                f"The envelope of {one.channel} is {one.width / one.rms:.0f} times as wide as the log's rms: that the log is"
+                " inside tells little of it."
+            )
     if assumed:
         told.append(
             f"Neither log nor file has {', '.join(assumed)}: ArduSub's defaults are assumed; give --parameters."
