@@ -39,6 +39,7 @@ __all__ = [
     "MarginModel",
     "Margins",
     "axis_verdicts",
+    "loop_law",
     "margins_of",
 ]
 
@@ -250,7 +251,7 @@ class MarginModel:
     def of(self, loop: str, parameters: Mapping[str, float]) -> Margins:
         """Margins of a loop with some parameters."""
         s = 1j * self._omega
-        law = _law(loop, {**ardusub_defaults(), **parameters}, s)
+        law = loop_law(loop, {**ardusub_defaults(), **parameters}, s)
         every = []
         for axis in AXES_OF_LOOPS[loop]:
             i = _ORDER.index(axis)
@@ -275,7 +276,7 @@ def margins_of(
     return tuple(model.of(loop, parameters) for loop in loops)
 
 
-def _law(loop: str, values: Mapping[str, float], s: Any) -> Any:
+def loop_law(loop: str, values: Mapping[str, float], s: Any) -> Any:
     """Demand per velocity of the loop's axis, with the sign of a feedback that holds."""
 
     def lag(name: str) -> Any:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial._core import ardusub_defaults, ardusub_fly
+from seatrial._core import ardusub_defaults, ardusub_fly, ardusub_frames
 from seatrial.ardusub.course import Course
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, nearest
@@ -21,7 +21,7 @@ from seatrial.base.errors import TrialError, nearest
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Cases", "Rig", "fly_course", "known_parameters"]
+__all__ = ["Cases", "Rig", "check_rig", "fly_course", "known_parameters"]
 
 NOISE = (0.002, 0.005)
 """Standard deviation of gyro (rad/s) and velocity (m/s) that the controllers see."""
@@ -174,3 +174,30 @@ def fly_course(
             tether_at=np.asarray(rig.tether_at), supply=cases.supply, noise=np.asarray(rig.noise), threads=threads,
         )
     )  # fmt: skip
+
+
+def check_rig(vehicle: Vehicle, rig: Rig) -> None:
+    """Refuse a vehicle whose thrusters push against what the frame and the directions of the motors tell them.
+
+    Raises
+    ------
+    TrialError
+        A thruster pushes the wrong way, or their number is not the frame's.
+    """
+    shares = np.asarray(ardusub_frames()[rig.frame])
+    columns = np.asarray(vehicle.allocation_matrix())
+    if columns.shape[1] != len(shares):
+        raise TrialError(
+            f"{vehicle.name}: expected the {len(shares)} thrusters of {rig.frame}, found {columns.shape[1]}; give the"
+            " vehicle with --vehicle"
+        )
+    signs = [-1.0 if facts["reversed"] else 1.0 for facts in vehicle.actuator_info().values()]
+    # Roll, pitch, yaw, throttle (up), forward, lateral.
+    pushes = np.stack([columns[3], columns[4], columns[5], -columns[2], columns[0], columns[1]], 1)
+    agree = (pushes * shares).sum(axis=1) * np.array(signs) * np.asarray(rig.direction)
+    wrong = [name for name, one in zip(vehicle.actuators, agree.tolist(), strict=True) if one < 0.0]
+    if wrong:
+        raise TrialError(
+            f"{vehicle.name}: {', '.join(wrong)} push against MOT_n_DIRECTION of the log; set reversed of these"
+            " thrusters in vehicle.toml the other way, and run again with --vehicle"
+        )

@@ -18,7 +18,7 @@ import numpy as np
 
 from seatrial.ardusub.axes import AxisVerdict, MarginModel, Margins, axis_verdicts
 from seatrial.ardusub.course import Course, logged_courses
-from seatrial.ardusub.flights import Rig, known_parameters
+from seatrial.ardusub.flights import Rig, check_rig, known_parameters
 from seatrial.ardusub.log_replay import Replay, replay
 from seatrial.ardusub.parameters import (
     Change,
@@ -251,16 +251,17 @@ def tune_log(
     with RunDirectory(folder, resume=resume) as run:
         say(0.0, f"replaying {Path(log).name}")
         replayed = replay(log, parameters=parameters)
+        flown, assumed = _flown_with(replayed, parameters)
+        courses = logged_courses(open_log(log), flown)
         if replayed.frame is None:
             raise TrialError(
                 f"{log}: no frame of ArduSub explains the pulses, so that the cascade cannot fly;"
                 " --replay-only shows what the log tells"
             )
-        flown, assumed = _flown_with(replayed, parameters)
         found, fitted = _identified(Path(log), folder, vehicle, (say, threads, resume))
         held = _held_out(found)
-        courses = logged_courses(open_log(log), flown)
         rig = Rig(replayed.frame[0], replayed.frame[1])
+        check_rig(fitted.vehicle, rig)
         inputs = sha256(
             repr((
                 sha256(Path(log).read_bytes()), sorted(flown.items()), fitted.vehicle.to_toml(), missions, seed,
