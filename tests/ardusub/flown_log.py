@@ -1,4 +1,4 @@
-"""A DataFlash log as text of a vehicle that the core flew under ArduSub's cascade: gains and vehicle are known."""
+"""A DataFlash log as text of a flight under ArduSub's cascade: gains and vehicle are known."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from seatrial.base.rotation import from_euler, matrix
 from tests.ardusub.text_log import rows_of_text
 
 GAINS = {
-    "ATC_ANG_RLL_P": 6.0, "ATC_ANG_PIT_P": 6.0, "ATC_ANG_YAW_P": 5.0, "ATC_RAT_YAW_P": 0.2, "PSC_D_POS_P": 1.5,
-    "PSC_D_VEL_P": 6.0, "PSC_NE_POS_P": 1.2, "PSC_NE_VEL_P": 3.0, "PSC_NE_VEL_I": 0.4,
+    "ATC_ANG_RLL_P": 6.0, "ATC_ANG_PIT_P": 6.0, "ATC_ANG_YAW_P": 5.0, "ATC_RAT_YAW_P": 0.2,
+    "PSC_D_POS_P": 1.5, "PSC_D_VEL_P": 6.0, "PSC_NE_POS_P": 1.2, "PSC_NE_VEL_P": 3.0, "PSC_NE_VEL_I": 0.4,
 }  # fmt: skip
 
 RIG = Rig("Vectored_6DOF", (-1,) * 8)

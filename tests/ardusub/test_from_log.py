@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 import seatrial as st
 from seatrial import TrialError
 from seatrial.ardusub.flights import Rig, check_rig
-from seatrial.ardusub.from_log import LogTuning, tune_log
+from seatrial.ardusub.from_log import tune_log
 from seatrial.ardusub.parameters import ParameterFile, changes, in_metres, of_generation
+from seatrial.ardusub.result import LogTuning
 from seatrial.cli import app
 from seatrial.report.plot.ardusub import envelope_figure, steps_figure
 from tests.ardusub import flown_log, text_log
@@ -56,7 +57,7 @@ def test_a_recorded_dive_gives_parameters_that_are_better_and_keep_their_margins
     assert shares["yaw"].held_out <= 0.1
     # The turns of the log are several times the envelope: the law and the vehicle explain them.
     yaw = [one for one in found.reflight.envelopes if one.channel == "yaw"]
-    held = [one for one in yaw if one.held_out.any()][0]
+    held = next(one for one in yaw if one.held_out.any())
     assert np.abs(held.measured).max() > 2.0 * 0.5 * np.median(held.upper - held.lower)
 
 
@@ -69,7 +70,8 @@ def test_the_parameter_file_of_a_dive_goes_round(found: LogTuning, folder: Path)
         assert f"# before {one.before:.7g}; within" in text
     assert "# roll stays" in text
     told = json.loads((folder / "ardusub.json").read_text())
-    assert told["better"] and told["margins_kept"]
+    assert told["better"]
+    assert told["margins_kept"]
 
 
 @pytest.mark.long
@@ -90,7 +92,7 @@ def test_every_panel_of_the_figures_shows_rows(found: LogTuning) -> None:
 def test_parameters_of_other_generations_are_refused_by_name_or_turned(tmp_path: Path) -> None:
     log = text_log.write(tmp_path / "log.log", minutes=0.5)
     old = ParameterFile("old.param", {"POS_Z_P": 1.0, "ATC_ACCEL_Y_MAX": 110000.0})
-    with pytest.raises(TrialError, match="found those of 3.5 \\(POS_Z_P\\)"):
+    with pytest.raises(TrialError, match=r"found those of 3\.5 \(POS_Z_P\)"):
         tune_log(log, out=tmp_path / "run", parameters=old)
     assert not (tmp_path / "run").exists()
     values = {
@@ -107,7 +109,7 @@ def test_parameters_of_other_generations_are_refused_by_name_or_turned(tmp_path:
     )
     assert {one.name: one.before for one in (of_generation(each, "4.0 to 4.6") for each in both)} == values
     mixed = ParameterFile("mixed.param", {"ANGLE_MAX": 4500.0, "ATC_ANGLE_MAX": 45.0})
-    with pytest.raises(TrialError, match="ANGLE_MAX of 4.0 to 4.6"):
+    with pytest.raises(TrialError, match=r"ANGLE_MAX of 4\.0 to 4\.6"):
         tune_log(log, out=tmp_path / "run", parameters=mixed)
 
 

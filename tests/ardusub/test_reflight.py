@@ -53,8 +53,10 @@ def test_the_envelope_of_drawn_vehicles_holds_the_log(course: Course) -> None:
     assert {one.channel for one in found.shares} == set(course.channels)
     assert all(one.rows > 100 for one in found.shares)
     yaw, depth = found.share("yaw"), found.share("depth")
-    assert yaw is not None and yaw.inside
-    assert depth is not None and depth.inside
+    assert yaw is not None
+    assert yaw.inside
+    assert depth is not None
+    assert depth.inside
     # An envelope that holds everything tells nothing: it is of the errors' own size.
     assert all(one.width < 12.0 * one.rms for one in found.shares)
 

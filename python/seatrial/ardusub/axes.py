@@ -1,12 +1,13 @@
 """Which loops of ArduSub the identified model can judge, why not the others, and the margins of those it can.
 
-Gains of a loop are changed only where four things hold: its coefficients were identified from the log; no search
-ended at a bound; drawn vehicles agree about its apparent mass; and on held-out data the model predicts better
-than the best baseline. Otherwise the parameters stay, and the report says which trial would tell.
+Gains of a loop are changed only where four things hold: its coefficients were identified from the log; no
+search ended at a bound; drawn vehicles agree about its apparent mass; and on held-out data the model predicts
+better than the best baseline. Otherwise the parameters stay, and the report says which trial would tell.
 
-A margin is that of the loop opened at the mixer's demand, all filters, the motor's lag and one and a half control
-periods of delay within it (`seatrial.control_design.margins`). The thruster's curve is taken at its steepest and at
-its flattest secant. Sources: Franklin, Powell and Emami-Naeini, *Feedback Control of Dynamic Systems* (2010), chapter 6.
+A margin is that of the loop opened at the mixer's demand, all filters, the motor's lag and one and a half
+control periods of delay within it (`seatrial.control_design.margins`). The thruster's curve is taken at its
+steepest and at its flattest secant. Source: Franklin, Powell and Emami-Naeini, *Feedback Control of Dynamic
+Systems* (2010), chapter 6.
 Held by ``tests/ardusub/test_tuning.py``.
 """
 
@@ -67,12 +68,14 @@ AXES_OF_LOOPS: Mapping[str, str] = {"roll": "K", "pitch": "M", "yaw": "N", "dept
 _CHANNEL = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}
 
 _TRIALS = {
-    "roll": "in MANUAL, pulses of roll both ways, 2 s each, and let it swing free: at least five, at two strengths",
-    "pitch": "in MANUAL, pulses of pitch both ways, 2 s each, and let it swing free: at least five, at two strengths",
+    "roll": "in MANUAL, pulses of roll both ways, 2 s each, then free swinging: at least five, at two"
+    " strengths",
+    "pitch": "in MANUAL, pulses of pitch both ways, 2 s each, then free swinging: at least five, at two"
+    " strengths",
     "yaw": "in MANUAL, a zigzag of yaw at 30 and 60 % of the stick, 20 s each, with free coasting between",
-    "depth": "in MANUAL, dives and rises at 30, 60 and 100 % of the throttle both ways, 5 s each, with free coasting",
-    "place": "in STABILIZE, runs ahead and sideways at 30, 60 and 100 % of the stick both ways, 8 s each, with free"
-    " coasting",
+    "depth": "in MANUAL, dives and rises at 30, 60 and 100 % of the throttle, 5 s each, then free coasting",
+    "place": "in STABILIZE, runs ahead and sideways both ways at 30, 60 and 100 % of the stick, 8 s each,"
+    " then free coasting",
 }
 
 AMPLE = (45.0, 12.0, 1.5)

@@ -221,7 +221,7 @@ def _course(
     if n * ROW_S < SHORTEST_S - 1.0:
         return None
     every = round(ROW_S / period)
-    t = begin + period * np.arange(n * every)
+    t: Array = np.asarray(begin + period * np.arange(n * every), float)
     kept = t[::every]
     ang, rate, depth, place = rows["ANG"], rows["RATE"], _vertical(log), _plane(log)
     wanted = np.radians([_angle(ang, f"Des{axis}", t) for axis in ("Roll", "Pitch", "Yaw")]).T

@@ -1,9 +1,9 @@
 """Tuned parameters of ArduSub: set-point steps in a corridor, over the identified uncertainty.
 
 A mission steps yaw, depth and place one after the other, with a drawn vehicle, current, tether, battery and
-wandering wrench. How far a response leaves its corridor, in s, is its violation (Taubert et al. 2014, (55)-(57)).
-The search lowers the mean of the worst tenth of the missions and keeps the margins; missions that it never saw
-judge the result. Held by ``tests/ardusub/test_tuning.py``.
+wandering wrench. How far a response leaves its corridor, in s, is its violation (Taubert et al. 2014,
+(55)-(57)). The search lowers the mean of the worst tenth of the missions and keeps the margins; missions that
+it never saw judge the result. Held by ``tests/ardusub/test_tuning.py``.
 """
 
 from __future__ import annotations
@@ -84,8 +84,8 @@ class Spread:
         return (
             f"Drawn: vehicle from the covariance, current up to {self.current_m_s:g} m/s, tether up to"
             f" {self.tether_n:g} N, thrust at the beginning from {100 * self.battery:.0f} % (battery), up to"
-            f" {100 * self.fall:.0f} % lost on the way and {100 * self.sag:.0f} % at full load, and the wandering"
-            " wrench that was found."
+            f" {100 * self.fall:.0f} % lost on the way and {100 * self.sag:.0f} % at full load, and the"
+            " wandering wrench that was found."
         )
 
 
@@ -108,8 +108,8 @@ class Missions:
     violations
         (k,) by channel, s.
     bands
-        Normalised responses (5, n) by channel over the time since the step, of the first course: the least, 2.5 %,
-        the median, 97.5 %, the largest at each time.
+        Normalised responses (5, n) by channel over the time since the step, of the first course: the least,
+        2.5 %, the median, 97.5 %, the largest at each time.
     since
         (n,), s.
     """
@@ -174,7 +174,7 @@ def step_courses(
     every = round(ROW_S / period_s)
     own = tuple(name for name in STEPS if name in corridors)
     n = round((_BEGINS_S + len(own) * _AFTER_S) / ROW_S) * every
-    t = period_s * np.arange(n)
+    t: Array = np.asarray(period_s * np.arange(n), float)
     made = []
     for sizes in _SIZES:
         targets, steps = still_targets(n), []
@@ -329,8 +329,9 @@ def tune_parameters(
 ) -> Tuned:
     """Parameters of the loops that can be judged, sought by CMA-ES over their logarithms.
 
-    Cost: mean violation of the worst tenth of the missions over all steps, a hundredth of the mean deviation, and
-    ten times what the margins lack. The recorded parameters stay where no candidate is better.
+    Cost: mean violation of the worst tenth of the missions over all steps, a hundredth of the mean deviation,
+    and ten times what the margins lack. The recorded parameters stay where no candidate is better, and
+    changes without which the cost is nearly the same are put back.
     """
     import cma
 
@@ -425,7 +426,8 @@ def tune_parameters(
             float(f"{start[name]:.4g}"),
             value,
             f"worst tenth of {count} missions: out of the corridor for {as_flown:.3f} s before,"
-            f" {best_cost:.3f} s after, {alone[name]:.3f} s without this change (with what margins lack)",
+            f" {best_cost:.3f} s after, {alone[name]:.3f} s without this change (with what margins lack)"
+            + ("; at the end of ArduPilot's range" if value > 0.95 * bounds[name][1] else ""),
             bounds[name],
         )
         for name, value in changed.items()

@@ -1,4 +1,4 @@
-"""Figures of ArduSub's controllers beside a log: the replay, the envelope of the loop errors, steps before and after.
+"""Figures of ArduSub beside a log: the replay, the envelope of the loop errors, steps before and after.
 
 Held by ``tests/ardusub/test_replay.py`` and ``tests/ardusub/test_from_log.py``.
 """
@@ -23,9 +23,9 @@ from seatrial.report.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from seatrial.ardusub.from_log import LogTuning
     from seatrial.ardusub.log_replay import Replay
     from seatrial.ardusub.quantity import Quantity
+    from seatrial.ardusub.result import LogTuning
 
 __all__ = ["envelope_figure", "replay_figure", "replay_gallery", "steps_figure", "tuning_gallery"]
 
