@@ -123,9 +123,9 @@ def envelope_figure(found: LogTuning) -> Figure:
             )
             panel.set_ylim(-most, most)
             told = share.fit if np.isnan(share.held_out) else share.held_out
-            panel_title(
-                panel, f"{share.channel} error, {share.unit.replace('deg', '°')}: {100 * told:.1f} % of the held-out rows outside"
-            )
+            unit = share.unit.replace("deg", "°")
+            title = f"{share.channel} error, {unit}: {100 * told:.1f} % of the held-out rows outside"
+            panel_title(panel, title)
         panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3)
         panels[-1].set_xlabel("time, s (grey: held out)")
     return figure
