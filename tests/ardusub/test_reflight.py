@@ -45,6 +45,7 @@ def test_a_flight_that_was_logged_is_flown_again(tmp_path: Path) -> None:
         assert left < 0.25 * size + 0.02, f"{channel}: {left} of {size}"
 
 
+@pytest.mark.long
 def test_the_envelope_of_drawn_vehicles_holds_the_log(course: Course) -> None:
     fitted = st.Fitted.of(flown_log.vehicle(), percent={"N_rdot": 20.0, "Z_wdot": 20.0, "X_udot": 20.0})
     found = refly(
