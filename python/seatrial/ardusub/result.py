@@ -231,6 +231,11 @@ def _worst(found: LogTuning) -> str:
             f"{_listed([one.loop for one in stays])} stay as flown: the log does not tell these loops"
             f" ({stays[-1].loop}: {stays[-1].why})"
         )
+    words += [
+        f"{one.name} is at the end of ArduPilot's range"
+        for one in found.changes
+        if one.bounds is not None and one.after > 0.95 * one.bounds[1]
+    ]
     return "; ".join(words) or "nothing stands out"
 
 
