@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Filter", "Flights", "Helm", "LinearModel", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "ardusub_forward_lateral", "ardusub_frames", "ardusub_pulses", "ardusub_rates", "ardusub_square_root", "ardusub_terms", "ardusub_velocity", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
+__all__ = ["Autopilot", "Filter", "Flights", "Helm", "LinearModel", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "ardusub_defaults", "ardusub_fly", "ardusub_forward_lateral", "ardusub_frames", "ardusub_pulses", "ardusub_rates", "ardusub_square_root", "ardusub_terms", "ardusub_velocity", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
 
 @final
 class Autopilot:
@@ -770,6 +770,28 @@ def _restored_vehicle(text: str, coefficients: ArrayLike) -> Vehicle:
     The vehicle of the text of its file with exactly these coefficients: how a pickled one comes back.
     """
 
+def ardusub_defaults() -> dict[str, float]:
+    """
+    ArduSub's defaults of the parameters that `ardusub_fly` takes, by name, in ArduSub's units (4.7 and later).
+    """
+
+def ardusub_fly(vehicle: Vehicle, frame: str, direction: ArrayLike, targets: ArrayLike, *, seeds: SupportsGetItem[int, SupportsIndex], period_s: SupportsFloat | SupportsIndex, every: SupportsIndex, parameters: Mapping[str, ArrayLike] | None = None, coefficients: Mapping[str, ArrayLike] | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, integrals: ArrayLike, current: ArrayLike, wander: ArrayLike, wander_s: SupportsFloat | SupportsIndex, tether: ArrayLike, tether_at: ArrayLike, supply: ArrayLike, noise: ArrayLike, pulse: ArrayLike | None = None, threads: SupportsIndex | None = None) -> NDArray[float64]:
+    """
+    Flies k cases along targets: rows (k, n, 20) of place (m, NED), roll, pitch, yaw (rad), velocity (body), the demands of
+    roll, pitch, yaw, throttle, forward and lateral (-1 to 1), and the load of the motors by roll, pitch and throttle and by
+    yaw, forward and lateral (1: at the limit).
+
+    frame and direction as of `ardusub_pulses`. parameters {name: (k,) or a number} by `ardusub_defaults`, which hold
+    where none is given. targets (N, 19), a row per control period: roll, pitch, yaw (rad), rate of that yaw (rad/s),
+    north, east, down (m), their velocity and acceleration, the pilot's throttle, forward and lateral, 1 where the depth
+    and where the place is controlled, supply (V). position (k, 3) or (3,), attitude (k, 4|3), nu (k, 6); integrals (k, 7):
+    integral parts of roll, pitch, yaw, of the vertical velocity and acceleration, north and east. coefficients {name:
+    (k,)} of the vehicle. current (k, 3), NED, m/s; wander (k, 6): standard deviation of a wrench in the body frame that
+    the model does not know, with the time constant wander_s; tether (k, 3): force, NED, N, at the point tether_at, m;
+    supply (k, 3): thrust over that of the voltage at the beginning, its fall per s and at full load. noise (2,): standard
+    deviation on gyro (rad/s) and velocity (m/s). A row is kept every `every` periods.
+    """
+
 def ardusub_forward_lateral(acceleration: ArrayLike, heading: ArrayLike, limit: SupportsFloat | SupportsIndex) -> NDArray[float64]:
     """
     Forward and lateral (n, 2), -1 to 1, of an acceleration wanted.
@@ -822,7 +844,7 @@ def ardusub_rates(wanted: ArrayLike, attitude: ArrayLike, turning: ArrayLike, gy
     p : (3,)
         ``ATC_ANG_RLL_P``, ``ATC_ANG_PIT_P``, ``ATC_ANG_YAW_P``, per s.
     acceleration : (3,)
-        ``ATC_ACCEL_R_MAX``, ``ATC_ACCEL_P_MAX``, ``ATC_ACCEL_Y_MAX`` in rad/s2; 0: proportional.
+        ``ATC_ACC_R_MAX``, ``ATC_ACC_P_MAX``, ``ATC_ACC_Y_MAX`` in rad/s2; 0: proportional.
     dt : float
         Control period, s.
     """

@@ -139,7 +139,7 @@ def test_an_ugly_log_is_replayed_in_part(tmp_path: Path, damage: str) -> None:
 def test_the_verb_writes_its_run_and_says_by_its_code_what_came_out(tmp_path: Path) -> None:
     log, cli = text_log.write(tmp_path / "vectored.log"), CliRunner()
     folder = tmp_path / "run"
-    answer = cli.invoke(app, ["ardusub", str(log), "--out", str(folder), "--json"])
+    answer = cli.invoke(app, ["ardusub", str(log), "--replay-only", "--out", str(folder), "--json"])
     assert answer.exit_code == 0, answer.output
     told = json.loads(answer.stdout)
     assert told["held"]
@@ -148,7 +148,9 @@ def test_the_verb_writes_its_run_and_says_by_its_code_what_came_out(tmp_path: Pa
     assert read["MOT_3_DIRECTION"] == -1.0
     assert read["ATC_RAT_RLL_P"] == pytest.approx(0.11)
     odd = text_log.write(tmp_path / "odd.log", p_term=1.05)
-    answer = cli.invoke(app, ["ardusub", str(odd), "--out", str(tmp_path / "odd"), "--no-figures"])
+    answer = cli.invoke(
+        app, ["ardusub", str(odd), "--replay-only", "--out", str(tmp_path / "odd"), "--no-figures"]
+    )
     assert answer.exit_code == 1
     answer = cli.invoke(app, ["ardusub", str(tmp_path / "none.BIN"), "--out", str(tmp_path / "none")])
     assert answer.exit_code == 2

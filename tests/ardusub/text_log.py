@@ -57,7 +57,7 @@ def write(path: Path, *, minutes: float = 4.0, p_term: float = 1.0, frame_noise_
         integral = np.cumsum(i * error * _DT)
         logged = p * error * np.where(t > 0.5 * t[-1], p_term if name == "YAW" else 1.0, 1.0)
         outputs[name] = p * error + integral
-        lines += _rows(
+        lines += rows_of_text(
             f"PID{'RPY'[axis]}",
             t[rows],
             np.radians(wanted[name])[rows], np.radians(gyro)[rows], error[rows], logged[rows], integral[rows],
@@ -69,15 +69,15 @@ def write(path: Path, *, minutes: float = 4.0, p_term: float = 1.0, frame_noise_
     demands = np.stack([*outputs.values(), 2.0 * throttle - 1.0, forward, lateral], 1)
     pulses = np.floor(1500.0 + 400.0 * np.clip(demands @ SHARES.T, -1.0, 1.0) * DIRECTION)
     pulses += frame_noise_us * draw.standard_normal(pulses.shape)
-    lines += _rows("ANG", t[rows], *(one[rows] for pair in angles.values() for one in pair))
+    lines += rows_of_text("ANG", t[rows], *(one[rows] for pair in angles.values() for one in pair))
     rates = [
         one[rows]
         for name in GAINS
         for one in (wanted[name], wanted[f"{name} gyro"], outputs[name])
     ]  # fmt: skip
-    lines += _rows("RATE", t[rows], *rates, 0.0 * t[rows], 0.0 * t[rows], throttle[rows])
-    lines += _rows("RCOU", t[rows], *pulses[rows].T)
-    lines += _rows("RCIN", t[rows], 1500.0 + 400.0 * forward[rows], 1500.0 + 400.0 * lateral[rows])
+    lines += rows_of_text("RATE", t[rows], *rates, 0.0 * t[rows], 0.0 * t[rows], throttle[rows])
+    lines += rows_of_text("RCOU", t[rows], *pulses[rows].T)
+    lines += rows_of_text("RCIN", t[rows], 1500.0 + 400.0 * forward[rows], 1500.0 + 400.0 * lateral[rows])
     lines.sort(key=lambda one: one[0])
     path.write_text("\n".join([*_FORMS, *(line for _, line in lines)]) + "\n")
     return path
@@ -108,7 +108,8 @@ def _followed(target: Any) -> Array:
     return np.asarray(lfilter([_DT], [1.0, _DT - 1.0], target))
 
 
-def _rows(topic: str, t: Any, *columns: Any) -> list[tuple[float, str]]:
+def rows_of_text(topic: str, t: Any, *columns: Any) -> list[tuple[float, str]]:
+    """Time and text of each row of a topic."""
     return [
         (stamp, f"{topic}, {round(stamp * 1e6)}, " + ", ".join(f"{value:.9g}" for value in values))
         for stamp, *values in zip(t.tolist(), *(column.tolist() for column in columns), strict=True)

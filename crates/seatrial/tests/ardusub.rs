@@ -5,13 +5,19 @@ use fearless_simd::{Simd, SimdFrom, f64x8};
 use proptest::array::uniform8;
 use proptest::prelude::*;
 use seatrial::control::ardusub::attitude::{AngleGains, attitude_error, rates_wanted};
+use seatrial::control::ardusub::cascade::Wanted;
 use seatrial::control::ardusub::mixer::{FRAMES, MOTORS, Mixer};
+use seatrial::control::ardusub::parameters::index;
 use seatrial::control::ardusub::pid::{Gains, State, follows, square_root};
 use seatrial::control::ardusub::position::{forward_and_lateral, throttle};
+use seatrial::description::Description;
+use seatrial::flight::ardusub::{COLUMNS, Case, Course};
+use seatrial::model::integrate::State as State3;
 use seatrial::model::kinematics::{from_euler, normalised, quaternion_product};
 use seatrial::number::algebra::each;
 use seatrial::number::lanes::{LANES, Lanes};
 use seatrial::number::real::Real;
+use std::sync::atomic::AtomicBool;
 
 const DT: f64 = 0.005;
 
@@ -68,6 +74,102 @@ fn every_frame_pushes_where_it_is_told() {
         assert_eq!(mixer.pulse(0.0), 1500.0);
         assert_eq!((mixer.pulse(1.0), mixer.pulse(-1.0)), (1900.0, 1100.0));
     }
+}
+
+/// A course of 20 s: level at 5 m, then half a turn of a right angle, half a metre deeper, a metre to the north.
+fn course_targets() -> Vec<Wanted> {
+    (0..4000)
+        .map(|k| {
+            let after = f64::from(u8::from(k > 400));
+            Wanted {
+                attitude: [0.0, 0.0, 0.8 * after],
+                turning: 0.0,
+                position: [after, 0.0, 5.0 + 0.5 * after],
+                velocity: [0.0; 3],
+                acceleration: [0.0; 3],
+                pilot: [0.5, 0.0, 0.0],
+                controlled: [true, true],
+                voltage: 16.0,
+            }
+        })
+        .collect()
+}
+
+fn cases(count: u64) -> Vec<Case> {
+    let state = State3 { position: [0.0, 0.0, 5.0], attitude: [1.0, 0.0, 0.0, 0.0], nu: [0.0; 6] };
+    (0..count)
+        .map(|i| Case {
+            coefficients: vec![-0.2 - 0.1 * i as f64],
+            parameters: vec![0.15 + 0.01 * i as f64],
+            state,
+            integrals: [0.0; 7],
+            current: [0.1, -0.05, 0.0],
+            wander: [1.0, 1.0, 1.0, 0.05, 0.05, 0.05],
+            tether: [-2.0, 0.0, -1.0],
+            supply: [0.9, 1e-3, 0.05],
+            seed: i,
+        })
+        .collect()
+}
+
+#[test]
+fn a_vehicle_under_the_cascade_goes_where_it_is_told_and_cases_do_not_see_each_other() {
+    let vehicle = seatrial::description::built_in::built_in("bluerov2-heavy").unwrap();
+    let description = Description::from_toml(vehicle, "bluerov2-heavy").unwrap();
+    // With these directions the built-in vehicle pushes where its frame is told.
+    let mixer = Mixer { motors: FRAMES[2].1, direction: [-1.0; MOTORS], pulse: [1100.0, 1900.0] };
+    let wanted = course_targets();
+    let (yaw_inertia, yaw_p) =
+        ([description.layout.find("N_rdot").unwrap()], [index("ATC_RAT_YAW_P").unwrap()]);
+    let course = Course {
+        description: &description,
+        mixer: &mixer,
+        wanted: &wanted,
+        period: DT,
+        every: 20,
+        noise: [0.002, 0.005],
+        wander_s: 1.0,
+        tether_at: [-0.2, 0.0, -0.1],
+        coefficients: &yaw_inertia,
+        parameters: &yaw_p,
+    };
+    let (cases, stop) = (cases(9), AtomicBool::new(false));
+    let together = course.fly(&cases, &stop).unwrap();
+    let length = course.rows() * COLUMNS;
+    for (case, rows) in cases.iter().zip(together.chunks_exact(length)) {
+        let last = &rows[length - COLUMNS..];
+        assert!((last[5] - 0.8).abs() < 0.1, "yaw {}", last[5]);
+        assert!((last[2] - 5.5).abs() < 0.3, "depth {}", last[2]);
+        assert!((last[0] - 1.0).abs() < 0.5 && last[1].abs() < 0.5, "{} {}", last[0], last[1]);
+        let alone = course.fly(std::slice::from_ref(case), &stop).unwrap();
+        // Lanes round otherwise: a pulse may be a whole microsecond apart now and then, the motion hardly.
+        for (row, own) in rows.chunks_exact(COLUMNS).zip(alone.chunks_exact(COLUMNS)) {
+            for (a, b) in row[..6].iter().zip(&own[..6]) {
+                assert!((a - b).abs() < 5e-3, "{a} against {b}");
+            }
+        }
+    }
+    let halves = [course.fly(&cases[..4], &stop).unwrap(), course.fly(&cases[4..8], &stop).unwrap()].concat();
+    assert_eq!(&together[..8 * length], &halves[..]);
+    assert!(matches!(course.fly(&cases, &AtomicBool::new(true)), Err(seatrial::Error::Interrupted)));
+}
+
+#[test]
+fn parameters_have_the_names_that_their_places_say() {
+    use seatrial::control::ardusub::parameters as own;
+    let name = |k: usize| own::PARAMETERS[k].0;
+    assert_eq!(name(own::ANGLE), "ATC_ANG_RLL_P");
+    assert_eq!(name(own::ACCELERATION + 2), "ATC_ACC_Y_MAX");
+    assert_eq!(name(own::RATE), "ATC_RATE_R_MAX");
+    for (axis, of) in ["RLL", "PIT", "YAW"].iter().enumerate() {
+        for (k, ending) in ["P", "I", "D", "FF", "IMAX", "FLTT", "FLTE", "FLTD"].iter().enumerate() {
+            assert_eq!(name(own::RATES + 8 * axis + k), format!("ATC_RAT_{of}_{ending}"));
+        }
+    }
+    assert_eq!((name(own::DEPTH), name(own::LIFT)), ("PSC_D_POS_P", "PSC_D_ACC_P"));
+    assert_eq!((name(own::PLANE), name(own::PLANE + 1)), ("PSC_NE_POS_P", "PSC_NE_VEL_P"));
+    assert_eq!((name(own::LEAN), name(own::HOVER)), ("ATC_ANGLE_MAX", "MOT_THST_HOVER"));
+    assert!(own::index("ATC_RAT_YAW_Q").unwrap_err().contains("ATC_RAT_YAW_"));
 }
 
 properties! {

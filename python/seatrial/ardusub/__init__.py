@@ -1,4 +1,4 @@
-"""ArduSub: its controllers replayed from a log, and its parameter files."""
+"""ArduSub: its controllers replayed from a log, its parameters tuned from it, and its parameter files."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 from seatrial.base.front import front
 
 if TYPE_CHECKING:
+    from seatrial.ardusub.from_log import tune_log as tune_log
     from seatrial.ardusub.log_replay import Replay as Replay
     from seatrial.ardusub.log_replay import replay as replay
     from seatrial.ardusub.parameters import Change as Change
     from seatrial.ardusub.parameters import ParameterFile as ParameterFile
     from seatrial.ardusub.parameters import changes as changes
     from seatrial.ardusub.parameters import write_changes as write_changes
+    from seatrial.ardusub.result import LogTuning as LogTuning
     from seatrial.ardusub.servos import ChannelMap as ChannelMap
     from seatrial.ardusub.servos import map_channels as map_channels
     from seatrial.ardusub.servos import map_parameters as map_parameters
@@ -20,12 +22,14 @@ if TYPE_CHECKING:
 __all__ = [
     "Change",
     "ChannelMap",
+    "LogTuning",
     "ParameterFile",
     "Replay",
     "changes",
     "map_channels",
     "map_parameters",
     "replay",
+    "tune_log",
     "write_changes",
 ]
 
@@ -35,12 +39,14 @@ if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object
         {
             "Change": "parameters",
             "ChannelMap": "servos",
+            "LogTuning": "result",
             "ParameterFile": "parameters",
             "Replay": "log_replay",
             "changes": "parameters",
             "map_channels": "servos",
             "map_parameters": "servos",
             "replay": "log_replay",
+            "tune_log": "from_log",
             "write_changes": "parameters",
         },
     )

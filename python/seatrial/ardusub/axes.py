@@ -1,12 +1,13 @@
 """Which loops of ArduSub the identified model can judge, why not the others, and the margins of those it can.
 
-Gains of a loop are changed only where four things hold: its coefficients were identified from the log; no search
-ended at a bound; drawn vehicles agree about its apparent mass; and on held-out data the model predicts better
-than the best baseline. Otherwise the parameters stay, and the report says which trial would tell.
+Gains of a loop are changed only where four things hold: its coefficients were identified from the log; no
+search ended at a bound; drawn vehicles agree about its apparent mass; and on held-out data the model predicts
+better than the best baseline. Otherwise the parameters stay, and the report says which trial would tell.
 
-A margin is that of the loop opened at the mixer's demand, all filters, the motor's lag and one and a half control
-periods of delay within it (`seatrial.control_design.margins`). The thruster's curve is taken at its steepest and at
-its flattest secant. Sources: Franklin, Powell and Emami-Naeini, *Feedback Control of Dynamic Systems* (2010), chapter 6.
+A margin is that of the loop opened at the mixer's demand, all filters, the motor's lag and one and a half
+control periods of delay within it (`seatrial.control_design.margins`). The thruster's curve is taken at its
+steepest and at its flattest secant. Source: Franklin, Powell and Emami-Naeini, *Feedback Control of Dynamic
+Systems* (2010), chapter 6.
 Held by ``tests/ardusub/test_tuning.py``.
 """
 
@@ -31,7 +32,17 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
 
-__all__ = ["AXES_OF_LOOPS", "SOUGHT", "AxisVerdict", "Margins", "axis_verdicts", "margins_of"]
+__all__ = [
+    "AMPLE",
+    "AXES_OF_LOOPS",
+    "SOUGHT",
+    "AxisVerdict",
+    "MarginModel",
+    "Margins",
+    "axis_verdicts",
+    "loop_law",
+    "margins_of",
+]
 
 SOUGHT: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "roll": {
@@ -57,13 +68,18 @@ AXES_OF_LOOPS: Mapping[str, str] = {"roll": "K", "pitch": "M", "yaw": "N", "dept
 _CHANNEL = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}
 
 _TRIALS = {
-    "roll": "in MANUAL, pulses of roll both ways, 2 s each, and let it swing free: at least five, at two strengths",
-    "pitch": "in MANUAL, pulses of pitch both ways, 2 s each, and let it swing free: at least five, at two strengths",
+    "roll": "in MANUAL, pulses of roll both ways, 2 s each, then free swinging: at least five, at two"
+    " strengths",
+    "pitch": "in MANUAL, pulses of pitch both ways, 2 s each, then free swinging: at least five, at two"
+    " strengths",
     "yaw": "in MANUAL, a zigzag of yaw at 30 and 60 % of the stick, 20 s each, with free coasting between",
-    "depth": "in MANUAL, dives and rises at 30, 60 and 100 % of the throttle both ways, 5 s each, with free coasting",
-    "place": "in STABILIZE, runs ahead and sideways at 30, 60 and 100 % of the stick both ways, 8 s each, with free"
-    " coasting",
+    "depth": "in MANUAL, dives and rises at 30, 60 and 100 % of the throttle, 5 s each, then free coasting",
+    "place": "in STABILIZE, runs ahead and sideways both ways at 30, 60 and 100 % of the stick, 8 s each,"
+    " then free coasting",
 }
+
+AMPLE = (45.0, 12.0, 1.5)
+"""Phase margin, deg, gain margin, dB, and sensitivity that a tuning may come down to where there was more."""
 
 _AGREE = 0.3  # relative standard deviation of an apparent mass up to which drawn vehicles agree
 
@@ -199,18 +215,21 @@ class Margins:
     @property
     def accepted(self) -> bool:
         """Whether all are what is accepted of a tuned loop."""
-        return (
-            self.phase_deg >= ACCEPTED_PHASE_DEG
-            and self.gain_db >= ACCEPTED_GAIN_DB
-            and self.sensitivity <= ACCEPTED_SENSITIVITY
-        )
+        return self.lacking() <= 0.0
 
-    def lacking(self) -> float:
-        """By how much they fall short of what is accepted, relative; zero where they do not."""
+    def lacking(self, before: Margins | None = None) -> float:
+        """By how much they fall short, relative; zero where they do not.
+
+        Of what is accepted of a tuned loop; where those before were better, of these, up to what is ample.
+        """
+        own = before or self
+        phase = max(ACCEPTED_PHASE_DEG, min(own.phase_deg, AMPLE[0])) if before else ACCEPTED_PHASE_DEG
+        gain = max(ACCEPTED_GAIN_DB, min(own.gain_db, AMPLE[1])) if before else ACCEPTED_GAIN_DB
+        most = min(ACCEPTED_SENSITIVITY, max(own.sensitivity, AMPLE[2])) if before else ACCEPTED_SENSITIVITY
         return float(
-            max(0.0, 1.0 - self.phase_deg / ACCEPTED_PHASE_DEG)
-            + max(0.0, 1.0 - self.gain_db / ACCEPTED_GAIN_DB)
-            + max(0.0, self.sensitivity / ACCEPTED_SENSITIVITY - 1.0)
+            max(0.0, 1.0 - self.phase_deg / phase)
+            + max(0.0, 1.0 - self.gain_db / gain)
+            + max(0.0, self.sensitivity / most - 1.0)
         )
 
 
@@ -235,7 +254,7 @@ class MarginModel:
     def of(self, loop: str, parameters: Mapping[str, float]) -> Margins:
         """Margins of a loop with some parameters."""
         s = 1j * self._omega
-        law = _law(loop, {**ardusub_defaults(), **parameters}, s)
+        law = loop_law(loop, {**ardusub_defaults(), **parameters}, s)
         every = []
         for axis in AXES_OF_LOOPS[loop]:
             i = _ORDER.index(axis)
@@ -260,7 +279,7 @@ def margins_of(
     return tuple(model.of(loop, parameters) for loop in loops)
 
 
-def _law(loop: str, values: Mapping[str, float], s: Any) -> Any:
+def loop_law(loop: str, values: Mapping[str, float], s: Any) -> Any:
     """Demand per velocity of the loop's axis, with the sign of a feedback that holds."""
 
     def lag(name: str) -> Any:

@@ -46,6 +46,8 @@ _SPAN_S = 10.0  # over which an integral part is fed with the rows' errors
 
 _PERIOD_S = 0.005  # at which a controller is run between the rows
 
+_CLEARLY = 0.6  # what is left with the best cut-off, over that with the second best
+
 _CUT_OFFS = (0.0, 1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 20.0)  # Hz
 
 _YAW_LIMITS = np.radians(np.linspace(10.0, 120.0, 111))  # rad/s2; ArduSub's bounds of half of ATC_ACC_Y_MAX
@@ -222,11 +224,31 @@ class Controllers:
         if rows is None:
             return
         self._terms(controller, name, rows, "1")
+        self._target_filter(name, rows, self.topic("RATE", f"{letter}Des"))
         if sums is None:
             return
         at, near = rows.at(sums.t)
         total = sum((rows[term] for term in ("P", "I", "D", "FF")), np.zeros(len(rows.t)))
         self.add(controller, "output", "1", sums.t[near], sums[f"{letter}Out"][near], total[at[near]])
+
+    def _target_filter(self, name: str, rows: _Topic, wanted: _Topic | None) -> None:
+        """Cut-off of the target's filter, where one of the usual ones is clearly nearest."""
+        if wanted is None:
+            return
+        fine = np.arange(wanted.t[0], wanted.t[-1], _PERIOD_S)
+        target = np.radians(np.interp(fine, wanted.t, next(iter(wanted.values.values()))))
+        zeros, dt = np.zeros(len(fine)), np.where(np.arange(len(fine)) == 0, 0.0, _PERIOD_S)
+        misses = []
+        for cut_off in (0.0, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 30.0):
+            terms = ardusub_terms(
+                target, zeros, dt, zeros, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [cut_off, 0.0, 0.0]
+            )
+            filtered = np.interp(rows.t, fine, np.asarray(terms)[:, 0])
+            misses.append((float(np.median(np.abs(filtered - rows["Tar"]))), cut_off))
+        (best, cut_off), (second, _), *_ = sorted(misses)
+        if best < _CLEARLY * second:
+            how = "target of the controller over the rate wanted, Hz"
+            self.keep(Found(f"{name}_FLTT", cut_off, math.nan, how))
 
     def _terms(self, controller: str, name: str, rows: _Topic, unit: str) -> None:
         """Proportional, feed-forward and integral term of a controller."""
@@ -235,6 +257,9 @@ class Controllers:
         if math.isnan(k_p):
             return
         self.add(controller, "P term", unit, t, rows["P"], k_p * rows["Err"])
+        for term in ("D", "FF"):
+            if not rows[term].any() and rows["Err"].any():
+                self.keep(Found(f"{name}_{term}", 0.0, math.nan, f"{term} term, zero throughout"))
         if np.abs(rows["FF"]).max() > 0.0:
             k_ff = self.gain(f"{name}_FF", rows["FF"], rows["Tar"], t, "FF term over target")
             self.add(controller, "FF term", unit, t, rows["FF"], k_ff * rows["Tar"])

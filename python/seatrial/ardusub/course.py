@@ -193,7 +193,7 @@ def logged_courses(
     period = ROW_S / max(round(ROW_S / min(max(period, 0.001), 0.02)), 1)
     begins = [(event.t, event.text) for event in log.events() if event.kind == "mode"]
     last = float(rows["ANG"].t[-1])
-    ends = [t for t, _ in begins[1:]] + [last]
+    ends = [t for t, _ in begins[1:]] + [last] * bool(begins)
     modes = [
         (t + 2.0 * ROW_S, end, name)
         for (t, name), end in zip(begins, ends, strict=True)
@@ -221,7 +221,7 @@ def _course(
     if n * ROW_S < SHORTEST_S - 1.0:
         return None
     every = round(ROW_S / period)
-    t = begin + period * np.arange(n * every)
+    t: Array = np.asarray(begin + period * np.arange(n * every), float)
     kept = t[::every]
     ang, rate, depth, place = rows["ANG"], rows["RATE"], _vertical(log), _plane(log)
     wanted = np.radians([_angle(ang, f"Des{axis}", t) for axis in ("Roll", "Pitch", "Yaw")]).T

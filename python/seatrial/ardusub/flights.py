@@ -1,7 +1,7 @@
 """Flights of a vehicle under ArduSub's cascade: along a course, many cases at once.
 
-Everything that differs between cases is one `Cases`; what the vehicle's set-up gives is one `Rig`. The loop over
-time is the core's (`ardusub_fly`), in lanes. Held by ``tests/ardusub/test_reflight.py``.
+Everything that differs between cases is one `Cases`; what the vehicle's set-up gives is one `Rig`. The loop
+over time is the core's (`ardusub_fly`), in lanes. Held by ``tests/ardusub/test_reflight.py``.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from seatrial._core import ardusub_defaults, ardusub_fly
+from seatrial._core import ardusub_defaults, ardusub_fly, ardusub_frames
 from seatrial.ardusub.course import Course
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, nearest
@@ -21,7 +21,7 @@ from seatrial.base.errors import TrialError, nearest
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Cases", "Rig", "fly_course", "known_parameters"]
+__all__ = ["Cases", "Rig", "check_rig", "fly_course", "known_parameters"]
 
 NOISE = (0.002, 0.005)
 """Standard deviation of gyro (rad/s) and velocity (m/s) that the controllers see."""
@@ -75,7 +75,7 @@ class Cases:
         (k, 3): thrust over that of the voltage at the beginning, its fall per s, its fall at full load.
     """
 
-    seeds: Array
+    seeds: NDArray[np.int_]
     coefficients: Mapping[str, Array]
     current: Array
     wander: Array
@@ -142,7 +142,7 @@ def fly_course(
     rig : Rig
     course : Course
     parameters : mapping
-        By ArduSub's names and units (4.7 and later): a number, or (k,); ArduSub's default where one is missing.
+        By ArduSub's names and units (4.7 and later): a number, or (k,); the default where one is missing.
     cases : Cases
     threads : int, optional
 
@@ -171,6 +171,34 @@ def fly_course(
             parameters=dict(parameters), coefficients={**cases.coefficients, **bias},
             position=course.position, attitude=course.attitude, nu=course.nu, integrals=course.integrals,
             current=cases.current, wander=cases.wander, wander_s=rig.wander_s, tether=cases.tether,
-            tether_at=np.asarray(rig.tether_at), supply=cases.supply, noise=np.asarray(rig.noise), threads=threads,
+            tether_at=np.asarray(rig.tether_at), supply=cases.supply, noise=np.asarray(rig.noise),
+            threads=threads,
         )
     )  # fmt: skip
+
+
+def check_rig(vehicle: Vehicle, rig: Rig) -> None:
+    """Refuse a vehicle whose thrusters push against what frame and directions of the motors tell them.
+
+    Raises
+    ------
+    TrialError
+        A thruster pushes the wrong way, or their number is not the frame's.
+    """
+    shares = np.asarray(ardusub_frames()[rig.frame])
+    columns = np.asarray(vehicle.allocation_matrix())
+    if columns.shape[1] != len(shares):
+        raise TrialError(
+            f"{vehicle.name}: expected the {len(shares)} thrusters of {rig.frame}, found {columns.shape[1]};"
+            " give the vehicle with --vehicle"
+        )
+    signs = [-1.0 if facts["reversed"] else 1.0 for facts in vehicle.actuator_info().values()]
+    # Roll, pitch, yaw, throttle (up), forward, lateral.
+    pushes = np.stack([columns[3], columns[4], columns[5], -columns[2], columns[0], columns[1]], 1)
+    agree = (pushes * shares).sum(axis=1) * np.array(signs) * np.asarray(rig.direction)
+    wrong = [name for name, one in zip(vehicle.actuators, agree.tolist(), strict=True) if one < 0.0]
+    if wrong:
+        raise TrialError(
+            f"{vehicle.name}: {', '.join(wrong)} push against MOT_n_DIRECTION of the log; set reversed of"
+            " these thrusters in vehicle.toml the other way, and run again with --vehicle"
+        )

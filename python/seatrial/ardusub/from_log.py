@@ -1,8 +1,9 @@
 """From a log of ArduSub to parameters of its own: replay, identify, fly again, tune, verify, write.
 
-One function, `tune_log`, and its result. Each step is an ordinary one of seatrial: the project of the import and the
-run of the identification lie in folders beside the run's own, and can be edited and run by themselves. What is finished
-is kept, so that an interrupted run goes on. Held by ``tests/ardusub/test_from_log.py``.
+One function, `tune_log`. Each step is an ordinary one of seatrial: the project of the import
+and the run of the identification lie in folders beside the run's own, and can be edited and run by
+themselves. What is finished is kept, so that an interrupted run goes on. Held by
+``tests/ardusub/test_from_log.py``.
 """
 
 from __future__ import annotations
@@ -18,21 +19,13 @@ import numpy as np
 
 from seatrial.ardusub.axes import AxisVerdict, MarginModel, Margins, axis_verdicts
 from seatrial.ardusub.course import Course, logged_courses
-from seatrial.ardusub.flights import Rig, known_parameters
+from seatrial.ardusub.flights import Rig, check_rig, known_parameters
 from seatrial.ardusub.log_replay import Replay, replay
-from seatrial.ardusub.parameters import (
-    Change,
-    ParameterFile,
-    changes_text,
-    generation,
-    in_metres,
-    of_generation,
-)
+from seatrial.ardusub.parameters import Change, ParameterFile, generation, in_metres
 from seatrial.ardusub.reflight import Envelope, Reflight, Share, refly
-from seatrial.ardusub.result import tuned_report
+from seatrial.ardusub.result import LogTuning
 from seatrial.ardusub.tuning import (
     Missions,
-    Spread,
     Tuned,
     corridors_of,
     draw_cases,
@@ -43,160 +36,18 @@ from seatrial.ardusub.tuning import (
 )
 from seatrial.base.errors import TrialError
 from seatrial.base.progress import Clock, Progress
-from seatrial.base.report import Report
-from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
+from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.logs.formats import open_log
 
 if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
 
-__all__ = ["LogTuning", "tune_log"]
+__all__ = ["tune_log"]
 
 Say = Callable[[float, str], None]
 
 _MISSIONS, _SEARCHED = 1000, 64
-
-
-@dataclass(frozen=True, eq=False)
-class LogTuning(RunResult):
-    """What a log of ArduSub said, and the parameters that come of it.
-
-    Attributes
-    ----------
-    replay
-        Whether the law explains the log, and the parameters found.
-    identified
-        First line of the identification, and coefficients with standard deviations by name.
-    parameters
-        Those that the vehicle flew with: found from the log, else of the file, else ArduSub's defaults.
-    assumed
-        Names of those that are defaults because neither log nor file has them.
-    reflight
-        The log's mission flown again.
-    verdicts
-        Which loops can be judged.
-    tuned
-        Parameters before and after.
-    before, after
-        Missions with either; the same where nothing changes.
-    rise_s
-        By then a step of yaw is to have risen, see `seatrial.ardusub.tuning.corridors_of`.
-    missions
-        How many.
-    generation
-        Of the firmware in whose names changes are written.
-    facts
-    folders
-        Project and identification, beside the run directory.
-    """
-
-    replay: Replay
-    identified: Mapping[str, Any]
-    parameters: Mapping[str, float]
-    assumed: tuple[str, ...]
-    reflight: Reflight
-    verdicts: tuple[AxisVerdict, ...]
-    tuned: Tuned
-    before: Missions
-    after: Missions
-    rise_s: float
-    missions: int
-    generation: str
-    facts: Mapping[str, Any]
-    folders: tuple[Path, Path]
-
-    @property
-    def changes(self) -> tuple[Change, ...]:
-        """What changes, in the names and units of the firmware's generation."""
-        return tuple(of_generation(one, self.generation) for one in self.tuned.changes)
-
-    @property
-    def better(self) -> bool:
-        """Whether the worst violation of the loops that changed is lower, and none of the others is worse."""
-        changed = self.changed_channels
-        return bool(changed) and all(
-            self.after.worst(name) < self.before.worst(name)
-            if name in changed
-            else self.after.worst(name) <= 1.05 * self.before.worst(name) + 0.05
-            for name in self.before.violations
-        )
-
-    @property
-    def changed_channels(self) -> tuple[str, ...]:
-        """Channels that step and whose loop changed."""
-        loops = {
-            one.loop for one in self.verdicts if any(p.name in one.parameters for p in self.tuned.changes)
-        }
-        return tuple(
-            name for name in self.before.violations if ("place" if name == "north" else name) in loops
-        )
-
-    @property
-    def margins_kept(self) -> bool:
-        """Whether the margins of every loop that changed are accepted, or no less than before."""
-        return all(
-            after.accepted or after.lacking() <= before.lacking() + 1e-9
-            for before, after in self.tuned.margins.values()
-        )
-
-    @property
-    def held(self) -> bool:
-        """Whether replay and envelope hold, and what changes is better with margins kept."""
-        own = [one for one in self.verdicts if one.judged]
-        inside = all(one.inside for one in self.reflight.shares if one.channel in {v.loop for v in own})
-        return self.replay.held and inside and (self.better or not self.tuned.changes) and self.margins_kept
-
-    def parameter_file(self) -> str:
-        """The file to load: what changes, each with before, bounds and why."""
-        names = self.generation or "of every generation from 4.0 on"
-        title = f"From {Path(self.replay.source).name}; ArduSub {names} by name and unit; only what changes"
-        text = changes_text(self.changes, title=title)
-        stays = [f"# {one.loop} stays: {one.why}" for one in self.verdicts if not one.judged]
-        return text + "".join(f"{line}\n" for line in stays)
-
-    def files(self) -> dict[str, str | bytes]:
-        """Files of the run directory by name, see `save`."""
-        return {
-            **self.replay.files(),
-            "changes.param": self.parameter_file(),
-            "ardusub.json": to_json(self.to_dict()),
-            **self.report().files(),
-        }
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, without the rows of the envelopes."""
-        return {
-            "source": self.replay.source,
-            "held": self.held,
-            "replay": self.replay.to_dict(),
-            "identified": dict(self.identified),
-            "parameters": dict(self.parameters),
-            "assumed": list(self.assumed),
-            "reflight": self.reflight.to_dict(),
-            "loops": [asdict(one) for one in self.verdicts],
-            "changes": [asdict(one) for one in self.changes],
-            "margins": {
-                loop: {"before": asdict(before), "after": asdict(after)}
-                for loop, (before, after) in self.tuned.margins.items()
-            },
-            "missions": {
-                name: {"before": list(self.before.row(name)), "after": list(self.after.row(name))}
-                for name in self.before.violations
-            },
-            "flown": self.missions,
-            "better": self.better,
-            "margins_kept": self.margins_kept,
-            "folders": [str(one) for one in self.folders],
-        }
-
-    def report(self) -> Report:
-        """How good, the worst, what to do next; tables."""
-        return tuned_report(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
 
 
 def tune_log(
@@ -251,19 +102,21 @@ def tune_log(
     with RunDirectory(folder, resume=resume) as run:
         say(0.0, f"replaying {Path(log).name}")
         replayed = replay(log, parameters=parameters)
+        flown, assumed = _flown_with(replayed, parameters)
+        courses = logged_courses(open_log(log), flown)
         if replayed.frame is None:
             raise TrialError(
                 f"{log}: no frame of ArduSub explains the pulses, so that the cascade cannot fly;"
                 " --replay-only shows what the log tells"
             )
-        flown, assumed = _flown_with(replayed, parameters)
         found, fitted = _identified(Path(log), folder, vehicle, (say, threads, resume))
         held = _held_out(found)
-        courses = logged_courses(open_log(log), flown)
         rig = Rig(replayed.frame[0], replayed.frame[1])
+        check_rig(fitted.vehicle, rig)
         inputs = sha256(
             repr((
-                sha256(Path(log).read_bytes()), sorted(flown.items()), fitted.vehicle.to_toml(), missions, seed,
+                sha256(Path(log).read_bytes()), sorted(flown.items()), fitted.vehicle.to_toml(), missions,
+                seed,
                 np.asarray(fitted.covariance).tolist(), _sources(),
             ))
         )  # fmt: skip
@@ -285,8 +138,8 @@ def tune_log(
             inputs={Path(log).name: sha256(Path(log).read_bytes())},
         )  # fmt: skip
         result = LogTuning(
-            replayed, _told(found), flown, assumed, reflight, verdicts, tuned, before, after, rise, missions, title,
-            facts, _beside(folder),
+            replayed, _told(found), flown, assumed, reflight, verdicts, tuned, before, after, rise, missions,
+            title, facts, _beside(folder),
         )  # fmt: skip
         say(1.0, "done")
         run.publish(facts, result.files())
@@ -453,20 +306,24 @@ def _reflight_to(found: Reflight) -> dict[str, Any]:
 
 
 def _reflight_of(data: Mapping[str, Any]) -> Reflight:
-    rig = {name: tuple(value) if isinstance(value, list) else value for name, value in data["rig"].items()}
+    rig: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in data["rig"].items()
+    }
     envelopes = tuple(
         Envelope(
-            row["course"], row["channel"], row["unit"],
-            *(np.array(row[name], float) for name in ("t", "measured", "lower", "upper", "middle")),
-            np.array(row["held_out"], float) > 0.5,
+            course=row["course"], channel=row["channel"], unit=row["unit"],
+            held_out=np.array(row["held_out"], float) > 0.5,
+            **{name: np.array(row[name], float) for name in ("t", "measured", "lower", "upper", "middle")},
         )
         for row in data["envelopes"]
     )  # fmt: skip
-    shares = tuple(
-        Share(**{name: math.nan if value is None else value for name, value in one.items()})
-        for one in data["shares"]
-    )
+    shares = tuple(Share(**_with_nan(one)) for one in data["shares"])
     return Reflight(Rig(**rig), np.array(data["wander"]), np.array(data["current"]), envelopes, shares)
+
+
+def _with_nan(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row of JSON, which writes what is not a number as null."""
+    return {name: math.nan if value is None else value for name, value in row.items()}
 
 
 def _tuned_to(found: Tuned) -> dict[str, Any]:

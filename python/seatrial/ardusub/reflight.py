@@ -1,10 +1,11 @@
 """The log's own mission flown again: identified vehicle, recorded parameters, logged targets.
 
-What the model lacks is found on the part of the log that the identification was fitted to: a steady wrench and
-current, so that the mean demands are those of the log, and a wandering wrench, so that the size and quickness
-of the loop errors are. With vehicles drawn from the identified uncertainty that gives an envelope: at each row
-95 % of the flights. It is judged on the part that was held out. Loop errors of one log depend on each other from
-row to row: a share outside of a tenth still counts as inside. Held by ``tests/ardusub/test_reflight.py``.
+What the model lacks is found on the part of the log that the identification was fitted to: a steady wrench
+and current, so that the mean demands are those of the log, and a wandering wrench, so that what the log has
+beside the mean flight is as large and as quick as what the flights have. With vehicles drawn from the
+identified uncertainty that gives an envelope: at each row 95 % of the flights. It is judged on the part that
+was held out. Loop errors of one log depend on each other from row to row: a share outside of a tenth still
+counts as inside. Held by ``tests/ardusub/test_reflight.py``.
 """
 
 from __future__ import annotations
@@ -222,8 +223,8 @@ def refly(
             lower, middle, upper = np.quantile(sound, [0.5 - 0.5 * _LEVEL, 0.5, 0.5 + 0.5 * _LEVEL], axis=0)
             envelopes.append(
                 Envelope(
-                    course.name, channel, CHANNELS[channel][0], course.t, course.measured[channel], lower, upper,
-                    middle, course.between(first, last),
+                    course.name, channel, CHANNELS[channel][0], course.t, course.measured[channel], lower,
+                    upper, middle, course.between(first, last),
                 )
             )  # fmt: skip
     return Reflight(rig, wander, current, tuple(envelopes), _shares(envelopes))
@@ -242,7 +243,8 @@ def _shares(envelopes: Sequence[Envelope]) -> tuple[Share, ...]:
         width = 0.5 * np.concatenate([one.upper - one.lower for one in own])
         found.append(
             Share(
-                channel, unit, float(np.sqrt(np.mean(measured[counted] ** 2))), float(np.mean(width[counted])),
+                channel, unit, float(np.sqrt(np.mean(measured[counted] ** 2))),
+                float(np.mean(width[counted])),
                 float(outside[fit].mean()) if fit.any() else np.nan,
                 float(outside[held].mean()) if held.any() else np.nan, int(held.sum()),
             )
@@ -283,7 +285,7 @@ class _Calibration:
         return replace(rig, steady=(0.0, 0.0, *x[:4].tolist())), np.array([x[4], x[5], 0.0])
 
     def _mean_demands(self, rig: Rig, tried: Array) -> Array:
-        """Mean difference (k, 6) of the demands of roll, pitch, yaw, throttle, north, east to those of the log."""
+        """Mean difference (k, 6) of the demands to the log's: roll, pitch, yaw, throttle, north, east."""
         own = self.vehicle.coefficients()
         bias = {name: own.get(name, 0.0) + tried[:, i] for i, name in enumerate(("Z_0", "K_0", "M_0", "N_0"))}
         current = np.concatenate([tried[:, 4:], np.zeros((len(tried), 1))], 1)
@@ -309,8 +311,8 @@ class _Calibration:
     def wander(self, rig: Rig, current: Array, drawn: Mapping[str, Array], seed: int) -> tuple[Rig, Array]:
         """Time constant and standard deviation of the wandering wrench.
 
-        What the log has beside the mean of the drawn vehicles is to be as large as what the flights have beside it,
-        and as quick.
+        What the log has beside the mean of the drawn vehicles is to be as large as what the flights have
+        beside it, and as quick.
         """
         quickest: list[tuple[float, Rig]] = []
         for wander_s in _WANDERS_S:

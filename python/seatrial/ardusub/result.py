@@ -1,4 +1,4 @@
-"""Report of a tuning of ArduSub from a log: three lines, then tables.
+"""What a log of ArduSub said and the parameters that come of it: three lines, tables, files.
 
 Held by ``tests/ardusub/test_from_log.py``.
 """
@@ -6,20 +6,166 @@ Held by ``tests/ardusub/test_from_log.py``.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from seatrial.ardusub.axes import SOUGHT
-from seatrial.ardusub.reflight import ACCEPTED_OUTSIDE
+from seatrial.ardusub.axes import SOUGHT, AxisVerdict
+from seatrial.ardusub.log_replay import Replay
+from seatrial.ardusub.parameters import Change, changes_text, of_generation
+from seatrial.ardusub.reflight import ACCEPTED_OUTSIDE, Reflight
+from seatrial.ardusub.tuning import Missions, Spread, Tuned
 from seatrial.base.report import Column, Report, Section, Table
+from seatrial.base.run import RunResult, to_json
 
-if TYPE_CHECKING:
-    from seatrial.ardusub.from_log import LogTuning
+__all__ = ["LogTuning"]
 
-__all__ = ["tuned_report"]
+_WIDE = 3.0  # half-width over the rms of the log beyond which an envelope tells little
 
 
-def tuned_report(found: LogTuning) -> Report:
+@dataclass(frozen=True, eq=False)
+class LogTuning(RunResult):
+    """What a log of ArduSub said, and the parameters that come of it.
+
+    Attributes
+    ----------
+    replay
+        Whether the law explains the log, and the parameters found.
+    identified
+        First line of the identification, and coefficients with standard deviations by name.
+    parameters
+        Those that the vehicle flew with: found from the log, else of the file, else ArduSub's defaults.
+    assumed
+        Names of those that are defaults because neither log nor file has them.
+    reflight
+        The log's mission flown again.
+    verdicts
+        Which loops can be judged.
+    tuned
+        Parameters before and after.
+    before, after
+        Missions with either; the same where nothing changes.
+    rise_s
+        By then a step of yaw is to have risen, see `seatrial.ardusub.tuning.corridors_of`.
+    missions
+        How many.
+    generation
+        Of the firmware in whose names changes are written.
+    facts
+    folders
+        Project and identification, beside the run directory.
+    """
+
+    replay: Replay
+    identified: Mapping[str, Any]
+    parameters: Mapping[str, float]
+    assumed: tuple[str, ...]
+    reflight: Reflight
+    verdicts: tuple[AxisVerdict, ...]
+    tuned: Tuned
+    before: Missions
+    after: Missions
+    rise_s: float
+    missions: int
+    generation: str
+    facts: Mapping[str, Any]
+    folders: tuple[Path, Path]
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """What changes, in the names and units of the firmware's generation."""
+        return tuple(of_generation(one, self.generation) for one in self.tuned.changes)
+
+    @property
+    def better(self) -> bool:
+        """Whether the worst violation of the loops that changed is lower, and none of the others is worse."""
+        changed = self.changed_channels
+        return bool(changed) and all(
+            self.after.worst(name) < self.before.worst(name)
+            if name in changed
+            else self.after.worst(name) <= 1.05 * self.before.worst(name) + 0.05
+            for name in self.before.violations
+        )
+
+    @property
+    def changed_channels(self) -> tuple[str, ...]:
+        """Channels that step and whose loop changed."""
+        loops = {
+            one.loop for one in self.verdicts if any(p.name in one.parameters for p in self.tuned.changes)
+        }
+        return tuple(
+            name for name in self.before.violations if ("place" if name == "north" else name) in loops
+        )
+
+    @property
+    def margins_kept(self) -> bool:
+        """Whether the margins of every loop that changed are no less than before, up to what is ample.
+
+        Where they were less than what is accepted before, they must be accepted.
+        """
+        return all(after.lacking(before) <= 0.02 for before, after in self.tuned.margins.values())
+
+    @property
+    def held(self) -> bool:
+        """Whether replay and envelope hold, and what changes is better with margins kept."""
+        own = [one for one in self.verdicts if one.judged]
+        inside = all(one.inside for one in self.reflight.shares if one.channel in {v.loop for v in own})
+        return self.replay.held and inside and (self.better or not self.tuned.changes) and self.margins_kept
+
+    def parameter_file(self) -> str:
+        """The file to load: what changes, each with before, bounds and why."""
+        names = self.generation or "of every generation from 4.0 on"
+        title = f"From {Path(self.replay.source).name}; ArduSub {names} by name and unit; only what changes"
+        text = changes_text(self.changes, title=title)
+        stays = [f"# {one.loop} stays: {one.why}" for one in self.verdicts if not one.judged]
+        return text + "".join(f"{line}\n" for line in stays)
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        return {
+            **self.replay.files(),
+            "changes.param": self.parameter_file(),
+            "ardusub.json": to_json(self.to_dict()),
+            **self.report().files(),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, without the rows of the envelopes."""
+        return {
+            "source": self.replay.source,
+            "held": self.held,
+            "replay": self.replay.to_dict(),
+            "identified": dict(self.identified),
+            "parameters": dict(self.parameters),
+            "assumed": list(self.assumed),
+            "reflight": self.reflight.to_dict(),
+            "loops": [asdict(one) for one in self.verdicts],
+            "changes": [asdict(one) for one in self.changes],
+            "margins": {
+                loop: {"before": asdict(before), "after": asdict(after)}
+                for loop, (before, after) in self.tuned.margins.items()
+            },
+            "missions": {
+                name: {"before": list(self.before.row(name)), "after": list(self.after.row(name))}
+                for name in self.before.violations
+            },
+            "flown": self.missions,
+            "better": self.better,
+            "margins_kept": self.margins_kept,
+            "folders": [str(one) for one in self.folders],
+        }
+
+    def report(self) -> Report:
+        """How good, the worst, what to do next; tables."""
+        return _report(self)
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
+
+def _report(found: LogTuning) -> Report:
     """Report of a result."""
     good, worst, next_step = _good(found), _worst(found), _next(found)
     outcome = "tuned" if found.tuned.changes else "nothing changes"
@@ -62,8 +208,8 @@ def _good(found: LogTuning) -> str:
     kept = "margins kept" if found.margins_kept else "margins not kept"
     return (
         f"{told}; worst corridor violation of {name} over {found.missions} missions {before[0]:.2f} s before,"
-        f" {after[0]:.2f} s after, in the corridor {100 * before[2]:.0f} % and {100 * after[2]:.0f} % of them;"
-        f" {len(found.tuned.changes)} parameters change, {kept}"
+        f" {after[0]:.2f} s after, in the corridor {100 * before[2]:.0f} % and {100 * after[2]:.0f} % of"
+        f" them; {_listed([f'{one.name} {one.before:g} to {one.after:g}' for one in found.changes])}, {kept}"
     )
 
 
@@ -77,12 +223,24 @@ def _worst(found: LogTuning) -> str:
         one = max(out, key=lambda each: each.fit if math.isnan(each.held_out) else each.held_out)
         share = one.fit if math.isnan(one.held_out) else one.held_out
         words.append(
-            f"the {one.channel} error of the log is outside the envelope in {100 * share:.0f} % of the held-out"
-            f" rows, expected at most {100 * ACCEPTED_OUTSIDE:.0f} %"
+            f"the {one.channel} error of the log is outside the envelope in {100 * share:.0f} % of the"
+            f" held-out rows, expected at most {100 * ACCEPTED_OUTSIDE:.0f} %"
         )
     if stays:
-        words.append(f"{', '.join(one.loop for one in stays)} stay: {stays[-1].why}")
+        words.append(
+            f"{_listed([one.loop for one in stays])} stay as flown: the log does not tell these loops"
+            f" ({stays[-1].loop}: {stays[-1].why})"
+        )
+    words += [
+        f"{one.name} is at the end of ArduPilot's range"
+        for one in found.changes
+        if one.bounds is not None and one.after > 0.95 * one.bounds[1]
+    ]
     return "; ".join(words) or "nothing stands out"
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def _next(found: LogTuning) -> str:
@@ -166,8 +324,6 @@ def _shares(found: LogTuning) -> Table:
 
 
 def _behind(found: LogTuning) -> tuple[str, ...]:
-    from seatrial.ardusub.tuning import Spread
-
     rig, wander = found.reflight.rig, found.reflight.wander
     assumed = [
         name for name in found.assumed if not name.endswith(("_FF", "_FLTD", "_FLTE")) and "RATE" not in name
@@ -175,16 +331,25 @@ def _behind(found: LogTuning) -> tuple[str, ...]:
     sought = {name for loop in SOUGHT.values() for name in loop}
     told = [
         f"What the model lacks and the fit part told: steady wrench {_short(rig.steady[2])} N down,"
-        f" {_short(rig.steady[3])}, {_short(rig.steady[4])}, {_short(rig.steady[5])} N m in roll, pitch, yaw; a wandering"
-        f" wrench of {', '.join(_short(x) for x in wander[:3])} N and {', '.join(_short(x) for x in wander[3:])} N m"
-        f" with {rig.wander_s:g} s; current {_short(float(found.reflight.current[0]))} m/s north,"
+        f" {', '.join(_short(x) for x in rig.steady[3:])} N m in roll, pitch, yaw; a wandering wrench of"
+        f" {', '.join(_short(x) for x in wander[:3])} N and"
+        f" {', '.join(_short(x) for x in wander[3:])} N m with a time constant of"
+        f" {rig.wander_s:g} s; current {_short(float(found.reflight.current[0]))} m/s north,"
         f" {_short(float(found.reflight.current[1]))} m/s east.",
         Spread().sentence(),
-        "The missions judge the loops under the model that the log identified: what it misses, it misses in both.",
+        "The missions judge the loops under the model that the log identified: what it misses, it misses"
+        " before and after.",
     ]
+    for one in found.reflight.shares:
+        if one.width > _WIDE * one.rms:
+            told.append(
+                f"The envelope of {one.channel} is {one.width / one.rms:.0f} times as wide as the log's rms:"
+                " that the log is inside tells little of it."
+            )
     if assumed:
         told.append(
-            f"Neither log nor file has {', '.join(assumed)}: ArduSub's defaults are assumed; give --parameters."
+            f"Neither log nor file has {', '.join(assumed)}: ArduSub's defaults are assumed; give"
+            " --parameters."
         )
     if hidden := sorted(sought & set(assumed)):
         told.append(f"Of these, {', '.join(hidden)} would be changed where their loop can be judged.")

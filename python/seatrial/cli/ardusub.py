@@ -11,8 +11,8 @@ from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
-    from seatrial.ardusub.from_log import LogTuning
     from seatrial.ardusub.log_replay import Replay
+    from seatrial.ardusub.result import LogTuning
 
 __all__ = ["ardusub"]
 
@@ -51,9 +51,9 @@ def ardusub(
 ) -> None:
     """Replay ArduSub's controllers from a log, identify the vehicle from it, tune and verify its parameters.
 
-    The exit code is 0 when the law explains the log, the vehicle flies the log's mission inside the envelope, and what
-    changes is better with margins kept; 1 when not, 2 for bad input. With --replay-only it is that of the replay.
-    Ctrl-C keeps what is finished; the same command goes on.
+    The exit code is 0 when the law explains the log, the vehicle flies the log's mission inside the envelope,
+    and what changes is better with margins kept; 1 when not, 2 for bad input. With --replay-only it is that
+    of the replay. Ctrl-C keeps what is finished; the same command goes on.
     """
     from seatrial.ardusub.from_log import tune_log
     from seatrial.ardusub.log_replay import replay

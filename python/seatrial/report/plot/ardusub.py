@@ -1,4 +1,4 @@
-"""Figures of ArduSub's controllers beside a log: the replay, the envelope of the loop errors, steps before and after.
+"""Figures of ArduSub beside a log: the replay, the envelope of the loop errors, steps before and after.
 
 Held by ``tests/ardusub/test_replay.py`` and ``tests/ardusub/test_from_log.py``.
 """
@@ -23,9 +23,9 @@ from seatrial.report.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from seatrial.ardusub.from_log import LogTuning
     from seatrial.ardusub.log_replay import Replay
     from seatrial.ardusub.quantity import Quantity
+    from seatrial.ardusub.result import LogTuning
 
 __all__ = ["envelope_figure", "replay_figure", "replay_gallery", "steps_figure", "tuning_gallery"]
 
@@ -123,9 +123,9 @@ def envelope_figure(found: LogTuning) -> Figure:
             )
             panel.set_ylim(-most, most)
             told = share.fit if np.isnan(share.held_out) else share.held_out
-            panel_title(
-                panel, f"{share.channel} error, {share.unit.replace('deg', '°')}: {100 * told:.1f} % outside"
-            )
+            unit = share.unit.replace("deg", "°")
+            title = f"{share.channel} error, {unit}: {100 * told:.1f} % of the held-out rows outside"
+            panel_title(panel, title)
         panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3)
         panels[-1].set_xlabel("time, s (grey: held out)")
     return figure

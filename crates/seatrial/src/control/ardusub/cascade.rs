@@ -190,8 +190,7 @@ impl<T: Real> Cascade<T> {
                 let error = zero.splat(wanted.position[axis]) - told.position[axis];
                 let moving = zero.splat(wanted.velocity[axis]);
                 let velocity = velocity_wanted(error, moving, self.place, zero, dt);
-                let terms =
-                    memory.plane[axis].step(&self.plane, velocity, told.velocity[axis], dt, at_plane);
+                let terms = memory.plane[axis].step(&self.plane, velocity, told.velocity[axis], dt, at_plane);
                 acceleration[axis] = terms.output() + wanted.acceleration[axis];
             }
             forward_and_lateral(&acceleration, told.heading, self.lean)
