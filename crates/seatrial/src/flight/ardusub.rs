@@ -265,7 +265,7 @@ impl Course<'_> {
             };
             drive(&mut motors, &mut instants[0]);
             for instant in &mut instants[1..] {
-                motors.drive.advance(&motors.targets);
+                motors.advance();
                 drive(&mut motors, instant);
             }
             state = step(&vehicle, &state, dt, &instants);

@@ -59,6 +59,12 @@ impl<T: Real> Motors<T> {
         }
     }
 
+    /// Moves the motors by half a step towards what is commanded.
+    #[inline(always)]
+    pub fn advance(&mut self) {
+        self.drive.advance(&self.targets);
+    }
+
     /// Moves motors and vehicle by a step of `h` seconds from a `time`, s, on; `instants` hold the water at its start,
     /// middle and end, and what the actuators do there: at the start `anew`, or as it was left.
     #[inline(always)]
@@ -75,7 +81,7 @@ impl<T: Real> Motors<T> {
             act(vehicle, &self.signals, voltage, |_| None, &mut instants[0]);
         }
         for half in 1..3 {
-            self.drive.advance(&self.targets);
+            self.advance();
             self.show(faults, time + 0.5 * half as f64 * h);
             act(vehicle, &self.signals, voltage, |_| None, &mut instants[half]);
         }
