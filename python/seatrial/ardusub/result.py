@@ -237,8 +237,8 @@ def _harm(found: LogTuning) -> list[str]:
         tail = _tail(found.before, name), _tail(found.after, name)
         if worst[1] > _NO_WORSE * worst[0] + 0.01 or tail[1] > _NO_WORSE * tail[0] + 0.01:
             words.append(
-                f"the worst violation of {name} goes from {worst[0]:.2f} to {worst[1]:.2f} s, the mean of the worst"
-                f" tenth from {tail[0]:.2f} to {tail[1]:.2f} s"
+                f"the worst violation of {name} goes from {worst[0]:.2f} to {worst[1]:.2f} s, the mean of the"
+                f" worst tenth from {tail[0]:.2f} to {tail[1]:.2f} s"
             )
     return words
 
