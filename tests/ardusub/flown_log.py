@@ -50,7 +50,7 @@ def vehicle() -> Vehicle:
 def course(seconds: float = 60.0) -> Course:
     """Yaw that ramps there and back, a depth and a place that move."""
     n = round(seconds / PERIOD_S)
-    t = PERIOD_S * np.arange(n)
+    t: Array = np.asarray(PERIOD_S * np.arange(n), float)
     targets = still_targets(n)
     rate = np.where((t > 8.0) & (t < 10.0), 0.4, 0.0) - np.where((t > 25.0) & (t < 29.0), 0.4, 0.0)
     targets[:, 2], targets[:, 3] = np.cumsum(rate) * PERIOD_S, rate
@@ -67,7 +67,7 @@ def flown(made: Course, *, seed: int = 1, wander: float = 0.0) -> Array:
     """Rows (n, 20) of one flight."""
     still = Rig(RIG.frame, RIG.direction, noise=(0.0, 0.0))
     size = wander * np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.1])
-    return fly_course(vehicle(), still, made, GAINS, cases=Cases.of(1, seed=seed, wander=size))[0]
+    return np.asarray(fly_course(vehicle(), still, made, GAINS, cases=Cases.of(1, seed=seed, wander=size))[0])
 
 
 def write(path: Path, made: Course, rows: Array) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from seatrial import TrialError
 from seatrial.ardusub.course import Course, logged_courses
 from seatrial.ardusub.flights import Cases, Rig, fly_course
 from seatrial.ardusub.reflight import refly
+from seatrial.base.arrays import Array
 from seatrial.logs.formats import open_log
 from tests.ardusub import flown_log
 
@@ -74,13 +76,14 @@ def test_a_vehicle_with_another_inertia_leaves_the_envelope(course: Course) -> N
 def test_cases_do_not_depend_on_their_neighbours(course: Course) -> None:
     wander = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
     cases = Cases.of(10, coefficients={"N_rdot": -np.linspace(0.1, 0.6, 10)}, wander=wander)
-    gains = {**flown_log.GAINS, "ATC_RAT_YAW_P": np.linspace(0.1, 0.3, 10)}
-    whole = fly_course(flown_log.vehicle(), flown_log.RIG, course, gains, cases=cases)
+    p = np.linspace(0.1, 0.3, 10)
+
+    def rows(which: Any) -> Array:
+        gains: dict[str, Any] = {**flown_log.GAINS, "ATC_RAT_YAW_P": p[which]}
+        return fly_course(flown_log.vehicle(), flown_log.RIG, course, gains, cases=cases.take(which))
+
     part = np.arange(8, 10)
-    some = fly_course(
-        flown_log.vehicle(), flown_log.RIG, course, {**gains, "ATC_RAT_YAW_P": gains["ATC_RAT_YAW_P"][part]},
-        cases=cases.take(part),
-    )  # fmt: skip
+    whole, some = rows(np.arange(10)), rows(part)
     assert np.array_equal(whole[part], some)
     assert not np.array_equal(whole[0], whole[1])
 
