@@ -3,7 +3,7 @@
 use crate::convert::{Array, Named, Numbers, optional_rows};
 use crate::error::{raised, refused};
 use crate::pickle::{self, Parts, parts, restorer};
-use crate::work::{Threads, interruptible, parallel};
+use crate::work::{Threads, brief, interruptible, parallel};
 use pyo3::prelude::*;
 use seatrial::description::{ActuatorDescription, Description};
 use seatrial::fit::batch::{Batch, Candidates, Run as Track};
@@ -314,6 +314,9 @@ fn motors(description: &Description, initial: Option<&State>) -> PyResult<MotorS
 /// The most steps between two samples: at three million steps a second some minutes.
 const MOST_SUBSTEPS: f64 = 1e9;
 
+/// A run of so few steps is over before a thread that could be stopped had begun: a vehicle that is stepped.
+const BRIEF_STEPS: usize = 200;
+
 /// A simulation, checked: one record, one segment.
 pub struct Simulation {
     description: Arc<Description>,
@@ -371,6 +374,9 @@ impl Simulation {
             substeps: self.substeps,
         };
         let tracks = match candidates {
+            None if self.record.len * self.substeps <= BRIEF_STEPS => {
+                vec![brief(py, |stop| batch.track(0, stop))?]
+            }
             None => vec![interruptible(py, |stop| batch.track(0, stop))?],
             Some(candidates) => parallel(py, threads, |stop| batch.tracks(candidates, stop))?,
         };

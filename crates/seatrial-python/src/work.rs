@@ -118,6 +118,15 @@ pub fn parallel<R: Send>(
     interruptible(py, |stop| in_pool(threads, || work(stop)))
 }
 
+/// Runs work of some microseconds without the interpreter lock on the caller's thread: another one would take longer to
+/// start.
+pub fn brief<R: Send>(
+    py: Python<'_>,
+    work: impl FnOnce(&AtomicBool) -> Result<R, Error> + Send,
+) -> PyResult<R> {
+    py.detach(|| work(&AtomicBool::new(false))).map_err(raised)
+}
+
 /// Runs `work` without the interpreter lock on one thread; stops it at a signal.
 pub fn interruptible<R: Send>(
     py: Python<'_>,

@@ -53,6 +53,8 @@ def matrix(q: ArrayLike) -> Array:
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
+    if np.ndim(w) == 0:  # one of a stepped vehicle: stacking takes far longer than the arithmetic
+        return np.array(rows)
     return np.asarray(np.stack([np.stack(row, axis=-1) for row in rows], axis=-2))
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,10 +56,15 @@ class Motion:
         """Roll, pitch, yaw, (3,), rad."""
         return to_euler(self.attitude)
 
+    @cached_property
+    def rotation(self) -> Array:
+        """Rotation matrix body to NED, (3, 3)."""
+        return matrix(self.attitude)
+
     @property
     def velocity(self) -> Array:
         """Velocity over ground, NED, (3,), m/s."""
-        return np.asarray(matrix(self.attitude) @ self.nu[:3])
+        return np.asarray(self.rotation @ self.nu[:3])
 
 
 def needs_voltage(vehicle: Vehicle) -> list[str]:
@@ -141,7 +147,7 @@ class Plant:
     @property
     def through_water(self) -> Array:
         """Velocity through the water, body frame, (3,), m/s."""
-        return np.asarray(self.motion.nu[:3] - matrix(self.motion.attitude).T @ self._current)
+        return np.asarray(self.motion.nu[:3] - self.motion.rotation.T @ self._current)
 
     def advance(self, commands: Mapping[str, float], dt_s: float) -> Motion:
         """Motion `dt_s` later under held commands, each in the unit of its actuator; missing ones are
@@ -173,11 +179,16 @@ class Plant:
             return Motion(self._t, np.asarray(state.position, float), q, nu, np.full(3, np.nan))
         rate = np.asarray(self.vehicle.acceleration(nu, q, tau, self._current), float)
         omega = nu[3:]
-        gravity = matrix(q).T @ np.array([0.0, 0.0, self._gravity])
-        force = rate[:3] + np.cross(omega, nu[:3]) - gravity
+        force = rate[:3] + _cross(omega, nu[:3]) - self._gravity * matrix(q)[2]
         if self._arm.any():
-            force = force + np.cross(rate[3:], self._arm) + np.cross(omega, np.cross(omega, self._arm))
+            force = force + _cross(rate[3:], self._arm) + _cross(omega, _cross(omega, self._arm))
         return Motion(self._t, np.asarray(state.position, float), q, nu, np.asarray(force))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """A x b of two vectors; NumPy's own takes as long as the step for the shapes that it allows."""
+    (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()
+    return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,6 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from seatrial.base.rotation import matrix
 from seatrial.realtime.plant import Motion
 
 __all__ = ["MAGIC_16", "MAGIC_32", "ServoPacket", "answer"]
@@ -92,7 +91,7 @@ def answer(motion: Motion, *, seabed_m: float | None = None) -> bytes:
         "velocity": motion.velocity.tolist(),
     }
     if seabed_m is not None:
-        down = float(matrix(motion.attitude)[2, 2])
+        down = float(motion.rotation[2, 2])
         altitude = seabed_m - float(motion.position[2])
         if down > 0.1 and altitude >= 0.0:  # beyond 84 degrees of tilt it does not see the bottom
             line["rng_1"] = altitude / down
