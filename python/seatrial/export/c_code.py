@@ -103,7 +103,7 @@ class CExport:
             good=f"{len(self.files)} files without dependencies but math.h; {rows[-1][-1]} operations in a step of"
             f" {last.prefix}",
             worst=self._left_out(),
-            next_step=f"gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for single precision",
+            next_step=f"compile with gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for single precision",
             sections=(
                 Section(
                     tables=(

@@ -81,7 +81,7 @@ class FmuExport:
             outcome="exported",
             good=f"{len(self.files)} units of FMI 2.0 and 3.0 with sources, {binary}{sets}",
             worst="a communication step is a whole number of steps of the unit; another one is refused by the unit",
-            next_step=f"fmpy validate {self.files[0]}; step the autopilot first, then the vehicle",
+            next_step=f"check with fmpy validate {self.files[0]}; step the autopilot first, then the vehicle",
             sections=(Section(tables=(Table.of("Units", head, rows),)),),
         )
 
