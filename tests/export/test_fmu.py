@@ -104,6 +104,7 @@ def running(export: st.FmuExport, name: str, tmp_path: Path) -> Iterator[Unit]:
     unit.slave.freeInstance()
 
 
+@pytest.mark.long
 @needs_compiler
 @pytest.mark.parametrize("version", ["fmi2", "fmi3"])
 def test_coupled_units_fly_as_the_product_does(units: st.FmuExport, version: str, tmp_path: Path) -> None:
@@ -134,6 +135,7 @@ def test_coupled_units_fly_as_the_product_does(units: st.FmuExport, version: str
     assert np.ptp([row["z"] for row in rows]) > 2.0
 
 
+@pytest.mark.long
 @needs_compiler
 @pytest.mark.parametrize("version", ["fmi2", "fmi3"])
 def test_state_of_a_unit_is_kept_and_restored(units: st.FmuExport, version: str, tmp_path: Path) -> None:
@@ -157,6 +159,7 @@ def test_state_of_a_unit_is_kept_and_restored(units: st.FmuExport, version: str,
         assert vehicle.get(["u"]) == {"u": ways[0]["u"]}
 
 
+@pytest.mark.long
 @needs_compiler
 def test_parameters_are_tunable_and_samples_are_sets(units: st.FmuExport, tmp_path: Path) -> None:
     drawn = st.Fitted.of("cwolf", percent={"X_uu": 10.0}).draws(3, 4)["X_uu"]
@@ -176,6 +179,7 @@ def test_parameters_are_tunable_and_samples_are_sets(units: st.FmuExport, tmp_pa
     assert len({*by_set}) == 4
 
 
+@pytest.mark.long
 def test_units_are_valid_and_hold_their_sources(units: st.FmuExport) -> None:
     from fmpy.validation import validate_fmu
 

@@ -85,14 +85,23 @@ class CExport:
         rows = [
             (
                 f"{program.prefix}_{function}",
-                *(f"{counts[kind]}" for kind in ("simple", "quotients", "functions", "decisions", "tables", "all")),
+                *(
+                    f"{counts[kind]}"
+                    for kind in ("simple", "quotients", "functions", "decisions", "tables", "all")
+                ),
             )
             for program in programs
             for function, counts in program.operations.items()
         ]
         head = ["function", "+ - *", "/ sqrt", "sin exp …", "compare, select", "tables", "all"]
         sizes = [
-            (program.prefix, *(str(len(part)) for part in (program.parameters, program.state, program.inputs, program.outputs)))
+            (
+                program.prefix,
+                *(
+                    str(len(part))
+                    for part in (program.parameters, program.state, program.inputs, program.outputs)
+                ),
+            )
             for program in programs
         ]
         numbers = ["program", "parameters", "state", "inputs", "outputs"]
@@ -233,8 +242,12 @@ def recorded(
     fitted = Fitted.of(vehicle)
     flown = fitted.vehicle
     if (autopilot is None) != (mission is None):
-        lacking = "a mission: add --mission FILE" if mission is None else "an autopilot: name one after the vehicle"
-        raise SimulationError(f"export: an autopilot flies a mission; expected both or none, found no {lacking[2:]}")
+        lacking = (
+            "mission: add --mission FILE" if mission is None else "autopilot: name one after the vehicle"
+        )
+        raise SimulationError(
+            f"export: an autopilot flies a mission; expected both or none, found no {lacking}"
+        )
     checked_supply(voltage_v, flown)
     stem = identifier(flown.name if name is None else name, given=name is not None)
     supply = math.nan if voltage_v is None else float(voltage_v)
@@ -244,7 +257,9 @@ def recorded(
     if autopilot is not None and mission is not None:
         pilot, plan = loaded(Autopilot, autopilot, "autopilot"), loaded(Mission, mission, "mission")
         checked_step(max_step_s, pilot)
-        substeps = max(1, math.ceil(pilot.period_s / max_step_s - max(pilot.period_s / max_step_s, 1.0) * 1e-9))
+        substeps = max(
+            1, math.ceil(pilot.period_s / max_step_s - max(pilot.period_s / max_step_s, 1.0) * 1e-9)
+        )
         step_s = pilot.period_s / substeps
         route = Route.of(plan)
         begin |= {"position": route.start, "attitude": [0.0, 0.0, route.heading]}
@@ -283,7 +298,9 @@ def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, text if isinstance(text, bytes) else text.encode())
         except OSError as error:
-            raise SimulationError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
+            raise SimulationError(
+                f"{path}: cannot be written ({reason(error)}); choose another folder"
+            ) from None
         paths.append(path)
     return paths
 

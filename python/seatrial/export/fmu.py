@@ -65,7 +65,9 @@ class FmuExport:
 
     def report(self) -> Report:
         """The units, what they hold and what runs them."""
-        binary = f"binary for {_platform()} by {self.compiler}" if self.compiler else "sources only: no C compiler"
+        binary = (
+            f"binary for {_platform()} by {self.compiler}" if self.compiler else "sources only: no C compiler"
+        )
         rows = [
             (
                 program.prefix,
@@ -177,7 +179,9 @@ def _samples(fitted: Fitted, program: Program, samples: int, seed: int) -> dict[
     if samples == 0:
         return {}
     known = [one["known_as"] for one in program.parameters]
-    drawn = {name: np.asarray(values) for name, values in fitted.draws(samples, seed).items() if name in known}
+    drawn = {
+        name: np.asarray(values) for name, values in fitted.draws(samples, seed).items() if name in known
+    }
     if not drawn:
         raise SimulationError(
             f"samples: the coefficients of {fitted.vehicle.name} count as exact; name the run directory of an"

@@ -117,7 +117,10 @@ def _template(name: str) -> str:
 def _variables(program: Program) -> list[tuple[dict[str, Any], str, str]]:
     """Numbers of a program with causality and variability, in the order of their value references from 1 on."""
     return [
-        *((one | {"name": f"parameters.{one['known_as']}"}, "parameter", "tunable") for one in program.parameters),
+        *(
+            (one | {"name": f"parameters.{one['known_as']}"}, "parameter", "tunable")
+            for one in program.parameters
+        ),
         *((one | {"name": one["known_as"]}, "input", "continuous") for one in program.inputs),
         *((one | {"name": one["known_as"]}, "output", "continuous") for one in program.outputs),
     ]
@@ -289,7 +292,12 @@ def _description_3(program: Program, token: str, sets: int) -> Xml.Element:
     _units(root, program)
     Xml.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=_number(program.step_s))
     table = Xml.SubElement(root, "ModelVariables")
-    independent = {"name": "time", "valueReference": "0", "causality": "independent", "variability": "continuous"}
+    independent = {
+        "name": "time",
+        "valueReference": "0",
+        "causality": "independent",
+        "variability": "continuous",
+    }
     Xml.SubElement(table, "Float64", independent | {"unit": "s"})
     outputs = []
     for reference, (one, causality, variability) in enumerate(_variables(program), start=1):
