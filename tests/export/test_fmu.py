@@ -189,7 +189,8 @@ def test_units_are_valid_and_hold_their_sources(units: st.FmuExport) -> None:
         description = fmpy.read_model_description(str(path))
         by_name = {one.name: one for one in description.modelVariables}
         if "vehicle" in path.name:
-            assert by_name["parameters.m"].unit == "kg" and by_name["parameters.m"].variability == "tunable"
+            assert by_name["parameters.m"].unit == "kg"
+            assert by_name["parameters.m"].variability == "tunable"
         assert {one.causality for one in description.modelVariables} >= {"input", "output", "parameter"}
 
 

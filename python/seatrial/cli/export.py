@@ -1,4 +1,4 @@
-"""`seatrial export`: a trial or a flight for other programs, a vehicle and its autopilot for other machines."""
+"""`seatrial export`: a trial or a flight for other programs, vehicle and autopilot for other machines."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def export(
     source: Annotated[
         str,
         typer.Argument(
-            help="Recording, flight.parquet of a run, or trial of the campaign; for c and fmu a vehicle: name,"
-            " file, or run directory of an identification.",
+            help="Recording, flight.parquet of a run, or trial of the campaign; for c and fmu a vehicle:"
+            " name, file, or run directory of an identification.",
             metavar="TRIAL|VEHICLE",
         ),
     ],
@@ -65,7 +65,7 @@ def export(
     binary: Annotated[bool, typer.Option(help="For fmu: build a binary with the C compiler.")] = True,
     json: Json = False,
 ) -> None:
-    """Write samples for other programs (MCAP, CSV, Parquet), or vehicle and autopilot for other machines (C99, FMU)."""
+    """Write samples for other programs (MCAP, CSV, Parquet), or a vehicle as a program (C99, FMU)."""
     from seatrial.cli.console import answer, print_json
 
     if form in ("c", "fmu"):

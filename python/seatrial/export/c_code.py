@@ -1,7 +1,7 @@
 """`export_c`: one step of a vehicle and of its autopilot as C99, recorded from the core.
 
-The core runs its own step once on numbers that record what is done with them (``crates/seatrial/src/number/traced.rs``)
-and writes the record as C. Tests: ``tests/export/test_c.py``, ``tests/export.rs`` of the core.
+The core runs its own step once on numbers that record what is done with them
+(``crates/seatrial/src/number/traced.rs``) and writes the record as C. Tests: ``tests/export/test_c.py``, ``tests/export.rs`` of the core.
 """
 
 from __future__ import annotations
@@ -109,10 +109,10 @@ class CExport:
         return Report(
             title=str(self.folder),
             outcome="exported as C99",
-            good=f"{len(self.files)} files without dependencies but math.h; {rows[-1][-1]} operations in a step of"
+            good=f"{len(self.files)} files that need math.h alone; {rows[-1][-1]} operations in a step of"
             f" {last.prefix}",
             worst=self._left_out(),
-            next_step=f"compile with gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for single precision",
+            next_step=f"compile with gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT makes it float",
             sections=(
                 Section(
                     tables=(
@@ -165,8 +165,8 @@ def export_c(
 ) -> CExport:
     """One step of a vehicle, and of its autopilot on a mission, as C99 without dependencies but ``math.h``.
 
-    Writes ``NAME_vehicle.h`` and ``.c``, and with an autopilot ``NAME_autopilot.h`` and ``.c``. The step is the one
-    that flies here: no second implementation.
+    Writes ``NAME_vehicle.h`` and ``.c``, and with an autopilot ``NAME_autopilot.h`` and ``.c``. The step is
+    the one that flies here: no second implementation.
 
     Parameters
     ----------
@@ -340,5 +340,5 @@ def _origin() -> Sequence[str]:
         release = "(not installed)"
     return (
         f"Recorded by seatrial {release}: SI units and radians unless a comment says otherwise;",
-        "north-east-down, body axes forward, starboard, down. Compile without -ffast-math: infinite ages count.",
+        "north-east-down, body axes forward, starboard, down. Not with -ffast-math: infinite ages count.",
     )
