@@ -1,7 +1,8 @@
 """`export_c`: one step of a vehicle and of its autopilot as C99, recorded from the core.
 
 The core runs its own step once on numbers that record what is done with them
-(``crates/seatrial/src/number/traced.rs``) and writes the record as C. Tests: ``tests/export/test_c.py``, ``tests/export.rs`` of the core.
+(``crates/seatrial/src/number/traced.rs``) and writes the record as C. Tests: ``tests/export/test_c.py``,
+``crates/seatrial/tests/export.rs``.
 """
 
 from __future__ import annotations
@@ -73,7 +74,17 @@ class Programs:
 
 @dataclass(frozen=True)
 class CExport:
-    """Files that were written, and the programs in them."""
+    """Files that were written, and the programs in them.
+
+    Attributes
+    ----------
+    programs
+        The programs.
+    folder
+        Where they are.
+    files
+        Headers and sources.
+    """
 
     programs: Programs
     folder: Path
@@ -112,7 +123,7 @@ class CExport:
             good=f"{len(self.files)} files that need math.h alone; {rows[-1][-1]} operations in a step of"
             f" {last.prefix}",
             worst=self._left_out(),
-            next_step=f"compile with gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT makes it float",
+            next_step=f"compile with gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for float",
             sections=(
                 Section(
                     tables=(
