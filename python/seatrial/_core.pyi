@@ -887,6 +887,11 @@ def ardusub_velocity(error: ArrayLike, velocity: ArrayLike, p: SupportsFloat | S
         Control period, s.
     """
 
+def autopilot_c(autopilot: Autopilot, vehicle: Vehicle, mission: Mission, prefix: str, about: SupportsGetItem[int, str], *, feedback: bool = True, voltage_v: SupportsFloat | SupportsIndex = ...) -> dict[str, Any]:
+    """
+    The step of an autopilot on a vehicle and a mission as C, see `seatrial.export`: as `vehicle_c`.
+    """
+
 def autopilot_names() -> dict[str, list[str]]:
     """
     The names behind the numbers of a flight: channels, groups, reactions and watches of the autopilot.
@@ -992,6 +997,22 @@ def simulate_batch(vehicle: Vehicle, coefficients: Mapping[str, ArrayLike], t: A
 
     Every array of the Run has a leading dimension k. Candidates fly side by side in vector lanes and on
     `threads` threads (all when missing).
+    """
+
+def vehicle_c(vehicle: Vehicle, prefix: str, about: SupportsGetItem[int, str], step_s: SupportsFloat | SupportsIndex, *, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> dict[str, Any]:
+    """
+    The step of a vehicle as C, see `seatrial.export`: header, source, numbers by name, operations.
+
+    Parameters
+    ----------
+    prefix : str
+        Of all public names; an identifier of C.
+    about : list of str
+        Lines of the heads of both files.
+    step_s : float
+        Length of a step, s.
+    position, attitude, nu : (3,), (4,) or (3,), (6,)
+        Where it begins.
     """
 
 def wrong_kind(expected: str, keys: SupportsGetItem[int, str]) -> str | None:

@@ -1,7 +1,8 @@
 """`export_c`: one step of a vehicle and of its autopilot as C99, recorded from the core.
 
-The core runs its own step once on numbers that record what is done with them (``crates/seatrial/src/number/traced.rs``)
-and writes the record as C. Tests: ``tests/export/test_c.py``, ``tests/export.rs`` of the core.
+The core runs its own step once on numbers that record what is done with them
+(``crates/seatrial/src/number/traced.rs``) and writes the record as C. Tests: ``tests/export/test_c.py``,
+``crates/seatrial/tests/export.rs``.
 """
 
 from __future__ import annotations
@@ -73,7 +74,17 @@ class Programs:
 
 @dataclass(frozen=True)
 class CExport:
-    """Files that were written, and the programs in them."""
+    """Files that were written, and the programs in them.
+
+    Attributes
+    ----------
+    programs
+        The programs.
+    folder
+        Where they are.
+    files
+        Headers and sources.
+    """
 
     programs: Programs
     folder: Path
@@ -85,14 +96,23 @@ class CExport:
         rows = [
             (
                 f"{program.prefix}_{function}",
-                *(f"{counts[kind]}" for kind in ("simple", "quotients", "functions", "decisions", "tables", "all")),
+                *(
+                    f"{counts[kind]}"
+                    for kind in ("simple", "quotients", "functions", "decisions", "tables", "all")
+                ),
             )
             for program in programs
             for function, counts in program.operations.items()
         ]
         head = ["function", "+ - *", "/ sqrt", "sin exp …", "compare, select", "tables", "all"]
         sizes = [
-            (program.prefix, *(str(len(part)) for part in (program.parameters, program.state, program.inputs, program.outputs)))
+            (
+                program.prefix,
+                *(
+                    str(len(part))
+                    for part in (program.parameters, program.state, program.inputs, program.outputs)
+                ),
+            )
             for program in programs
         ]
         numbers = ["program", "parameters", "state", "inputs", "outputs"]
@@ -100,10 +120,10 @@ class CExport:
         return Report(
             title=str(self.folder),
             outcome="exported as C99",
-            good=f"{len(self.files)} files without dependencies but math.h; {rows[-1][-1]} operations in a step of"
+            good=f"{len(self.files)} files that need math.h alone; {rows[-1][-1]} operations in a step of"
             f" {last.prefix}",
             worst=self._left_out(),
-            next_step=f"gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for single precision",
+            next_step=f"compile with gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for float",
             sections=(
                 Section(
                     tables=(
@@ -156,8 +176,8 @@ def export_c(
 ) -> CExport:
     """One step of a vehicle, and of its autopilot on a mission, as C99 without dependencies but ``math.h``.
 
-    Writes ``NAME_vehicle.h`` and ``.c``, and with an autopilot ``NAME_autopilot.h`` and ``.c``. The step is the one
-    that flies here: no second implementation.
+    Writes ``NAME_vehicle.h`` and ``.c``, and with an autopilot ``NAME_autopilot.h`` and ``.c``. The step is
+    the one that flies here: no second implementation.
 
     Parameters
     ----------
@@ -233,8 +253,12 @@ def recorded(
     fitted = Fitted.of(vehicle)
     flown = fitted.vehicle
     if (autopilot is None) != (mission is None):
-        lacking = "a mission: add --mission FILE" if mission is None else "an autopilot: name one after the vehicle"
-        raise SimulationError(f"export: an autopilot flies a mission; expected both or none, found no {lacking[2:]}")
+        lacking = (
+            "mission: add --mission FILE" if mission is None else "autopilot: name one after the vehicle"
+        )
+        raise SimulationError(
+            f"export: an autopilot flies a mission; expected both or none, found no {lacking}"
+        )
     checked_supply(voltage_v, flown)
     stem = identifier(flown.name if name is None else name, given=name is not None)
     supply = math.nan if voltage_v is None else float(voltage_v)
@@ -244,7 +268,9 @@ def recorded(
     if autopilot is not None and mission is not None:
         pilot, plan = loaded(Autopilot, autopilot, "autopilot"), loaded(Mission, mission, "mission")
         checked_step(max_step_s, pilot)
-        substeps = max(1, math.ceil(pilot.period_s / max_step_s - max(pilot.period_s / max_step_s, 1.0) * 1e-9))
+        substeps = max(
+            1, math.ceil(pilot.period_s / max_step_s - max(pilot.period_s / max_step_s, 1.0) * 1e-9)
+        )
         step_s = pilot.period_s / substeps
         route = Route.of(plan)
         begin |= {"position": route.start, "attitude": [0.0, 0.0, route.heading]}
@@ -283,7 +309,9 @@ def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, text if isinstance(text, bytes) else text.encode())
         except OSError as error:
-            raise SimulationError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
+            raise SimulationError(
+                f"{path}: cannot be written ({reason(error)}); choose another folder"
+            ) from None
         paths.append(path)
     return paths
 
@@ -323,5 +351,5 @@ def _origin() -> Sequence[str]:
         release = "(not installed)"
     return (
         f"Recorded by seatrial {release}: SI units and radians unless a comment says otherwise;",
-        "north-east-down, body axes forward, starboard, down. Compile without -ffast-math: infinite ages count.",
+        "north-east-down, body axes forward, starboard, down. Not with -ffast-math: infinite ages count.",
     )

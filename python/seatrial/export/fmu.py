@@ -1,8 +1,8 @@
 """`export_fmu`: vehicle and autopilot as co-simulation units of FMI 2.0 and 3.0, with their sources.
 
 The programs are those of `seatrial.export.c_code`; ``fmu_model.c`` keeps an instance of one, ``fmu_2.c`` and
-``fmu_3.c`` are its functions under either standard, and `seatrial.export.fmu_files` describes it. With a C compiler
-the unit gets a binary for this machine; without one it is a source unit, which the result says.
+``fmu_3.c`` are its functions under either standard, and `seatrial.export.fmu_files` describes it. With a C
+compiler the unit gets a binary for this machine; without one it is a source unit, which the result says.
 
 Source: Functional Mock-up Interface Specification 2.0.4 and 3.0.1 (Modelica Association). Tests:
 ``tests/export/test_fmu.py``.
@@ -65,7 +65,9 @@ class FmuExport:
 
     def report(self) -> Report:
         """The units, what they hold and what runs them."""
-        binary = f"binary for {_platform()} by {self.compiler}" if self.compiler else "sources only: no C compiler"
+        binary = (
+            f"binary for {_platform()} by {self.compiler}" if self.compiler else "sources only: no C compiler"
+        )
         rows = [
             (
                 program.prefix,
@@ -80,8 +82,8 @@ class FmuExport:
             title=", ".join(path.name for path in self.files),
             outcome="exported",
             good=f"{len(self.files)} units of FMI 2.0 and 3.0 with sources, {binary}{sets}",
-            worst="a communication step is a whole number of steps of the unit; another one is refused by the unit",
-            next_step=f"fmpy validate {self.files[0]}; step the autopilot first, then the vehicle",
+            worst="a communication step is a whole number of steps of the unit; others are refused",
+            next_step=f"check with fmpy validate {self.files[0]}; step the autopilot first, then the vehicle",
             sections=(Section(tables=(Table.of("Units", head, rows),)),),
         )
 
@@ -130,7 +132,7 @@ def export_fmu(
     vehicle, autopilot, out, mission, model, name, feedback, voltage_v, max_step_s, rho, g
         As for `export_c`.
     samples : int, optional
-        Vehicles drawn from the covariance of an identification: the integer parameter ``parameter_set`` chooses
+        Vehicles drawn from the covariance of an identification: the integer ``parameter_set`` chooses
         one of them from 1 on, 0 the parameters as they are set.
     seed : int, optional
         Of those draws.
@@ -177,7 +179,9 @@ def _samples(fitted: Fitted, program: Program, samples: int, seed: int) -> dict[
     if samples == 0:
         return {}
     known = [one["known_as"] for one in program.parameters]
-    drawn = {name: np.asarray(values) for name, values in fitted.draws(samples, seed).items() if name in known}
+    drawn = {
+        name: np.asarray(values) for name, values in fitted.draws(samples, seed).items() if name in known
+    }
     if not drawn:
         raise SimulationError(
             f"samples: the coefficients of {fitted.vehicle.name} count as exact; name the run directory of an"
@@ -243,8 +247,8 @@ def _built(files: BuildFiles, compiler: str) -> bytes:
         except (OSError, subprocess.SubprocessError) as error:
             said = getattr(error, "stderr", "") or str(error)
             raise SimulationError(
-                f"{compiler}: cannot build the unit: {said.strip()[:400]}; set CC to a C99 compiler, or build none"
-                " with --no-binary"
+                f"{compiler}: cannot build the unit: {said.strip()[:400]}; set CC to a C99 compiler, or"
+                " build none with --no-binary"
             ) from None
         return (Path(folder) / "unit.bin").read_bytes()
 

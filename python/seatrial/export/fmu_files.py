@@ -1,7 +1,7 @@
 """The files of a unit: its description as XML for FMI 2.0 and 3.0, and the sources that name its numbers.
 
-Value references: 0 is the time, then parameters, inputs and outputs in the order of the program, at last the integer
-that chooses a parameter set. Tests: ``tests/export/test_fmu.py``.
+Value references: 0 is the time, then parameters, inputs and outputs in the order of the program, at last the
+integer that chooses a parameter set. Tests: ``tests/export/test_fmu.py``.
 """
 
 from __future__ import annotations
@@ -115,9 +115,12 @@ def _template(name: str) -> str:
 
 
 def _variables(program: Program) -> list[tuple[dict[str, Any], str, str]]:
-    """Numbers of a program with causality and variability, in the order of their value references from 1 on."""
+    """Numbers of a program with causality and variability, in the order of their value references."""
     return [
-        *((one | {"name": f"parameters.{one['known_as']}"}, "parameter", "tunable") for one in program.parameters),
+        *(
+            (one | {"name": f"parameters.{one['known_as']}"}, "parameter", "tunable")
+            for one in program.parameters
+        ),
         *((one | {"name": one["known_as"]}, "input", "continuous") for one in program.inputs),
         *((one | {"name": one["known_as"]}, "output", "continuous") for one in program.outputs),
     ]
@@ -185,7 +188,8 @@ def _number(x: float) -> str:
 
 def _document(root: Xml.Element) -> bytes:
     Xml.indent(root)
-    return Xml.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
+    text: bytes = Xml.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text + b"\n"
 
 
 def _units(root: Xml.Element, program: Program) -> None:
@@ -289,7 +293,12 @@ def _description_3(program: Program, token: str, sets: int) -> Xml.Element:
     _units(root, program)
     Xml.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=_number(program.step_s))
     table = Xml.SubElement(root, "ModelVariables")
-    independent = {"name": "time", "valueReference": "0", "causality": "independent", "variability": "continuous"}
+    independent = {
+        "name": "time",
+        "valueReference": "0",
+        "causality": "independent",
+        "variability": "continuous",
+    }
     Xml.SubElement(table, "Float64", independent | {"unit": "s"})
     outputs = []
     for reference, (one, causality, variability) in enumerate(_variables(program), start=1):

@@ -1,0 +1,158 @@
+"""C of vehicle and autopilot: gcc and clang take it without a warning, and its missions are the core's."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.base.arrays import Array
+from seatrial.base.errors import SimulationError
+from seatrial.export.c_code import identifier
+
+HERE = Path(__file__).parent
+STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
+CURRENT = (0.1, -0.15, 0.0)
+SOURCES = ("cwolf_vehicle.c", "cwolf_autopilot.c", "harness.c")
+MISSION = """format = 1
+name = "tour"
+speed_m_s = 1.5
+acceptance_radius_m = 5.0
+[limits]
+max_depth_m = 30.0
+fence_m = [[-100.0, -100.0], [200.0, -100.0], [200.0, 200.0], [-100.0, 200.0]]
+[[legs]]
+north_m = 50.0
+east_m = 0.0
+depth_m = 6.0
+[[legs]]
+north_m = 50.0
+east_m = 30.0
+depth_m = 6.0
+hold_s = 10.0
+[[legs]]
+north_m = 10.0
+east_m = 40.0
+depth_m = 4.0
+"""
+
+
+def needs(program: str) -> None:
+    if shutil.which(program) is None:
+        pytest.skip(f"{program} is not installed")
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> st.CExport:
+    folder = tmp_path_factory.mktemp("c")
+    (folder / "tour.toml").write_text(MISSION)
+    shutil.copy(HERE / "harness.c", folder)
+    return st.export_c("cwolf", "cwolf", mission=folder / "tour.toml", out=folder)
+
+
+def built(exported: st.CExport, compiler: str, *options: str, name: str = "flight") -> Path:
+    needs(compiler)
+    program = exported.folder / name
+    command = [compiler, *STRICT, *options, *SOURCES, "-o", str(program), "-lm"]
+    subprocess.run(command, cwd=exported.folder, check=True, timeout=300)
+    return program
+
+
+def rows(command: Sequence[str | Path]) -> Array:
+    said = subprocess.run(command, check=True, capture_output=True, text=True, timeout=600)
+    assert not said.stderr or "ERROR SUMMARY: 0 errors" in said.stderr, said.stderr
+    return np.array([[float(x) for x in line.split()] for line in said.stdout.splitlines()])
+
+
+@pytest.fixture(scope="module")
+def flown(exported: st.CExport) -> Array:
+    flight = st.fly("cwolf", "cwolf", exported.folder / "tour.toml", current=CURRENT, max_time_s=150.0)
+    return np.column_stack([flight.position, flight.euler, flight.nu[:, 0]])
+
+
+def test_a_mission_in_c_is_the_products_own(exported: st.CExport, flown: Array) -> None:
+    ours = rows([built(exported, "gcc", "-O0")])
+    n = min(len(ours), len(flown))
+    assert n > 700
+    assert np.ptp(flown[:n, 2]) > 4.0
+    apart = np.abs(ours[:n, :7] - flown[:n]) / np.maximum(np.abs(flown[:n]), 1.0)
+    print(f"{n} periods, largest relative difference {apart.max():.2g}")
+    # Each step rounds as the core does; that holds a whole mission in closed loop, not a step alone.
+    assert apart.max() < 1e-12
+
+
+@pytest.mark.long
+def test_clang_and_single_precision_fly_the_mission(exported: st.CExport, flown: Array) -> None:
+    double = rows([built(exported, "clang", "-O2", name="clang")])
+    n = min(len(double), len(flown))
+    assert np.abs(double[:n, :7] - flown[:n]).max() < 1e-9
+    single = rows([built(exported, "gcc", "-O2", "-DSEATRIAL_FLOAT", name="single")])
+    apart = np.abs(single[:n, :7] - flown[:n])
+    print(f"single precision: position {apart[:, :3].max():.3g} m, angles {apart[:, 3:6].max():.3g} rad")
+    # A start of a motor or the end of a leg may move by a period.
+    assert np.isfinite(single).all()
+    assert apart[:, :3].max() < 0.5
+
+
+@pytest.mark.long
+def test_nothing_undefined_happens_on_a_mission(exported: st.CExport) -> None:
+    # clang traps, which needs no library of its own; gcc says what and where.
+    checks = {
+        "clang": ("-fsanitize=undefined", "-fsanitize-trap=undefined"),
+        "gcc": ("-fsanitize=undefined,address", "-fno-sanitize-recover=all"),
+    }
+    for compiler, options in checks.items():
+        assert len(rows([built(exported, compiler, "-O1", *options, name=f"ubsan-{compiler}")])) == 1000
+    needs("valgrind")
+    program = built(exported, "gcc", "-O1", "-DPERIODS=300", name="short")
+    assert len(rows(["valgrind", "--error-exitcode=9", program])) == 300
+
+
+@pytest.mark.long
+def test_a_cortex_m7_flies_the_mission_in_qemu(exported: st.CExport, flown: Array) -> None:
+    needs("arm-none-eabi-gcc")
+    needs("qemu-system-arm")
+    for name in ("cortex_m7.c", "cortex_m7.ld"):
+        shutil.copy(HERE / name, exported.folder)
+    cpu = ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "--specs=rdimon.specs")
+    linked = ("-T", "cortex_m7.ld", "-nostartfiles", "-DPERIODS=200", "-o", "m7.elf", "-lm")
+    command = ["arm-none-eabi-gcc", *STRICT, "-O2", *cpu, *SOURCES, "cortex_m7.c", *linked]
+    subprocess.run(command, cwd=exported.folder, check=True, timeout=300)
+    machine = ("-M", "mps2-an500", "-nographic", "-monitor", "none", "-serial", "none")
+    run = ("-semihosting-config", "enable=on,target=native", "-kernel", str(exported.folder / "m7.elf"))
+    ours = rows(["qemu-system-arm", *machine, *run])
+    assert len(ours) == 200
+    # Another libm: its sine is not that of this machine to the last bit.
+    assert np.abs(ours[:, :7] - flown[:200]).max() < 1e-6
+
+
+def test_what_cannot_be_exported_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(SimulationError, match="found no mission"):
+        st.export_c("cwolf", "cwolf", out=tmp_path)
+    with pytest.raises(SimulationError, match="found no autopilot"):
+        st.export_c("cwolf", mission="dive.toml", out=tmp_path)
+    with pytest.raises(SimulationError, match="depends on the supply voltage"):
+        st.export_c("bluerov2-heavy", out=tmp_path)
+    with pytest.raises(SimulationError, match="a letter first"):
+        identifier("2fast", given=True)
+    (tmp_path / "dive.toml").write_text(MISSION)
+    text = st.Autopilot.load("cwolf").to_toml().replace('method = "pseudo-inverse"', 'method = "quadratic"')
+    with pytest.raises(st.VehicleError, match="pseudo-inverse"):
+        st.export_c("cwolf", st.Autopilot.from_toml(text), mission=tmp_path / "dive.toml", out=tmp_path)
+    assert not list(tmp_path.glob("*.c"))
+
+
+def test_files_name_numbers_with_their_units(exported: st.CExport) -> None:
+    header = (exported.folder / "cwolf_vehicle.h").read_text()
+    assert re.search(r"cwolf_vehicle_real m; /\* kg: ", header)
+    source = "".join(path.read_text() for path in exported.files if path.suffix == ".c")
+    # Neither heap nor globals nor other headers: all that is static is constant or a function.
+    assert set(re.findall(r"#include <(.*)>", source)) == {"math.h"}
+    assert all("const" in line or "(" in line for line in source.splitlines() if line.startswith("static"))
+    assert "malloc" not in source
