@@ -1,10 +1,12 @@
 """A page in a real browser: what flies there is what `st.fly` flies, by mouse and by keyboard.
 
-Chromium is the system's; without one these tests are skipped and say so.
+Chromium is the system's; without one these tests are skipped and say so. The long one makes pages of every
+kind and looks at each in both themes and at the width of a phone.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,8 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import seatrial as st
+from seatrial.cli import app
+from seatrial.cli.new import EXAMPLES
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.report.page.flying import core
 from seatrial.report.page.page import write_page
@@ -267,11 +272,14 @@ def test_the_page_flies_by_the_filter_with_failures(opened: Callable[..., Page],
     assert_equal(page, "original", st.fly_batch("beluga", "beluga", mission, **options))
 
     choose(page, fault="thruster 0", faultat=20, outage="velocity", outagefrom=15, outageuntil=35)
-    failures = {"faults": [st.Fault("thruster_0", at_s=20)], "outages": [st.Outage("velocity", 15.0, 35.0)]}
+    failures: dict[str, Any] = {
+        "faults": [st.Fault("thruster_0", at_s=20)],
+        "outages": [st.Outage("velocity", 15.0, 35.0)],
+    }
     assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **options, **failures))
 
     choose(page, navigation="what the sensors show", sensors="perfect")
-    other = options | failures | {"navigation": "sensors", "sensors": None}
+    other: dict[str, Any] = options | failures | {"navigation": "sensors", "sensors": None}
     assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **other))
     choose(page, navigation="a navigation filter")
     assert_equal(
@@ -311,3 +319,95 @@ def test_without_script_the_results_can_be_read(opened: Callable[..., Page], tmp
     assert not page.locator("#fly").is_visible()
     assert page.locator("#theme").is_hidden()
     assert page.locator("table").first.is_visible()
+
+
+TORPEDO = f"""
+format = 1
+name = "lauv"
+vehicle = "lauv"
+autopilot = "lauv"
+[tuning]
+samples = 1
+current_m_s = 0.05
+settle_s = 6.0
+margins = {{ phase_deg = 20.0, gain_db = 3.0, delay_s = 0.05 }}
+budget = {{ population = 8, generations = 6, simplex_rounds = 3 }}
+[tuning.loops.heading]
+steps = [20.0]
+speeds_m_s = [1.318]
+corridor = {{ rise_s = 5.0, overshoot = 0.08, settling_s = 14.0, settled = 0.08, until_s = 18.0 }}
+[verification]
+missions = ["{(EXAMPLES / "missions" / "lawnmower.toml").as_posix()}"]
+runs = 50
+[verification.current]
+speed_m_s = {{ uniform = [0.0, 0.3] }}
+[[verification.requirements]]
+name = "flies the mission to its end"
+holds = 'ending == "complete"'
+probability = 0.9
+"""
+
+
+def run(*arguments: object) -> None:
+    result = CliRunner().invoke(app, list(map(str, arguments)))
+    assert result.exit_code in (0, 1), result.output  # a verdict may be one that is not held
+
+
+def demonstration(folder: Path) -> Path:
+    run("demo", "--out", folder)
+    return folder / "report.html"
+
+
+def beluga(folder: Path) -> Path:
+    if not (Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga").is_dir():
+        pytest.skip("the recordings of Beluga are not here; set SEATRIAL_DATA to their folder")
+    page = folder / "beluga.html"
+    run("identify", EXAMPLES / "beluga" / "campaign.toml", "--out", folder / "run", "--report", page)
+    return page
+
+
+def torpedo(folder: Path) -> Path:
+    campaign = folder / "lauv.toml"
+    campaign.write_text(TORPEDO)
+    run("tune", campaign, "--run", "lauv", "--no-relay", "--out", folder / "tuned")
+    run("verify", campaign, "--run", "lauv", "--autopilot", folder / "tuned", "--out", folder / "verified")
+    run("report", folder / "tuned", folder / "verified", "--out", folder / "lauv.html")
+    return folder / "lauv.html"
+
+
+def judged_log(folder: Path) -> Path:
+    mission, page = EXAMPLES / "missions" / "cage_survey.toml", folder / "log.html"
+    flown = ("--sensors", "typical", "--no-figures", "--out", folder / "flown")
+    run("fly", "cwolf", "cwolf", mission, *flown)
+    judged = ("--log", folder / "flown", "--out", folder / "judged", "--report", page)
+    run("verify", EXAMPLES / "cwolf" / "campaign.toml", "--run", "cwolf", "--autopilot", "cwolf", *judged)
+    return page
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("made", [demonstration, beluga, torpedo, judged_log])
+def test_a_page_of_every_kind_is_whole(
+    made: Callable[[Path], Path], opened: Callable[..., Page], tmp_path: Path
+) -> None:
+    path = made(tmp_path)
+    assert path.stat().st_size < 8_000_000
+    for width, theme in ((1280, "light"), (390, "dark")):
+        page = opened(path, viewport={"width": width, "height": 900}, color_scheme=theme)
+        settled(page, "window.seatrial && seatrial.changed && seatrial.core.idle")
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        gain = page.locator('input[data-control^="gain "]').first
+        gain.focus()
+        for _ in range(5):
+            page.keyboard.press("ArrowRight")
+        settled(page, "seatrial.core.idle && !seatrial.core.waiting.size && !seatrial.untouched()")
+        assert (page.text_content("[data-part=status]") or "").startswith("Re-flown")
+        for name in page.evaluate(
+            "[...document.querySelector('[data-control=loop]').options].map((x) => x.value)"
+        ):
+            page.locator("[data-control=loop]").select_option(name)
+            assert page.locator("[data-part=margins] path.second").count() == 3, name
+        assert_accessible(page)
+        if width == 1280:
+            assert len(page.pdf()) > 10_000
+        page.locator("button[data-act=reset]").click()
+        settled(page, "seatrial.core.idle && seatrial.changed && seatrial.untouched()")
