@@ -1,7 +1,7 @@
 """A page in a real browser: what flies there is what `st.fly` flies, by mouse and by keyboard.
 
-Chromium is the system's; without one these tests are skipped and say so. The long one makes pages of every kind
-and looks at each in both themes and at the width of a phone.
+Chromium is the system's; without one these tests are skipped and say so. The long one makes pages of every
+kind and looks at each in both themes and at the width of a phone.
 """
 
 from __future__ import annotations
@@ -272,11 +272,14 @@ def test_the_page_flies_by_the_filter_with_failures(opened: Callable[..., Page],
     assert_equal(page, "original", st.fly_batch("beluga", "beluga", mission, **options))
 
     choose(page, fault="thruster 0", faultat=20, outage="velocity", outagefrom=15, outageuntil=35)
-    failures = {"faults": [st.Fault("thruster_0", at_s=20)], "outages": [st.Outage("velocity", 15.0, 35.0)]}
+    failures: dict[str, Any] = {
+        "faults": [st.Fault("thruster_0", at_s=20)],
+        "outages": [st.Outage("velocity", 15.0, 35.0)],
+    }
     assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **options, **failures))
 
     choose(page, navigation="what the sensors show", sensors="perfect")
-    other = options | failures | {"navigation": "sensors", "sensors": None}
+    other: dict[str, Any] = options | failures | {"navigation": "sensors", "sensors": None}
     assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **other))
     choose(page, navigation="a navigation filter")
     assert_equal(
