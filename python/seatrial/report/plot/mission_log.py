@@ -236,7 +236,15 @@ def _sensible(axes: Axes, values: Array) -> None:
     """Limits that hold what matters of the values: a turn on the spot must not flatten a mission."""
     good = values[np.isfinite(values)]
     if not len(good):
-        axes.text(0.5, 0.5, "the log has no samples of it", ha="center", transform=axes.transAxes, fontsize=7, color=FAINT)
+        axes.text(
+            0.5,
+            0.5,
+            "the log has no samples of it",
+            ha="center",
+            transform=axes.transAxes,
+            fontsize=7,
+            color=FAINT,
+        )
         return
     low, high = np.quantile(good, (_RARE, 1.0 - _RARE))
     span = max(float(high - low), 1e-6)
