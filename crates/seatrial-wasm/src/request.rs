@@ -7,6 +7,7 @@ use seatrial::control::autopilot::settings::{Settings, tunable_index};
 use seatrial::control::navigation::{CHANNELS, GROUPS, Outage, Seabed, Sensors};
 use seatrial::description::Description;
 use seatrial::fit::inputs::actuator_index;
+use seatrial::flight::acoustics::Acoustics;
 use seatrial::flight::batch::{Case, Cases};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::columns_with;
@@ -119,6 +120,7 @@ pub fn fly(text: &str) -> Answer {
         mission: &mission,
         sensors: &sensors,
         navigation: None,
+        acoustics: &Acoustics::default(),
         feedback: asked.feedback,
         seabed: asked.seabed,
         obstacles: &mission.with_cylinders(&asked.obstacles),
