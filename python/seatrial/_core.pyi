@@ -358,6 +358,12 @@ class Mission:
         The mission of the TOML text of a mission file in metres; `source` stands in messages.
         """
     @property
+    def landmarks(self, /) -> list[dict[str, Any]]:
+        """
+        Known places that acoustic sensors see: name, kind ("beacon", "wall", "pen"), north_m, east_m, and depth_m, facing_deg
+        or radius_m.
+        """
+    @property
     def leg_numbers(self, /) -> list[int]:
         """
         Number of the leg in the file, from 1, that each waypoint belongs to.
@@ -919,7 +925,7 @@ def file_text(path: str | PathLike[str]) -> str:
     Raises ValueError that says why the file cannot be read.
     """
 
-def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, max_time_s: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times_s: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ..., current_trend: ArrayLike | None = None, current_walk: ArrayLike | None = None, waves: ArrayLike | None = None, navigation: Filter | None = None, dither: Mapping[str, ArrayLike] | None = None, sensor_offsets: ArrayLike | None = None) -> Flights:
+def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, max_time_s: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times_s: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ..., current_trend: ArrayLike | None = None, current_walk: ArrayLike | None = None, waves: ArrayLike | None = None, navigation: Filter | None = None, dither: Mapping[str, ArrayLike] | None = None, sensor_offsets: ArrayLike | None = None, acoustics: Mapping[str, ArrayLike] | None = None, transceiver: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ...) -> Flights:
     """
     Flies k cases of a mission; see `seatrial.fly`, which says it in the words of a user.
 
@@ -936,7 +942,10 @@ def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: Support
     down by which its plan is moved, each from its time on. dither {"times": (S,), actuator: (S,)}: added to the
     autopilot's commands from each time on, in their unit. sensor_offsets (k, 16) or (16,): offset of each channel in
     its standard deviations, in place of the one that the seed draws. navigation: the filter whose
-    estimate the autopilot is told, each case with one of its own. corridors: rows (channel, base (k,), scale (k,), lower, upper,
+    estimate the autopilot is told, each case with one of its own; acoustics {kind: (17,)}: noise, offset, quantum, control
+    periods between samples, to the first and of latency, drop-outs every s, for s, reach, share and deviation of outliers, lever
+    arm (3), roll, pitch and yaw of its mounting, of gps, usbl, range and bearing, which see the mission's landmarks;
+    transceiver: place of the acoustic positioning, NED, m. corridors: rows (channel, base (k,), scale (k,), lower, upper,
     target, clock (P,)), see `Flights.violations`.
     """
 

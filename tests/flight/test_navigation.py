@@ -138,7 +138,7 @@ def test_acoustics_find_the_place_of_a_vehicle_that_starts_in_doubt() -> None:
         "net": Pen(0.0, 0.0, 25.0),
         "quay": Wall(60.0, 0.0, 0.0),
     }
-    kinds = {"range": Sensor(noise=0.2), "bearing": Sensor(noise=0.02), "attitude": Sensor(noise=0.2)}
+    kinds = {"range": Sensor(noise=0.2), "bearing": Sensor(noise=1.15), "attitude": Sensor(noise=0.2)}
     for told in (
         {"range.north": 102.0, "range.east": 82.46, "bearing.east": np.pi / 2},
         {"bearing.net": 0.0, "range.net": 25.0, "bearing.quay": 0.0, "range.quay": 60.0, "range.east": 82.46},

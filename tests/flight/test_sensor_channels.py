@@ -72,7 +72,8 @@ def test_every_kind_that_moves_goes_to_the_group_of_its_columns() -> None:
     channel_of |= {"p_deg_s": "rates", "u_water_m_s": "water"}
     for kind, group in GROUP_OF_KIND.items():
         assert channel_of[KINDS[kind].columns[0]] == group, kind
-    assert set(GROUP_OF_KIND) == set(KINDS) - {"revolutions", "voltage", "load_cell"}
+    aboard = {kind for kind in KINDS if KINDS[kind].aboard}
+    assert set(GROUP_OF_KIND) == set(KINDS) - {"revolutions", "voltage", "load_cell"} - aboard
 
 
 def test_rates_and_latencies_become_whole_control_periods_and_rounding_is_said() -> None:

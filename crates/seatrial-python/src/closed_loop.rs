@@ -13,8 +13,10 @@ use crate::work::{Threads, parallel};
 use pyo3::prelude::*;
 use seatrial::control::autopilot::settings::{tunable_index, tunable_names};
 use seatrial::control::navigation::{CHANNELS, GROUPS, Outage, Sensors};
+use seatrial::control::navigation_filter::{Instrument, KINDS};
 use seatrial::description::{ActuatorDescription, Description};
 use seatrial::fit::inputs::actuator_index;
+use seatrial::flight::acoustics::{Acoustics, DEVICES, Device, landmark};
 use seatrial::flight::batch::{Case, Cases, Outcome};
 use seatrial::flight::exceedance::{EDGES, edges};
 use seatrial::flight::faults::ActuatorFault;
@@ -23,6 +25,7 @@ use seatrial::flight::summary::{FIGURES, Summary};
 use seatrial::flight::waves::Sea;
 use seatrial::flight::{Flight, whole_steps};
 use seatrial::model::integrate;
+use seatrial::model::kinematics::from_euler;
 use seatrial::number::lanes::LANES;
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
@@ -85,15 +88,22 @@ impl Flights {
 
     /// The figures of all cases by name, shape (k,) each; SI and rad, a diverged flight is not a number.
     #[getter]
-    fn figures(&self) -> BTreeMap<&'static str, Array> {
-        let column = |read: fn(&Summary<f64>) -> f64| {
+    fn figures(&self) -> BTreeMap<String, Array> {
+        let column = |read: &dyn Fn(&Summary<f64>) -> f64| {
             Array::new(&[self.summaries.len()], self.summaries.iter().map(read).collect())
         };
-        let mut figures: BTreeMap<_, _> = FIGURES.iter().map(|(name, read)| (*name, column(*read))).collect();
-        if self.summaries.iter().any(|s| !s.consistency[1].is_nan()) {
-            figures.insert("navigation_nis", column(|s| s.consistency[0]));
-            figures.insert("navigation_samples", column(|s| s.consistency[1]));
-            figures.insert("navigation_refused", column(|s| s.consistency[2]));
+        let mut figures: BTreeMap<_, _> =
+            FIGURES.iter().map(|(name, read)| ((*name).to_owned(), column(read))).collect();
+        for (k, kind) in std::iter::once("").chain(KINDS).enumerate() {
+            // A sensor that gave the filter nothing has no figures.
+            let heard = |s: &Summary<f64>| s.consistency[k][1] + s.consistency[k][2] > 0.0;
+            if !self.summaries.iter().any(heard) {
+                continue;
+            }
+            let of = if k == 0 { String::new() } else { format!("{kind}_") };
+            for (i, what) in ["nis", "samples", "refused"].into_iter().enumerate() {
+                figures.insert(format!("navigation_{of}{what}"), column(&|s| s.consistency[k][i]));
+            }
         }
         figures
     }
@@ -197,10 +207,13 @@ pub fn error_edges() -> Array {
 /// down by which its plan is moved, each from its time on. dither {"times": (S,), actuator: (S,)}: added to the
 /// autopilot's commands from each time on, in their unit. sensor_offsets (k, 16) or (16,): offset of each channel in
 /// its standard deviations, in place of the one that the seed draws. navigation: the filter whose
-/// estimate the autopilot is told, each case with one of its own. corridors: rows (channel, base (k,), scale (k,), lower, upper,
+/// estimate the autopilot is told, each case with one of its own; acoustics {kind: (17,)}: noise, offset, quantum, control
+/// periods between samples, to the first and of latency, drop-outs every s, for s, reach, share and deviation of outliers, lever
+/// arm (3), roll, pitch and yaw of its mounting, of gps, usbl, range and bearing, which see the mission's landmarks;
+/// transceiver: place of the acoustic positioning, NED, m. corridors: rows (channel, base (k,), scale (k,), lower, upper,
 /// target, clock (P,)), see `Flights.violations`.
 #[pyfunction]
-#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new(), current_trend = None, current_walk = None, waves = None, navigation = None, dither = None, sensor_offsets = None))]
+#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new(), current_trend = None, current_walk = None, waves = None, navigation = None, dither = None, sensor_offsets = None, acoustics = None, transceiver = (0.0, 0.0, 0.0)))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
 pub fn fly(
     py: Python<'_>,
@@ -240,6 +253,8 @@ pub fn fly(
     navigation: Option<PyRef<'_, Filter>>,
     dither: Option<Named>,
     sensor_offsets: Option<Numbers>,
+    acoustics: Option<Named>,
+    transceiver: (f64, f64, f64),
 ) -> PyResult<Flights> {
     let description = &vehicle.description;
     let settings = &autopilot.settings;
@@ -354,6 +369,7 @@ pub fn fly(
     }
     settings.fits(model).map_err(raised)?;
     let own = description.file.environment;
+    let acoustics = acoustics_of(acoustics, transceiver, &mission.core)?;
     let fitting = navigation.map(|filter| filter.fitting_for(dt));
     let flight = Flight {
         description,
@@ -367,6 +383,7 @@ pub fn fly(
         trial: &trial,
         turbulence_times: [tau, tau_2],
         navigation: fitting.as_ref(),
+        acoustics: &acoustics,
         environment: own.with(rho, g).map_err(raised)?,
         voltage: voltage_v,
         substeps: whole_steps(dt / max_step_s),
@@ -445,6 +462,53 @@ fn varied(
         columns.push(values);
     }
     Ok((indices, columns))
+}
+
+/// What only a navigation filter reads: a row per kind, and the landmarks of the mission.
+fn acoustics_of(
+    rows: Option<Named>,
+    (north, east, down): (f64, f64, f64),
+    mission: &seatrial::mission::Mission,
+) -> PyResult<Acoustics> {
+    let mut acoustics = Acoustics {
+        landmarks: mission.file.landmarks.iter().map(landmark).collect(),
+        transceiver: [north, east, down],
+        ..Acoustics::default()
+    };
+    for (kind, row) in rows.map(Named::by_name).into_iter().flatten() {
+        let [
+            noise,
+            bias,
+            quantum,
+            every,
+            first,
+            late,
+            gap,
+            length,
+            reach,
+            share,
+            size,
+            x,
+            y,
+            z,
+            roll,
+            pitch,
+            yaw,
+        ] = row.row::<17>(&kind)?;
+        let index = DEVICES.iter().position(|&device| KINDS[device] == kind).ok_or_else(|| {
+            refused(format!("acoustics: expected gps, usbl, range or bearing, found \"{kind}\""))
+        })?;
+        let mount = from_euler(&[roll, pitch, yaw]);
+        acoustics.devices[index] = Some(Device {
+            instrument: Instrument { noise, bias, latency: 0.0, arm: [x, y, z], mount },
+            quantum,
+            periods: [every.max(1.0) as usize, first as usize, late.min(MOST_LATENCY) as usize],
+            dropouts: [gap, length],
+            reach,
+            outliers: [share, size],
+        });
+    }
+    Ok(acoustics)
 }
 
 /// The sensors of the arrays that Python gives.

@@ -119,6 +119,13 @@ impl Mission {
         Ok(Array::rows(&rows.collect::<Vec<_>>(), false))
     }
 
+    /// Known places that acoustic sensors see: name, kind ("beacon", "wall", "pen"), north_m, east_m, and depth_m, facing_deg
+    /// or radius_m.
+    #[getter]
+    fn landmarks(&self) -> Vec<Table> {
+        self.core.file.landmarks.iter().map(Table::of).collect()
+    }
+
     /// Number of the leg in the file, from 1, that each waypoint belongs to.
     #[getter]
     fn leg_numbers(&self) -> Vec<usize> {

@@ -8,6 +8,7 @@ use seatrial::control::navigation::{CHANNELS, GROUPS, Outage, Seabed, Sensors};
 use seatrial::control::navigation_filter::Stated;
 use seatrial::description::Description;
 use seatrial::fit::inputs::actuator_index;
+use seatrial::flight::acoustics::Acoustics;
 use seatrial::flight::batch::{Case, Cases};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::columns_with;
@@ -124,6 +125,7 @@ pub fn fly(text: &str) -> Answer {
         mission: &mission,
         sensors: &sensors,
         navigation: fitting.as_ref(),
+        acoustics: &Acoustics::default(),
         feedback: asked.feedback,
         seabed: asked.seabed,
         obstacles: &mission.with_cylinders(&asked.obstacles),

@@ -1,6 +1,6 @@
 //! Closed loop: vehicle, sensors, autopilot, mission and current together; one flight, or cases side by side.
 //!
-//! In reading order: [`aboard`], the navigation filters; [`obstacle`], [`faults`], [`turbulence`], [`drift`], [`waves`] and their sum [`water`], what the world
+//! In reading order: [`acoustics`], what only a filter reads; [`aboard`], the navigation filters; [`obstacle`], [`faults`], [`turbulence`], [`drift`], [`waves`] and their sum [`water`], what the world
 //! adds; [`motors`], what the actuators really do; [`energy`], what is used up; [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
 //! [`summary`], the figures, which `tally` sums up under way; [`log`](mod@log), every period of it; [`fly`], one case;
 //! [`batch`], many; [`ardusub`], a vehicle under ArduSub's cascade along targets over time.
@@ -12,6 +12,7 @@
 //! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py`.
 
 pub mod aboard;
+pub mod acoustics;
 pub mod ardusub;
 pub mod batch;
 pub mod case;
@@ -65,7 +66,7 @@ pub fn fly<T: Split>(
     let mut pilot = autopilot.begin(allocator);
     let mut navigation = Navigation::new(flight.sensors, setting.seed, &setting.outages)
         .with_offsets(setting.offsets.as_ref());
-    let aboard = flight.navigation.map(|fitting| Aboard::new(flight.model, fitting, T::PARTS));
+    let aboard = flight.navigation.map(|fitting| Aboard::new(flight, fitting, setting));
     let mut aboard = aboard.transpose()?;
     let mut motors = Motors::new(vehicle, &limits, h, unit);
     let mut energy = Energy::new(flight.description, unit);
@@ -88,7 +89,7 @@ pub fn fly<T: Split>(
         let feedback = flight.feedback.then_some(&motors.signals[..]);
         let estimate = aboard.as_mut().map(|filters| {
             let elapsed = if k == 0 { 0.0 } else { dt };
-            filters.tell(measured, (&pilot.signals, feedback), elapsed)
+            filters.tell((&shown, measured), (&pilot.signals, feedback), (elapsed, dt))
         });
         let measured = estimate.as_ref().unwrap_or(measured);
         let set_point = flight.trial.set_point(unit, &setting.set_points, k as f64 * dt);

@@ -4,7 +4,7 @@
 //! (lawnmower, spiral, rounds about a fish farm) become waypoints here, so that guidance knows nothing but those. What
 //! cannot be flown as written is refused with its leg and key before anything moves.
 //!
-//! In reading order: [`file`](mod@file) and [`legs`], what users write; [`waypoint`], what is flown; [`plane`], the geometry of
+//! In reading order: [`file`](mod@file), [`legs`] and [`landmarks`], what users write; [`waypoint`], what is flown; [`plane`], the geometry of
 //! the plane; [`patterns`] and [`farm`], from a pattern to its places; `expand`, the waypoints of a file; [`fence`], inside
 //! or outside; `plan`, courses, slopes, length and time; `check`, what is refused.
 //!
@@ -16,6 +16,7 @@ mod expand;
 pub mod farm;
 pub mod fence;
 pub mod file;
+pub mod landmarks;
 pub mod legs;
 mod numbers;
 pub mod patterns;

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -44,6 +44,7 @@ from seatrial.flight.mission import Mission, Route
 from seatrial.flight.navigation import NavigationFilter, checked_navigation, filter_of
 from seatrial.flight.sea import SeaState, checked_seas, sea_rows
 from seatrial.flight.sensor_channels import SensorChannels, sensor_channels, sensors_of
+from seatrial.sensors.sensor import KINDS
 
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
@@ -308,6 +309,7 @@ class Cases:
             sources,
             flown[:2],
             route,
+            flown[2].landmarks,
             logs=logs,
             current=_triple(np.atleast_2d(water)[0]),
             turbulence=_triple(eddies) if eddies.ndim == 1 else (0.0, 0.0, 0.0),
@@ -404,6 +406,8 @@ class Cases:
             dither=self.dither,
             feedback=around.feedback,
             navigation=self.filter,
+            acoustics=dict(self.channels.acoustics),
+            transceiver=self.channels.transceiver,
             seabed=around.seabed,
             voltage_v=math.nan if around.voltage_v is None else around.voltage_v,
             rho=around.rho,
@@ -430,6 +434,7 @@ def _circumstances(
     sources: Mapping[str, Any],
     flown: tuple[Vehicle, Autopilot],
     route: Route,
+    landmarks: Sequence[Mapping[str, Any]],
     *,
     current: tuple[float, float, float],
     turbulence: tuple[float, float, float],
@@ -467,6 +472,7 @@ def _circumstances(
     asked = checked_navigation(navigation)
     fitted = sensors_of(sensors, vehicle)
     channels = sensor_channels(fitted, autopilot.period_s)
+    channels = replace(channels, sentences=channels.sentences + _unheard(fitted, asked, landmarks))
     around = Circumstances(
         current=current,
         turbulence=turbulence,
@@ -496,9 +502,40 @@ def _circumstances(
     )
     gusts = math.sqrt(sum(x * x for x in around.turbulence) / 3.0), around.turbulence_times_s[0]
     aboard = filter_of(
-        asked, around.model, fitted, autopilot.period_s, waves=waves, gusts=gusts, exact=model is None
+        asked,
+        around.model,
+        fitted,
+        autopilot.period_s,
+        landmarks=landmarks,
+        waves=waves,
+        gusts=gusts,
+        exact=model is None,
     )
     return around, channels, None if aboard is None else aboard.core
+
+
+def _unheard(
+    sensors: Mapping[str, Sensor] | None,
+    navigation: str | NavigationFilter,
+    landmarks: Sequence[Mapping[str, Any]],
+) -> tuple[str, ...]:
+    """Sentences on acoustic sensors that tell nothing in this flight."""
+    said = []
+    for kind in sensors or {}:
+        if not KINDS[kind].aboard:
+            continue
+        if navigation == "sensors":
+            said.append(f'{kind} is left out: only a navigation filter reads it (navigation = "filter").')
+        elif kind != "usbl" and not landmarks:
+            said.append(f"{kind} sees nothing: the mission has no [[landmarks]].")
+    if sensors and ("range" in sensors) != ("bearing" in sensors):
+        surfaces = [str(mark["name"]) for mark in landmarks if mark["kind"] != "beacon"]
+        if surfaces and navigation != "sensors":
+            raise SimulationError(
+                f"sensors: {surfaces[0]} is a wall or a net, of which a sonar gives a range along a bearing:"
+                " expected sensors of both kinds, range and bearing, found one; add the other"
+            )
+    return tuple(said)
 
 
 def _model(source: Any, vehicle: Vehicle) -> Vehicle:

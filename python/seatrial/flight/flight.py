@@ -34,7 +34,7 @@ from seatrial.flight.metrics import (
     loops_of,
     metrics_of,
 )
-from seatrial.flight.tables import legs_table, loops_table, metrics_table
+from seatrial.flight.tables import legs_table, loops_table, metrics_table, navigation_table
 
 if TYPE_CHECKING:
     import polars as pl
@@ -310,6 +310,9 @@ def report(flight: Flight, sections: Sequence[Section] = ()) -> Report:
     tables = [metrics_table(flight.metrics), legs_table(flight.legs)]
     if not flight.diverged:
         tables.append(loops_table(flight.loops))
+    filtered = navigation_table(flight.metrics)
+    if filtered is not None:
+        tables.append(filtered)
     return Report(
         title=f"{flight.vehicle.name} on {flight.route.name}",
         outcome=flight.outcome_in_words,

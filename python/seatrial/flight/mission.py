@@ -203,6 +203,11 @@ class Mission:
         """What stands in the water, farms first: see `seatrial._core.Mission.obstacles`."""
         return self.core.obstacles
 
+    @property
+    def landmarks(self) -> list[dict[str, Any]]:
+        """Known places that acoustic sensors see: see `seatrial._core.Mission.landmarks`."""
+        return self.core.landmarks
+
     @cached_property
     def promised_m(self) -> float:
         """Smallest distance in m that the mission promises of what stands in the water; 0 without."""
@@ -245,7 +250,7 @@ def _tables(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     for key in ("start", "limits"):
         if isinstance(table := data.get(key), dict):
             yield f"{key}.", table
-    for key, name in (("legs", "leg"), ("obstacles", "obstacle")):
+    for key, name in (("legs", "leg"), ("obstacles", "obstacle"), ("landmarks", "landmark")):
         tables = data.get(key)
         for number, table in enumerate(tables if isinstance(tables, list) else [], start=1):
             if isinstance(table, dict):

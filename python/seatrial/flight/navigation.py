@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,9 @@ from seatrial.sensors.sensor import KINDS, Sensor
 __all__ = ["ACOUSTICS", "Beacon", "NavigationFilter", "Pen", "Wall", "checked_navigation", "filter_of"]
 
 ACOUSTICS = ("usbl", "altitude", "range", "bearing")
-"""Kinds of sensors that only a navigation filter reads, besides those of `seatrial.sensors`; m and rad."""
+"""Kinds of sensors that only a navigation filter reads; a bearing in degrees, as any angle of a sensor."""
+
+_READ = ("position", "depth", "attitude", "dvl", "gyro", "dvl_water", "gps", "usbl", "range", "bearing")
 
 _TOLD = ("position", "gps", "depth", "attitude", "dvl", "gyro", "dvl_water")
 
@@ -101,7 +103,7 @@ class NavigationFilter:
         The process model: the identified vehicle.
     sensors : mapping of str to Sensor, str or Path, optional
         By kind, "typical", or a file with ``[sensors.KIND]`` tables: noise, offset, digits, latency and
-        lever arm; of the kinds in `ACOUSTICS` too, in m and rad. Good sensors of every kind when omitted.
+        lever arm; of the kinds in `ACOUSTICS` too. Good sensors of every kind when omitted.
     period_s : float, optional
         Time of a step.
     landmarks : mapping of str to Beacon, Wall or Pen, optional
@@ -380,14 +382,15 @@ def filter_of(
     sensors: Mapping[str, Sensor] | None,
     period_s: float,
     *,
+    landmarks: Sequence[Mapping[str, Any]] = (),
     waves: SeaState | None = None,
     gusts: tuple[float, float] = (0.0, 60.0),
     exact: bool = False,
 ) -> NavigationFilter | None:
     """Filter for flights, on the vehicle that the autopilot believes in; None for what the sensors show.
 
-    It is told of the sea: the waves, and deviation (m/s) and time constant (s) of the gusts; and whether
-    the vehicle is simulated by the model itself.
+    It knows the landmarks of the mission, and is told of the sea: the waves, and deviation (m/s) and time
+    constant (s) of the gusts; and whether the vehicle is simulated by the model itself.
     """
     if isinstance(navigation, NavigationFilter):
         return navigation
@@ -400,22 +403,32 @@ def filter_of(
         "turbulence_m_s": gusts[0],
         "turbulence_time_s": gusts[1],
         "exact_model": exact,
+        "landmarks": {str(mark["name"]): _landmark(mark) for mark in landmarks},
     }
     if sensors is None:
         return NavigationFilter(model, start_deviation_m=0.02, **told)
     gps = sensors.get("gps")
-    aboard = {
-        kind: _in_step(sensor, period_s) for kind, sensor in sensors.items() if kind in _TOLD[:1] + _TOLD[2:]
-    }
+    aboard = {kind: _in_step(kind, sensor, period_s) for kind, sensor in sensors.items() if kind in _READ}
+    tilt = {kind: sensor.tilt for kind, sensor in aboard.items() if KINDS[kind].aboard and any(sensor.tilt)}
     deviation = max(0.05, 0.0 if gps is None else gps.bias)
-    return NavigationFilter(model, aboard, start_deviation_m=deviation, **told)
+    return NavigationFilter(model, aboard, start_deviation_m=deviation, tilt=tilt, **told)
 
 
-def _in_step(sensor: Sensor, period_s: float) -> Sensor:
-    """The sensor as a closed loop has it: at O, its latency in whole control periods."""
-    from dataclasses import replace
+def _in_step(kind: str, sensor: Sensor, period_s: float) -> Sensor:
+    """The sensor as a closed loop has it: late by whole control periods; at O, but for acoustics and GPS."""
+    placed = KINDS[kind].aboard or kind == "gps"
+    late = round(sensor.latency_s / period_s) * period_s
+    return replace(sensor, position=sensor.position if placed else (0.0, 0.0, 0.0), latency_s=late)
 
-    return replace(sensor, position=(0.0, 0.0, 0.0), latency_s=round(sensor.latency_s / period_s) * period_s)
+
+def _landmark(mark: Mapping[str, Any]) -> Beacon | Wall | Pen:
+    """Landmark of a table of a mission file."""
+    north, east = float(mark["north_m"]), float(mark["east_m"])
+    if mark["kind"] == "beacon":
+        return Beacon(north, east, float(mark["depth_m"]))
+    if mark["kind"] == "wall":
+        return Wall(north, east, math.radians(mark["facing_deg"]))
+    return Pen(north, east, float(mark["radius_m"]))
 
 
 def _instruments(

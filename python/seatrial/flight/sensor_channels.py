@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,11 +77,17 @@ class SensorChannels:
         drop-outs and their mean duration in s, (7, 5).
     sentences
         What differs from the sensors as described.
+    acoustics
+        Per kind that only a navigation filter reads, a GPS among them, its numbers (17,), SI and rad.
+    transceiver
+        Where that of the acoustic positioning is, north, east, down, m.
     """
 
     errors: Array
     timing: Array
     sentences: tuple[str, ...] = ()
+    acoustics: Mapping[str, Array] = field(default_factory=dict)
+    transceiver: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def perfect() -> SensorChannels:
@@ -159,7 +165,37 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
     blind = [group for group in ("position", "depth", "attitude", "velocity", "rates") if group not in told]
     if blind:
         said.append(f"No sensor measures {_listed(blind)}: the autopilot will report that as missing.")
-    return SensorChannels(errors, timing, tuple(said))
+    return SensorChannels(errors, timing, tuple(said), *_acoustics(sensors, period_s))
+
+
+def _acoustics(
+    sensors: Mapping[str, Sensor], period_s: float
+) -> tuple[dict[str, Array], tuple[float, float, float]]:
+    """Rows (17,) of what only a navigation filter reads, as the core takes them, and the usbl's transceiver.
+
+    Per kind noise, offset, digits, control periods between samples, to the first one and of latency, mean
+    time between drop-outs and their mean duration, reach, share and deviation of outliers, lever arm, roll,
+    pitch and yaw of its axes; SI and rad. A GPS is among them.
+    """
+    rows: dict[str, Array] = {}
+    transceiver = (0.0, 0.0, 0.0)
+    for kind, sensor in sensors.items():
+        if not (KINDS[kind].aboard or kind == "gps"):
+            continue
+        scale = math.pi / 180.0 if KINDS[kind].unit.startswith("deg") else 1.0
+        _, every, late, gap, length = _timing(kind, sensor, period_s, [])
+        rows[kind] = np.array([
+            *(scale * np.array([sensor.noise, sensor.bias, sensor.quantum])),
+            *(every, float(round(sensor.phase_s / period_s)), late),
+            *(gap, length),
+            np.inf if sensor.max_range_m is None else sensor.max_range_m,
+            *(sensor.outlier_share, scale * sensor.outlier),
+            *sensor.position,
+            *sensor.tilt,
+        ])
+        if kind == "usbl":
+            transceiver = sensor.transceiver
+    return rows, transceiver
 
 
 def _timing(kind: str, sensor: Sensor, period_s: float, said: list[str]) -> list[float]:

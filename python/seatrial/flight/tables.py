@@ -54,6 +54,23 @@ def metrics_table(metrics: Mapping[str, float]) -> Table:
     return Table.of("Whole flight", ("metric", "value", Column("unit", align="left")), rows)
 
 
+def navigation_table(metrics: Mapping[str, float]) -> Table | None:
+    """A row per sensor of the navigation filter: consistency, and what it refused; None without a filter."""
+    samples = "_samples"
+    rows = []
+    for name in metrics:
+        kind = name.removeprefix("navigation_").removesuffix(samples)
+        if name != f"navigation_{kind}{samples}":
+            continue
+        taken, refused = metrics[name], metrics[f"navigation_{kind}_refused"]
+        nis = metrics[f"navigation_{kind}_nis"]
+        half = 1.96 * math.sqrt(2.0 / max(taken, 1.0))
+        band = f"{max(1.0 - half, 0.0):.2f} to {1.0 + half:.2f}"
+        rows.append((kind, f"{taken:.0f}", f"{refused:.0f}", _number(nis, 2), band))
+    head = ("sensor", "taken", "refused", "innovation squared", "95 % band")
+    return Table.of("Navigation filter; normalised innovation squared", head, rows) if rows else None
+
+
 def legs_table(legs: Sequence[Leg]) -> Table:
     """A row per leg; of many legs those that were missed and those with the largest errors."""
     shown = list(legs)

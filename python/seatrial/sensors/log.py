@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError
 from seatrial.sensors.ideal import Conditions, Ideal, Motion
 from seatrial.sensors.sensor import KINDS, Sensor, one_each
 
@@ -184,6 +185,12 @@ def measure(
     import polars as pl
 
     one_each(sensors)
+    aboard = [kind for kind in sensors if KINDS[kind].aboard]
+    if aboard:
+        raise TrialError(
+            f"sensors: {', '.join(aboard)}: only the navigation filter of a flight reads it, and a log has no"
+            ' column of it; leave it out, or fly with navigation = "filter"'
+        )
     around = Conditions() if conditions is None else conditions
     log, fine = Ideal(run, around, every=every), Ideal(run, around)
     in_step = not any(asynchronous(sensor, log.t) for sensor in sensors.values())

@@ -41,6 +41,8 @@ class Kind:
         Whether it needs the bottom within ``max_range_m``.
     has_axes
         Whether it shows a vector along axes of its own, which may be tilted, ``tilt_deg``.
+    aboard
+        Whether only the navigation filter of a flight reads it; a log has no column of it.
     """
 
     columns: tuple[str, ...]
@@ -48,6 +50,7 @@ class Kind:
     has_lever_arm: bool = False
     ranged: bool = False
     has_axes: bool = False
+    aboard: bool = False
 
 
 KINDS: dict[str, Kind] = {
@@ -62,6 +65,9 @@ KINDS: dict[str, Kind] = {
     "gps": Kind(("x_m", "y_m"), "m", has_lever_arm=True),
     "revolutions": Kind((), "rpm"),
     "voltage": Kind(("voltage_v",), "v"),
+    "usbl": Kind((), "m", has_lever_arm=True, ranged=True, aboard=True),
+    "range": Kind((), "m", has_lever_arm=True, ranged=True, has_axes=True, aboard=True),
+    "bearing": Kind((), "deg", has_lever_arm=True, ranged=True, has_axes=True, aboard=True),
     "load_cell": Kind(("load.X_n", "load.Y_n", "load.Z_n"), "n"),
 }
 """Kinds by name; "revolutions" logs one column per actuator, in the unit of its command."""
@@ -100,7 +106,12 @@ class Sensor:
     dropout_every_s, dropout_s
         Mean time from a drop-out to the next one, and its mean duration; None: it never drops out.
     max_range_m
-        Largest distance to the bottom along its own down axis; None: no limit.
+        Largest distance to the bottom along its own down axis, or to what an acoustic sensor sees; None: no
+        limit.
+    outlier_share, outlier
+        Of an acoustic sensor the share of samples with a further error, and its standard deviation.
+    transceiver
+        Of acoustic positioning the place of the transceiver, north, east, down, m.
     """
 
     noise: float = 0.0
@@ -115,6 +126,9 @@ class Sensor:
     dropout_every_s: float | None = None
     dropout_s: float | None = None
     max_range_m: float | None = None
+    outlier_share: float = 0.0
+    outlier: float = 0.0
+    transceiver: Position = (0.0, 0.0, 0.0)
 
     @classmethod
     def parse(cls, kind: str, table: Mapping[str, Any], where: str = "sensors") -> Sensor:
@@ -149,6 +163,10 @@ class Sensor:
             keys["max_range_m"] = "max_range_m"
         if KINDS[kind].has_axes:
             keys["tilt_deg"] = "tilt"
+        if KINDS[kind].aboard:
+            keys |= {"outlier_share": "outlier_share", f"outlier_{KINDS[kind].unit}": "outlier"}
+        if kind == "usbl":
+            keys["transceiver_m"] = "transceiver"
         values: dict[str, Any] = {}
         for key, value in table.items():
             if key not in keys:
@@ -158,6 +176,11 @@ class Sensor:
         if ("dropout_s" in values) != ("dropout_every_s" in values):
             given, missing = ("dropout_s", "dropout_every_s")[:: 1 if "dropout_s" in values else -1]
             raise TrialError(f"{where}, {kind}: {given} without {missing}; a drop-out needs both, in s")
+        if values.get("outlier_share", 0.0) > 1.0:
+            raise TrialError(
+                f"{where}, {kind}, key outlier_share: expected a share of the samples from 0 to 1, found"
+                f" {values['outlier_share']:g}"
+            )
         return cls(**values)
 
 
@@ -231,7 +254,15 @@ def _tilt(value: Any, where: str) -> Position:
 
 _LARGEST_TILT_DEG = 180.0
 
-_VECTORS = {"position_m": _position, "tilt_deg": _tilt}
+
+def _place(value: Any, where: str) -> Position:
+    place = _three(value)
+    if place is None:
+        raise TrialError(f"{where}: expected [north, east, down] in m, found {value!r}")
+    return place
+
+
+_VECTORS = {"position_m": _position, "tilt_deg": _tilt, "transceiver_m": _place}
 
 
 class SensorFile(Section):

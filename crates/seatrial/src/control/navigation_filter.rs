@@ -53,6 +53,9 @@ const GRAVITY: f64 = 9.81;
 /// Deviations at the start of what was not measured: velocity m/s, rates rad/s.
 const AT_START: [f64; 2] = [0.5, 0.1];
 
+/// The first channel of a fix by acoustics.
+const FIRST_USBL: usize = 18;
+
 /// One sample: the channel, its value and its age on arrival beyond the sensor's latency, s.
 pub type Told = (usize, f64, f64);
 
@@ -245,10 +248,31 @@ impl NavigationFilter {
             return;
         }
         let Some((observation, instrument)) = self.observation(channel) else { return };
-        let variance = (instrument.noise * instrument.noise).max(1e-12) + self.shaken(&observation);
+        let mut variance = (instrument.noise * instrument.noise).max(1e-12) + self.shaken(&observation);
+        if let Some(axis) = self.shifted(channel) {
+            let offset = instrument.bias * instrument.bias;
+            if self.tracker.state().covariance[POSITION + axis][POSITION + axis] <= offset {
+                return;
+            }
+            variance += offset;
+        }
         let sample =
             Sample { observation: &observation, measured: value, variance, age: instrument.latency + age };
         self.tracker.observe(&sample, &mut self.watches[channel]);
+    }
+
+    /// The axis of a fix whose constant offset counts as its error: a fix beside others that do not share the offset. A
+    /// fix is taken only while the estimate is less sure than that, so that no number of them averages the offset out.
+    fn shifted(&self, channel: usize) -> Option<usize> {
+        let several = !self.fitting.landmarks.is_empty() || self.watches[FIRST_USBL].taken > 0;
+        let axis = match channel {
+            0 | 1 => channel,
+            16 | 17 => channel - 16,
+            18..=20 => channel - FIRST_USBL,
+            _ => return None,
+        };
+        let offset = self.fitting.instruments[instrument_of(channel)].map_or(0.0, |i| i.bias);
+        (several && offset > 0.0).then_some(axis)
     }
 
     /// The variance that waves add to an observation.
@@ -298,15 +322,8 @@ impl NavigationFilter {
             18..21 => Observation::Place { along: unit(channel - 18), arm },
             _ => {
                 let mark = (channel - LANDMARKS) / 2;
-                match (self.fitting.landmarks[mark].1, (channel - LANDMARKS) % 2) {
-                    (Landmark::Beacon(beacon), 0) => Observation::Range { beacon, arm },
-                    (Landmark::Beacon(beacon), _) => Observation::Bearing { beacon, arm },
-                    (Landmark::Surface(surface), _) => {
-                        let (sine, cosine) = self.beams[mark].sin_cos();
-                        let along = product(&rotation(&mount), &[cosine, sine, 0.0]);
-                        Observation::Echo { along, arm, surface }
-                    }
-                }
+                let bearing = (channel - LANDMARKS) % 2 == 1;
+                self.fitting.landmarks[mark].1.observed(bearing, &instrument, self.beams[mark])
             }
         };
         Some((observation, instrument))

@@ -5,10 +5,13 @@
 //!
 //! Tests: `tests/flight/test_navigation.py`.
 
+use super::acoustics::Soundings;
+use super::case::{Flight, Setting};
 use crate::control::navigation::{CHANNELS, Measurement};
-use crate::control::navigation_filter::{Fitting, KIND_OF, NavigationFilter, Told};
-use crate::description::Description;
+use crate::control::navigation_filter::fitting::instrument_of;
+use crate::control::navigation_filter::{Fitting, KIND_OF, KINDS, NavigationFilter, Told};
 use crate::error::Error;
+use crate::filter::innovation::Watch;
 use crate::number::lanes::{LANES, Lanes};
 use crate::number::real::Real;
 use fearless_simd::{Simd, SimdBase, f64x8};
@@ -50,6 +53,7 @@ impl<S: Simd> Split for Lanes<S> {
 /// One filter per lane.
 pub struct Aboard {
     filters: Vec<NavigationFilter>,
+    soundings: Vec<Soundings>,
     ages: Vec<[f64; CHANNELS]>,
     told: Vec<Measurement<f64>>,
     samples: Vec<Told>,
@@ -58,32 +62,43 @@ pub struct Aboard {
 }
 
 impl Aboard {
-    /// The filters of so many lanes on the vehicle that the autopilot believes in.
+    /// The filters of all lanes on the vehicle that the autopilot believes in.
     ///
     /// # Errors
     /// A forced instruction set that is not there.
-    pub fn new(model: &Description, fitting: &Fitting, lanes: usize) -> Result<Self, Error> {
+    pub fn new<T: Split>(
+        flight: &Flight<'_>,
+        fitting: &Fitting,
+        setting: &Setting<T>,
+    ) -> Result<Self, Error> {
+        let (model, acoustics, lanes) = (flight.model, flight.acoustics, T::PARTS);
         let actuators = model.actuators.len();
+        let begun = |lane: usize| setting.offsets.as_ref().map(|own| [own[0].part(lane), own[1].part(lane)]);
         Ok(Self {
             filters: (0..lanes)
                 .map(|_| NavigationFilter::new(model, fitting.clone()))
                 .collect::<Result<_, _>>()?,
+            soundings: (0..lanes)
+                .map(|lane| {
+                    Soundings::new(acoustics, &fitting.landmarks, (setting.seed.part(lane), begun(lane)))
+                })
+                .collect(),
             ages: vec![[f64::INFINITY; CHANNELS]; lanes],
             told: vec![Measurement::nothing(0.0); lanes],
-            samples: Vec::with_capacity(CHANNELS),
+            samples: Vec::with_capacity(CHANNELS + 5 + 2 * acoustics.landmarks.len()),
             commands: vec![0.0; actuators],
             signals: vec![0.0; actuators],
         })
     }
 
     /// The estimates `elapsed` seconds later, from what the sensors show; `commands` have held since, `signals` are what
-    /// the actuators are measured at.
+    /// the actuators are measured at; a control period is `dt`.
     #[inline(always)]
     pub fn tell<T: Split>(
         &mut self,
-        measured: &Measurement<T>,
+        (truth, measured): (&[T; CHANNELS], &Measurement<T>),
         (commands, signals): (&[T], Option<&[T]>),
-        elapsed: f64,
+        (elapsed, dt): (f64, f64),
     ) -> Measurement<T> {
         for lane in 0..T::PARTS {
             let mut shown = Measurement::nothing(0.0);
@@ -96,7 +111,8 @@ impl Aboard {
                 self.commands[i] = command.part(lane);
                 self.signals[i] = signals.map_or(f64::NAN, |s| s[i].part(lane));
             }
-            self.one(lane, &shown, elapsed);
+            let truth = std::array::from_fn(|c| truth[c].part(lane));
+            self.one(lane, (&truth, &shown), (elapsed, dt));
         }
         let (told, unit) = (&self.told, measured.battery);
         let mut all = *measured;
@@ -110,7 +126,12 @@ impl Aboard {
         all
     }
 
-    fn one(&mut self, lane: usize, shown: &Measurement<f64>, elapsed: f64) {
+    fn one(
+        &mut self,
+        lane: usize,
+        (truth, shown): (&[f64; CHANNELS], &Measurement<f64>),
+        (elapsed, dt): (f64, f64),
+    ) {
         let (filter, ages) = (&mut self.filters[lane], &mut self.ages[lane]);
         self.samples.clear();
         for c in 0..CHANNELS {
@@ -121,19 +142,23 @@ impl Aboard {
             }
         }
         *ages = shown.age;
+        self.soundings[lane].listen(truth, dt, &mut self.samples);
         filter.step(&self.samples, (&self.commands, Some(&self.signals)), (shown.voltage, elapsed));
         self.told[lane] = filter.told(shown);
     }
 
-    /// Mean normalised innovation squared over all channels, the samples that were taken, and those that were refused.
-    pub fn consistency<T: Split>(&self, unit: T) -> [T; 3] {
-        let sums = |lane: usize| {
-            let watches = self.filters[lane].watches();
-            let taken: u64 = watches.iter().map(|w| w.taken).sum();
-            let sum: f64 = watches.iter().map(|w| w.sum).sum();
-            let refused: u64 = watches.iter().map(|w| w.refused).sum();
-            [sum / taken as f64, taken as f64, refused as f64]
+    /// Mean normalised innovation squared, the samples that were taken, and those that were refused: over all channels,
+    /// then per kind of sensor.
+    pub fn consistency<T: Split>(&self, unit: T) -> [[T; 3]; 1 + KINDS.len()] {
+        let sums = |lane: usize, kind: Option<usize>| {
+            let watches = self.filters[lane].watches().iter().enumerate();
+            let own = watches.filter(|(c, _)| kind.is_none_or(|kind| instrument_of(*c) == kind));
+            let add = |[sum, taken, refused]: [f64; 3], (_, w): (usize, &Watch)| {
+                [sum + w.sum, taken + w.taken as f64, refused + w.refused as f64]
+            };
+            let [sum, taken, refused] = own.fold([0.0; 3], add);
+            [sum / taken, taken, refused]
         };
-        std::array::from_fn(|i| unit.join(|lane| sums(lane)[i]))
+        std::array::from_fn(|k| std::array::from_fn(|i| unit.join(|lane| sums(lane, k.checked_sub(1))[i])))
     }
 }

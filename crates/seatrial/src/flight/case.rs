@@ -1,5 +1,6 @@
 //! A flight: what all its cases share, and what is one case's own.
 
+use super::acoustics::Acoustics;
 use super::faults::Faults;
 use super::trial::Trial;
 use super::waves::Harmonic;
@@ -27,6 +28,8 @@ pub struct Flight<'a> {
     pub sensors: &'a Sensors,
     /// The navigation filter, where the autopilot goes by its estimate.
     pub navigation: Option<&'a Fitting>,
+    /// What only that filter reads.
+    pub acoustics: &'a Acoustics,
     /// Whether the actuators' signals are measured.
     pub feedback: bool,
     /// The bottom, where there is one.

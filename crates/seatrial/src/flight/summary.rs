@@ -8,6 +8,7 @@
 
 use super::exceedance::Exceedance;
 use super::trial::Violations;
+use crate::control::navigation_filter::KINDS;
 use crate::number::real::Real;
 use std::cell::RefCell;
 
@@ -96,9 +97,9 @@ pub struct Summary<T> {
     pub settled: T,
     /// Of the cross-track, the vertical and the true cross-track error.
     pub exceedance: [Exceedance<T>; 3],
-    /// Of the navigation filter: mean normalised innovation squared, samples taken and samples refused; not a number
-    /// without one.
-    pub consistency: [T; 3],
+    /// Of the navigation filter, of all sensors and then per kind: mean normalised innovation squared, samples taken and
+    /// samples refused; not a number without one.
+    pub consistency: [[T; 3]; 1 + KINDS.len()],
     /// What the responses of a trial violate.
     pub violations: Violations<T>,
 }
@@ -129,7 +130,7 @@ impl<T: Real> Summary<T> {
             travel: zero,
             settled: zero,
             exceedance: [Exceedance::new(zero); 3],
-            consistency: [zero.splat(f64::NAN); 3],
+            consistency: [[zero.splat(f64::NAN); 3]; 1 + KINDS.len()],
             violations,
         }
     }
@@ -160,7 +161,7 @@ impl<T: Real> Summary<T> {
             travel: lane(&self.travel),
             settled: lane(&self.settled),
             exceedance: std::array::from_fn(|i| self.exceedance[i].read(&lane)),
-            consistency: three(&self.consistency),
+            consistency: std::array::from_fn(|i| three(&self.consistency[i])),
             violations: Violations { sums: self.violations.sums.iter().map(&three).collect() },
         }
     }

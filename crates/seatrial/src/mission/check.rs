@@ -7,6 +7,7 @@
 use super::expand::Expansion;
 use super::fence::inside;
 use super::file::MissionFile;
+use super::landmarks;
 use super::numbers::{finite, not_negative, positive};
 use super::plane::{Place, cross_each_other, distance_to_stretch};
 use super::waypoint::{Mission, Obstacle, Task, Vertical};
@@ -31,6 +32,7 @@ pub(super) fn tables(file: &MissionFile) -> Result<(), String> {
     limits.max_depth_m.map_or(Ok(0.0), |x| positive("limits.max_depth_m", x))?;
     limits.min_altitude_m.map_or(Ok(0.0), |x| not_negative("limits.min_altitude_m", x))?;
     limits.max_time_s.map_or(Ok(0.0), |x| positive("limits.max_time_s", x))?;
+    landmarks::check(&file.landmarks)?;
     limits.fence_m.iter().flatten().try_for_each(|x| finite("limits.fence_m", *x).map(drop))?;
     match limits.fence_m.len() {
         n @ 1..=2 => Err(format!("limits.fence_m: expected at least three corners, found {n}")),

@@ -5,6 +5,7 @@
 //!
 //! Tests: `tests/mission.rs`.
 
+use super::landmarks::LandmarkTable;
 use super::legs::{Lawnmower, ObstacleTable, Perimeter, Spiral, WaypointLeg, corners};
 use crate::error::{Error, nearest};
 use crate::ranges;
@@ -41,6 +42,9 @@ pub struct MissionFile {
     /// What stands in the water besides the farms of the legs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub obstacles: Vec<ObstacleTable>,
+    /// Known places that acoustic sensors see.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub landmarks: Vec<LandmarkTable>,
     /// The legs, in order.
     #[serde(default, deserialize_with = "legs")]
     pub legs: Vec<Leg>,

@@ -257,6 +257,11 @@ pub const MISSION: &[Range] = &[
     Range::above("obstacles[].radius_m", 1e5, LENGTH),
     Range::sized("obstacles[].corners_m", FARTHEST, PLACE),
     Range::upto("obstacles[].distance_m", 1e5, LENGTH),
+    Range::sized("landmarks[].north_m", FARTHEST, PLACE),
+    Range::sized("landmarks[].east_m", FARTHEST, PLACE),
+    Range::sized("landmarks[].depth_m", 1.2e4, LENGTH),
+    Range::sized("landmarks[].facing_deg", TURNED, BEARING),
+    Range::above("landmarks[].radius_m", 1e5, LENGTH),
 ];
 
 /// Tables without a number, and lists of them: a list in the place of one is refused like that of any other table.
@@ -283,5 +288,6 @@ pub(super) const LENGTHS: &[(&str, usize)] = &[
     ("legs[].corners_m", 1_000),
     ("legs[].depths_m", 1_000),
     ("obstacles", 1_000),
+    ("landmarks", 100),
     ("obstacles[].corners_m", 1_000),
 ];

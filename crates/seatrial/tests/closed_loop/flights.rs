@@ -5,6 +5,7 @@ use seatrial::control::autopilot::settings::{Settings, built_in};
 use seatrial::control::navigation::{Seabed, Sensors};
 use seatrial::description::Description;
 use seatrial::flight::Flight;
+use seatrial::flight::acoustics::Acoustics;
 use seatrial::flight::batch::{Case, Cases, Outcome};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::columns;
@@ -71,6 +72,7 @@ impl Trip {
             mission: &self.mission,
             sensors: &self.sensors,
             navigation: None,
+            acoustics: &Acoustics::default(),
             feedback: true,
             seabed: self.seabed,
             environment: self.description.file.environment,

@@ -5,12 +5,12 @@
 use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS};
 use crate::description::Description;
 use crate::filter::innovation::Gate;
-use crate::filter::observation::Surface;
+use crate::filter::observation::{Observation, Surface};
 use crate::filter::swell::Swell;
 use crate::filter::tracker::Noise;
-use crate::model::kinematics::Quaternion;
+use crate::model::kinematics::{Quaternion, rotation};
 use crate::model::vehicle::Vehicle;
-use crate::number::algebra::Vec3;
+use crate::number::algebra::{Vec3, product};
 
 /// The kinds of sensors.
 pub const KINDS: [&str; 11] = [
@@ -28,16 +28,20 @@ pub const KINDS: [&str; 11] = [
 ];
 
 pub(super) const POSITION_FIX: usize = 0;
-pub(super) const GPS: usize = 1;
-pub(super) const USBL: usize = 2;
+/// The kind of a GPS among [`KINDS`].
+pub const GPS: usize = 1;
+/// The kind of an acoustic positioning system.
+pub const USBL: usize = 2;
 pub(super) const DEPTH: usize = 3;
 pub(super) const ATTITUDE_SENSOR: usize = 4;
 pub(super) const DVL: usize = 5;
 pub(super) const GYRO: usize = 6;
 pub(super) const DVL_WATER: usize = 7;
 pub(super) const ECHO_SOUNDER: usize = 8;
-pub(super) const RANGE: usize = 9;
-pub(super) const BEARING: usize = 10;
+/// The kind of what measures ranges.
+pub const RANGE: usize = 9;
+/// The kind of what measures bearings.
+pub const BEARING: usize = 10;
 
 /// Deviation of the acceleration that an identified model does not explain, m/s² and rad/s².
 const MODEL_ERROR: f64 = 0.03;
@@ -92,6 +96,23 @@ pub enum Landmark {
     Beacon(Vec3<f64>),
     /// A wall, a net or the bottom.
     Surface(Surface),
+}
+
+impl Landmark {
+    /// What its range shows, or of a beacon its bearing; `beam`, rad, is where the sonar looks for the echo of a surface.
+    #[inline(always)]
+    pub fn observed(&self, bearing: bool, instrument: &Instrument, beam: f64) -> Observation {
+        let Instrument { arm, mount, .. } = *instrument;
+        match *self {
+            Self::Beacon(beacon) if bearing => Observation::Bearing { beacon, arm },
+            Self::Beacon(beacon) => Observation::Range { beacon, arm },
+            Self::Surface(surface) => {
+                let (sine, cosine) = beam.sin_cos();
+                let along = product(&rotation(&mount), &[cosine, sine, 0.0]);
+                Observation::Echo { along, arm, surface }
+            }
+        }
+    }
 }
 
 /// What a filter is made of.
@@ -174,7 +195,7 @@ pub const KIND_OF: [usize; CHANNELS] = {
 };
 
 /// The kind of sensor that a channel is of.
-pub(super) const fn instrument_of(channel: usize) -> usize {
+pub const fn instrument_of(channel: usize) -> usize {
     match channel {
         0 | 1 => POSITION_FIX,
         2 => DEPTH,

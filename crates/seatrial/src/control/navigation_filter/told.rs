@@ -17,6 +17,7 @@ impl NavigationFilter {
     pub fn deviations(&self) -> [f64; STATES] {
         let mut deviations = self.tracker.deviations();
         let offset = |channel: usize| match self.fitting.instruments[instrument_of(channel)] {
+            Some(_) if self.shifted(channel).is_some() => 0.0,
             Some(instrument) if self.watches[channel].taken > 0 => instrument.bias,
             _ => f64::INFINITY,
         };
