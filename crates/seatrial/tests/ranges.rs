@@ -156,6 +156,24 @@ radius_m = 5.0
 distance_m = 5.0
 [[obstacles]]
 corners_m = [[-380, 60], [-380, 80], [-390, 80]]
+[[landmarks]]
+kind = "beacon"
+name = "A"
+north_m = 10.0
+east_m = 20.0
+depth_m = 15.0
+[[landmarks]]
+kind = "wall"
+name = "quay"
+north_m = 60.0
+east_m = 0.0
+facing_deg = 10.0
+[[landmarks]]
+kind = "pen"
+name = "net"
+north_m = 0.0
+east_m = 0.0
+radius_m = 25.0
 "#;
 
 fn autopilot() -> String {
