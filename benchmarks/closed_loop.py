@@ -74,6 +74,7 @@ def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> C
     aboard = sensors_of("typical", model)
     typical = sensor_channels(aboard, period)
     navigation = filter_of("filter", model, aboard, period)
+    believed = None if navigation is None else navigation.core
 
     def fly(sensors: SensorChannels, seeds: list[int], navigation: _core.Filter | None = None) -> object:
         return _core.fly(
@@ -105,7 +106,7 @@ def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> C
         "common": lambda: fly(SensorChannels(noisy, timing), same),
         "own": lambda: fly(SensorChannels(noisy, timing), own),
         "typical": lambda: fly(typical, own),
-        "filtered": lambda: fly(typical, own, navigation),
+        "filtered": lambda: fly(typical, own, believed),
     }
     best = dict.fromkeys(contenders, np.inf)
     for _ in range(rounds):

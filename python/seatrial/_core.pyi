@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Filter", "Flights", "Helm", "LinearModel", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "ardusub_defaults", "ardusub_fly", "ardusub_forward_lateral", "ardusub_frames", "ardusub_pulses", "ardusub_rates", "ardusub_square_root", "ardusub_terms", "ardusub_velocity", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
+__all__ = ["Autopilot", "Filter", "Flights", "Helm", "LinearModel", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "ardusub_defaults", "ardusub_fly", "ardusub_forward_lateral", "ardusub_frames", "ardusub_pulses", "ardusub_rates", "ardusub_square_root", "ardusub_terms", "ardusub_velocity", "autopilot_c", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "vehicle_c", "wrong_kind"]
 
 @final
 class Autopilot:
