@@ -1,7 +1,7 @@
 //! Whether a sample is believed: the normalised innovation squared against χ², and what happens when it never is.
 //!
 //! A sample is refused where `ν²/s` exceeds [`Gate::threshold`]: a wild point must not move the estimate. A sensor that
-//! is refused without a break for longer than [`Gate::patience`] may be right and the filter wrong, after a jump of the
+//! is refused without a break for longer than [`Gate::patience`], and at least [`FEWEST`] times, may be right and the filter wrong, after a jump of the
 //! vehicle or a bad start. Then the filter forgets what that sensor shows, as far as the sample asks for, and takes it.
 //!
 //! Consistency: over n samples the mean of `ν²/s` lies within `1 ± 1.96 √(2/n)` in 95 % of runs of a consistent filter.
@@ -10,6 +10,9 @@
 //! and 3.7.4. Tests: `tests/filter/innovation.rs`.
 
 use super::error_state::{ErrorState, Row};
+
+/// Refusals without a break before a sensor is believed again: two wild points of a slow sensor are not enough.
+pub const FEWEST: u32 = 4;
 
 /// When a sample is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +54,8 @@ pub struct Watch {
     pub sum: f64,
     /// Time of the first refusal since the last sample that was taken, s.
     since: Option<f64>,
+    /// Refusals since then.
+    in_a_row: u32,
 }
 
 impl Watch {
@@ -80,18 +85,20 @@ impl Watch {
             state.update(row, &innovation, variance);
             self.taken += 1;
             self.sum += normalised;
-            self.since = None;
+            (self.since, self.in_a_row) = (None, 0);
             return Verdict::Taken;
         }
-        if !normalised.is_finite() || time - *self.since.get_or_insert(time) < gate.patience {
+        let waited = time - *self.since.get_or_insert(time);
+        if !normalised.is_finite() || waited < gate.patience || self.in_a_row < FEWEST {
             self.refused += 1;
+            self.in_a_row += 1;
             return Verdict::Refused;
         }
         state.forget(row, innovation.value * innovation.value);
         let innovation = state.innovation(row, residual, variance);
         state.update(row, &innovation, variance);
         self.recovered += 1;
-        self.since = None;
+        (self.since, self.in_a_row) = (None, 0);
         Verdict::Recovered
     }
 }

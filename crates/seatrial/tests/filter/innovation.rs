@@ -3,7 +3,7 @@
 use fearless_simd::Fallback;
 use seatrial::filter::error_state::{ErrorState, Row, Transition};
 use seatrial::filter::estimate::{POSITION, STATES};
-use seatrial::filter::innovation::{Gate, Verdict, Watch};
+use seatrial::filter::innovation::{FEWEST, Gate, Verdict, Watch};
 
 const NORTH: [(usize, [f64; 3]); 1] = [(POSITION, [1.0, 0.0, 0.0])];
 
@@ -52,4 +52,13 @@ fn a_good_sample_between_ends_the_wait() {
         assert_ne!(verdict, Verdict::Recovered);
     }
     assert_eq!(watch.refused, 180);
+}
+
+#[test]
+fn a_slow_sensor_is_not_believed_after_two_wild_samples() {
+    let mut state = ErrorState::<STATES>::new(&[0.1; STATES]);
+    let (mut watch, row, gate) = (Watch::default(), Row::of(NORTH), Gate::default());
+    let mut judged = |k: u32| watch.judge(&mut state, &gate, (&row, 30.0, 0.01), 10.0 * f64::from(k));
+    assert!((0..FEWEST).all(|k| judged(k) == Verdict::Refused));
+    assert_eq!(judged(FEWEST), Verdict::Recovered);
 }
