@@ -89,6 +89,7 @@ def until(happened: Callable[[], bool], what: str) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.long
 def test_a_verification_on_workers_of_other_simd_levels_is_the_local_one(
     cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -122,6 +123,7 @@ def test_a_verification_on_workers_of_other_simd_levels_is_the_local_one(
         pass
 
 
+@pytest.mark.long
 def test_nothing_is_lost_when_worker_client_and_scheduler_are_killed(
     cluster: Cluster, tmp_path: Path
 ) -> None:

@@ -307,6 +307,7 @@ def demonstrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result
         return here, call("demo", "--out", "demo"), call("demo", "--out", "demo", "--json")
 
 
+@pytest.mark.long
 def test_demo_shows_truth_beside_estimate_and_says_where_figures_are(
     demonstrated: tuple[Path, Result, Result],
 ) -> None:
@@ -322,6 +323,7 @@ def test_demo_shows_truth_beside_estimate_and_says_where_figures_are(
     assert again.exit_code == 0, again.output
 
 
+@pytest.mark.long
 def test_demo_as_json_prints_nothing_else(demonstrated: tuple[Path, Result, Result]) -> None:
     assert list(json.loads(demonstrated[2].stdout)) == ["cwolf"]
 

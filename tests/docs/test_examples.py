@@ -46,6 +46,8 @@ LONG = (
     "results",
     "campaign_file",
     "autopilot_for_your_vehicle",
+    "how_sure",
+    "tune_an_autopilot",
 )
 """Pages whose examples identify or tune for more than some seconds."""
 

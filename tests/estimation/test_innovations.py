@@ -146,6 +146,7 @@ def test_a_rate_that_no_gyro_gave_is_judged_by_the_change_of_its_angle(tmp_path:
     assert found["r"]["filter"] < 0.5 * found["r"]["hold last"]
 
 
+@pytest.mark.long
 def test_a_hidden_coefficient_is_estimated_beside_the_others_and_not_told(tmp_path: Path) -> None:
     campaign = made('method = "innovations"\nrounds = 4\nhorizons_s = []', tmp_path)
     wrong = campaign.vehicle.with_coefficients({"N_rdot": 1.5 * TRUTH["N_rdot"]})
@@ -286,6 +287,7 @@ rounds = 8
 """
 
 
+@pytest.mark.long
 def test_water_of_waves_and_current_do_not_bend_the_rudder(tmp_path: Path) -> None:
     """With a force of waves per axis in place of water that carries the vehicle the gain was 8 % too high."""
     for name, text in (("field", FIELD), ("survey", SURVEY), ("truth", SENSORS)):

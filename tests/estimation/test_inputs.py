@@ -285,6 +285,7 @@ def test_check_of_a_campaign_judges_inputs_and_scale(cwolf: Campaign) -> None:
     assert "The bench test measured the thrust of stern, vertical" in said
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not DATA.is_dir(), reason="Beluga's recordings are not here; set SEATRIAL_DATA")
 def test_eight_gains_of_beluga_cannot_be_told_apart() -> None:
     found = judge_inputs(Campaign.load(EXAMPLES / "beluga" / "campaign.toml"))

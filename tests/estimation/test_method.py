@@ -84,6 +84,7 @@ def test_nuisance_parameters_keep_a_simulation_and_say_so() -> None:
     assert "cannot estimate latency_r" in found.why
 
 
+@pytest.mark.long
 def test_stages_and_joint_estimate_are_compared_from_the_state_of_a_filter() -> None:
     one = campaign(keys="hold_out_s = [[400.0, 600.0]]")
     joint = Joint(one)

@@ -54,6 +54,7 @@ def rare() -> RareFailures:
     return run_rare(prepared(HOLDS, "not abort"), checked=300)
 
 
+@pytest.mark.long
 def test_the_interval_holds_what_plain_sampling_finds() -> None:
     one = rare().requirements[0]
     assert one.event is not None

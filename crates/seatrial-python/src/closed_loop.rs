@@ -13,10 +13,10 @@ use crate::work::{Threads, parallel};
 use pyo3::prelude::*;
 use seatrial::control::autopilot::settings::{tunable_index, tunable_names};
 use seatrial::control::navigation::{CHANNELS, GROUPS, Outage, Sensors};
-use seatrial::control::navigation_filter::{Instrument, KINDS};
+use seatrial::control::navigation_filter::KINDS;
 use seatrial::description::{ActuatorDescription, Description};
 use seatrial::fit::inputs::actuator_index;
-use seatrial::flight::acoustics::{Acoustics, DEVICES, Device, landmark};
+use seatrial::flight::acoustics::{Acoustics, MOST_LATENCY, ROW};
 use seatrial::flight::batch::{Case, Cases, Outcome};
 use seatrial::flight::exceedance::{EDGES, edges};
 use seatrial::flight::faults::ActuatorFault;
@@ -25,7 +25,6 @@ use seatrial::flight::summary::{FIGURES, Summary};
 use seatrial::flight::waves::Sea;
 use seatrial::flight::{Flight, whole_steps};
 use seatrial::model::integrate;
-use seatrial::model::kinematics::from_euler;
 use seatrial::number::lanes::LANES;
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
@@ -286,14 +285,7 @@ pub fn fly(
         },
         seas: match waves {
             Some(waves) => {
-                let of = |[height, period, toward, spreading, peakedness]: [f64; 5]| Sea {
-                    height,
-                    period,
-                    toward,
-                    spreading,
-                    peakedness,
-                };
-                spread("waves", waves.rows::<5>("waves")?, k)?.into_iter().map(of).collect()
+                spread("waves", waves.rows::<5>("waves")?, k)?.into_iter().map(Sea::of_row).collect()
             }
             None => vec![Sea::CALM; k],
         },
@@ -429,9 +421,6 @@ struct Starts {
     seas: Vec<Sea>,
 }
 
-/// The longest latency of a sensor, control periods.
-const MOST_LATENCY: f64 = 10_000.0;
-
 /// One row for each of `k` cases, from as many or one.
 fn spread<const C: usize>(name: &str, rows: Vec<[f64; C]>, k: usize) -> PyResult<Vec<[f64; C]>> {
     if rows.iter().flatten().any(|x| !x.is_finite()) {
@@ -470,45 +459,13 @@ fn acoustics_of(
     (north, east, down): (f64, f64, f64),
     mission: &seatrial::mission::Mission,
 ) -> PyResult<Acoustics> {
-    let mut acoustics = Acoustics {
-        landmarks: mission.file.landmarks.iter().map(landmark).collect(),
-        transceiver: [north, east, down],
-        ..Acoustics::default()
-    };
-    for (kind, row) in rows.map(Named::by_name).into_iter().flatten() {
-        let [
-            noise,
-            bias,
-            quantum,
-            every,
-            first,
-            late,
-            gap,
-            length,
-            reach,
-            share,
-            size,
-            x,
-            y,
-            z,
-            roll,
-            pitch,
-            yaw,
-        ] = row.row::<17>(&kind)?;
-        let index = DEVICES.iter().position(|&device| KINDS[device] == kind).ok_or_else(|| {
-            refused(format!("acoustics: expected gps, usbl, range or bearing, found \"{kind}\""))
-        })?;
-        let mount = from_euler(&[roll, pitch, yaw]);
-        acoustics.devices[index] = Some(Device {
-            instrument: Instrument { noise, bias, latency: 0.0, arm: [x, y, z], mount },
-            quantum,
-            periods: [every.max(1.0) as usize, first as usize, late.min(MOST_LATENCY) as usize],
-            dropouts: [gap, length],
-            reach,
-            outliers: [share, size],
-        });
-    }
-    Ok(acoustics)
+    let rows: Vec<(String, [f64; ROW])> = rows
+        .map(Named::by_name)
+        .into_iter()
+        .flatten()
+        .map(|(kind, row)| Ok((kind.to_owned(), row.row::<ROW>(&kind)?)))
+        .collect::<PyResult<_>>()?;
+    Acoustics::of_rows(&rows, [north, east, down], &mission.file.landmarks).map_err(refused)
 }
 
 /// The sensors of the arrays that Python gives.

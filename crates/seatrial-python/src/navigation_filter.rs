@@ -7,10 +7,11 @@ use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::control::intake::Quantity;
 use seatrial::control::navigation::{CHANNELS, Measurement};
-use seatrial::control::navigation_filter::{Fitting, LANDMARKS, NavigationFilter, Stated, Told};
+use seatrial::control::navigation_filter::{Fitting, GRAVITY, LANDMARKS, NavigationFilter, Stated, Told};
 use seatrial::description::{Description, Effect};
 use seatrial::error::nearest;
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
+use seatrial::flight::waves::Sea;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -140,7 +141,8 @@ impl Filter {
             exact_model,
         };
         let waves = waves.map(|row| row.row("waves")).transpose()?;
-        let fitting = stated.fitting(&description, period_s, waves).map_err(raised)?;
+        let swell = waves.and_then(|row| Sea::of_row(row).swell(GRAVITY));
+        let fitting = stated.fitting(&description, period_s, swell).map_err(raised)?;
         let filter = NavigationFilter::new(&description, fitting.clone()).map_err(raised)?;
         let count = description.actuators.len();
         let memory = Memory {

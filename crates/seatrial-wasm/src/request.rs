@@ -5,10 +5,10 @@ use seatrial::Error;
 use seatrial::control::autopilot::set_point::SET_POINTS;
 use seatrial::control::autopilot::settings::{Settings, tunable_index};
 use seatrial::control::navigation::{CHANNELS, GROUPS, Outage, Seabed, Sensors};
-use seatrial::control::navigation_filter::Stated;
+use seatrial::control::navigation_filter::{GRAVITY, Stated};
 use seatrial::description::Description;
 use seatrial::fit::inputs::actuator_index;
-use seatrial::flight::acoustics::Acoustics;
+use seatrial::flight::acoustics::{Acoustics, ROW};
 use seatrial::flight::batch::{Case, Cases};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::columns_with;
@@ -51,6 +51,12 @@ struct Fly {
     errors: [[f64; 4]; CHANNELS],
     /// Present, every, latency (control periods), drop-outs every s, for s, per group.
     timing: [[f64; 5]; GROUPS],
+    /// Of what only a filter reads: kind, and its numbers as [`Acoustics::of_rows`] takes them.
+    #[serde(default)]
+    acoustics: Vec<(String, [f64; ROW])>,
+    /// Where the transceiver of the acoustic positioning is, NED, m.
+    #[serde(default)]
+    transceiver: [f64; 3],
     /// Actuator, time in s, and the command at which it sticks; not a number: where it is.
     #[serde(default)]
     faults: Vec<(String, f64, f64)>,
@@ -116,8 +122,12 @@ pub fn fly(text: &str) -> Answer {
     let outages = asked.outages.iter().map(|&(group, from, until)| Outage { group, from, until });
     let sensors = Sensors::of_rows(asked.errors, asked.timing, outages.collect());
     let dt = settings.file.period_s;
-    let fitting = asked.navigation.as_ref().map(|stated| stated.fitting(model, dt, Some(asked.waves)));
+    let fitting = asked
+        .navigation
+        .as_ref()
+        .map(|stated| stated.fitting(model, dt, Sea::of_row(asked.waves).swell(GRAVITY)));
     let fitting = fitting.transpose().map_err(said)?;
+    let acoustics = Acoustics::of_rows(&asked.acoustics, asked.transceiver, &mission.file.landmarks)?;
     let flight = Flight {
         description: &description,
         model,
@@ -125,7 +135,7 @@ pub fn fly(text: &str) -> Answer {
         mission: &mission,
         sensors: &sensors,
         navigation: fitting.as_ref(),
-        acoustics: &Acoustics::default(),
+        acoustics: &acoustics,
         feedback: asked.feedback,
         seabed: asked.seabed,
         obstacles: &mission.with_cylinders(&asked.obstacles),
@@ -138,7 +148,6 @@ pub fn fly(text: &str) -> Answer {
     };
     let (sought, coefficients) = indexed(&asked.coefficients, |name| description.layout.find(name))?;
     let (tuned, tunables) = indexed(&asked.gains, tunable_index)?;
-    let [height, period, toward, spreading, peakedness] = asked.waves;
     let case = Case {
         coefficients,
         tunables,
@@ -152,7 +161,7 @@ pub fn fly(text: &str) -> Answer {
         current_trend: asked.current_trend,
         current_walk: asked.current_walk,
         offsets: None,
-        sea: Sea { height, period, toward, spreading, peakedness },
+        sea: Sea::of_row(asked.waves),
         seed: asked.seed & ((1 << 53) - 1),
         faults: faults(&asked, &description)?,
         outages: Vec::new(),

@@ -206,7 +206,7 @@ fn law_a_program_is_reduced() {
     let program = step.record(&description).expect("a vehicle that can be recorded");
     let source = program.to_c(&Module { prefix: "cwolf", about: &[], measured: true });
     println!("{} lines, {:?}", source.source.lines().count(), program.count(&program.needed_for(false)));
-    assert!(program.stages().iter().any(|stage| *stage == Stage::Prepared));
+    assert!(program.stages().contains(&Stage::Prepared));
     // Every line that names a place reads places before it.
     assert!(!source.source.contains("malloc") && source.header.contains("cwolf_step"));
 }

@@ -341,7 +341,7 @@ class _Window(Generic[V]):
         """Keep what is finished, and send again what was lost."""
         self.waiting()
         finished, _ = wait(self.pending, timeout=_POLL_S, return_when=FIRST_COMPLETED)
-        lost = []
+        lost, errors = [], []
         for future in finished:
             place, chunk = self.pending.pop(future)
             error = future.exception()
@@ -352,7 +352,9 @@ class _Window(Generic[V]):
             elif self.fleet.was_lost(error):
                 lost.append((place, chunk))
             else:
-                raise error
+                errors.append(error)
+        if errors:  # after what was finished beside it is kept
+            raise errors[0]
         if not self.fleet.alive():
             for future in self.pending:
                 future.cancel()

@@ -48,7 +48,7 @@ const LONGEST_PAUSE: f64 = 60.0;
 const LEFT_BEHIND: f64 = 0.02;
 
 /// Acceleration of gravity, m/s².
-const GRAVITY: f64 = 9.81;
+pub const GRAVITY: f64 = 9.81;
 
 /// Deviations at the start of what was not measured: velocity m/s, rates rad/s.
 const AT_START: [f64; 2] = [0.5, 0.1];

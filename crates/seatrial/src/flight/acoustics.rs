@@ -9,7 +9,7 @@
 
 use crate::control::navigation::CHANNELS;
 use crate::control::navigation_filter::fitting::{BEARING, GPS, RANGE, USBL};
-use crate::control::navigation_filter::{Instrument, LANDMARKS, Landmark, Told};
+use crate::control::navigation_filter::{Instrument, KINDS, LANDMARKS, Landmark, Told};
 use crate::filter::estimate::Estimate;
 use crate::filter::observation::{Observation, Surface};
 use crate::mission::landmarks::LandmarkTable;
@@ -51,8 +51,65 @@ pub struct Acoustics {
     pub transceiver: Vec3<f64>,
 }
 
+/// Longest latency, control periods.
+pub const MOST_LATENCY: f64 = 10_000.0;
+
+/// Numbers of a device, see [`Acoustics::of_rows`].
+pub const ROW: usize = 17;
+
+impl Acoustics {
+    /// Devices by the name of their kind: noise, offset, quantum, control periods between samples, to the first and of
+    /// latency, drop-outs every s, for s, reach, share and deviation of outliers, lever arm (3), roll, pitch and yaw of
+    /// the mounting; SI and rad.
+    ///
+    /// # Errors
+    /// A kind that is none of these.
+    pub fn of_rows(
+        rows: &[(String, [f64; ROW])],
+        transceiver: Vec3<f64>,
+        landmarks: &[LandmarkTable],
+    ) -> Result<Self, String> {
+        let landmarks = landmarks.iter().map(landmark).collect();
+        let mut acoustics = Self { landmarks, transceiver, ..Self::default() };
+        for (kind, row) in rows {
+            let [
+                noise,
+                bias,
+                quantum,
+                every,
+                first,
+                late,
+                gap,
+                length,
+                reach,
+                share,
+                size,
+                x,
+                y,
+                z,
+                roll,
+                pitch,
+                yaw,
+            ] = *row;
+            let index = DEVICES.iter().position(|&device| KINDS[device] == kind).ok_or_else(|| {
+                format!("acoustics: expected gps, usbl, range or bearing, found \"{kind}\"")
+            })?;
+            let mount = from_euler(&[roll, pitch, yaw]);
+            acoustics.devices[index] = Some(Device {
+                instrument: Instrument { noise, bias, latency: 0.0, arm: [x, y, z], mount },
+                quantum,
+                periods: [every.max(1.0) as usize, first as usize, late.min(MOST_LATENCY) as usize],
+                dropouts: [gap, length],
+                reach,
+                outliers: [share, size],
+            });
+        }
+        Ok(acoustics)
+    }
+}
+
 /// A landmark of a mission file.
-pub fn landmark(table: &LandmarkTable) -> (String, Landmark) {
+fn landmark(table: &LandmarkTable) -> (String, Landmark) {
     let mark = match *table {
         LandmarkTable::Beacon { north_m, east_m, depth_m, .. } => {
             Landmark::Beacon([north_m, east_m, depth_m])

@@ -67,6 +67,11 @@ impl Sea {
     /// No waves.
     pub const CALM: Self = Self { height: 0.0, period: 8.0, toward: 0.0, spreading: 0.0, peakedness: 3.3 };
 
+    /// Of its five numbers, in the order of the fields.
+    pub fn of_row([height, period, toward, spreading, peakedness]: [f64; 5]) -> Self {
+        Self { height, period, toward, spreading, peakedness }
+    }
+
     /// The same sea as a navigation filter is told of it, at gravity `g`; none for a calm one.
     pub fn swell(&self, g: f64) -> Option<Swell> {
         let omega_p = TAU / self.period;

@@ -64,7 +64,7 @@ properties! {
 
     #[test]
     fn law_spiral_chords_stay_within_the_tolerance(coil in coil()) {
-        let points = coil.points(10_000).expect("few enough points");
+        let points = coil.points(40_000).expect("few enough points");
         let at = |share: f64| {
             let radius = coil.radii[0] + share * (coil.radii[1] - coil.radii[0]);
             towards(coil.centre, coil.bearing + coil.side * share * coil.turns * TAU, radius)
@@ -80,7 +80,7 @@ properties! {
 
     #[test]
     fn law_spiral_points_lie_on_it_from_end_to_end(coil in coil()) {
-        let points = coil.points(10_000).expect("few enough points");
+        let points = coil.points(40_000).expect("few enough points");
         prop_assert_eq!((points[0].0, points[points.len() - 1].0), (0.0, 1.0));
         for pair in points.windows(2) {
             let (share, place) = pair[1];
@@ -99,7 +99,7 @@ properties! {
     fn law_spiral_and_its_reverse_have_the_same_chords(coil in coil()) {
         let end = coil.bearing + coil.side * coil.turns * TAU;
         let back = Coil { radii: [coil.radii[1], coil.radii[0]], bearing: end, side: -coil.side, ..coil };
-        let (there, back) = (coil.points(10_000).expect("few"), back.points(10_000).expect("few"));
+        let (there, back) = (coil.points(40_000).expect("few"), back.points(10_000).expect("few"));
         prop_assert_eq!(there.len(), back.len());
         for (a, b) in there.iter().zip(back.iter().rev()) {
             // Rounding of up to a hundred turns at 70 m.

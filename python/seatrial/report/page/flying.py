@@ -325,9 +325,17 @@ def _sensors(cases: Cases, own: Any) -> list[dict[str, str]]:
             continue
         fitted = sensors_of(source, vehicle)
         channels = sensor_channels(fitted, period)
-        lines = _lines({"errors": channels.errors.tolist(), "timing": channels.timing.tolist()})
+        lines = _lines({
+            "errors": channels.errors.tolist(),
+            "timing": channels.timing.tolist(),
+            "acoustics": [[kind, row.tolist()] for kind, row in channels.acoustics.items()],
+            "transceiver": list(channels.transceiver),
+        })
         entry = {"label": label, "lines": lines}
-        if (aboard := filter_of("filter", vehicle, fitted, period, gusts=gusts, exact=True)) is not None:
+        aboard = filter_of(
+            "filter", vehicle, fitted, period, landmarks=cases.mission.landmarks, gusts=gusts, exact=True
+        )
+        if aboard is not None:
             stated = aboard.stated
             entry["filter"] = _lines({
                 "navigation": stated | {"instruments": [[k, row] for k, row in stated["instruments"].items()]}

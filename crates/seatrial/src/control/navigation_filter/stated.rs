@@ -7,12 +7,9 @@ use crate::description::Description;
 use crate::error::{Error, nearest};
 use crate::filter::innovation::Gate;
 use crate::filter::observation::Surface;
-use crate::flight::waves::Sea;
+use crate::filter::swell::Swell;
 use crate::model::kinematics::from_euler;
 use serde::Deserialize;
-
-/// Acceleration of gravity at which waves are told, m/s².
-const GRAVITY: f64 = 9.81;
 
 /// What a filter is made of; what is missing is that of a good model.
 #[derive(Clone, Debug, Deserialize)]
@@ -51,16 +48,11 @@ pub struct Stated {
 }
 
 impl Stated {
-    /// The fitting on a model, at a period, s, in waves as of [`Sea`].
+    /// The fitting on a model, at a period, s, in waves of a swell.
     ///
     /// # Errors
     /// A kind of sensor or landmark that is not known.
-    pub fn fitting(
-        &self,
-        model: &Description,
-        period: f64,
-        waves: Option<[f64; 5]>,
-    ) -> Result<Fitting, Error> {
+    pub fn fitting(&self, model: &Description, period: f64, swell: Option<Swell>) -> Result<Fitting, Error> {
         let mut instruments = [None; KINDS.len()];
         for (kind, [noise, bias, latency, x, y, z, roll, pitch, yaw]) in &self.instruments {
             let index = KINDS.iter().position(|known| known == kind).ok_or_else(|| {
@@ -77,9 +69,6 @@ impl Stated {
         noise.gyro_walk = self.gyro_walk;
         noise.force_time = self.force_time_s.unwrap_or(noise.force_time);
         noise.current_time = self.current_time_s.unwrap_or(noise.current_time);
-        let swell = waves.and_then(|[height, period, toward, spreading, peakedness]| {
-            Sea { height, period, toward, spreading, peakedness }.swell(GRAVITY)
-        });
         let [north, east, down, far] = self.start;
         Ok(Fitting {
             instruments,
