@@ -1,0 +1,165 @@
+"""The noise of a navigation filter from what an identified model leaves unexplained.
+
+From every fitted sample the model takes one step. What it misses of the smoothed velocities, over the step,
+is a residual acceleration a(t), and F = M a the force that it lacks. Two processes stand for it (Farrell
+2008, section 4.6): a Gauss-Markov force with the memory that the residual shows between one and three
+seconds, and for what is left white acceleration with the same area under its autocovariance. The mean is
+kept: a constant force that the model misses is part of the force. Residuals of held-out samples are not
+looked at. What smoothing takes out of the residual is missing: the force comes out some 10 % low.
+
+Tests: ``tests/identification/test_noise_of_filter.py``. Figures: ``docs/validation.md``, "Navigation filter".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, TypedDict
+
+import numpy as np
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.errors import TrialError
+from seatrial.trial.record import Record, Replay, Segment
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.identification.identification import Identification
+
+__all__ = ["FilterNoise", "filter_noise", "residual_noise"]
+
+_NEAR_S, _FAR_S = 1.0, 3.0
+"""Lags between which the memory of the force is read: beyond what the smoothing of the velocities joins."""
+
+_SUBSTEP_S = 0.05
+
+_MEMORY_S = (0.5, 300.0)
+
+_LEAST = np.array([0.005, 0.005, 0.005, 0.004, 0.001, 0.001])
+"""Least deviation of the force over the diagonal of the mass matrix, m/s^2 and rad/s^2: of an exact model."""
+
+_LEAST_WHITE = 5e-4  # m/s and rad/s after a second
+
+
+class FilterNoise(TypedDict):
+    """Keywords of `seatrial.NavigationFilter`: force (6,), its time constant, white acceleration (6,); SI."""
+
+    force: Array
+    force_time_s: float
+    acceleration: Array
+
+
+def filter_noise(fit: Identification) -> FilterNoise:
+    """Noise of a navigation filter on the identified vehicle, from the residuals of the fitted samples.
+
+    Parameters
+    ----------
+    fit : Identification
+        With its campaign: its trials are read again.
+
+    Returns
+    -------
+    FilterNoise
+        ``force`` (6,), deviations of the unmodelled force in N and N m, ``force_time_s``, its time constant,
+        and ``acceleration`` (6,), deviations of the velocities in m/s and rad/s after a second of white
+        acceleration; ``seatrial.NavigationFilter(fit.vehicle, sensors, **filter_noise(fit))`` takes them.
+
+    Raises
+    ------
+    TrialError
+        No trial has three seconds of fitted samples without a gap.
+    """
+    campaign = fit.campaign
+    records = []
+    for name in campaign.trials:
+        trial = campaign.trials[name]
+        fitted = ~campaign.held_out(name)[: len(trial.t)] & trial.startable
+        records.append(Record(trial, campaign.input_of(name), trial.valid & fitted[:, None]))
+    return residual_noise(fit.vehicle, records)
+
+
+def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
+    """The same of a vehicle on records, of which samples count where any channel does.
+
+    Raises
+    ------
+    TrialError
+        No record has three seconds of samples that count without a gap.
+    """
+    mass = np.asarray(vehicle.mass_matrix())
+    lags = ("none", "sample", "near", "far")
+    sums = {lag: (np.zeros(6), np.zeros(6), 0) for lag in lags}
+    steps = []
+    for record in records:
+        dt = record.trial.dt
+        steps.append(dt)
+        acceleration, known = _residual(vehicle, record)
+        force = acceleration @ mass.T
+        for lag, count in zip(lags, (0, 1, round(_NEAR_S / dt), round(_FAR_S / dt)), strict=True):
+            both: Mask = np.asarray(known[: len(known) - count] & known[count:])
+            summed, pushed, number = sums[lag]
+            sums[lag] = (
+                summed + _products(acceleration, count, both),
+                pushed + _products(force, count, both),
+                number + int(both.sum()),
+            )
+    if not steps or sums["far"][2] < 2:
+        raise TrialError(
+            f"filter noise: expected a trial with {_FAR_S:g} s of fitted samples without a gap, found none;"
+            " hold out less, or give NavigationFilter its force and acceleration"
+        )
+    moved = {lag: total / count for lag, (total, _, count) in sums.items()}
+    forced = {lag: total / count for lag, (_, total, count) in sums.items()}
+    dt = float(np.mean(steps))
+    time_s = _memory(moved)
+    slow = np.clip(forced["near"] * math.exp(_NEAR_S / time_s), 0.0, forced["none"])
+    share = np.divide(slow, forced["none"], out=np.zeros(6), where=forced["none"] > 0.0)
+    # What the slow force leaves of the acceleration, and for how long it remembers itself.
+    fast = moved["none"] * (1.0 - share)
+    after = moved["sample"] - moved["none"] * share * math.exp(-dt / time_s)
+    kept = np.clip(np.divide(after, fast, out=np.zeros(6), where=fast > 0.0), 0.1, 0.9)
+    white = np.sqrt(2.0 * fast * dt / -np.log(kept))
+    return FilterNoise(
+        force=np.maximum(np.sqrt(slow), _LEAST * np.diag(mass)),
+        force_time_s=time_s,
+        acceleration=np.maximum(white, _LEAST_WHITE),
+    )
+
+
+def _products(series: Array, lag: int, both: Mask) -> Array:
+    """Sum (6,) of the products of values that lie a lag apart, where both are known."""
+    return np.asarray((series[: len(series) - lag] * series[lag:])[both].sum(axis=0))
+
+
+def _memory(moved: dict[str, Array]) -> float:
+    """Time constant in s from the autocovariances (6,) at the two lags, every axis in units of its own."""
+    scale = np.where(moved["none"] > 0.0, moved["none"], np.inf)
+    near, far = (float((moved[lag] / scale).clip(0.0).sum()) for lag in ("near", "far"))
+    if near <= 0.0:
+        return _MEMORY_S[0]
+    if far >= near:
+        return _MEMORY_S[1]
+    decay = math.log(near / max(far, 1e-9 * near))
+    return float(np.clip((_FAR_S - _NEAR_S) / decay, *_MEMORY_S))
+
+
+def _residual(vehicle: Vehicle, record: Record) -> tuple[Array, Mask]:
+    """Acceleration (n, 6) that a step of the model misses, m/s^2 and rad/s^2, and where it is known (n,)."""
+    trial = record.trial
+    counted: Mask = np.asarray(record.counted.any(axis=1))
+    known = np.append(counted[:-1] & counted[1:], False)
+    places = np.flatnonzero(known)
+    residual = np.zeros((len(counted), 6))
+    if not len(places):
+        return residual, known
+    states = trial.state(slice(None))
+    segments = tuple(
+        Segment(0, int(k), int(k) + 2, *(tuple(map(float, part[k])) for part in states)) for k in places
+    )
+    whole = Record(trial, record.input, np.ones_like(record.counted), record.water)
+    substeps = max(1, math.ceil(trial.dt / _SUBSTEP_S - 1e-9))
+    shown = Replay(vehicle, (whole,), segments, substeps=substeps, starts_count=True).simulated()
+    after = np.array([channels[1, :6] for channels in shown])
+    residual[places] = (states[2][places + 1] - after) / trial.dt
+    finite: Mask = np.asarray(np.isfinite(residual).all(axis=1))
+    return np.where(finite[:, None], residual, 0.0), np.asarray(known & finite)
