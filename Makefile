@@ -57,7 +57,7 @@ demo: build ## from trials to a verdict in under two minutes: identify, tune, ve
 # The report of `make demo` flies on the front page; where it is not there, the build says so.
 REPORT ?= runs/demo/report.html
 site: build ## the documentation as a site in target/site/html, every link and formula checked
-	$(BIN)/python docs/site/build.py --out target/site --report $(REPORT)
+	$(BIN)/python -m docs.site.build --out target/site --report $(REPORT)
 
 # The optimised build and most checks keep one processor busy, and not always: what does not need the core runs beside its build, and what
 # needs it beside the tests in Python. The wheel comes first because maturin keeps one copy of the core.

@@ -76,6 +76,7 @@ def _rooms() -> str:
     import seatrial
 
     package = Path(str(seatrial.__file__)).parent
+    told = {id(getattr(st, name)) for name in st.__all__}
     parts = [
         "What the public functions are made of: `from seatrial.ROOM import NAME`. "
         "[What a room holds](../house.md)."
@@ -84,7 +85,9 @@ def _rooms() -> str:
         room = f"seatrial.{file.parent.name}"
         module = import_module(room)
         names = [
-            name for name in getattr(module, "__all__", []) if file.parent.name not in ("cli", "examples")
+            name
+            for name in getattr(module, "__all__", [])
+            if file.parent.name not in ("cli", "examples") and id(getattr(module, name)) not in told
         ]
         if names:
             directives = "\n".join(_directive(getattr(module, name), f"{room}.{name}") for name in names)
