@@ -18,7 +18,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, InvalidStateError
 from importlib import import_module
 from typing import Any
 
@@ -232,24 +232,28 @@ class _DaskFleet(Fleet):
             answer.set_exception(_LostError(str(error)))
             return answer
 
-        def finish(found: Any) -> None:
-            with contextlib.suppress(Exception):  # it was cancelled here in the meantime
-                try:
-                    if found.status == "finished":
-                        answer.set_result(found.result())
-                    elif found.status == "error":
-                        answer.set_exception(found.exception())
-                    else:
-                        answer.set_exception(_LostError(found.status))
-                except (OSError, CancelledError, asyncio.CancelledError) as error:
-                    answer.set_exception(_LostError(str(error)))
+        client = self._client
+
+        # In the client's own loop, which ends with it: Dask calls everything that is told of a finished
+        # future in one thread of the process, and a wait there would hold up every fleet after it.
+        async def fetch() -> None:
+            try:
+                value = await client.gather(asked, asynchronous=True)
+            except (Exception, asyncio.CancelledError) as error:
+                of_the_work = asked.status == "error"
+                failed: BaseException = error if of_the_work else _LostError(str(error) or asked.status)
+                with contextlib.suppress(InvalidStateError):  # it was cancelled here in the meantime
+                    answer.set_exception(failed)
+            else:
+                with contextlib.suppress(InvalidStateError):
+                    answer.set_result(value)
 
         def cancel(mine: Future[Any]) -> None:
             if mine.cancelled():
                 with contextlib.suppress(Exception):  # there may be no scheduler
                     asked.release()  # Dask ends what nobody waits for
 
-        asked.add_done_callback(finish)
+        client.loop.add_callback(fetch)
         answer.add_done_callback(cancel)
         return answer
 
