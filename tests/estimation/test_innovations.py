@@ -164,6 +164,7 @@ def test_a_hidden_coefficient_is_estimated_beside_the_others_and_not_told(tmp_pa
     assert judged.vehicle.coefficients()["N_r"] == pytest.approx(TRUTH["N_r"], rel=0.1)
 
 
+@pytest.mark.long
 def test_what_lies_between_the_samples_of_a_slow_sensor_is_no_measurement(tmp_path: Path) -> None:
     """An interpolation knows the sample to come: predictions that may use it bend whatever they explain."""
     keys = 'method = "innovations"\nrounds = 4\nhorizons_s = []'

@@ -275,6 +275,7 @@ def test_cwolf_is_told_per_group_and_direction(cwolf: Campaign) -> None:
     assert "Y and N of the wrench move only together" in str(found)
 
 
+@pytest.mark.long
 def test_check_of_a_campaign_judges_inputs_and_scale(cwolf: Campaign) -> None:
     found = check_campaign(cwolf)
     data: dict[str, Any] = json.loads(json.dumps(found.to_dict()))

@@ -49,6 +49,7 @@ def found(probability: Probability, seed: int, *, dimensions: int, missions: int
     return surface_of(places, allowed=ALLOWED, confidence=0.95)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("probability", "truth"), [(steep, 0.6), (gentle, 0.4)])
 def test_intervals_hold_a_known_boundary(probability: Probability, truth: float) -> None:
     inside, values = 0, []

@@ -54,6 +54,7 @@ def test_law_noise_is_named_at_most_at_the_level(quantile: float) -> None:
     assert named / campaigns <= 0.1 + 4.0 * np.sqrt(0.1 * 0.9 / campaigns)
 
 
+@pytest.mark.long
 def test_law_noise_is_named_at_most_at_the_level_over_all_requirements_together() -> None:
     """Five requirements with many failures, few and none; one by one they would name 0.41 at this level."""
     rng, named, campaigns, k = np.random.default_rng(12), 0, 80, 120

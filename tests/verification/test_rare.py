@@ -68,6 +68,7 @@ def test_the_interval_holds_what_plain_sampling_finds() -> None:
     assert one.event.evaluations < 8_000
 
 
+@pytest.mark.long
 def test_the_likeliest_failure_is_one_and_can_be_flown_again() -> None:
     found = rare()
     one = found.requirements[0]

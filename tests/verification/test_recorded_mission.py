@@ -103,6 +103,7 @@ def test_a_set_point_that_is_ramped_is_a_step_from_where_the_ramp_begins() -> No
     assert logged_steps(MissionLog.read(wandering, align=False), {"surge": wide}) == ()
 
 
+@pytest.mark.long
 def test_law_a_further_flight_falls_into_the_band_as_often_as_it_says() -> None:
     rng = np.random.default_rng(4)
     for flights in (FEWEST_FLIGHTS, 64):

@@ -74,6 +74,7 @@ def _same(x: Any, y: Any) -> bool:
     return x.dtype.kind == "f" and bool(np.array_equal(x, y, equal_nan=True))
 
 
+@pytest.mark.long
 def test_the_interval_covers_a_known_failure_probability_as_often_as_it_says(tmp_path: Path) -> None:
     # Failure: the start lies more than 1.2 m to the north, P = 1 - Phi(1.2).
     truth, seeds = float(norm.sf(1.2)), 40

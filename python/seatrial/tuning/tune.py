@@ -147,10 +147,14 @@ def tune(
 
     >>> corridor = {"rise_s": 5.0, "overshoot": 0.3, "settling_s": 10.0, "settled": 0.1}
     >>> tuning = st.tune(
-    ...     "cwolf",
-    ...     "cwolf",
-    ...     loops={"heading": {"steps": [20.0], "speeds_m_s": [1.5], "corridor": corridor}},
-    ...     settings={"samples": 0, "settle_s": 6.0, "budget": {"population": 8, "generations": 1}},
+    ...     "remus100",
+    ...     "remus100",
+    ...     loops={"heading": {"steps": [20.0], "speeds_m_s": [2.0], "corridor": corridor}},
+    ...     settings={
+    ...         "samples": 0,
+    ...         "settle_s": 6.0,
+    ...         "budget": {"population": 8, "generations": 1, "simplex_rounds": 1},
+    ...     },
     ... )
     >>> [group.name for group in tuning.groups[:2]]
     ['margins', 'heading']
