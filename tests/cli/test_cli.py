@@ -203,6 +203,9 @@ def test_new_then_identify_then_score(starter: Path, here: Path) -> None:
     scored = json.loads(call(*score, "--columns-from", starter / "campaign.toml").stdout)
     assert scored["trials"] == ["zigzag", "straight"]
     assert scored["channels"]["u"]["r2"] > 0.9
+    # No stage frees roll and pitch: their channels follow the recording.
+    replayed = {name for name, one in scored["channels"].items() if one["replayed"]}
+    assert replayed == {"p", "q", "roll", "pitch"}
     zigzag = starter / "logs" / "zigzag.csv"
     trained = call("score", "run/vehicle.toml", zigzag, "--train", starter / "logs" / "straight.csv")
     assert "beside baselines" in trained.stdout

@@ -28,7 +28,14 @@ def score(
     ] = None,
     ahead: Annotated[float, typer.Option(min=0.01, help="Restart the simulation after this time, s.")] = 10.0,
     free_run: Annotated[bool, typer.Option("--free-run", help="Never restart it.")] = False,
-    free: Annotated[str, typer.Option(help="Axes that are simulated; the others are replayed.")] = "XYZKMN",
+    free: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AXES",
+            help="Axes that are simulated; the others are replayed from the recording. Default: those that a"
+            " stage of the campaign frees; XYZKMN without one.",
+        ),
+    ] = None,
     against: Annotated[
         list[str] | None,
         typer.Option(
@@ -60,26 +67,32 @@ def score(
     With --against, which vehicle or table of predictions is better, and whether these trials can tell.
     """
     from seatrial._core import Vehicle
+    from seatrial.base.channels import AXES
     from seatrial.base.errors import TrialError
+    from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import answer, check_axes, formats, print_json
+    from seatrial.identification.hold_out import freed
     from seatrial.trial.comparison import compare
     from seatrial.trial.predictions import Predictions, is_table
     from seatrial.trial.score import score as scored
 
-    check_axes(free, "--free")
+    if free is not None:
+        check_axes(free, "--free")
     vehicles = {
         label: Predictions.read(name)
         if against and name in against and is_table(name)
         else Vehicle.load(name)
         for label, name in _labels([vehicle, *(against or [])]).items()
     }
+    campaign = None if columns_from is None else Campaign.load(columns_from)
+    free = free or (freed(campaign) if campaign else "") or "".join(AXES)
     chosen = read_trials(trials, columns_from)
     training = read_trials(train, columns_from) if train else []
     if both := {one.source for one in training} & {one.source for one in chosen}:
         raise TrialError(
             f"--train {min(both)}: it is scored, too; a baseline knows its training trials: name others"
         )
-    measured = "".join(axis for axis in "XYZKMN" if axis not in free)
+    measured = "".join(axis for axis in AXES if axis not in free)
     options: dict[str, Any] = {"free_run": free_run, "free": free, "measured": measured}
     options |= {"own_stamps": own_stamps, "training": training}
     found: Score | Comparison

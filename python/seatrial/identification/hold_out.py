@@ -34,6 +34,7 @@ __all__ = [
     "POOLED",
     "PartScores",
     "Restarts",
+    "freed",
     "left_out_score",
     "likelihood_gain",
     "part_scores",
@@ -246,14 +247,14 @@ def left_out_score(
     """
     fitted = list(dict.fromkeys(trial for stage in rest.stages for trial in stage.trials))
     shared = set.intersection(*({*one.items()} for one in nuisances.values())) if len(nuisances) > 1 else ()
-    axes = _freed(campaign, name) or _freed(campaign)
+    axes = freed(campaign, name) or freed(campaign)
     trial = campaign.trials[name]
     return score(
         vehicle,
         trial,
         channels=[c for i, c in enumerate(CHANNELS) if AXES[i % 6] in axes and c in trial.channels],
         input=campaign.input_of(name),
-        free=_freed(campaign),
+        free=freed(campaign),
         measured=replayed(campaign),
         nuisances={name: dict(shared)},
         training=_baselines(campaign, _part(rest, fitted, "fit")),
@@ -274,7 +275,7 @@ def _baselines(campaign: Campaign, training: Mapping[str, Trial], ahead_s: float
         list(training.values()),
         vehicle=campaign.vehicle,
         input=inputs.pop() if len(inputs) == 1 else None,
-        free=_freed(campaign),
+        free=freed(campaign),
         measured=replayed(campaign),
         ahead_s=ahead_s,
     )
@@ -291,7 +292,7 @@ def _scores(
     simple: Baselines | None,
     limits: Mapping[str, Unpredictable],
 ) -> dict[str, Score]:
-    free = _freed(campaign)
+    free = freed(campaign)
 
     def scored(names: list[str], axes: str) -> Score:
         chosen = [trials[name] for name in names]
@@ -313,7 +314,7 @@ def _scores(
     found: dict[str, Score] = {}
     for name in trials:
         try:
-            found[name] = scored([name], _freed(campaign, name) or free)
+            found[name] = scored([name], freed(campaign, name) or free)
         except TrialError as error:
             missing.append(f"not scored: {error}")
     alike = len({campaign.input_of(name) for name in found}) == 1
@@ -322,11 +323,11 @@ def _scores(
 
 def replayed(campaign: Campaign) -> str:
     """Letters of the axes that no stage freed: every score replays them from the recording."""
-    free = _freed(campaign)
+    free = freed(campaign)
     return "".join(axis for axis in AXES if axis not in free)
 
 
-def _freed(campaign: Campaign, trial: str | None = None) -> str:
+def freed(campaign: Campaign, trial: str | None = None) -> str:
     """Letters of the axes that some stage freed, on this trial or on any."""
     stages = [stage for stage in campaign.stages if trial is None or trial in stage.trials]
     return "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in stages))
