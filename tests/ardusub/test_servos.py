@@ -10,10 +10,10 @@ import pytest
 
 import seatrial as st
 from seatrial.ardusub.parameters import ParameterFile
-from seatrial.ardusub.servos import FRAME_NAMES, Channel, map_channels, map_parameters
+from seatrial.ardusub.servos import Channel, map_channels, map_parameters
 from seatrial.base.errors import TrialError
 from seatrial.logs.dataflash import open_log
-from seatrial.trial.mixer import FRAMES
+from seatrial.trial.mixer import FRAME_NAMES, FRAMES
 
 
 def _file(**values: float) -> ParameterFile:

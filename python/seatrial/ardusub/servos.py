@@ -24,12 +24,9 @@ from seatrial.ardusub.parameters import ParameterFile
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Table
-from seatrial.trial.mixer import FRAMES
+from seatrial.trial.mixer import FRAME_NAMES, FRAMES
 
-__all__ = ["FRAME_NAMES", "Channel", "ChannelMap", "map_channels", "map_parameters"]
-
-FRAME_NAMES = tuple(FRAMES)
-"""Frames by the number of FRAME_CONFIG; 7 is a custom one, whose factors no parameter tells."""
+__all__ = ["Channel", "ChannelMap", "map_channels", "map_parameters"]
 
 _MOTOR_FUNCTIONS = {33 + k: k + 1 for k in range(8)} | {82 + k: k + 9 for k in range(4)}
 

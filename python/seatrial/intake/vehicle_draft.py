@@ -22,6 +22,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.file_names import file_name
 from seatrial.base.toml_file import VEHICLE, is_path, loaded, text_of
 from seatrial.intake.survey import SurveyedLog
+from seatrial.trial.mixer import FRAME_NAMES
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
@@ -29,12 +30,6 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
 __all__ = ["VehicleDraft", "draft_vehicle", "matched", "thruster_signs", "turned"]
-
-FRAMES = {
-    0: "BLUEROV1", 1: "VECTORED", 2: "VECTORED_6DOF", 3: "VECTORED_6DOF_90",
-    4: "SIMPLEROV_3", 5: "SIMPLEROV_4", 6: "SIMPLEROV_5", 7: "CUSTOM",
-}  # fmt: skip
-"""FRAME_CONFIG of ArduSub."""
 
 _BUILT_IN = {2: "bluerov2-heavy"}
 
@@ -93,7 +88,7 @@ def draft_vehicle(
     if frame is not None and int(frame) in _BUILT_IN:
         name = _BUILT_IN[int(frame)]
         vehicle = Vehicle.load(name)
-        said = f"the built-in vehicle {name}: FRAME_CONFIG is {frame:g}, {FRAMES[int(frame)]}"
+        said = f"the built-in vehicle {name}: FRAME_CONFIG is {frame:g}, {FRAME_NAMES[int(frame)]}"
         return VehicleDraft(vehicle.to_toml(), vehicle, said)
     ardupilot = any(log.format in ("dataflash", "mavlink") for log in logs)
     if frame is None and ardupilot and len(motors) == _HEAVY_MOTORS:
@@ -101,10 +96,11 @@ def draft_vehicle(
         vehicle = Vehicle.load(name)
         said = (
             f"the built-in vehicle {name}, by its eight motor channels: the log has no FRAME_CONFIG; check"
-            f" that the frame is {FRAMES[2]}"
+            f" that the frame is {FRAME_NAMES[2]}"
         )
         return VehicleDraft(vehicle.to_toml(), vehicle, said, certain=False)
-    told = "" if frame is None else f" for FRAME_CONFIG {frame:g}, {FRAMES.get(int(frame), 'unknown')}"
+    known = None if frame is None else dict(enumerate((*FRAME_NAMES, "CUSTOM"))).get(int(frame), "unknown")
+    told = "" if frame is None else f" for FRAME_CONFIG {frame:g}, {known}"
     return VehicleDraft(_stub(logs, actuators), None, f"a stub{told}: measures are to be filled in", False)
 
 

@@ -24,7 +24,7 @@ from seatrial.trial.table import numbers
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["FRAMES", "WRENCH", "Mixer", "Output", "Stick"]
+__all__ = ["FRAMES", "FRAME_NAMES", "WRENCH", "Mixer", "Output", "Stick"]
 
 _STICKS = ("roll", "pitch", "yaw", "throttle", "forward", "lateral")
 
@@ -71,7 +71,12 @@ FRAMES: dict[str, dict[str, tuple[float, ...]]] = {
         "5": (0, 0, 0, 0, 0, 1),
     },
 }
-"""Factors of roll, pitch, yaw, throttle, forward and lateral by motor number, of ArduSub's frames."""
+"""Factors of roll, pitch, yaw, throttle, forward and lateral by motor number, of ArduSub's frames in the
+order of FRAME_CONFIG.
+"""
+
+FRAME_NAMES = tuple(FRAMES)
+"""Frames by the number of FRAME_CONFIG; 7 is a custom one, whose factors no parameter tells."""
 
 WRENCH = tuple(column for group in GROUPS if group.name in ("force", "moment") for column in group.columns)
 """Outputs that are components of the wrench: the names of a trial's columns."""
