@@ -12,6 +12,7 @@ from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Step
 from seatrial.campaign.campaign import Campaign
+from seatrial.estimation import joint_estimate
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import linearise, polish
 
@@ -110,6 +111,26 @@ def test_several_starts_anywhere_in_the_bounds_find_the_same_optimum() -> None:
     assert (spread < 0.5 * sigma).all(), spread / sigma
     # A unit of the log-likelihood is a standard deviation and a half; the noise is estimated anew on the way.
     assert np.ptp(found.costs) < 1.0
+
+
+def test_a_part_of_many_segments_leads_to_the_optimum_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = joint(recording())
+    direct = polish(one)
+    # Sixteen segments of fifteen seconds: with fewer than a third of them the way is found on a part.
+    monkeypatch.setattr(joint_estimate, "_PART", 4)
+    part, places = one.thinned(4)
+    assert places.tolist() == [0, 4, 8, 12]
+    assert part.data.counts[0] < 0.3 * one.data.counts[0]
+    led = polish(one)
+    assert led.rounds > direct.rounds
+    assert led.converged
+    assert led.initial.shape == direct.initial.shape
+    lin = linearise(one, direct.values, initial=direct.initial, noise=direct.noise)
+    sigma = np.sqrt(np.diag(np.linalg.inv(lin.information())))
+    # Each ends where a round promises less than a tenth of a unit of twice the log-likelihood.
+    assert (abs(led.values - direct.values) < 0.4 * sigma).all()
+    assert led.costs[0] == pytest.approx(direct.costs[0], abs=1.0)
+    assert led.start_cost == pytest.approx(direct.start_cost, rel=0.01)
 
 
 def test_a_current_bends_the_coefficients_unless_it_is_estimated() -> None:

@@ -213,16 +213,19 @@ class MarginConstraint:
     def _weighed(self, gains: Gains) -> list[tuple[_Point, Array]]:
         """Per point its K_P, K_I, K_D of every loop, (k, n, 3)."""
         count = self._count(gains)
-
-        def values(name: str) -> Array:
-            return np.broadcast_to(np.asarray(gains.get(name, self._gains[name]), dtype=float), count)
-
+        # A loop has the same gains at every point: one table per loop, and the points weigh it.
+        tables: dict[str, Array] = {}
+        for point in self._systems:
+            for loop in point.at.loops:
+                if loop not in tables:
+                    tables[loop] = np.empty((len(_KEYS), len(point.shares), count))
+                    for key, rows in zip(_KEYS, tables[loop], strict=True):
+                        for place, row in enumerate(rows):
+                            name = f"{loop}.{key}.{place + 1}"
+                            row[:] = gains.get(name, self._gains[name])
         found = []
         for point in self._systems:
-            points = range(1, len(point.shares) + 1)
-            given = np.array([
-                [[values(f"{loop}.{key}.{i}") for i in points] for key in _KEYS] for loop in point.at.loops
-            ])
+            given = np.array([tables[loop] for loop in point.at.loops])
             found.append((point, np.einsum("nbsk,s->knb", given, point.shares)))
         return found
 

@@ -51,6 +51,13 @@ __all__ = [
 ]
 
 _AT_ONCE = 3e7
+"""Derivatives that are held at once."""
+
+_TO_CHOOSE = 1e7
+"""Derivatives of the part of the segments by which the strongest are chosen where they are more."""
+
+_FEWEST = 40
+"""Segments of it, at least."""
 
 _STRONGEST = 40
 
@@ -189,18 +196,28 @@ def strongest(
     """
     from seatrial.estimation.joint_estimate import linearise
 
-    rows = joint.data.samples * len(joint.channels)
-    fits = max(round(_AT_ONCE / rows) - len(joint.unknowns), _STRONGEST // 2)
-    if len(tried) <= fits:
+    if len(tried) <= (fits := _fits(joint)):
         return tried
+    if joint.method == "output":
+        # A part of the segments tells which are to be looked at on all of them.
+        each = joint.data.samples * len(joint.channels) * (len(joint.unknowns) + len(tried))
+        joint, places = joint.thinned(max(round(len(joint.data.segments) * _TO_CHOOSE / each), _FEWEST))
+        initial = None if initial is None else initial[places]
+        fits = _fits(joint)
     gains = np.zeros(len(tried))
     for first in range(0, len(tried), fits):
         part = tried[first : first + fits]
         lin = linearise(joint, values, initial=initial, noise=noise, extra=members(part))
-        block = block_numbers(lin, rows * lin.dt / len(joint.channels) / _COARSE)
+        block = block_numbers(lin, joint.data.samples * lin.dt / _COARSE)
         tests = score_tests(lin, columns_of(lin, part), fitted=fitted_places(lin, part), block=block)
         gains[first : first + len(part)] = tests.results().gain
     return tuple(tried[place] for place in np.argsort(-gains, kind="stable")[:_STRONGEST])
+
+
+def _fits(joint: Joint) -> int:
+    """Coefficients whose derivatives are held at once beside those of the unknowns."""
+    rows = joint.data.samples * len(joint.channels)
+    return max(round(_AT_ONCE / rows) - len(joint.unknowns), _STRONGEST // 2)
 
 
 def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) -> str:

@@ -2,7 +2,8 @@
 
 The initial conditions of a segment touch nothing else, so that they are eliminated segment by segment (Schur
 complement, as in bundle adjustment); what is left goes to SciPy's trust-region solver with the bounds. Within
-a round the derivatives are held: it costs one differentiated flight and a few plain ones.
+a round the derivatives are held: it costs one differentiated flight and a few plain ones. After a step that
+is short beside the standard deviations they are held for the next round too; its residuals are its own.
 
 Source: Triggs et al., *Bundle Adjustment: A Modern Synthesis* (2000), section 6; Huber (1964); Yohai & Zamar,
 *JASA* 83 (1988) 406, for the robust scale.
@@ -32,8 +33,15 @@ _TRIALS = 6
 
 _NOISE_FLOOR = 1e-3
 
+_NEAR = 1.0
+"""Promise of a step, in twice the log-likelihood, up to which the derivatives are held for the next one: a
+standard deviation in all unknowns together."""
+
 _DIVERGED = 1e3
 """Error, in standard deviations of the channel, from which a simulation counts as diverged."""
+
+
+_Slopes = list[tuple[Array, Array, Array, NDArray[np.intp]]]
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,7 @@ class GaussNewton:
         self.prior_sd = np.minimum([u.prior_sd for u in self.unknowns], self.scale)
         self.initial_places = [INITIALS.index(name) for name in joint.initials]
         self.evaluations = 0
+        self.held: _Slopes | None = None
 
     def round(self, values: Array, initial: Array, centre: Array) -> tuple[Array, Array, float]:
         """Better values and initial conditions, and the promised gain in twice the log-likelihood."""
@@ -124,18 +133,28 @@ class GaussNewton:
         new, begun = moved(found.x)
         step = (new - at)[free]
         promised = float(step @ information[np.ix_(free, free)] @ step)
+        if promised > _NEAR:
+            self.held = None
         return new, begun, promised
 
     def differentiated(self, values: Array, initial: Array) -> tuple[list[_Local], Array, Array]:
         """Segments at a point, the information (m, m) and the downhill gradient (m,) of what they tell."""
         size = len(self.unknowns)
         information, gradient, locals_ = np.zeros((size, size)), np.zeros(size), []
-        for index, (error, by_unknown, by_initial, places) in enumerate(self.joint.slopes(values, initial)):
+        for index, (error, by_unknown, by_initial, places) in enumerate(self._slopes(values, initial)):
             local, one, downhill = self._eliminated(error, by_unknown, by_initial, places, initial[index])
             information[np.ix_(places, places)] += one
             gradient[places] += downhill
             locals_.append(local)
         return locals_, information, gradient
+
+    def _slopes(self, values: Array, initial: Array) -> _Slopes:
+        """Residuals and derivatives of every segment, the derivatives perhaps those of the round before."""
+        if self.held is None:
+            self.held = self.joint.slopes(values, initial)
+            return self.held
+        residuals = self.joint.residuals(values, initial)
+        return [(error, *slopes[1:]) for error, slopes in zip(residuals, self.held, strict=True)]
 
     def _eliminated(
         self, error: Array, by_unknown: Array, by_initial: Array, places: NDArray[np.intp], initial: Array

@@ -12,6 +12,9 @@ them helps.
 A campaign may free coefficients here that no stage freed. The larger set may not end above the smaller one:
 it starts from the optimum of the staged coefficients too.
 
+The way from the starts is found on a part of the segments where there are many: every descent runs on the
+part, and the last one goes on from the lowest end on all of them.
+
 Tests: ``tests/estimation/test_polish.py``.
 """
 
@@ -45,6 +48,12 @@ _PARTS = (1.0, 0.5, 0.2, 0.05)
 """Parts of a round's step that are tried until one lowers the likelihood's cost."""
 
 _SETTLE = 3
+
+_PART = 40
+"""Segments, about, on which the way is found; every trial is among them."""
+
+_MANY = 3
+"""Times as many segments from which a part of them is worth its own descent."""
 
 _SPREAD = 0.1
 
@@ -130,10 +139,12 @@ def polish(
     limit = joint.polish.rounds if rounds is None else rounds
     if joint.method == "innovations":
         return _with_noise_model(joint, first, limit, fixed, watch)
-    search = _Descent(joint, frozenset(fixed), limit, watch)
+    whole = len(joint.data.segments) < _MANY * _PART
+    searched = joint if whole or not limit else joint.thinned(_PART)[0]
+    search = _Descent(searched, frozenset(fixed), limit, watch)
     found = [search.run(first)]
     if start is None and not fixed and limit and joint.unstaged and not found[-1].interrupted:
-        smaller = _Descent(joint, frozenset(joint.unstaged), limit, watch).run(first)
+        smaller = _Descent(searched, frozenset(joint.unstaged), limit, watch).run(first)
         if not smaller.interrupted:
             found.append(search.run(smaller.values))
     for other in also:
@@ -145,12 +156,21 @@ def polish(
             break
         found.append(search.run(search.scattered(first, generator)))
     costs = np.array([float(one.costs[0]) for one in found])
-    best = found[int(costs.argmin())]
+    best, interrupted = found[int(costs.argmin())], found[-1].interrupted
+    start_cost = found[0].start_cost + float(costs[0] - costs.min())
+    evaluations = sum(one.evaluations for one in found)
+    if searched is not joint:
+        last = _Descent(joint, frozenset(fixed), 0 if interrupted else limit, watch).run(first, best.values)
+        more = len(joint.data.segments) / len(searched.data.segments)
+        costs = float(last.costs[0]) + more * (costs - costs.min())
+        start_cost, evaluations = last.start_cost, evaluations + last.evaluations
+        interrupted = interrupted or last.interrupted
+        best = replace(last, rounds=best.rounds + last.rounds)
     return replace(
         best,
-        start_cost=found[0].start_cost + float(costs[0] - costs.min()),
-        evaluations=sum(one.evaluations for one in found),
-        interrupted=found[-1].interrupted,
+        start_cost=start_cost,
+        evaluations=evaluations,
+        interrupted=interrupted,
         wall_s=time.monotonic() - began,
         spread=np.array([one.values for one in found]),
         costs=costs,
@@ -245,16 +265,13 @@ class _Descent:
         self.rounds = GaussNewton(joint, fixed)
         self.began = time.monotonic()
 
-    def run(self, start: Array) -> Polished:
-        """The optimum that one start leads to."""
+    def run(self, start: Array, through: Array | None = None) -> Polished:
+        """The optimum that one start leads to; ``through`` lies on the way, where it is better than that."""
         joint, rounds = self.joint, self.rounds
         centre = joint.centres(start)
-        rounds.noise = joint.noise.copy()
-        initial = np.zeros((len(joint.data.segments), len(INITIALS)))
-        rounds.estimate_noise(joint.residuals(start, initial))
-        if joint.initials:
-            initial = initial + rounds.settled(start, initial)
-        here = first = self._placed(start, initial, centre)
+        here = first = self._begun(start, centre)
+        if through is not None and (other := self._begun(through, centre)).merit < first.merit:
+            here = other
         count, evaluations, converged, interrupted = 0, rounds.evaluations, False, False
         limit = self.limit if np.isfinite(here.merit) else 0  # a start that diverges has no derivatives
         try:
@@ -294,6 +311,16 @@ class _Descent:
             costs=np.array([here.merit]),
             method_reason=joint.method_reason,
         )
+
+    def _begun(self, values: Array, centre: Array) -> _Place:
+        """A point with initial conditions at their best for it."""
+        joint, rounds = self.joint, self.rounds
+        rounds.noise, rounds.held = joint.noise.copy(), None
+        initial = np.zeros((len(joint.data.segments), len(INITIALS)))
+        rounds.estimate_noise(joint.residuals(values, initial))
+        if joint.initials:
+            initial = initial + rounds.settled(values, initial)
+        return self._placed(values, initial, centre)
 
     def _placed(self, values: Array, initial: Array, centre: Array) -> _Place:
         """A point with the noise of its own residuals."""

@@ -63,9 +63,9 @@ def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
 def _answered_waves(campaign: Campaign, trials: Sequence[str]) -> str:
     """Which commands answer measurements in a trial with waves; "" where none do."""
     for name in _commanded(campaign, trials):
-        swell = waves(campaign.trials[name])
         closed = [one for one in campaign.verdicts(name).values() if one.kind != "open"]
-        if closed and swell is not None:
+        swell = waves(campaign.trials[name]) if closed else None
+        if swell is not None:
             return (
                 f"in trial {name} {_commands(closed)} answer measurements, in waves of {swell.period_s:.1f} s"
             )

@@ -71,6 +71,11 @@ class StageData:
         ]
         return np.asarray(np.nan_to_num(np.max(speeds, axis=0)))
 
+    def of_segments(self, places: Sequence[int]) -> StageData:
+        """The same data with some of the segments, by their places; the scale stays."""
+        segments = tuple(self.segments[place] for place in places)
+        return replace(self, segments=segments, counts=_counts(self.records, segments))
+
 
 def cut(campaign: Campaign, stage: Stage) -> StageData:
     """Training data of a stage, cut into segments.
@@ -96,10 +101,16 @@ def cut(campaign: Campaign, stage: Stage) -> StageData:
                 f"{where}, key channels: channel {channel!r} never moves in the training part of"
                 f" {', '.join(stage.trials)}, so it cannot be scaled; leave it out"
             )
+    counts = _counts(records, segments)
+    return StageData(stage.trials, tuple(records), tuple(segments), counts, scale, weights)
+
+
+def _counts(records: Sequence[Record], segments: Sequence[Segment]) -> Array:
+    """Number (12,) of samples that count, in each channel over all segments."""
     counts = np.zeros(len(CHANNELS))
     for piece in segments:
         counts += records[piece.record].counted[piece.start + 1 : piece.stop].sum(axis=0)
-    return StageData(stage.trials, tuple(records), tuple(segments), counts, scale, weights)
+    return counts
 
 
 def unfit_trials(campaign: Campaign, stage: Stage) -> dict[str, str]:

@@ -181,7 +181,8 @@ def choose(
                 "stages", "the joint estimate was interrupted and not judged", {}, {}, 0.0, polished
             )
         words = f"the last {100 * _SHARE:g} % of every trial, after a fit without it,"
-        first, second = _refitted(campaign, stages, threads)
+        start = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
+        first, second = _refitted(campaign, stages, start, threads)
     judged = [channel for channel in first if channel in second]
     # Positions and angles barely move in ten seconds and score well with any model: velocities tell.
     judged = [channel for channel in judged if channel in VELOCITIES] or judged
@@ -338,9 +339,12 @@ def _collect(errors: dict[str, list[tuple[float, float]]], score: Score) -> None
 
 
 def _refitted(
-    campaign: Campaign, stages: tuple[StageResult, ...], threads: int | None
+    campaign: Campaign, stages: tuple[StageResult, ...], optimum: Mapping[str, float], threads: int | None
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Errors of both on the last part of every trial after fits without it; empty where that cannot be."""
+    """Errors of both on the last part of every trial after fits without it; empty where that cannot be.
+
+    Both fits go on from the optimum on all data, which lies near their own.
+    """
     try:
         shorter = _without_ends(campaign)
         vehicle = shorter.vehicle
@@ -349,7 +353,10 @@ def _refitted(
             found = refitted_stage(shorter, one, optima[one.stage.name], vehicle=vehicle, threads=threads)
             vehicle = vehicle.with_coefficients(found)
         joint = Joint(shorter, vehicle, threads=threads)
-        polished = polish(joint)
+        start = [
+            optimum.get(one.name, own) for one, own in zip(joint.unknowns, joint.start.tolist(), strict=True)
+        ]
+        polished = polish(joint, start=np.array(start))
         return (
             _errors(shorter, joint.identified(joint.start), None),
             _errors(shorter, joint.identified(polished.values), joint.records(polished.values)),
