@@ -146,7 +146,7 @@ def _identified(
     return fit
 
 
-_RUNS, _ON_TRUTH = 1000, 400
+_RUNS, _ON_TRUTH = 1000, 1000
 
 _ENDINGS = ("png", "svg")
 
