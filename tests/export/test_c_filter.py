@@ -58,7 +58,7 @@ def needs(program: str) -> None:
 
 
 def main_of(program: Program, sensors: Sequence[str], marks: Mapping[str, Any]) -> tuple[str, list[str]]:
-    """A program that reads commands, signals and samples of each period and prints the estimate; what it reads."""
+    """A program that prints the estimate of each period; the names of the numbers that it reads for it."""
     prefix, reads = program.prefix, [row["name"] for row in program.inputs]
     inputs = len(reads)
     told = [f"in.{name} = ({prefix}_real)x[{i}];" for i, name in enumerate(reads) if name.startswith("act_")]
@@ -144,7 +144,7 @@ def compiled(folder: Path, sources: Sequence[str], compiler: str, *options: str,
 
 
 def trial(filter: st.NavigationFilter, seed: int, periods: int) -> list[dict[str, float]]:
-    """Samples of every channel of a vehicle on a helix, each at its own rate: noise, gaps, wild points, a jump."""
+    """Samples of every channel on a helix, each at its own rate: noise, gaps, wild points, a jump."""
     rng, rows = np.random.default_rng(seed), []
     known = filter.channels
     marks = [name[6:] for name in known if name.startswith("range.")]
@@ -153,7 +153,11 @@ def trial(filter: st.NavigationFilter, seed: int, periods: int) -> list[dict[str
         t = 0.1 * n
         yaw, depth = 0.2 * t, 5.0 + 0.1 * t
         at = np.array([6.0 * math.sin(yaw), 6.0 - 6.0 * math.cos(yaw), depth])
-        truth = dict(zip("xyz", at, strict=True)) | {"roll": 0.02, "pitch": -0.05, "yaw": yaw}
+        truth = dict(zip("xyz", at, strict=True)) | {
+            "roll": 0.02,
+            "pitch": -0.05,
+            "yaw": math.remainder(yaw, math.tau),
+        }
         truth |= {"u": 1.2, "v": 0.02, "w": 0.1, "p": 0.0, "q": 0.0, "r": 0.2, "altitude": 40.0 - depth}
         truth |= {"u_water": 1.1, "v_water": 0.1, "w_water": 0.1, "gps_x": at[0], "gps_y": at[1]}
         truth |= {"usbl_x": at[0], "usbl_y": at[1], "usbl_z": at[2]}
@@ -164,7 +168,10 @@ def trial(filter: st.NavigationFilter, seed: int, periods: int) -> list[dict[str
         }
         for name in marks:
             if rng.random() < 0.2:
-                row |= {f"range.{name}": 30.0 + rng.standard_normal(), f"bearing.{name}": rng.uniform(-1.0, 1.0)}
+                row |= {
+                    f"range.{name}": 30.0 + rng.standard_normal(),
+                    f"bearing.{name}": rng.uniform(-1.0, 1.0),
+                }
         if n == 40 and "x" in row:
             row["x"] += 100.0
         if 90 <= n < 170 and "z" in row:
@@ -202,30 +209,42 @@ def compared(
     neutral = {name: float(facts[name]["neutral"]) for name in actuators}
     held = dict(neutral)
     for n, row in enumerate(trial(filter, seed, periods)):
-        ages = {}
+        ages: dict[str, float] = {}
         if late and n > 20:
             ages = {name: float(rng.choice([0.0, 0.1, 0.17])) for name in ("u", "v", "x") if name in row}
-        measured = {name: math.nan for name in actuators}
+        measured = dict.fromkeys(actuators, math.nan)
         if n % 3 == 0:
             measured = {name: 0.9 * held[name] + 0.1 * neutral[name] + 0.01 for name in actuators}
         commands = dict(held)
         if n % 10 == 0:
-            commands = {name: float(neutral[name] + rng.uniform(-0.3, 0.3) * facts[name]["maximum_ahead"]) for name in actuators}
+            commands = {
+                name: float(neutral[name] + rng.uniform(-0.3, 0.3) * facts[name]["maximum_ahead"])
+                for name in actuators
+            }
         told = filter.step(
-            row | ({} if voltage_v is None else {"voltage": voltage_v}), commands, measured, ages=ages, dt_s=filter.period_s
+            row | ({} if voltage_v is None else {"voltage": voltage_v}),
+            commands,
+            measured,
+            ages=ages,
+            dt_s=filter.period_s,
         )
         state = filter.state
         watches = filter.core.watches.values()
         count = sum(int(w[1]) + 1000 * int(w[2]) for w in watches)
         channels = [told.get(name["name"], 0.0) for name in program.outputs if name["name"] in told]
-        deviations = np.concatenate(
-            [state[f"{part}_deviation"] for part in ("position", "attitude", "velocity", "force", "current", "gyro_bias")]
-        )
+        deviations = np.concatenate([
+            state[f"{part}_deviation"]
+            for part in ("position", "attitude", "velocity", "force", "current", "gyro_bias")
+        ])
         known = np.concatenate([state["force"], state["current"], state["gyro_bias"], deviations])
         ours.append([*channels, *known, count])
-        values = {f"cmd_{name}": x for name, x in commands.items()} | {f"act_{k}": x for k, x in measured.items()}
+        values = {f"cmd_{name}": x for name, x in commands.items()} | {
+            f"act_{k}": x for k, x in measured.items()
+        }
         values |= row | {f"age {name}": age for name, age in ages.items()}
-        lines.append(" ".join(repr(float(values.get(name, 0.0 if name[:3] == "age" else math.nan))) for name in reads))
+        lines.append(
+            " ".join(repr(float(values.get(name, 0.0 if name[:3] == "age" else math.nan))) for name in reads)
+        )
         held = commands
     said = subprocess.run(
         [binary], input="\n".join(lines) + "\n", check=True, capture_output=True, text=True, timeout=300
@@ -256,14 +275,14 @@ ALL = {
     "range": Sensor(noise=0.5, position=(0.1, 0.0, 0.0)),
     "bearing": Sensor(noise=1.0),
 }
-MARKS = {
+MARKS: dict[str, Beacon | Wall | Pen] = {
     "buoy": Beacon(20.0, 5.0, 2.0),
     "quay": Wall(36.0, 0.0, 0.1),
     "pen": Pen(0.0, 0.0, 36.0),
 }
 
 
-def everything(vehicle: str = "cwolf", *, late: float = 0.0) -> st.NavigationFilter:
+def everything(vehicle: str = "cwolf", *, late: float = 0.0, gate: float = 5.0) -> st.NavigationFilter:
     """A filter with every kind of sensor and landmark."""
     return st.NavigationFilter(
         vehicle,
@@ -272,11 +291,12 @@ def everything(vehicle: str = "cwolf", *, late: float = 0.0) -> st.NavigationFil
         seabed=(40.0, 0.01, -0.02),
         tilt={"dvl": (0.05, -0.02, 0.3), "gyro": (0.0, 0.02, 0.0), "attitude": (0.01, 0.0, 0.05)},
         longest_age_s=late,
+        gate=gate,
     )
 
 
 def test_every_sensor_in_c_is_the_cores(tmp_path: Path) -> None:
-    ours, theirs, refused = compared(tmp_path, everything(), "cwolf", MARKS, periods=250)
+    ours, theirs, refused = compared(tmp_path, everything(), "cwolf", MARKS, periods=250, late=True)
     # The jump of the depth is refused for five seconds and then believed; wild points are refused.
     assert refused > 1000
     assert refused == int(ours[-1, -1])
@@ -307,7 +327,12 @@ def toured(tmp_path_factory: pytest.TempPathFactory) -> tuple[st.CExport, Array]
     shutil.copy(HERE / "harness.c", folder)
     made = st.export_c("cwolf", "cwolf", mission=folder / "tour.toml", out=folder, navigation="filter")
     flight = st.fly(
-        "cwolf", "cwolf", folder / "tour.toml", current=(0.1, -0.15, 0.0), max_time_s=60.0, navigation="filter"
+        "cwolf",
+        "cwolf",
+        folder / "tour.toml",
+        current=(0.1, -0.15, 0.0),
+        max_time_s=60.0,
+        navigation="filter",
     )
     return made, np.column_stack([flight.position, flight.euler, flight.nu[:, 0]])
 
@@ -325,7 +350,8 @@ def test_a_mission_by_the_filter_in_c_is_the_products_own(toured: tuple[st.CExpo
     made, flight = toured
     program = compiled(made.folder, SOURCES, "gcc", "-O0", "-DWITH_FILTER", "-DPERIODS=300")
     ours = flown([program])
-    assert len(ours) == 300 and len(flight) > 300
+    assert len(ours) == 300
+    assert len(flight) > 300
     assert np.ptp(flight[:300, 0]) > 15.0
     difference = np.abs(ours[:, :7] - flight[:300]) / np.maximum(np.abs(flight[:300]), 1.0)
     print(f"largest relative difference {difference.max():.2g}")
@@ -350,9 +376,10 @@ def test_single_precision_and_clang_estimate_the_same(tmp_path: Path) -> None:
         )
         print(f"{vehicle}: double {apart(ours, theirs):.2g}")
         assert apart(ours, theirs) < 1e-9
+        # A gate on samples that contradict each other decides by the last digit; here all are taken.
         ours, theirs, _ = compared(
             folder,
-            everything(vehicle, late=0.3),
+            everything(vehicle, late=0.3, gate=1000.0),
             vehicle,
             MARKS,
             periods=500,
@@ -361,15 +388,24 @@ def test_single_precision_and_clang_estimate_the_same(tmp_path: Path) -> None:
             voltage_v=voltage,
         )
         error = np.abs(ours - theirs)[:, :12].max(axis=0)
-        print(f"{vehicle}: single precision {error[:3].max():.2g} m, {error[3:6].max():.2g} rad, {error[6:9].max():.2g} m/s")
+        print(
+            f"{vehicle}: single precision {error[:3].max():.2g} m, {error[3:6].max():.2g} rad,"
+            f" {error[6:9].max():.2g} m/s"
+        )
         assert np.isfinite(theirs).all()
-        assert error[:3].max() < 0.05
+        assert error[:3].max() < 2e-3
 
 
 @pytest.mark.long
 def test_nothing_undefined_happens_in_a_filter(toured: tuple[st.CExport, Array]) -> None:
     made, flight = toured
-    options = ("-O1", "-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-DWITH_FILTER", "-DPERIODS=300")
+    options = (
+        "-O1",
+        "-fsanitize=undefined,address",
+        "-fno-sanitize-recover=all",
+        "-DWITH_FILTER",
+        "-DPERIODS=300",
+    )
     ours = flown([compiled(made.folder, SOURCES, "gcc", *options, name="ubsan")])
     assert np.abs(ours[:, :7] - flight[:300]).max() < 1e-6
 
@@ -397,8 +433,8 @@ def test_what_of_a_filter_is_not_exported_is_refused(tmp_path: Path) -> None:
     sea = SeaState(0.5, 4.0)
     with pytest.raises(SimulationError, match="told of waves is not exported"):
         st.export_c("cwolf", out=tmp_path, navigation=st.NavigationFilter("cwolf", waves=sea))
+    blind = st.NavigationFilter("cwolf", {"depth": Sensor(noise=0.01)})
     with pytest.raises(SimulationError, match="expected a sensor of the attitude"):
-        blind = st.NavigationFilter("cwolf", {"depth": Sensor(noise=0.01)})
         st.export_c("cwolf", out=tmp_path, navigation=blind)
     with pytest.raises(SimulationError, match="those of a navigation filter"):
         st.export_c("cwolf", out=tmp_path, sensors="typical")

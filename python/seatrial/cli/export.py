@@ -59,12 +59,13 @@ def export(
     ] = None,
     max_step: Annotated[float, typer.Option(metavar="S", help="Longest step of the vehicle.")] = 0.02,
     navigation: Annotated[
-        str,
-        typer.Option(metavar="sensors|filter", help="For c: filter writes the navigation filter too."),
+        str, typer.Option(metavar="sensors|filter", help="For c: filter writes the navigation filter too.")
     ] = "sensors",
     sensors: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="For c: sensors of that filter, or: typical. Good ones when missing."),
+        typer.Option(
+            metavar="FILE", help="For c: sensors of that filter, or: typical. Good ones when missing."
+        ),
     ] = None,
     samples: Annotated[
         int, typer.Option(metavar="N", help="For fmu: parameter sets drawn from the covariance.")

@@ -1,4 +1,4 @@
-"""`export_c`: one step of a vehicle, of its autopilot and of its navigation filter as C99, recorded from the core.
+"""`export_c`: one step of a vehicle, its autopilot and its navigation filter as C99, recorded from the core.
 
 The core runs its own step once on numbers that record what is done with them
 (``crates/seatrial/src/number/traced.rs``) and writes the record as C. Tests: ``tests/export/test_c.py``,
@@ -59,6 +59,11 @@ class Program:
     step_s: float
 
 
+_CALLS = {"motors": "_predict: motors", "model": "_predict: model"}
+"""What is recorded of a filter, as the table of operations names it: half a step of the motors, one of four stages
+of the equation of motion. Its matrix algebra is not among them."""
+
+
 @dataclass(frozen=True)
 class Programs:
     """What was recorded: the vehicle, the autopilot where there is one, and how well the vehicle is known."""
@@ -99,7 +104,7 @@ class CExport:
         programs = self.programs.all()
         rows = [
             (
-                f"{program.prefix}_{function}",
+                f"{program.prefix}{_CALLS.get(function, f'_{function}')}",
                 *(
                     f"{counts[kind]}"
                     for kind in ("simple", "quotients", "functions", "decisions", "tables", "all")
@@ -120,11 +125,12 @@ class CExport:
             for program in programs
         ]
         numbers = ["program", "parameters", "state", "inputs", "outputs"]
-        last = programs[-1]
+        last = self.programs.autopilot or self.programs.vehicle
+        steps = last.operations["step"]["all"]
         return Report(
             title=str(self.folder),
             outcome="exported as C99",
-            good=f"{len(self.files)} files that need math.h alone; {rows[-1][-1]} operations in a step of"
+            good=f"{len(self.files)} files that need math.h alone; {steps} operations in a step of"
             f" {last.prefix}",
             worst=self._left_out(),
             next_step=f"compile with gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for float",
@@ -143,6 +149,8 @@ class CExport:
         fixed = "dead times, limits, tables and zero coefficients"
         if self.programs.autopilot is not None:
             fixed += ", the mission and the autopilot's model of the vehicle"
+        if self.programs.filter is not None:
+            fixed += ", the filter's period and kinds of sensors"
         return f"{fixed} are part of the program; to change them, export again"
 
     def to_dict(self) -> dict[str, Any]:

@@ -180,7 +180,7 @@ impl FilterStep<'_> {
             "{head}#include \"{prefix}.h\"\n#include <math.h>\n\ntypedef {prefix}_real real;\n\n{}{constants}{tables}{body}",
             preamble(&[&body, &constants, &tables])
         );
-        let state = motors.interface.state.clone();
+        let state = self.remembered(&motors);
         let count = |program: &Program| {
             let (a, b) = (program.needed_for(true), program.needed_for(false));
             program.count(&a.iter().zip(&b).map(|(a, b)| *a || *b).collect::<Vec<bool>>())
@@ -219,6 +219,7 @@ impl FilterStep<'_> {
         for (name, held) in [
             ("autopilot", told),
             ("past", self.kept() > 0),
+            ("prompt", self.kept() == 0),
             ("place", true),
             ("beacon", marks.iter().any(|(_, mark)| matches!(mark, Landmark::Beacon(_)))),
             ("surface", surface),

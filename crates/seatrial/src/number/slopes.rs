@@ -97,9 +97,8 @@ fn slope(own: Place, operation: &Operation, of: &impl Fn(Place) -> Option<Traced
         Exponential(a) => times(of(a), value),
         Logarithm(a) => of(a).map(|slope| slope / at(a)),
         Select(mask, a, b) => chosen(Truth::At(mask), of(a), of(b)),
-        Listed(_, a) | Along(_, a) => of(a).map(|slope| {
+        Listed(_, a) | Along(_, a) => of(a).inspect(|_| {
             refuse("a table of the number that is differentiated is not recorded with its slope");
-            slope
         }),
     }
 }

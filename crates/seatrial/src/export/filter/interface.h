@@ -3,7 +3,7 @@ typedef struct
 {
     FILTER_real noise; /* standard deviation of a sample */
     FILTER_real bias; /* standard deviation of its constant offset */
-    FILTER_real latency; /* s: age of a sample when it arrives */
+    FILTER_real latency; /* s: age of a sample when it arrives; what is older than the export foresaw is not taken */
     FILTER_real arm[3]; /* m: its place from O, body frame */
     FILTER_real mount[3]; /* rad: roll, pitch and yaw of its mounting */
 } FILTER_instrument;

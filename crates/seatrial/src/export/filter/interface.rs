@@ -6,8 +6,10 @@ use super::super::vehicle::{CHANNEL_ABOUT, CHANNEL_UNITS};
 use super::{FilterStep, SENSORS, exactly, mark_name, signal_name};
 use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS};
 use crate::control::navigation_filter::fitting::{DEPTH, GPS, POSITION_FIX, USBL, instrument_of};
-use crate::control::navigation_filter::{KINDS, Landmark};
+use crate::control::navigation_filter::{KINDS, LANDMARKS, Landmark};
 use crate::description::coefficients::FORCES;
+use crate::filter::error_state::{MOTION, USED};
+use crate::filter::estimate::STATES;
 use crate::filter::observation::Surface;
 use crate::model::kinematics::to_euler;
 use std::fmt::Write;
@@ -113,6 +115,36 @@ impl FilterStep<'_> {
             numbers.iter().enumerate().for_each(|(i, &x)| add(&format!("{name}[{i}]"), unit, about, x));
         }
         (symbols, declared, defaults)
+    }
+
+    /// What is remembered, number by number.
+    pub(super) fn remembered(&self, motors: &Program) -> Vec<Symbol> {
+        let channels = LANDMARKS + 2 * self.fitting.landmarks.len();
+        let mut all = vec![("time".to_owned(), 1)];
+        let mean =
+            [("position", 3), ("attitude", 4), ("nu", 6), ("force", 6), ("current", 3), ("gyro_bias", 3)];
+        all.extend(mean.map(|(part, count)| (format!("mean.{part}"), count)));
+        all.extend((0..STATES).map(|i| (format!("covariance[{i}]"), STATES)));
+        all.push(("error".to_owned(), STATES));
+        all.extend(["first", "silent"].map(|name| (name.to_owned(), channels)));
+        let watch = ["sum", "since", "taken", "refused", "recovered", "in_a_row"];
+        all.extend((0..channels).flat_map(|c| watch.map(|name| (format!("watch[{c}].{name}"), 1))));
+        if self.holds(false).contains(&"surface") {
+            all.push(("beam".to_owned(), self.fitting.landmarks.len()));
+        }
+        for k in 0..self.kept() {
+            all.push((format!("past[{k}].time"), 1));
+            all.extend(mean.map(|(part, count)| (format!("past[{k}].mean.{part}"), count)));
+            all.extend((0..MOTION).map(|i| (format!("past[{k}].back[{i}]"), USED)));
+            all.push((format!("past[{k}].moved"), STATES));
+        }
+        all.extend((0..MOTION).filter(|_| self.kept() > 0).map(|i| (format!("back[{i}]"), USED)));
+        let flags = ["begun", "open", "restarts"].map(|name| (name.to_owned(), 1));
+        all.extend(flags);
+        let numbers = all.into_iter().flat_map(|(name, count)| {
+            (0..count).map(move |i| exactly(if count == 1 { name.clone() } else { format!("{name}[{i}]") }))
+        });
+        numbers.chain(motors.interface.state.iter().cloned()).collect()
     }
 
     /// Commands, and what the actuators are measured at where the motors remember it.

@@ -2,7 +2,7 @@
 
 use super::{FilterStep, SENSORS, mark_name};
 use crate::control::navigation_filter::fitting::{
-    ATTITUDE_SENSOR, DEPTH, DVL, DVL_WATER, ECHO_SOUNDER, GPS, GYRO, POSITION_FIX, RANGE, USBL,
+    ATTITUDE_SENSOR, DEPTH, DVL, DVL_WATER, ECHO_SOUNDER, GPS, GYRO, POSITION_FIX, USBL,
 };
 use crate::control::navigation_filter::{KINDS, LANDMARKS, Landmark};
 use crate::filter::observation::Surface;
@@ -153,7 +153,7 @@ impl FilterStep<'_> {
             let name = KINDS[kind];
             if let Some(&(first, count, unit, about)) = SENSORS.get(kind) {
                 let about = format!(
-                    "A sample of the {about}, {unit}; NAN where there is none. Its age is beyond its sensor's latency, s."
+                    "A sample of the {about}, {unit}; NAN where there is none. Its age beyond its sensor's latency is `age`, s."
                 );
                 let (values, passed) = match count {
                     1 => ("FILTER_real value".to_owned(), "&value"),
@@ -167,20 +167,8 @@ impl FilterStep<'_> {
                 );
                 continue;
             }
-            let bearing = usize::from(name == "bearing");
-            let mut body = String::new();
-            if name == "range" {
-                let _ = write!(
-                    body,
-                    "    sense(p, k, s, &p->range, {LANDMARKS} + (2 * mark), 1, &value, age);\n"
-                );
-            } else {
-                let _ = write!(
-                    body,
-                    "    sense(p, k, s, &p->bearing, {} + (2 * mark), 1, &value, age);\n",
-                    LANDMARKS + bearing
-                );
-            }
+            let first = LANDMARKS + usize::from(name == "bearing");
+            let body = format!("    sense(p, k, s, &p->{name}, {first} + (2 * mark), 1, &value, age);\n");
             let about = match name {
                 "range" => "A distance of a landmark (its MARK), m; that of a surface where the sonar looks.",
                 _ => "A bearing of a beacon (its MARK), rad.",

@@ -159,7 +159,8 @@ static void take(const FILTER_parameters *p, const FILTER_constants *k, FILTER_s
     judge(p, s, &s->watch[channel], &row, residual, variance);
 }
 
-/* Takes or refuses the samples of a sensor: as many channels from the first on. */
+/* Takes or refuses the samples of a sensor: as many channels from the first on. What is older than what is kept is not
+   taken. */
 static void sense(const FILTER_parameters *p, const FILTER_constants *k, FILTER_state *s, const FILTER_instrument *by,
     int first, int count, const real *values, real age)
 {
@@ -175,7 +176,12 @@ static void sense(const FILTER_parameters *p, const FILTER_constants *k, FILTER_
         at = (between(s, s->time - age, &then, &back, &share) != 0) ? &then : 0;
     }
 //end
-    (void)age;
+//if prompt
+    if ((by->latency + age) >= (SLACK * PERIOD))
+    {
+        at = 0;
+    }
+//end
     for (i = 0; i < count; i++)
     {
         take(p, k, s, by, first + i, values[i], at, back, share);
