@@ -288,8 +288,7 @@ fn scalar_a_recorded_slope_is_that_of_dual_numbers() {
             let mut next = || lift(rest.next().expect("enough inputs"));
             let r: [[Dual<f64>; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| next()));
             let wrench: [Dual<f64>; 6] = std::array::from_fn(|_| next());
-            let mut instant: Instant<Dual<f64>> = Instant::default();
-            instant.inflow_free = Some(wrench);
+            let mut instant = Instant { inflow_free: Some(wrench), ..Instant::default() };
             for actuator in &vehicle.actuators {
                 let mut thrust = actuator.characteristic.thrust(lift(0.0), 16.0);
                 if actuator.characteristic.has_inflow() {

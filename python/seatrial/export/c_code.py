@@ -60,8 +60,8 @@ class Program:
 
 
 _CALLS = {"motors": "_predict: motors", "model": "_predict: model"}
-"""What is recorded of a filter, as the table of operations names it: half a step of the motors, one of four stages
-of the equation of motion. Its matrix algebra is not among them."""
+"""What is recorded of a filter, as the table of operations names it: half a step of the motors, one of four
+stages of the equation of motion. Its matrix algebra is not among them."""
 
 
 @dataclass(frozen=True)

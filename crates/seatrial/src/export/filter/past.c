@@ -88,7 +88,8 @@ static void carry(const FILTER_constants *k, const real back[MOTION][COLUMNS], s
     }
     for (i = 0; i < MOTION; i++)
     {
-        for (j = 0; (((row->parts >> (i / 3)) & 1u) != 0u) && (j < COLUMNS); j++)
+        const int end = (((row->parts >> (i / 3)) & 1u) != 0u) ? COLUMNS : 0;
+        for (j = 0; j < end; j++)
         {
             sum[j] += h[i] * back[i][j];
         }

@@ -10,7 +10,8 @@ static real innovate(const FILTER_state *s, const struct row *row, real residual
     }
     for (i = 0; i < STATES; i++)
     {
-        for (j = 0; (((row->parts >> (i / 3)) & 1u) != 0u) && (j < STATES); j++)
+        const int end = (((row->parts >> (i / 3)) & 1u) != 0u) ? STATES : 0;
+        for (j = 0; j < end; j++)
         {
             seen[j] += row->h[i] * s->covariance[i][j];
         }
