@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Filter", "Flights", "Helm", "LinearModel", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "ardusub_defaults", "ardusub_fly", "ardusub_forward_lateral", "ardusub_frames", "ardusub_pulses", "ardusub_rates", "ardusub_square_root", "ardusub_terms", "ardusub_velocity", "autopilot_c", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "vehicle_c", "wrong_kind"]
+__all__ = ["Autopilot", "Filter", "Flights", "Helm", "LinearModel", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "ardusub_defaults", "ardusub_fly", "ardusub_forward_lateral", "ardusub_frames", "ardusub_pulses", "ardusub_rates", "ardusub_square_root", "ardusub_terms", "ardusub_velocity", "autopilot_c", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "filter_c", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "vehicle_c", "wrong_kind"]
 
 @final
 class Autopilot:
@@ -923,6 +923,18 @@ def file_text(path: str | PathLike[str]) -> str:
     Text of a regular file of bounded size, in UTF-8 with or without a byte order mark.
 
     Raises ValueError that says why the file cannot be read.
+    """
+
+def filter_c(filter: Filter, prefix: str, about: SupportsGetItem[int, str], *, period_s: SupportsFloat | SupportsIndex, autopilot: tuple[str, SupportsGetItem[int, str]] | None = None, start: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ...) -> dict[str, Any]:
+    """
+    A navigation filter as C, see `seatrial.export`: as `vehicle_c`.
+
+    Parameters
+    ----------
+    autopilot : (str, list of str), optional
+        Prefix of an autopilot's program that is told the estimate, and the names of its inputs.
+    start : (3,), optional
+        Where the vehicle begins unless a sensor says it, m; that of the filter by default.
     """
 
 def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, max_time_s: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times_s: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ..., current_trend: ArrayLike | None = None, current_walk: ArrayLike | None = None, waves: ArrayLike | None = None, navigation: Filter | None = None, dither: Mapping[str, ArrayLike] | None = None, sensor_offsets: ArrayLike | None = None, acoustics: Mapping[str, ArrayLike] | None = None, transceiver: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ...) -> Flights:

@@ -38,7 +38,7 @@ mod _core {
     #[pymodule_export]
     use crate::closed_loop::{Flights, error_edges, fly, restored_flights};
     #[pymodule_export]
-    use crate::export::{autopilot_c, vehicle_c};
+    use crate::export::{autopilot_c, filter_c, vehicle_c};
     #[pymodule_export]
     use crate::identify::{OpenLoop, Record, all_nuisance_names, initial_names};
     #[pymodule_export]

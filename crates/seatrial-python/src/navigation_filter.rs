@@ -47,7 +47,13 @@ impl Filter {
         Fitting { period, ..self.fitting.clone() }
     }
 
-    fn needs_voltage(&self) -> bool {
+    /// The vehicle that is its process model.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// Whether the thrust of an actuator depends on the supply.
+    pub fn needs_voltage(&self) -> bool {
         let depends =
             |effect: &Effect| matches!(effect, Effect::Thrust(_, Some(table)) if table.needs_voltage());
         self.description.actuators.iter().any(|a| depends(&a.effect))

@@ -3,7 +3,7 @@
 //! [`real`] says what a number can do; `f64` is one. [`dual`] is a value with its partial derivatives;
 //! [`elementary`] has sine, arctangent and exponential for eight numbers side by side, and [`lanes`] makes those
 //! eight a number. [`algebra`] has vectors of three and six and their matrices; [`random`] draws numbers that depend
-//! on seed and index alone. [`traced`] records what is done with a number, and [`memory`] names the numbers that a part
+//! on seed and index alone. [`traced`] records what is done with a number, [`slopes`] differentiates the record, and [`memory`] names the numbers that a part
 //! of the loop remembers.
 
 pub mod algebra;
@@ -13,4 +13,5 @@ pub mod lanes;
 pub mod memory;
 pub mod random;
 pub mod real;
+pub mod slopes;
 pub mod traced;

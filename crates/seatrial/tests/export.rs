@@ -7,17 +7,21 @@ use seatrial::control::allocation::Allocator;
 use seatrial::control::autopilot::Autopilot;
 use seatrial::control::autopilot::settings::{Settings, built_in};
 use seatrial::control::navigation::{Measurement, truth};
+use seatrial::control::navigation_filter::{Fitting, Instrument, KINDS};
 use seatrial::description::Description;
 use seatrial::export::autopilot::{AutopilotStep, row};
 use seatrial::export::c::Module;
+use seatrial::export::filter::FilterStep;
 use seatrial::export::program::{Given, Interface, Program, Stage, Symbol};
 use seatrial::export::vehicle::VehicleStep;
+use seatrial::filter::innovation::Gate;
 use seatrial::flight::faults::Faults;
 use seatrial::flight::motors::Motors;
 use seatrial::mission::Mission;
 use seatrial::model::current::Current;
 use seatrial::model::integrate::State;
 use seatrial::model::vehicle::{Instant, Vehicle};
+use seatrial::number::dual::Dual;
 use seatrial::number::memory::Memory;
 use seatrial::number::real::Real;
 use seatrial::number::traced::{Traced, record};
@@ -247,4 +251,74 @@ fn law_a_guard_that_may_hold_is_never_decided_while_recording() {
     })
     .expect("nothing is refused");
     assert_eq!(answers, [true, false, true, false, true, true]);
+}
+
+/// A filter with a sensor of these kinds, all in time.
+fn fitting(description: &Description, kinds: &[&str]) -> Fitting {
+    let of = |kind: &str| kinds.contains(&kind).then(|| Instrument::of(0.01));
+    let instruments: [Option<Instrument>; KINDS.len()] = std::array::from_fn(|i| of(KINDS[i]));
+    Fitting {
+        instruments,
+        landmarks: Vec::new(),
+        bottom: None,
+        swell: None,
+        noise: Fitting::noise_of(description, &instruments, false),
+        gate: Gate::default(),
+        start: ([0.0; 3], 1.0),
+        period: 0.1,
+        longest_age: 0.0,
+    }
+}
+
+#[test]
+fn scalar_a_recorded_slope_is_that_of_dual_numbers() {
+    for name in ["cwolf", "bluerov2-heavy", "remus100", "lauv", "beluga"] {
+        let description = load(name);
+        let fitting = fitting(&description, &["attitude", "dvl"]);
+        let step = FilterStep { description: &description, fitting: &fitting, voltage: 16.0 };
+        let program = step.model().expect("a model that can be recorded");
+        let numbers = program.interface.inputs.len();
+        // At rest, where |x| and a root have no derivative, and under way.
+        for scale in [0.0, 0.7] {
+            let inputs: Vec<f64> = (0..numbers).map(|i| scale * (1.0 + 1.7 * i as f64).sin()).collect();
+            let (_, results) = program.run(&[], &[], &inputs);
+            let lift = |value: f64| Dual { value, partials: 0.0 };
+            let vehicle = Vehicle::nominal_in(&description, lift(0.0));
+            let mut rest = inputs[6..].iter().copied();
+            let mut next = || lift(rest.next().expect("enough inputs"));
+            let r: [[Dual<f64>; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| next()));
+            let wrench: [Dual<f64>; 6] = std::array::from_fn(|_| next());
+            let mut instant = Instant { inflow_free: Some(wrench), ..Instant::default() };
+            for actuator in &vehicle.actuators {
+                let mut thrust = actuator.characteristic.thrust(lift(0.0), 16.0);
+                if actuator.characteristic.has_inflow() {
+                    (thrust.force, thrust.force_per_inflow) = (next(), next());
+                    (thrust.torque, thrust.torque_per_inflow) = (next(), next());
+                }
+                instant.thrusts.push(thrust);
+            }
+            instant.deflections = vehicle.fins.iter().map(|_| (next(), next())).collect();
+            for column in 0..6 {
+                let unit = |i: usize| Dual { value: inputs[i], partials: f64::from(u8::from(i == column)) };
+                let found = vehicle.acceleration(&r, &std::array::from_fn(unit), &instant);
+                for i in 0..6 {
+                    for (expected, ours) in
+                        [(found[i].value, results[i]), (found[i].partials, results[6 + 6 * i + column])]
+                    {
+                        let apart = (expected - ours).abs() / expected.abs().max(1.0);
+                        assert!(apart < 1e-12, "{name}: row {i} by {column}: {ours}, expected {expected}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn law_a_filter_that_cannot_begin_is_refused() {
+    let description = load("cwolf");
+    let fitting = fitting(&description, &["dvl", "depth"]);
+    let step = FilterStep { description: &description, fitting: &fitting, voltage: f64::NAN };
+    let refused = step.write("it", &[], None).err().expect("a refusal").to_string();
+    assert!(refused.contains("expected a sensor of the attitude"), "{refused}");
 }

@@ -58,6 +58,15 @@ def export(
         float | None, typer.Option(metavar="V", help="Supply, where thrust depends on it.")
     ] = None,
     max_step: Annotated[float, typer.Option(metavar="S", help="Longest step of the vehicle.")] = 0.02,
+    navigation: Annotated[
+        str, typer.Option(metavar="sensors|filter", help="For c: filter writes the navigation filter too.")
+    ] = "sensors",
+    sensors: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="For c: sensors of that filter, or: typical. Good ones when missing."
+        ),
+    ] = None,
     samples: Annotated[
         int, typer.Option(metavar="N", help="For fmu: parameter sets drawn from the covariance.")
     ] = 0,
@@ -72,6 +81,7 @@ def export(
     """
     from seatrial.cli.console import answer, print_json
 
+    filtered = {"--navigation": navigation if navigation != "sensors" else None, "--sensors": sensors}
     if form in ("c", "fmu"):
         _refuse(form, {"--columns-from": columns_from, "--unit": unit})
         shared: dict[str, Any] = {
@@ -85,6 +95,9 @@ def export(
         }
         if form == "c":
             _refuse(form, {"--samples": samples, "--seed": seed, "--no-binary": not binary})
+            shared |= {"navigation": navigation, "sensors": sensors}
+        else:
+            _refuse(form, filtered)
         result = _program(form, source, autopilot, shared, samples=samples, seed=seed, binary=binary)
         if json:
             print_json(result.to_dict())
@@ -92,7 +105,7 @@ def export(
             answer(result.report())
         return
     programs = {"AUTOPILOT": autopilot, "--mission": mission, "--model": model, "--name": name}
-    _refuse(form, programs | {"--voltage": voltage, "--samples": samples, "--seed": seed})
+    _refuse(form, programs | filtered | {"--voltage": voltage, "--samples": samples, "--seed": seed})
     if form in ("sdf", "uuv", "stonefish"):
         _refuse(form, {"--columns-from": columns_from, "--unit": unit})
         _model(form, source, out, json=json)

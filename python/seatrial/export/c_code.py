@@ -1,4 +1,4 @@
-"""`export_c`: one step of a vehicle and of its autopilot as C99, recorded from the core.
+"""`export_c`: one step of a vehicle, its autopilot and its navigation filter as C99, recorded from the core.
 
 The core runs its own step once on numbers that record what is done with them
 (``crates/seatrial/src/number/traced.rs``) and writes the record as C. Tests: ``tests/export/test_c.py``,
@@ -23,7 +23,9 @@ from seatrial.flight.checks import checked_step, checked_supply
 from seatrial.flight.mission import Mission, Route
 
 if TYPE_CHECKING:
+    from seatrial.flight.navigation import NavigationFilter
     from seatrial.identification.fitted import Fitted
+    from seatrial.sensors.sensor import Sensor
 
 __all__ = ["CExport", "Program", "Programs", "export_c", "recorded"]
 
@@ -57,6 +59,11 @@ class Program:
     step_s: float
 
 
+_CALLS = {"motors": "_predict: motors", "model": "_predict: model"}
+"""What is recorded of a filter, as the table of operations names it: half a step of the motors, one of four
+stages of the equation of motion. Its matrix algebra is not among them."""
+
+
 @dataclass(frozen=True)
 class Programs:
     """What was recorded: the vehicle, the autopilot where there is one, and how well the vehicle is known."""
@@ -66,10 +73,12 @@ class Programs:
     fitted: Fitted
     substeps: int
     """Steps of the vehicle in a control period."""
+    filter: Program | None = None
+    """The navigation filter, where one was asked for."""
 
     def all(self) -> list[Program]:
         """Those that there are."""
-        return [program for program in (self.vehicle, self.autopilot) if program is not None]
+        return [program for program in (self.vehicle, self.autopilot, self.filter) if program is not None]
 
 
 @dataclass(frozen=True)
@@ -95,7 +104,7 @@ class CExport:
         programs = self.programs.all()
         rows = [
             (
-                f"{program.prefix}_{function}",
+                f"{program.prefix}{_CALLS.get(function, f'_{function}')}",
                 *(
                     f"{counts[kind]}"
                     for kind in ("simple", "quotients", "functions", "decisions", "tables", "all")
@@ -116,11 +125,12 @@ class CExport:
             for program in programs
         ]
         numbers = ["program", "parameters", "state", "inputs", "outputs"]
-        last = programs[-1]
+        last = self.programs.autopilot or self.programs.vehicle
+        steps = last.operations["step"]["all"]
         return Report(
             title=str(self.folder),
             outcome="exported as C99",
-            good=f"{len(self.files)} files that need math.h alone; {rows[-1][-1]} operations in a step of"
+            good=f"{len(self.files)} files that need math.h alone; {steps} operations in a step of"
             f" {last.prefix}",
             worst=self._left_out(),
             next_step=f"compile with gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for float",
@@ -139,6 +149,8 @@ class CExport:
         fixed = "dead times, limits, tables and zero coefficients"
         if self.programs.autopilot is not None:
             fixed += ", the mission and the autopilot's model of the vehicle"
+        if self.programs.filter is not None:
+            fixed += ", the filter's period and kinds of sensors"
         return f"{fixed} are part of the program; to change them, export again"
 
     def to_dict(self) -> dict[str, Any]:
@@ -173,11 +185,14 @@ def export_c(
     max_step_s: float = 0.02,
     rho: float | None = None,
     g: float | None = None,
+    navigation: str | NavigationFilter = "sensors",
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
 ) -> CExport:
     """One step of a vehicle, and of its autopilot on a mission, as C99 without dependencies but ``math.h``.
 
-    Writes ``NAME_vehicle.h`` and ``.c``, and with an autopilot ``NAME_autopilot.h`` and ``.c``. The step is
-    the one that flies here: no second implementation.
+    Writes ``NAME_vehicle.h`` and ``.c``, with an autopilot ``NAME_autopilot.h`` and ``.c``, with a navigation
+    filter ``NAME_filter.h`` and ``.c``. Vehicle and autopilot are the steps that fly here; of the filter the
+    motors and the equation of motion with its derivatives are, and its matrix algebra is written as loops.
 
     Parameters
     ----------
@@ -200,7 +215,12 @@ def export_c(
     max_step_s : float, optional
         The longest step of the vehicle, s; with an autopilot a whole number of them makes its period.
     rho, g : float, optional
-        Density, kg/m3, and gravity, m/s2; by default the vehicle file's.
+        Density, kg/m3, and gravity, m/s2, of the vehicle; by default the vehicle file's.
+    navigation : str or NavigationFilter, optional
+        "filter" writes the navigation filter that `fly` makes of `sensors`, on the vehicle that the autopilot
+        believes in; a `NavigationFilter` writes that one, at the autopilot's period.
+    sensors : mapping of str to Sensor, str or Path, optional
+        Sensors of the filter as in `fly`; good ones of every kind when omitted.
 
     Returns
     -------
@@ -224,6 +244,8 @@ def export_c(
         max_step_s=max_step_s,
         rho=rho,
         g=g,
+        navigation=navigation,
+        sensors=sensors,
     )
     folder = Path(out)
     texts = {
@@ -246,8 +268,11 @@ def recorded(
     max_step_s: float = 0.02,
     rho: float | None = None,
     g: float | None = None,
+    navigation: str | NavigationFilter = "sensors",
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
 ) -> Programs:
     """The programs of `export_c`, which says what its arguments are, not written yet."""
+    from seatrial.export.c_filter import recorded_filter
     from seatrial.identification.fitted import Fitted
 
     fitted = Fitted.of(vehicle)
@@ -281,8 +306,8 @@ def recorded(
         step_s,
     )
     steering = None
+    believed = flown if model is None else loaded(Vehicle, model, "model")
     if pilot is not None and plan is not None:
-        believed = flown if model is None else loaded(Vehicle, model, "model")
         about = [
             f"Autopilot of {believed.name} on the mission {plan.name}: one step of {pilot.period_s:g} s.",
             *_origin(),
@@ -291,7 +316,20 @@ def recorded(
             pilot, believed, plan.core, f"{stem}_autopilot", about, feedback=feedback, voltage_v=supply
         )
         steering = _program(f"{stem}_autopilot", facts, pilot.period_s)
-    return Programs(program, steering, fitted, substeps)
+    seen = recorded_filter(
+        f"{stem}_filter",
+        believed,
+        told=None if steering is None else (steering.prefix, [row["name"] for row in steering.inputs]),
+        period_s=None if pilot is None else pilot.period_s,
+        mission=plan,
+        navigation=navigation,
+        sensors=sensors,
+        exact=model is None,
+        voltage_v=supply,
+        origin=_origin(),
+    )
+    knowing = None if seen is None else _program(f"{stem}_filter", *seen)
+    return Programs(program, steering, fitted, substeps, knowing)
 
 
 def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:

@@ -209,6 +209,7 @@ class NavigationFilter:
         walk = np.sum(slow**2) / slow_time + 3.0 * turbulence_m_s**2 / turbulence_time_s
         time = float(np.sum(both) / walk) if walk > 0.0 else slow_time
         self._vehicle = model
+        self._period_s = float(period_s)
         self._stated: dict[str, Any] = {
             "instruments": instruments,
             "landmarks": _landmarks(landmarks or {}),
@@ -231,6 +232,16 @@ class NavigationFilter:
     def core(self) -> Filter:
         """The filter of the core."""
         return self._core
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """Its process model."""
+        return self._vehicle
+
+    @property
+    def period_s(self) -> float:
+        """Time of a step, s."""
+        return self._period_s
 
     @property
     def stated(self) -> dict[str, Any]:

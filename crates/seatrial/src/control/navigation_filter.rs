@@ -39,7 +39,7 @@ pub use fitting::{Fitting, Instrument, KIND_OF, KINDS, LANDMARKS, Landmark};
 pub use stated::Stated;
 
 /// A step of the process is at most so long, s: Runge–Kutta is stable and exact enough for the fastest vehicles.
-const LONGEST_STEP: f64 = 0.1;
+pub(crate) const LONGEST_STEP: f64 = 0.1;
 
 /// After a pause beyond this the filter begins anew, s: what the vehicle did meanwhile is not known.
 const LONGEST_PAUSE: f64 = 60.0;

@@ -66,6 +66,28 @@ impl Program {
         Writer { program: self, module, stages: self.stages(), kept: self.kept() }.write()
     }
 
+    /// The statements that find the outputs and the next state, for a function that is written elsewhere: it has what
+    /// they read and write behind the pointers `s`, `in` and `out`.
+    pub fn statements(&self, outputs: bool, state: bool) -> String {
+        let module = Module { prefix: "", about: &[], measured: false };
+        let (stages, kept) = (self.stages(), self.kept());
+        Writer { program: self, module: &module, stages, kept }.statements(outputs, state)
+    }
+
+    /// The lists and polylines that the statements read.
+    pub fn tables(&self) -> String {
+        let mut text = String::new();
+        for (i, list) in self.tape.lists.iter().enumerate() {
+            let numbers = joined(list.iter().copied());
+            let _ = writeln!(text, "static const real list_{i}[{}] = {{ {numbers} }};", list.len());
+        }
+        for (i, line) in self.tape.polylines.iter().enumerate() {
+            let numbers = joined(line.iter().flatten().copied());
+            let _ = writeln!(text, "static const real line_{i}[{}] = {{ {numbers} }};", 2 * line.len());
+        }
+        text
+    }
+
     /// Per place that is prepared and read at every step, its index among the prepared constants.
     fn kept(&self) -> Vec<Option<usize>> {
         let stages = self.stages();
@@ -191,20 +213,7 @@ impl Writer<'_> {
 
     fn source(&self) -> String {
         let (prefix, program) = (self.module.prefix, self.program);
-        let mut body = String::new();
-        for (i, list) in program.tape.lists.iter().enumerate() {
-            let _ = writeln!(
-                body,
-                "static const real list_{i}[{}] = {{ {} }};",
-                list.len(),
-                joined(list.iter().copied())
-            );
-        }
-        for (i, line) in program.tape.polylines.iter().enumerate() {
-            let numbers = line.iter().flatten().copied();
-            let _ =
-                writeln!(body, "static const real line_{i}[{}] = {{ {} }};", 2 * line.len(), joined(numbers));
-        }
+        let body = program.tables();
         let mut functions = String::new();
         let mut signatures = self.signatures().into_iter().map(|(_, signature)| signature);
         let mut next = || signatures.next().unwrap_or_default();
@@ -233,23 +242,7 @@ impl Writer<'_> {
         }
         let mut text = self.head();
         let _ = write!(text, "#include \"{prefix}.h\"\n#include <math.h>\n\ntypedef {prefix}_real real;\n\n");
-        text += "#define R(x) ((real)(x))\n";
-        let used = |name: &str| body.contains(&format!("{name}(")) || functions.contains(&format!("{name}("));
-        for (single, suffix) in [(true, "f"), (false, "")] {
-            text += if single { "#ifdef SEATRIAL_FLOAT\n" } else { "#else\n" };
-            if used("GUARD") {
-                let _ = writeln!(text, "#define GUARD(d, s) ((real)({}))", if single { "s" } else { "d" });
-            }
-            for (name, function) in FUNCTIONS.iter().filter(|(name, _)| used(name)) {
-                let arguments = if *name == "ATAN2" { ["(a, b)", "((a), (b))"] } else { ["(a)", "((a))"] };
-                let _ = writeln!(text, "#define {name}{} {function}{suffix}{}", arguments[0], arguments[1]);
-            }
-        }
-        text += "#endif\n\n";
-        for (_, helper) in HELPERS.iter().filter(|(name, _)| used(name)) {
-            text += helper;
-            text.push('\n');
-        }
+        text += &preamble(&[&body, &functions]);
         text + &body + if body.is_empty() { "" } else { "\n" } + &functions
     }
 
@@ -287,6 +280,18 @@ impl Writer<'_> {
 
     /// The body of a step, or of a part of it.
     fn step(&self, outputs: bool, state: bool) -> String {
+        let text = self.statements(outputs, state);
+        let mut unused = String::new();
+        for pointer in ["p", "k", "s", "in"] {
+            if !text.contains(&format!(" {pointer}->")) {
+                let _ = writeln!(unused, "    (void){pointer};");
+            }
+        }
+        text + &unused
+    }
+
+    /// The statements of a step, or of a part of it.
+    fn statements(&self, outputs: bool, state: bool) -> String {
         let (program, interface) = (self.program, &self.program.interface);
         let operations = &program.tape.operations;
         let mut needed = vec![false; operations.len()];
@@ -313,13 +318,7 @@ impl Writer<'_> {
                 let _ = writeln!(text, "    out->{} = {};", symbol.name, self.name(place, Stage::Step));
             }
         }
-        let mut unused = String::new();
-        for pointer in ["p", "k", "s", "in"] {
-            if !text.contains(&format!(" {pointer}->")) {
-                let _ = writeln!(unused, "    (void){pointer};");
-            }
-        }
-        text + &unused
+        text
     }
 
     /// How a number is called while a stage is carried out.
@@ -380,6 +379,28 @@ impl Writer<'_> {
     }
 }
 
+/// Macros and helpers that these texts use: constants, functions of `math.h`, what C has no operator for.
+pub(super) fn preamble(texts: &[&str]) -> String {
+    let mut text = String::from("#define R(x) ((real)(x))\n");
+    let used = |name: &str| texts.iter().any(|text| text.contains(&format!("{name}(")));
+    for (single, suffix) in [(true, "f"), (false, "")] {
+        text += if single { "#ifdef SEATRIAL_FLOAT\n" } else { "#else\n" };
+        if used("GUARD") {
+            let _ = writeln!(text, "#define GUARD(d, s) ((real)({}))", if single { "s" } else { "d" });
+        }
+        for (name, function) in FUNCTIONS.iter().filter(|(name, _)| used(name)) {
+            let arguments = if *name == "ATAN2" { ["(a, b)", "((a), (b))"] } else { ["(a)", "((a))"] };
+            let _ = writeln!(text, "#define {name}{} {function}{suffix}{}", arguments[0], arguments[1]);
+        }
+    }
+    text += "#endif\n\n";
+    for (_, helper) in HELPERS.iter().filter(|(name, _)| used(name)) {
+        text += helper;
+        text.push('\n');
+    }
+    text
+}
+
 /// The type of a place.
 fn kind(operation: &Operation) -> &'static str {
     if operation.is_truth() { "_Bool" } else { "real" }
@@ -391,7 +412,7 @@ fn digits(x: f64) -> String {
 }
 
 /// A constant of the type in use.
-fn constant(x: f64) -> String {
+pub(super) fn constant(x: f64) -> String {
     match x {
         _ if x.is_nan() => "R(NAN)".into(),
         _ if x == f64::INFINITY => "R(INFINITY)".into(),

@@ -182,6 +182,18 @@ fn eight_by_eight<S: Simd>(
     carrier.advance::<LANES, { COLUMNS / LANES }>(estimate, course, (simd.splat_f64x8(0.0), unit), Into::into)
 }
 
+/// The derivatives of the acceleration by force and by the vertical in the body frame, which are constant.
+pub fn linear_parts(description: &Description) -> (Mat6<f64>, [Vec3<f64>; 6]) {
+    let plain = Vehicle::nominal(description);
+    let by_force = restricted_inverse(&plain.mass_matrix, &[true; 6]);
+    let (net, [x, y, z]) = (plain.restoring.net_weight, plain.restoring.moment);
+    let arms = [[net, 0.0, 0.0], [0.0, net, 0.0], [0.0, 0.0, net], [0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
+    let by_vertical = by_force.map(|row| {
+        std::array::from_fn(|k| row.iter().zip(&arms).map(|(inverse, arm)| inverse * arm[k]).sum())
+    });
+    (by_force, by_vertical)
+}
+
 /// The vehicle in dual numbers of one kind.
 struct Carrier<P> {
     vehicle: Vehicle<Dual<P>>,
@@ -200,14 +212,7 @@ impl<P: Real> Carrier<P> {
             deflections: Vec::with_capacity(fins),
             ..Instant::default()
         });
-        let plain = Vehicle::nominal(description);
-        let by_force = restricted_inverse(&plain.mass_matrix, &[true; 6]);
-        let (net, [x, y, z]) = (plain.restoring.net_weight, plain.restoring.moment);
-        let arms =
-            [[net, 0.0, 0.0], [0.0, net, 0.0], [0.0, 0.0, net], [0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
-        let by_vertical = by_force.map(|row| {
-            std::array::from_fn(|k| row.iter().zip(&arms).map(|(inverse, arm)| inverse * arm[k]).sum())
-        });
+        let (by_force, by_vertical) = linear_parts(description);
         Self { vehicle, instants, by_force, by_vertical }
     }
 

@@ -222,7 +222,12 @@ fn push(operation: Operation) -> Place {
     })
 }
 
-fn refuse(message: &str) {
+/// What has been recorded so far.
+pub(super) fn operations() -> Vec<Operation> {
+    TAPE.with_borrow(|tape| tape.operations.clone())
+}
+
+pub(super) fn refuse(message: &str) {
     TAPE.with_borrow_mut(|tape| {
         tape.refused.get_or_insert_with(|| message.to_owned());
     });
@@ -242,6 +247,11 @@ impl Traced {
     /// Its place on the tape.
     pub fn place(self) -> Place {
         self.0
+    }
+
+    /// The number at a place of the tape.
+    pub(super) fn at(place: Place) -> Self {
+        Self(place)
     }
 
     fn operation(self) -> Operation {

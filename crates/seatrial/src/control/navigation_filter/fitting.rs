@@ -27,17 +27,17 @@ pub const KINDS: [&str; 11] = [
     "bearing",
 ];
 
-pub(super) const POSITION_FIX: usize = 0;
+pub(crate) const POSITION_FIX: usize = 0;
 /// The kind of a GPS among [`KINDS`].
 pub const GPS: usize = 1;
 /// The kind of an acoustic positioning system.
 pub const USBL: usize = 2;
-pub(super) const DEPTH: usize = 3;
-pub(super) const ATTITUDE_SENSOR: usize = 4;
-pub(super) const DVL: usize = 5;
-pub(super) const GYRO: usize = 6;
-pub(super) const DVL_WATER: usize = 7;
-pub(super) const ECHO_SOUNDER: usize = 8;
+pub(crate) const DEPTH: usize = 3;
+pub(crate) const ATTITUDE_SENSOR: usize = 4;
+pub(crate) const DVL: usize = 5;
+pub(crate) const GYRO: usize = 6;
+pub(crate) const DVL_WATER: usize = 7;
+pub(crate) const ECHO_SOUNDER: usize = 8;
 /// The kind of what measures ranges.
 pub const RANGE: usize = 9;
 /// The kind of what measures bearings.
@@ -57,7 +57,7 @@ const ROUNDED: [f64; 6] = [0.005, 0.005, 0.005, 0.004, 0.001, 0.001];
 const UNSEEN: f64 = 0.05;
 
 /// Moment per small angle that turns a vehicle upright, N m/rad.
-pub(super) fn righting(vehicle: &Vehicle<f64>) -> f64 {
+pub(crate) fn righting(vehicle: &Vehicle<f64>) -> f64 {
     vehicle.restoring.moment[2].abs()
 }
 
