@@ -84,7 +84,10 @@ fn after_a_silence(before: f64, seconds: f64, after: &[f64]) -> Vec<Measurement<
     }
     for k in 0..(seconds / PERIOD) as usize {
         let age = told(None, 0.001 * k as f64).age[6];
-        assert!((age - PERIOD * (k + 2) as f64).abs() < 1e-9, "a silent channel grows old by the time that passes");
+        assert!(
+            (age - PERIOD * (k + 2) as f64).abs() < 1e-9,
+            "a silent channel grows old by the time that passes"
+        );
     }
     after.iter().map(|u| told(Some(*u), *u)).collect()
 }
@@ -95,7 +98,11 @@ fn law_screen_what_was_silent_is_believed_at_its_first_sample() {
         // A vehicle that stopped, turned back or came up to speed meanwhile, as far as 5 m/s² let it.
         for (before, now) in [(1.5, 1.51), (1.5, 0.0), (2.5, -2.5), (-1.0, 5.0)] {
             let found = after_a_silence(before, seconds, &[now]);
-            assert_eq!((found[0].channels[6], found[0].age[6]), (now, 0.0), "{seconds} s, {before} to {now} m/s");
+            assert_eq!(
+                (found[0].channels[6], found[0].age[6]),
+                (now, 0.0),
+                "{seconds} s, {before} to {now} m/s"
+            );
         }
     }
 }
