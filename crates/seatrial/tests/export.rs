@@ -8,6 +8,7 @@ use seatrial::control::autopilot::Autopilot;
 use seatrial::control::autopilot::settings::{Settings, built_in};
 use seatrial::control::navigation::{Measurement, truth};
 use seatrial::description::Description;
+use seatrial::description::vehicle_file::TetherTable;
 use seatrial::export::autopilot::{AutopilotStep, row};
 use seatrial::export::c::Module;
 use seatrial::export::program::{Given, Interface, Program, Stage, Symbol};
@@ -77,7 +78,10 @@ struct Loop {
 
 impl Loop {
     fn new(name: &str, period: f64, substeps: usize) -> Self {
-        let description = load(name);
+        Self::of(load(name), period, substeps)
+    }
+
+    fn of(description: Description, period: f64, substeps: usize) -> Self {
         let vehicle = Vehicle::nominal(&description);
         let h = period / substeps as f64;
         let motors = Motors::new(&vehicle, &limits(&description), h, 0.0);
@@ -247,4 +251,27 @@ fn law_a_guard_that_may_hold_is_never_decided_while_recording() {
     })
     .expect("nothing is refused");
     assert_eq!(answers, [true, false, true, false, true, true]);
+}
+
+#[test]
+fn a_recorded_vehicle_drags_its_tether_and_is_pulled_by_it() {
+    let mut file = load("cwolf").file;
+    file.tether = Some(TetherTable {
+        position_m: [-1.2, 0.0, -0.1],
+        anchor_m: Some([0.0, 0.0, 1.0]),
+        slack_m: Some(20.0),
+    });
+    file.coefficients.extend([("A_tether".to_owned(), 0.1), ("k_tether".to_owned(), 6.0)]);
+    let description = Description::new(file, "tethered").expect("a vehicle");
+    let mut world = Loop::of(description, 0.1, 2);
+    world.state.position = [22.0, -4.0, 5.0];
+    let program = world.step().record(&world.description).expect("a vehicle that can be recorded");
+    let names: Vec<&str> = program.interface.parameters.iter().map(|symbol| symbol.name.as_str()).collect();
+    assert!(names.contains(&"A_tether") && names.contains(&"k_tether"), "{names:?}");
+    let signals = vec![400.0; world.description.actuators.len()];
+    for k in 0..200 {
+        let worst = world.advance(&signals, [0.15, -0.1, 0.0], &program);
+        // The same operations in another order.
+        assert!(worst < 1e-11, "period {k}: {worst:e}");
+    }
 }
