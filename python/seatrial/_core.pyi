@@ -608,7 +608,8 @@ class Vehicle:
         The acceleration nu' under the wrench tau, body frame, m/s2 and rad/s2.
 
         nu and tau (n, 6) or (6,); attitude (n, 4) quaternion body to NED or (n, 3) roll, pitch, yaw in
-        rad; current (3,) or (n, 3), NED, m/s. Returns the shape of nu. Fossen (2011), equation 7.9.
+        rad; current (3,) or (n, 3), NED, m/s. Returns the shape of nu. The pull of a tether, which goes by the
+        place of the vehicle, is left out. Fossen (2011), equation 7.9.
         """
     def actuator_info(self, /) -> dict[str, dict[str, Any]]:
         """

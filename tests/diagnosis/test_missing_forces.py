@@ -112,3 +112,31 @@ def test_a_constant_force_of_one_trial_is_named_and_freed_for_that_trial(tmp_pat
     again = Joint(followed, threads=1)
     assert [one.name for one in again.unknowns][-1] == "back: force_Y"
     assert "Y_0" not in again.identified(polish(again).values).coefficients()
+
+
+def towed(folder: Path, own: str) -> Joint:
+    """A hull with a tether at its stern, pushed sideways and turned at once; the model drags none."""
+    head, _, rest = Vehicle.load("cwolf").to_toml().partition("[coefficients]")
+    text = f"{head}[tether]\nposition_m = [-1.2, 0.0, 0.0]\n\n[coefficients]{rest}"
+    (folder / "model.toml").write_text(text)
+    truth = Vehicle.from_toml(text).with_coefficients({"A_tether": 0.15})
+    campaign = Campaign.from_toml(
+        CAMPAIGN + own + POLISH, folder=folder, trials={"drift": pushed(truth, seed=3)}
+    )
+    return Joint(campaign, threads=1)
+
+
+def test_a_missing_tether_is_named(tmp_path: Path) -> None:
+    joint = towed(tmp_path, "")
+    best = polish(joint)
+    found = analyse_joint(joint, best.values, initial=best.initial, noise=best.noise)
+    assert found.suggestions[0].name == "A_tether", str(found)
+    assert "m2" in found.suggestions[0].sentence
+    # Without a spring in the file its stiffness cannot be missing.
+    assert "k_tether" not in joint.vehicle.coefficient_info()
+
+
+def test_the_drag_area_of_a_tether_is_found_again(tmp_path: Path) -> None:
+    joint = towed(tmp_path, "A_tether = [0.0, 1.0]\n")
+    values = dict(zip([one.name for one in joint.unknowns], polish(joint).values, strict=True))
+    assert abs(values["A_tether"] / 0.15 - 1.0) < 0.03, values

@@ -14,7 +14,9 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import from_euler, matrix, product
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.intake.consistency_trials import consistency_of_trial, proposals
+from seatrial.intake.consistency_trials import LATE, consistency_of_trial, late_velocity, proposals
+from seatrial.sensors.log import held, measure, times
+from seatrial.sensors.sensor import parse_sensors
 from tests.trial import motion
 
 CWOLF = Path(seatrial.__file__).parent / "examples" / "cwolf"
@@ -95,3 +97,50 @@ def test_a_check_shows_the_line_to_paste_on_top_of_what_is_given() -> None:
     delay = next(float(line.partition(" = ")[2]) for line in lines if line.startswith("delay_s.rates"))
     assert abs(delay) < 0.01
     assert made.report().worst == made.proposals[0].text
+
+
+def slowly_placed(velocity_late: float) -> pl.DataFrame:
+    """A recording whose position comes every two seconds, as an acoustic one does, and its depth at 10 Hz."""
+    t = np.arange(0.0, 80.0, 0.1)
+    table = motion.columns(t, velocity_late=velocity_late, noise=2e-3)
+    place = {name: table.pop(name)[::20] for name in ("x_m", "y_m")} | {"t_s": t[::20] + 0.013}
+    return pl.concat([pl.DataFrame(table), pl.DataFrame(place)], how="diagonal").sort("t_s")
+
+
+def test_a_late_velocity_that_reading_leaves_is_said_with_the_command_to_run() -> None:
+    made = campaign(turn=slowly_placed(0.3))
+    (said,) = late_velocity(made, ["turn"])
+    assert said.startswith(f"{LATE}turn is 0.30 s late")
+    problem, _, remedy = said.partition("; ")
+    assert "seatrial check" in remedy
+    assert "delay_s.velocity = 0." in remedy
+    assert "position is too slow" in problem
+
+
+def test_a_velocity_that_reading_corrects_or_that_is_on_time_or_that_is_given_is_not_called_late() -> None:
+    assert late_velocity(campaign(turn=pl.DataFrame(wrong())), ["turn"]) == ()
+    assert late_velocity(campaign(turn=slowly_placed(0.0)), ["turn"]) == ()
+    given = campaign("[corrections]\ndelay_s.velocity = 0.3", turn=slowly_placed(0.3))
+    assert late_velocity(given, ["turn"]) == ()
+
+
+def test_identify_heads_its_lines_with_a_late_velocity() -> None:
+    t = np.arange(0.0, 80.0, 0.1)
+    side = np.sign(np.sin(2.0 * np.pi * t / 16.0))
+    commands = dict.fromkeys(("SbU", "SbL"), 1000.0 + 400.0 * side)
+    commands |= dict.fromkeys(("PU", "PL"), 1000.0 - 400.0 * side)
+    commands |= {name: 600.0 * np.sign(np.sin(2.0 * np.pi * t / 22.0)) for name in ("VTB", "VTS")}
+    given = {name: held(values, 10) for name, values in commands.items()}
+    run = seatrial.Vehicle.load("cwolf").simulate(
+        times(t, 10), given, seatrial.State(position=[0.0, 0.0, 9.0])
+    )
+    sensors: dict[str, dict[str, Any]] = {kind: {"rate_hz": 10.0} for kind in ("gyro", "attitude", "depth")}
+    sensors |= {"dvl": {"rate_hz": 5.0, "latency_s": 0.4}, "position": {"rate_hz": 0.5}}
+    inputs = {f"cmd.{name}": values for name, values in commands.items()}
+    fit = seatrial.identify(
+        campaign(turn=measure(run, parse_sensors(sensors), seed=2, inputs=inputs, every=10))
+    )
+    report = fit.report()
+    assert report.worst.startswith(f"{LATE}turn is 0.4"), report.worst
+    assert report.next_step.startswith("run seatrial check")
+    assert fit.before[0].startswith(LATE)

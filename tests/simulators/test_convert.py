@@ -261,6 +261,12 @@ def test_what_is_lost_is_said() -> None:
     lost = " ".join(export_model("lauv", "sdf").lost)
     assert "Lift of the vehicle file" in lost
     assert "actuators with their motors" in lost
+    head, _, rest = st.Vehicle.load("lauv").to_toml().partition("[coefficients]")
+    table = "[tether]\nposition_m = [-1.0, 0.0, 0.0]\n[coefficients]\nA_tether = 0.1\n"
+    assert (
+        "The tether of the vehicle file (A_tether) has no counterpart."
+        in export_model(st.Vehicle.from_toml(head + table + rest), "sdf").lost
+    )
     with pytest.raises(VehicleError, match="expected one of sdf, uuv, stonefish"):
         export_model("lauv", "mujoco")
 

@@ -315,3 +315,22 @@ def test_what_is_not_known_has_no_column() -> None:
     assert "What a speed takes" in page
     assert "power, W" not in page
     assert "a table of thrust says nothing about power" in page
+
+
+def test_a_tether_slows_a_vehicle_and_its_spring_does_not_hold_it() -> None:
+    head, _, rest = CWOLF.to_toml().partition("[coefficients]")
+    table = "[tether]\nposition_m = [-1.2, 0.0, 0.0]\nanchor_m = [0.0, 0.0, 0.0]\nslack_m = 5.0\n"
+    towed = Vehicle.from_toml(f"{head}{table}[coefficients]{rest}").with_coefficients({"A_tether": 0.05})
+    ahead = dict.fromkeys(("SbU", "SbL", "PU", "PL"), 1000.0)
+    own, slower, held = (
+        float(steady(vehicle, ahead, free="X", voltage_v=NOMINAL_V).nu[0])
+        for vehicle in (CWOLF, towed, towed.with_coefficients({"k_tether": 20.0}))
+    )
+    # Damping and thrust are those of CWolf, the tether adds half rho A u^2.
+    drag = 0.5 * 1025.0 * 0.05 * slower**2
+    balance = [
+        float(np.asarray(v.forces([u, 0, 0, 0, 0, 0], np.zeros(3))["damping"])[0])
+        for v, u in ((CWOLF, slower), (towed, slower))
+    ]
+    assert balance[0] - balance[1] == pytest.approx(drag, rel=1e-9)
+    assert held == slower < 0.9 * own

@@ -239,7 +239,8 @@ impl Vehicle {
     /// The acceleration nu' under the wrench tau, body frame, m/s2 and rad/s2.
     ///
     /// nu and tau (n, 6) or (6,); attitude (n, 4) quaternion body to NED or (n, 3) roll, pitch, yaw in
-    /// rad; current (3,) or (n, 3), NED, m/s. Returns the shape of nu. Fossen (2011), equation 7.9.
+    /// rad; current (3,) or (n, 3), NED, m/s. Returns the shape of nu. The pull of a tether, which goes by the
+    /// place of the vehicle, is left out. Fossen (2011), equation 7.9.
     #[pyo3(signature = (nu, attitude, tau, current = None))]
     fn acceleration(
         &self,
@@ -262,7 +263,7 @@ impl Vehicle {
             .map(|i| {
                 let (nu, attitude, current) = columns[i % columns.len()];
                 let instant = Instant { tau: wrenches[i % wrenches.len()], current, ..Instant::default() };
-                vehicle.acceleration(&rotation(&attitude), &nu, &instant)
+                vehicle.acceleration((None, &rotation(&attitude)), &nu, &instant)
             })
             .collect();
         Ok(Array::rows(&rows, nu.is_single() && rows.len() == 1))

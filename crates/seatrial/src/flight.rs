@@ -89,7 +89,8 @@ pub fn fly<T: Split>(
         let feedback = flight.feedback.then_some(&motors.signals[..]);
         let estimate = aboard.as_mut().map(|filters| {
             let elapsed = if k == 0 { 0.0 } else { dt };
-            filters.tell((&shown, measured), (&pilot.signals, feedback), (elapsed, dt))
+            let flying = (!flight.is_trial()).then(|| tally.flying());
+            filters.tell((&shown, measured), (&pilot.signals, feedback), (elapsed, dt), flying)
         });
         let measured = estimate.as_ref().unwrap_or(measured);
         let set_point = flight.trial.set_point(unit, &setting.set_points, k as f64 * dt);

@@ -168,7 +168,7 @@ fn turn(description: &Description, flow: [f64; 3], complete: bool) -> ([f64; 3],
             Instant { thrusts: thrusts.clone(), tau: missing, current: Some(current), ..Instant::default() };
         let [n, e, d] = product(&r, &[nu[0], nu[1], nu[2]]);
         let [qw, qx, qy, qz] = quaternion_rate(&[w, x, y, z], &[nu[3], nu[4], nu[5]]);
-        let [u, v, heave, p, q, yaw] = vehicle.acceleration(&r, &nu, &instant);
+        let [u, v, heave, p, q, yaw] = vehicle.acceleration((None, &r), &nu, &instant);
         [n, e, d, qw, qx, qy, qz, u, v, heave, p, q, yaw]
     };
     let mut state = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0];

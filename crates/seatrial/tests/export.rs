@@ -9,6 +9,7 @@ use seatrial::control::autopilot::settings::{Settings, built_in};
 use seatrial::control::navigation::{Measurement, truth};
 use seatrial::control::navigation_filter::{Fitting, Instrument, KINDS};
 use seatrial::description::Description;
+use seatrial::description::vehicle_file::{TetherTable, VehicleFile};
 use seatrial::export::autopilot::{AutopilotStep, row};
 use seatrial::export::c::Module;
 use seatrial::export::filter::FilterStep;
@@ -81,7 +82,10 @@ struct Loop {
 
 impl Loop {
     fn new(name: &str, period: f64, substeps: usize) -> Self {
-        let description = load(name);
+        Self::of(load(name), period, substeps)
+    }
+
+    fn of(description: Description, period: f64, substeps: usize) -> Self {
         let vehicle = Vehicle::nominal(&description);
         let h = period / substeps as f64;
         let motors = Motors::new(&vehicle, &limits(&description), h, 0.0);
@@ -300,7 +304,7 @@ fn scalar_a_recorded_slope_is_that_of_dual_numbers() {
             instant.deflections = vehicle.fins.iter().map(|_| (next(), next())).collect();
             for column in 0..6 {
                 let unit = |i: usize| Dual { value: inputs[i], partials: f64::from(u8::from(i == column)) };
-                let found = vehicle.acceleration(&r, &std::array::from_fn(unit), &instant);
+                let found = vehicle.acceleration((None, &r), &std::array::from_fn(unit), &instant);
                 for i in 0..6 {
                     for (expected, ours) in
                         [(found[i].value, results[i]), (found[i].partials, results[6 + 6 * i + column])]
@@ -321,4 +325,45 @@ fn law_a_filter_that_cannot_begin_is_refused() {
     let step = FilterStep { description: &description, fitting: &fitting, voltage: f64::NAN };
     let refused = step.write("it", &[], None).err().expect("a refusal").to_string();
     assert!(refused.contains("expected a sensor of the attitude"), "{refused}");
+}
+
+#[test]
+fn law_a_filter_of_a_vehicle_on_a_spring_is_refused() {
+    let mut file = load("cwolf").file;
+    let mut tether = TetherTable { position_m: [0.0; 3], anchor_m: None, slack_m: None };
+    file.tether = Some(tether.clone());
+    let refusal = |file: &VehicleFile| {
+        let description = Description::new(file.clone(), "tethered").expect("a vehicle");
+        let fitting = fitting(&description, &["attitude", "dvl"]);
+        let step = FilterStep { description: &description, fitting: &fitting, voltage: f64::NAN };
+        step.write("it", &[], None).err().map(|refused| refused.to_string())
+    };
+    assert_eq!(refusal(&file), None);
+    (tether.anchor_m, tether.slack_m) = (Some([0.0, 0.0, 1.0]), Some(20.0));
+    file.tether = Some(tether);
+    let refused = refusal(&file).expect("a refusal");
+    assert!(refused.contains("pull of a tether"), "{refused}");
+}
+
+#[test]
+fn a_recorded_vehicle_drags_its_tether_and_is_pulled_by_it() {
+    let mut file = load("cwolf").file;
+    file.tether = Some(TetherTable {
+        position_m: [-1.2, 0.0, -0.1],
+        anchor_m: Some([0.0, 0.0, 1.0]),
+        slack_m: Some(20.0),
+    });
+    file.coefficients.extend([("A_tether".to_owned(), 0.1), ("k_tether".to_owned(), 6.0)]);
+    let description = Description::new(file, "tethered").expect("a vehicle");
+    let mut world = Loop::of(description, 0.1, 2);
+    world.state.position = [22.0, -4.0, 5.0];
+    let program = world.step().record(&world.description).expect("a vehicle that can be recorded");
+    let names: Vec<&str> = program.interface.parameters.iter().map(|symbol| symbol.name.as_str()).collect();
+    assert!(names.contains(&"A_tether") && names.contains(&"k_tether"), "{names:?}");
+    let signals = vec![400.0; world.description.actuators.len()];
+    for k in 0..200 {
+        let worst = world.advance(&signals, [0.15, -0.1, 0.0], &program);
+        // The same operations in another order.
+        assert!(worst < 1e-11, "period {k}: {worst:e}");
+    }
 }

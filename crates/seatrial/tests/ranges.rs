@@ -23,6 +23,10 @@ appendages = [{ area_m2 = 0.1, arm_m = 0.2 }]
 x_m = [-1.0, 1.0]
 diameter_m = [0.3, 0.2]
 height_m = [0.4, 0.2]
+[tether]
+position_m = [-1.0, 0.0, 0.0]
+anchor_m = [0.0, 0.0, 0.0]
+slack_m = 50.0
 [power]
 hotel_w = 10.0
 battery_wh = 500.0

@@ -413,6 +413,7 @@ class VerificationTable(Section):
     ]
     runs: Count = 1000
     sensors: Name = "typical"
+    navigation: Literal["sensors", "filter"] = "sensors"
     confidence: Share = 0.95
     keep_worst: Annotated[int, Field(strict=True, ge=0)] = 5
     coefficients: Annotated[str | dict[str, float], BeforeValidator(_coefficients)] = "covariance"

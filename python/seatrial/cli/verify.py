@@ -60,6 +60,14 @@ def verify(
             " repeatable.",
         ),
     ] = None,
+    navigation: Annotated[
+        str | None,
+        typer.Option(
+            metavar="sensors|filter",
+            help="What the autopilot goes by, instead of the campaign's: what the sensors show, or the"
+            " estimate of a navigation filter.",
+        ),
+    ] = None,
     compare: Annotated[
         bool, typer.Option("--compare", help="Fly the same draws with the campaign's start autopilot too.")
     ] = False,
@@ -145,6 +153,7 @@ def verify(
     if log is not None:
         refuse_beside({
             "--runs": runs,
+            "--navigation": navigation,
             "--compare": compare,
             "--replay": replay,
             "--junit": junit,
@@ -171,7 +180,9 @@ def verify(
         raise CampaignError("--reference: it belongs to a recorded mission; give that with --log")
     _refuse_alone(rare, falsify, boundary, requirement, population, within)
     source, gains = fitted_source(loaded, run), gains_source(loaded, autopilot)
-    prepared = verified_campaign(loaded, source, gains, runs=runs, missions=mission or None, compare=compare)
+    prepared = verified_campaign(
+        loaded, source, gains, runs=runs, missions=mission or None, compare=compare, navigation=navigation
+    )
     if not json:
         flies, steers = source or loaded.vehicle.name, gains or prepared.flights.autopilot.name
         note(f"Vehicle: {flies}. Autopilot: {steers}.")

@@ -244,7 +244,13 @@ def manoeuvre(one: Role) -> str:
         return f"run steps of {who} with its revolutions logged, at 20 Hz or more"
     if one.kind == "lever":
         return f"run steps of {who} alone with {axis(one.force)} free, or measure the lever with a tape"
-    return "add a trial in which it acts"
+    return _TETHER.get(one.name, "add a trial in which it acts")
+
+
+_TETHER = {
+    "A_tether": "turn and run straight at two speeds or more with the tether paid out, and without it",
+    "k_tether": "pull the tether taut and let the vehicle come back",
+}
 
 
 def _without_thrust(one: Role, kind: str, velocity: str) -> str | None:

@@ -470,7 +470,8 @@ def _reactions(flight: Flight) -> list[str]:
     found = [f"Failures: {'; '.join(said)}."] if said else []
     for alert in flight.alerts:
         found.append(
-            f"Reaction at {alert.t_s:.1f} s: {alert.reaction}, because {watches.cause(alert.cause)}."
+            f"Reaction at {alert.t_s:.1f} s: {alert.reaction}, because {watches.cause(alert.cause)}"
+            f"{watches.silence(flight, alert.cause, alert.t_s)}."
         )
     if said and not flight.alerts:
         found.append("No reaction of the safety was called for.")

@@ -36,7 +36,7 @@ from seatrial.sensors.sensor import KINDS, Sensor, load_sensors, one_each
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["GROUP_OF_KIND", "SensorChannels", "perfect", "sensor_channels", "sensors_of"]
+__all__ = ["CHANNELS_OF_GROUP", "GROUP_OF_KIND", "SensorChannels", "perfect", "sensor_channels", "sensors_of"]
 
 GROUP_OF_KIND = {
     "position": "position",
@@ -49,7 +49,7 @@ GROUP_OF_KIND = {
 }
 """The group that a kind of sensor tells."""
 
-_CHANNELS_OF_GROUP = {
+CHANNELS_OF_GROUP = {
     "position": (0, 1),
     "depth": (2,),
     "attitude": (3, 4, 5),
@@ -58,6 +58,7 @@ _CHANNELS_OF_GROUP = {
     "altitude": (12,),
     "water": (13, 14, 15),
 }
+"""The channels of a group, by their places among those of the autopilot."""
 
 _TICK = 1e-6
 
@@ -153,7 +154,7 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
         if group is None or kind == "gps":
             continue
         scale = math.pi / 180.0 if KINDS[kind].unit.startswith("deg") else 1.0
-        for channel in _CHANNELS_OF_GROUP[group]:
+        for channel in CHANNELS_OF_GROUP[group]:
             errors[channel] = scale * np.array([sensor.noise, sensor.bias, 0.0, sensor.quantum])
         timing[groups.index(group)] = _timing(kind, sensor, period_s, said)
     if "dvl" in sensors:

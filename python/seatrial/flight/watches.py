@@ -1,8 +1,24 @@
-"""The watches of the autopilot in words: what each of them saw, and what to do about it."""
+"""The watches of the autopilot in words: what each of them saw, and what to do about it.
+
+Tests: ``tests/flight/test_flight.py``, ``tests/flight/test_silence.py``.
+"""
 
 from __future__ import annotations
 
-__all__ = ["GROUPS", "cause", "remedy"]
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial._core import autopilot_names
+from seatrial.flight.sensor_channels import CHANNELS_OF_GROUP, GROUP_OF_KIND
+
+if TYPE_CHECKING:
+    from seatrial.flight.log import FlightLog
+
+__all__ = ["GROUPS", "cause", "remedy", "silence"]
+
+_SILENT_S = 1.5
+"""A sensor is silent where it shows nothing new for so long, s: longer than the periods of common sensors."""
 
 GROUPS = {
     "position": "position",
@@ -71,3 +87,38 @@ def remedy(watch: str) -> str:
         f"find out why the {name} stopped arriving, or allow a longer gap"
         f" ({watch}.after_s under [safety] in the autopilot file)"
     )
+
+
+def silence(flight: FlightLog, watch: str, at_s: float) -> str:
+    """Whether the samples that a watch missed never came, or came and were refused, to follow its cause.
+
+    The log keeps what the sensors showed: a group was silent while none of its channels changed. Empty where
+    the autopilot goes by an estimate, or by perfect sensors, which may rightly repeat a value.
+
+    Parameters
+    ----------
+    flight : FlightLog
+    watch : str
+        As "stale_velocity".
+    at_s : float
+        When it called for a reaction, s.
+    """
+    group, around = watch.removeprefix("stale_"), flight.circumstances
+    sensors = around.sensors or {}
+    kinds = [kind for kind in sensors if GROUP_OF_KIND.get(kind) == group]
+    if around.navigation != "sensors" or not any(sensors[kind].get("noise") for kind in kinds):
+        return ""
+    names = autopilot_names()["channels"]
+    told = np.stack([flight.measured[names[c]] for c in CHANNELS_OF_GROUP[group]], axis=1)
+    came = flight.t[np.flatnonzero(np.any(np.diff(told, axis=0) != 0.0, axis=1)) + 1]
+    before, after = came[came < at_s], came[came >= at_s]
+    last = float(before[-1]) if len(before) else 0.0
+    if at_s - last < _SILENT_S:
+        return "; samples came, and none was believed: they jumped, or a channel repeated one value"
+    until = f"until {after[0]:.1f} s" if len(after) else "to the end"
+    ends = [one.until_s for one in around.outages if GROUP_OF_KIND.get(one.of, one.of) == group]
+    over = max((end for end in ends if last < end < at_s), default=None)
+    longer = (
+        "" if over is None else f": beyond the outage that ended at {over:.1f} s, by drop-outs of its own"
+    )
+    return f"; {' and '.join(kinds)} gave no sample from {last:.1f} s {until}{longer}; none was refused"

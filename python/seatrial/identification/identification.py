@@ -18,6 +18,7 @@ from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 from seatrial.identification.held import SHARE, Conditional, Held, comment, sentences
 from seatrial.identification.hold_out import POOLED, Restarts, likelihood_gain, replayed
+from seatrial.intake.consistency_trials import LATE
 from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
 from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
@@ -468,6 +469,9 @@ def _worst(fit: Identification) -> tuple[str, str]:
     if fit.interrupted:
         left = f"; not run: {', '.join(fit.not_run)}" if fit.not_run else ""
         return f"Ctrl-C ended the search early{left}", "run the same command again; finished stages are kept"
+    if late := [sentence for sentence in fit.before if sentence.startswith(LATE)]:
+        problem, _, remedy = late[0].partition("; ")
+        return problem, remedy
     if strayed := [] if fit.assessment is None else fit.assessment.strayed():
         return _problem_and_remedy(strayed[0], "a nuisance parameter left its prior")
     if hidden := sentences(fit.held):

@@ -38,6 +38,7 @@ from seatrial.identification.held import Conditional, conditional, joint_estimat
 from seatrial.identification.hold_out import Restarts, part_scores
 from seatrial.identification.identification import Identification, estimates
 from seatrial.identification.preparation import prepare
+from seatrial.intake.consistency_trials import late_velocity
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -406,6 +407,8 @@ def run_identification(
     with RunDirectory(run_dir, resume=resume) as run:
         ready = prepare(campaign, threads=threads)  # refuses a bad campaign before a search
         campaign, plans, before, notes = ready.campaign, ready.plans, ready.sentences, ready.no_joint
+        fitted = dict.fromkeys(name for plan in plans for name in plan.stage.trials)
+        before = (*late_velocity(campaign, tuple(fitted)), *before)
         order = StageOrder(campaign, plans, run, progress=progress, threads=threads, fleet=fleet)
         if progress is not None and before:
             progress(replace(order.state(plans[0], None), notes=before))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.recording import Recording
 
-__all__ = ["Proposal", "accepted", "consistency_of_trial", "proposals", "series_of"]
+__all__ = ["LATE", "Proposal", "accepted", "consistency_of_trial", "late_velocity", "proposals", "series_of"]
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,49 @@ def consistency_of_trial(campaign: Campaign, name: str) -> Consistency | None:
         told = replace(told, current=None)
     given = found.corrections.given | {f"{sensor}_m": arm for sensor, arm in found.positions.items()}
     return replace(told, corrections=tuple(_on_top(one, given) for one in told.corrections))
+
+
+LATE = "the velocity of trial "
+"""How a sentence of `late_velocity` begins."""
+
+_TELLS_DELAY = ("z", "u", "v", "w", "roll", "pitch", "yaw")
+
+_NOT_ESTIMATED = "latency not estimated: a position every"
+
+
+def late_velocity(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
+    """One sentence on a late velocity that reading leaves, with the remedy behind a semicolon; or none.
+
+    Reading removes what it can estimate from the position. Where that comes too slowly, the depth tells, as
+    in `check`: here of the shortest such trial, and of nothing but the delay.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    names : sequence of str
+        Trials to look at.
+    """
+
+    def left(name: str) -> bool:
+        findings = campaign.trials[name].report.findings
+        return any(one.channel == "velocity" and one.message.startswith(_NOT_ESTIMATED) for one in findings)
+
+    slow = sorted((name for name in names if left(name)), key=lambda name: len(campaign.trials[name]))
+    for name in slow[:1]:
+        found = campaign.recording(name)
+        if found is None or "delay_s.velocity" in found.corrections.given:
+            continue
+        series = {key: one for key, one in series_of(found).items() if key in _TELLS_DELAY}
+        for one in consistency(series).corrections:
+            if one.key == "delay_s.velocity":
+                word = "late" if float(one.value) > 0.0 else "early"
+                return (
+                    f"{LATE}{name} is {abs(float(one.value)):.2f} s {word}, and its position is too slow for"
+                    " reading to find that: forces are fitted to a motion of another time; run seatrial check"
+                    f" {campaign.source}, paste what it proposes ({one.line} under [corrections]) and"
+                    " identify again",
+                )
+    return ()
 
 
 def _on_top(correction: Correction, given: Mapping[str, Any]) -> Correction:

@@ -190,8 +190,14 @@ def _not_carried(vehicle: Vehicle) -> list[str]:
     lift = some(lambda name: name in _LIFT)
     bias = some(lambda name: len(name) == 3 and name.endswith("_0"))
     cross = some(lambda name: name.startswith("C_D"))
+    tether = some(lambda name: name.endswith("_tether"))
     said = []
-    for names, what in ((lift, "Lift"), (bias, "Constant forces"), (cross, "Cross-flow drag by strips")):
+    for names, what in (
+        (lift, "Lift"),
+        (bias, "Constant forces"),
+        (cross, "Cross-flow drag by strips"),
+        (tether, "The tether"),
+    ):
         if names:
             said.append(f"{what} of the vehicle file ({', '.join(names)}) has no counterpart.")
     if vehicle.actuators:

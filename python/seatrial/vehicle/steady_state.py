@@ -39,7 +39,10 @@ __all__ = [
     "turn_kinds",
     "turning_senses",
     "turns",
+    "without_pull",
 ]
+
+_PULL = "k_tether"
 
 _ROUND_S, _SAMPLE_S = 240.0, 0.25
 
@@ -61,6 +64,11 @@ class Steady:
     settled: bool
 
 
+def without_pull(vehicle: Vehicle) -> Vehicle:
+    """The vehicle on a tether that never becomes taut: itself where it has no spring."""
+    return vehicle.with_coefficients({_PULL: 0.0}) if vehicle.coefficients().get(_PULL) else vehicle
+
+
 def steady(
     vehicle: Vehicle,
     commands: Mapping[str, float],
@@ -70,6 +78,8 @@ def steady(
     nu: ArrayLike = (0.0,) * 6,
 ) -> Steady:
     """Motion that the vehicle settles into under steady commands, the other axes held.
+
+    A tether drags, and does not pull: a vehicle at its end settles into no motion.
 
     Parameters
     ----------
@@ -92,6 +102,7 @@ def steady(
     """
     from seatrial._core import State
 
+    vehicle = without_pull(vehicle)
     t = np.arange(0.0, _ROUND_S, _SAMPLE_S)
     held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
     state = State(nu=nu)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.vehicle.actuators import NOMINAL_V, command, largest, voltage_for
-from seatrial.vehicle.steady_state import drivers, steady
+from seatrial.vehicle.steady_state import drivers, steady, without_pull
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -146,7 +146,7 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     thrusting = np.array([facts[name]["kind"] != "fin" for name in vehicle.actuators])
     wrench = matrix @ np.where(thrusting, solution.x, 0.0)
     nu[5] = _STARTS
-    run = vehicle.simulate(
+    run = without_pull(vehicle).simulate(
         t,
         hard_over,
         State(nu=nu),

@@ -286,6 +286,7 @@ def verified_campaign(
     runs: int | None = None,
     missions: Sequence[Mission | str | Path] | None = None,
     compare: bool | Mapping[str, Any] = False,
+    navigation: str | None = None,
 ) -> VerifiedCampaign:
     """A verification that is ready to fly. See `seatrial.verify` for the parameters.
 
@@ -295,6 +296,10 @@ def verified_campaign(
         Something in it cannot be used.
     """
     table, flown = _table(campaign, missions)
+    if navigation is not None:
+        if navigation not in ("sensors", "filter"):
+            raise SimulationError(f'navigation: expected "sensors" or "filter", found {navigation!r}')
+        table = table.model_copy(update={"navigation": navigation})
     number = table.runs if runs is None else _positive(runs)
     autopilot = campaign.autopilot if gains is None else autopilot_of(gains)
     others = _others(campaign, gains, compare)

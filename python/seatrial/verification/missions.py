@@ -54,6 +54,10 @@ __all__ = ["CHUNK", "CampaignFlights", "Series", "fly_series"]
 
 _LARGEST_STEP_S = 0.02
 
+_OF_THE_WATER = 64  # draws from which a filter is told of the water
+
+_SHORT_CRESTED_DEG = 60.0  # spreading of a sea whose direction differs from mission to mission
+
 
 @dataclass(frozen=True, eq=False)
 class CampaignFlights:
@@ -236,8 +240,10 @@ class CampaignFlights:
                 self.fitted.vehicle,
                 self.autopilot,
                 mission,
-                model=self.model,
+                model=self._believed,
                 sensors=self.sensors,
+                navigation=table.navigation,
+                **self._told,
                 turbulence_times_s=table.current.turbulence_times_s,
                 current_walk=table.current.walk_m_s,
                 obstacles=obstacles(table.obstacles),
@@ -250,6 +256,27 @@ class CampaignFlights:
             )
             for mission in self.missions
         )
+
+    @property
+    def _believed(self) -> Vehicle | None:
+        """The model of the autopilot; a navigation filter on the identified one knows that others fly."""
+        asked = self.table.coefficients
+        drawn = bool(asked) if isinstance(asked, dict) else asked == "covariance" and bool(self.fitted.names)
+        if self.model is None and self.table.navigation == "filter" and drawn:
+            return self.fitted.vehicle
+        return self.model
+
+    @property
+    def _told(self) -> dict[str, Any]:
+        """What a navigation filter is told of the water: the middle of the gusts and seas that are drawn."""
+        if self.table.navigation != "filter":
+            return {}
+        drawn = self.draws(_OF_THE_WATER)
+        gusts = np.sqrt(np.mean(drawn.turbulence**2, axis=0))
+        sea = SeaState.of_row(drawn.waves[np.argsort(drawn.waves[:, 0])[_OF_THE_WATER // 2]])
+        if sea is not None:
+            sea = replace(sea, spreading_deg=_SHORT_CRESTED_DEG)
+        return {"turbulence": gusts, "waves": sea}
 
     def _cases(self, drawn: Draws, index: int) -> Cases:
         """Drawn cases of one mission, at least two of them."""

@@ -63,6 +63,7 @@ def verify(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     compare: bool | Mapping[str, Any] = False,
+    navigation: str | None = None,
 ) -> Verification: ...
 
 
@@ -85,6 +86,7 @@ def verify(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     compare: Mapping[str, Any] | None = None,
+    navigation: str | None = None,
 ) -> Verification: ...
 
 
@@ -106,6 +108,7 @@ def verify(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     compare: bool | Mapping[str, Any] | None = False,
+    navigation: str | None = None,
 ) -> Verification:
     """Verdict on an autopilot from many missions of vehicles that are drawn from what is known of one.
 
@@ -157,6 +160,8 @@ def verify(
     compare : bool or mapping of str to autopilot
         Fly some of the missions with the campaign's autopilot ("start") as well, or with those given by
         name: a tenth of them, at least 200.
+    navigation : str, optional
+        What the autopilot goes by, "sensors" or "filter", as for `seatrial.fly`, instead of the table's.
 
     Returns
     -------
@@ -228,7 +233,14 @@ def verify(
         )
         fit = known
     prepared = verified_campaign(
-        campaign, fit, gains, model=model, runs=runs, missions=missions, compare=compare or False
+        campaign,
+        fit,
+        gains,
+        model=model,
+        runs=runs,
+        missions=missions,
+        compare=compare or False,
+        navigation=navigation,
     )
     return run_verification(
         prepared, run_dir=run_dir, progress=progress, resume=resume, threads=threads, executor=executor

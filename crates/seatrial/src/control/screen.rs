@@ -1,6 +1,8 @@
 //! Whether samples can be believed: what jumps, and what repeats one value while the vehicle moves.
 //!
-//! A **jump** is a change beyond `margin + rate · time since the last sample`, faster than any vehicle. It is not
+//! A **jump** is a change beyond `margin + rate · time since the last sample`, faster than any vehicle: the rate is its
+//! largest velocity, turn rate or acceleration. A velocity or turn rate has a largest change as well, from full ahead to
+//! full astern: however long a sensor was silent, its first sample is believed at once or it is wild. What jumps is not
 //! believed until it has stayed for a second, as a reset of a sensor does and an outlier does not: until then the last
 //! good value holds and grows old. The altitude may jump: the bottom has steps.
 //!
@@ -22,7 +24,7 @@
 //!
 //! Tests: `tests/control/samples.rs`, `tests/core/test_helm_screen.py`.
 
-use crate::control::navigation::{ALTITUDE, CHANNELS, DEPTH, Measurement, VELOCITY, WATER, YAW};
+use crate::control::navigation::{ALTITUDE, CHANNELS, DEPTH, Measurement, RATES, VELOCITY, WATER, YAW};
 use crate::model::kinematics::euler_rate;
 use crate::number::algebra::{Vec3, Vec6};
 use crate::number::real::Real;
@@ -46,6 +48,16 @@ const LEAST_JUMP: [(f64, f64); CHANNELS] = [
     (1.5, 5.0),
     (1.5, 5.0),
 ];
+
+/// What a velocity, m/s, and a turn rate, rad/s, may change by after any time: the fastest vehicle from ahead to astern.
+const MOST_JUMP: [f64; CHANNELS] = {
+    let (mut most, mut c) = ([f64::INFINITY; CHANNELS], 0);
+    while c < 3 {
+        (most[VELOCITY + c], most[RATES + c], most[WATER + c]) = (15.0, 10.0, 15.0);
+        c += 1;
+    }
+    most
+};
 
 /// A jump that stays for so long, s, is the truth.
 const STAYS_S: f64 = 1.0;
@@ -210,7 +222,7 @@ impl<T: Real> Screen<T> {
     fn allowed(&self, measured: &Measurement<T>, c: usize, dt: f64) -> T {
         let (margin, rate) = LEAST_JUMP[c];
         let between = self.told_age[c] + dt - measured.age[c];
-        between.mul_add(between.splat(rate), between.splat(margin))
+        between.mul_add(between.splat(rate), between.splat(margin)).min(between.splat(MOST_JUMP[c]))
     }
 
     /// Counts for how long a channel has shown one value, and where that is `long`.

@@ -18,6 +18,7 @@ use crate::model::damping::Damping;
 use crate::model::lift::Lift;
 use crate::model::restoring::Restoring;
 use crate::model::rigid_body::RigidBody;
+use crate::model::tether::{Spring, Tether};
 use crate::model::vehicle::{Mode, Terms, Vehicle};
 use crate::number::real::Real;
 use std::sync::Arc;
@@ -30,6 +31,8 @@ pub struct Structure {
     full_damping: bool,
     lift: bool,
     cross_flow: bool,
+    tether: bool,
+    spring: bool,
     bias: bool,
     inflow: Vec<bool>,
     torque: Vec<bool>,
@@ -56,7 +59,9 @@ impl Structure {
             full_added_mass: off_diagonal(&added_mass),
             full_damping: off_diagonal(&linear) || off_diagonal(&quadratic),
             lift: (names::LIFT..names::BIAS).any(present),
-            cross_flow: (names::CROSS_FLOW..names::HULL).any(present),
+            cross_flow: (names::CROSS_FLOW..names::TETHER).any(present),
+            tether: (names::TETHER..names::HULL).any(present),
+            spring: present(names::STIFFNESS),
             bias: (names::BIAS..names::CROSS_FLOW).any(present),
             inflow: actuators.clone().map(|k| any(k, &[3, 7])).collect(),
             torque: actuators.clone().map(|k| any(k, &[6, 7])).collect(),
@@ -162,6 +167,15 @@ impl<T: Real> Vehicle<T> {
                 Effect::Fin(table) => fins.push(fin(structure, k, described, table, |i| c(base + i), rho)),
             }
         }
+        let tether = description.file.tether.as_ref().filter(|_| structure.tether).map(|table| {
+            let stiffness = c(names::STIFFNESS);
+            let spring = table.spring().filter(|_| structure.spring);
+            Tether {
+                place: table.position_m,
+                drag: c(names::TETHER) * (0.5 * rho),
+                spring: spring.map(|(anchor, slack)| Spring { stiffness, anchor, slack }),
+            }
+        });
         let terms = Terms {
             rigid_body,
             added_mass: added,
@@ -170,6 +184,7 @@ impl<T: Real> Vehicle<T> {
                 .strips
                 .filter(|_| structure.cross_flow)
                 .map(|strips| CrossFlow { strips, pressure }),
+            tether,
             lift: structure.lift.then_some(Lift(lift)),
             restoring,
             bias: structure.bias.then_some(bias),

@@ -48,7 +48,9 @@ impl Description {
                 let arm = if index - names::BIAS < 3 { 1.0 } else { size };
                 Some((-0.05 * weight * arm, 0.05 * weight * arm))
             }
-            names::CROSS_FLOW..names::HULL => Some((0.0, LARGEST_CROSS_FLOW)),
+            names::CROSS_FLOW..names::TETHER => Some((0.0, LARGEST_CROSS_FLOW)),
+            names::TETHER => Some((0.0, LARGEST_CROSS_FLOW * size * size)),
+            names::STIFFNESS => Some((0.0, 0.1 * weight / size)),
             _ if is(&added_mass) => factors(0.2, 5.0),
             _ if is(&linear) => factors(0.0, 10.0),
             _ if index == quadratic(0, 0) => factors(0.5, 4.0),

@@ -7,6 +7,7 @@
 //! | `X_u` … `N_r`, every off-diagonal `Y_r` … | linear damping |
 //! | `X_uu` … `N_rr`, every off-diagonal `Y_rr` … | quadratic damping, per `|ν_j| ν_j` |
 //! | `C_Dy C_Dz` | cross-flow drag of the strips sideways and downwards, positive |
+//! | `A_tether k_tether` | drag area and stiffness of a tether, positive |
 //! | `Y_uv Y_ur Z_uw Z_uq M_uw M_uq N_uv N_ur` | lift, per `|u| ν_j` |
 //! | `Y_uu Z_uu K_uu M_uu N_uu` | among them: trims of an asymmetric hull, nothing at rest |
 //! | `X_0` … `N_0` | constant bias wrench in the body frame, also at rest |
@@ -42,8 +43,12 @@ pub const LIFT: usize = 107;
 pub const BIAS: usize = 115;
 /// Index of `C_Dy`; `C_Dz` follows.
 pub const CROSS_FLOW: usize = 121;
+/// Index of `A_tether`.
+pub const TETHER: usize = 123;
+/// Index of `k_tether`.
+pub const STIFFNESS: usize = 124;
 /// Number of coefficients of the hull; the actuators' follow.
-pub const HULL: usize = 123;
+pub const HULL: usize = 125;
 
 const RIGID: [(&str, &str, &str); 14] = [
     ("m", "kg", "mass"),
@@ -65,6 +70,11 @@ const RIGID: [(&str, &str, &str); 14] = [
 const OF_STRIPS: [(&str, &str); 2] = [
     ("C_Dy", "cross-flow drag coefficient of the strips seen from the side, sway and yaw"),
     ("C_Dz", "cross-flow drag coefficient of the strips seen from above, heave and pitch"),
+];
+
+const OF_TETHER: [(&str, &str, &str); 2] = [
+    ("A_tether", "m2", "drag area of the tether: drag coefficient times the area that is dragged along"),
+    ("k_tether", "N/m", "stiffness of the tether beyond its slack length"),
 ];
 
 /// Coefficients of an actuator: name, unit, meaning. `<c>` is the command's unit. The last six are a fin's.
@@ -194,7 +204,8 @@ impl Layout {
             }
             LIFT..BIAS => LIFT_NAMES[index - LIFT].to_owned(),
             BIAS..CROSS_FLOW => format!("{}_0", FORCES[index - BIAS]),
-            CROSS_FLOW..HULL => OF_STRIPS[index - CROSS_FLOW].0.to_owned(),
+            CROSS_FLOW..TETHER => OF_STRIPS[index - CROSS_FLOW].0.to_owned(),
+            TETHER..HULL => OF_TETHER[index - TETHER].0.to_owned(),
             _ => {
                 let (k, offset) = ((index - HULL) / PER_ACTUATOR, (index - HULL) % PER_ACTUATOR);
                 format!("{}.{}", self.actuators[k], ACTUATOR[offset].0)
@@ -264,7 +275,8 @@ impl Layout {
             }
             .to_owned(),
             BIAS..CROSS_FLOW => if angular(index - BIAS) { "N m" } else { "N" }.to_owned(),
-            CROSS_FLOW..HULL => "1".to_owned(),
+            CROSS_FLOW..TETHER => "1".to_owned(),
+            TETHER..HULL => OF_TETHER[index - TETHER].1.to_owned(),
             _ => ACTUATOR[(index - HULL) % PER_ACTUATOR].1.replace("<c>", command_unit),
         }
     }
@@ -296,7 +308,8 @@ impl Layout {
                 format!("lift, {} per |u| {}", &name[..1], &name[3..])
             }
             BIAS..CROSS_FLOW => format!("constant bias {} in the body frame", FORCES[index - BIAS]),
-            CROSS_FLOW..HULL => OF_STRIPS[index - CROSS_FLOW].1.to_owned(),
+            CROSS_FLOW..TETHER => OF_STRIPS[index - CROSS_FLOW].1.to_owned(),
+            TETHER..HULL => OF_TETHER[index - TETHER].2.to_owned(),
             _ => ACTUATOR[(index - HULL) % PER_ACTUATOR].2.to_owned(),
         }
     }

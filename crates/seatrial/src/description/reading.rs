@@ -6,7 +6,7 @@
 use super::coefficients::{self as names, FORCES, Layout, MASS};
 use super::placement::{place, place_fin};
 use super::values::Description;
-use super::vehicle_file::{CrossFlowTable, VehicleFile};
+use super::vehicle_file::{CrossFlowTable, TetherTable, VehicleFile};
 use crate::error::Error;
 use crate::model::vehicle::Vehicle;
 use crate::number::algebra::pivots;
@@ -36,6 +36,9 @@ impl Description {
             return Err(fail(complaint));
         }
         if let Some(complaint) = file.cross_flow.as_ref().and_then(CrossFlowTable::complaint) {
+            return Err(fail(complaint));
+        }
+        if let Some(complaint) = file.tether.as_ref().and_then(TetherTable::complaint) {
             return Err(fail(complaint));
         }
         let strips = match (&file.cross_flow, &file.geometry) {
@@ -143,10 +146,17 @@ impl Description {
                 return Err(format!("coefficient {name}: {complaint}"));
             }
         }
-        if let Some(i) = (names::CROSS_FLOW..names::HULL).find(|&i| c[i] != 0.0 && !self.uses(i)) {
+        if let Some(i) = (names::CROSS_FLOW..names::TETHER).find(|&i| c[i] != 0.0 && !self.uses(i)) {
             return Err(format!(
                 "coefficient {}: the shape of the hull is missing, from which its strips are cut; give [cross_flow] with x_m and diameter_m, or [geometry]",
                 self.layout.name(i)
+            ));
+        }
+        if let Some(i) = (names::TETHER..names::HULL).find(|&i| c[i] != 0.0 && !self.uses(i)) {
+            return Err(format!(
+                "coefficient {}: the tether is missing; give [tether] with position_m{}",
+                self.layout.name(i),
+                if i == names::TETHER { "" } else { ", anchor_m and slack_m" },
             ));
         }
         let vehicle = Vehicle::nominal(self);

@@ -83,8 +83,12 @@ impl Description {
 
     /// Whether the equation of motion of this vehicle reads the coefficient.
     pub fn uses(&self, index: usize) -> bool {
-        if (names::CROSS_FLOW..names::HULL).contains(&index) {
-            return self.strips.is_some();
+        let tether = self.file.tether.as_ref();
+        match index {
+            names::CROSS_FLOW..names::TETHER => return self.strips.is_some(),
+            names::TETHER => return tether.is_some(),
+            names::STIFFNESS => return tether.is_some_and(|tether| tether.spring().is_some()),
+            _ => {}
         }
         index
             .checked_sub(names::HULL)

@@ -10,6 +10,7 @@
 
 mod cross_flow_table;
 mod fin_table;
+mod tether_table;
 
 use crate::description::geometry::Geometry;
 use crate::error::Error;
@@ -19,6 +20,7 @@ pub use cross_flow_table::CrossFlowTable;
 pub use fin_table::FinTable;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+pub use tether_table::TetherTable;
 
 /// A vehicle as written in its file.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq)]
@@ -43,6 +45,9 @@ pub struct VehicleFile {
     /// Measures of the hull along its length, for the cross-flow drag by strips.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cross_flow: Option<CrossFlowTable>,
+    /// A tether: where it is made fast, and where it leads to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tether: Option<TetherTable>,
     /// Battery and hotel load.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub power: Option<Power>,

@@ -195,6 +195,11 @@ impl FilterStep<'_> {
         if self.fitting.swell.is_some() {
             return refused("a filter that is told of waves is not exported; make it without waves");
         }
+        if self.description.file.tether.as_ref().is_some_and(|tether| tether.spring().is_some()) {
+            return refused(
+                "the filter in C does not know the pull of a tether, which goes by the place; leave anchor_m and slack_m out",
+            );
+        }
         if self.fitting.instruments[ATTITUDE_SENSOR].is_none() {
             return refused(
                 "a filter begins with roll, pitch and yaw; expected a sensor of the attitude, found none",

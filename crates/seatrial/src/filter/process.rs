@@ -314,7 +314,9 @@ impl<P: Real> Carrier<P> {
             let [_, _, _, a, b, c, d, nu @ ..] = at;
             let (attitude, [u, v, w, p, q, s]) = ([a, b, c, d], nu);
             let r = rotation(&attitude);
-            let (acceleration, by_velocity) = self.accelerate(&r, &nu, (instant, none), (unit, read));
+            let place = [at[0], at[1], at[2]];
+            let (acceleration, by_velocity) =
+                self.accelerate((&place, &r), &nu, (instant, none), (unit, read));
             slope[..3].copy_from_slice(&product(&r, &[u, v, w]));
             slope[3..7].copy_from_slice(&quaternion_rate(&attitude, &[p, q, s]));
             slope[7..].copy_from_slice(&acceleration);
@@ -365,7 +367,7 @@ impl<P: Real> Carrier<P> {
     #[inline(always)]
     fn accelerate<const L: usize>(
         &self,
-        r: &Mat3<f64>,
+        (place, r): (&Vec3<f64>, &Mat3<f64>),
         nu: &Vec6<f64>,
         (instant, none): (usize, P),
         (unit, read): (&impl Fn(usize, usize) -> P, &impl Fn(P) -> [f64; L]),
@@ -379,6 +381,7 @@ impl<P: Real> Carrier<P> {
                 turned[i][j].value = r[i][j];
             }
         }
+        let place = place.map(constant);
         let mut moving = [constant(0.0); 6];
         for i in 0..6 {
             moving[i].value = nu[i];
@@ -388,7 +391,7 @@ impl<P: Real> Carrier<P> {
             for i in 0..6 {
                 moving[i].partials = unit(first, i);
             }
-            let found = vehicle.acceleration(&turned, &moving, &self.instants[instant]);
+            let found = vehicle.acceleration((Some(&place), &turned), &moving, &self.instants[instant]);
             for i in 0..6 {
                 value[i] = found[i].value;
                 slopes[i][first..first + L].copy_from_slice(&read(found[i].partials));

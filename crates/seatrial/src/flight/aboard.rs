@@ -92,15 +92,20 @@ impl Aboard {
     }
 
     /// The estimates `elapsed` seconds later, from what the sensors show; `commands` have held since, `signals` are what
-    /// the actuators are measured at; a control period is `dt`.
+    /// the actuators are measured at; a control period is `dt`. The filter of a case that has ended stands still: what it
+    /// found does not depend on how long its neighbours fly.
     #[inline(always)]
     pub fn tell<T: Split>(
         &mut self,
         (truth, measured): (&[T; CHANNELS], &Measurement<T>),
         (commands, signals): (&[T], Option<&[T]>),
         (elapsed, dt): (f64, f64),
+        flying: Option<T>,
     ) -> Measurement<T> {
         for lane in 0..T::PARTS {
+            if flying.is_some_and(|flying| flying.part(lane) < 0.5) {
+                continue;
+            }
             let mut shown = Measurement::nothing(0.0);
             for c in 0..CHANNELS {
                 shown.channels[c] = measured.channels[c].part(lane);

@@ -49,6 +49,12 @@ impl<T: Real> Tally<T> {
         }
     }
 
+    /// 1 where a case still flies.
+    #[inline(always)]
+    pub fn flying(&self) -> T {
+        self.flying
+    }
+
     /// Whether any lane still flies.
     #[inline(always)]
     pub fn any_flying(&self) -> bool {

@@ -55,7 +55,8 @@ impl<T: Real> State<T> {
         let [u, v, w, p, q, s] = self.nu;
         let position = product(&r, &[u, v, w]);
         let attitude = quaternion_rate(&self.attitude, &[p, q, s]);
-        State { position, attitude, nu: vehicle.acceleration(&r, &self.nu, instant) }.row()
+        State { position, attitude, nu: vehicle.acceleration((Some(&self.position), &r), &self.nu, instant) }
+            .row()
     }
 }
 

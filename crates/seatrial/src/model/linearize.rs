@@ -7,6 +7,8 @@
 //!
 //! Inputs are the six components of τ. `A = ∂f/∂x` by dual numbers, one column per evaluation.
 //!
+//! The pull of a tether goes by the place of the vehicle, which is not asked for: it is left out.
+//!
 //! Source: Fossen (2011), sections 2.2 and 7.5.
 //! Tests: `tests/scalars/tangent.rs` (both forms say the same), `tests/core/test_linearize.py` (finite differences
 //! of the textbook model).
@@ -65,7 +67,7 @@ pub fn linearize(
             }
         };
         let instant = Instant { inflow_free: Some(tau), current, ..Instant::default() };
-        let acceleration = vehicle.acceleration(&rotation(&attitude), &nu, &instant);
+        let acceleration = vehicle.acceleration((None, &rotation(&attitude)), &nu, &instant);
         for i in 0..12 {
             let rate = if i < 6 { kinematics[i] } else { acceleration[i - 6] };
             match column {

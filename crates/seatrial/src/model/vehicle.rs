@@ -1,6 +1,6 @@
 //! The equation of motion, for one number type:
 //!
-//! `(M_RB + M_A) ν' = τ − C_RB(ν) ν − C_A(ν_r) ν_r − D(ν_r) ν_r + τ_L(ν_r) − g(η) + M_A ν_c' + τ_FK`
+//! `(M_RB + M_A) ν' = τ − C_RB(ν) ν − C_A(ν_r) ν_r − D(ν_r) ν_r + τ_L(ν_r) − g(η) + M_A ν_c' + τ_FK + τ_T(η, ν_r)`
 //!
 //! Each term has its own file. A degree of freedom is free, frozen (keeps its velocity) or measured
 //! (replayed from a log); `M` is factored once for the free ones, so that
@@ -20,7 +20,8 @@ use crate::model::damping::Damping;
 use crate::model::lift::Lift;
 use crate::model::restoring::Restoring;
 use crate::model::rigid_body::RigidBody;
-use crate::number::algebra::{Mat3, Mat6, Vec6, dot, product, restricted_inverse};
+use crate::model::tether::Tether;
+use crate::number::algebra::{Mat3, Mat6, Vec3, Vec6, dot, product, restricted_inverse};
 use crate::number::real::Real;
 
 /// What a degree of freedom does.
@@ -45,6 +46,8 @@ pub struct Vehicle<T> {
     pub damping: Damping<T>,
     /// Cross-flow drag by strips.
     pub cross_flow: Option<CrossFlow<T>>,
+    /// Drag and pull of a tether.
+    pub tether: Option<Tether<T>>,
     /// Lift of hull and fixed fins.
     pub lift: Option<Lift<T>>,
     /// Weight and buoyancy.
@@ -81,6 +84,8 @@ pub struct Terms<T> {
     pub damping: Damping<T>,
     /// Cross-flow drag by strips; `None` where there is none and none is sought.
     pub cross_flow: Option<CrossFlow<T>>,
+    /// Drag and pull of a tether; `None` where there is none and none is sought.
+    pub tether: Option<Tether<T>>,
     /// Lift of hull and fixed fins; `None` where there is none and none is sought.
     pub lift: Option<Lift<T>>,
     /// Weight and buoyancy.
@@ -130,7 +135,7 @@ pub struct Forces<T> {
     pub rigid_body: Vec6<T>,
     /// `−C_A(ν_r) ν_r + M_A ν_c'`.
     pub added_mass: Vec6<T>,
-    /// `−D(ν_r) ν_r`, the cross-flow drag of the strips among it.
+    /// `−D(ν_r) ν_r`, the cross-flow drag of the strips and the drag of the tether among it.
     pub damping: Vec6<T>,
     /// `τ_L(ν_r)`.
     pub lift: Vec6<T>,
@@ -142,8 +147,18 @@ impl<T: Real> Vehicle<T> {
     /// The vehicle made of these terms: `M = M_RB + M_A`, factored once for the axes that are free.
     #[inline(always)]
     pub fn of(terms: Terms<T>, modes: [Mode; 6]) -> Self {
-        let Terms { rigid_body, added_mass, damping, cross_flow, lift, restoring, bias, actuators, fins } =
-            terms;
+        let Terms {
+            rigid_body,
+            added_mass,
+            damping,
+            cross_flow,
+            tether,
+            lift,
+            restoring,
+            bias,
+            actuators,
+            fins,
+        } = terms;
         let mut mass_matrix = added_mass.matrix();
         let rigid = rigid_body.mass_matrix();
         for i in 0..6 {
@@ -158,6 +173,7 @@ impl<T: Real> Vehicle<T> {
             added_mass,
             damping,
             cross_flow,
+            tether,
             lift,
             restoring,
             bias,
@@ -176,9 +192,15 @@ impl<T: Real> Vehicle<T> {
         self.bias = Some(self.bias.map_or(*wrench, |bias| add(&bias, wrench)));
     }
 
-    /// `ν'` at the rotation `r` (body → NED), the velocity `nu` and what acts at the instant.
+    /// `ν'` at the rotation `r` (body → NED), the velocity `nu` and what acts at the instant; a tether pulls only where
+    /// the position (NED, m) is told.
     #[inline(always)]
-    pub fn acceleration(&self, r: &Mat3<T>, nu: &Vec6<T>, instant: &Instant<T>) -> Vec6<T> {
+    pub fn acceleration(
+        &self,
+        (position, r): (Option<&Vec3<T>>, &Mat3<T>),
+        nu: &Vec6<T>,
+        instant: &Instant<T>,
+    ) -> Vec6<T> {
         let mut f = match &instant.inflow_free {
             Some(wrench) => *wrench,
             None => self.inflow_free(instant, nu[0].zero()),
@@ -198,6 +220,9 @@ impl<T: Real> Vehicle<T> {
         f = self.damping.add(&nu_r, &f);
         if let Some(cross_flow) = &self.cross_flow {
             f = cross_flow.add(&nu_r, &f);
+        }
+        if let Some(tether) = &self.tether {
+            f = tether.add((position, r), &nu_r, &f);
         }
         if let Some(lift) = &self.lift {
             f = lift.add(&nu_r, &f);
@@ -282,7 +307,7 @@ impl<T: Real> Vehicle<T> {
         sum
     }
 
-    /// Every term by itself, at the rotation `r`, without thrust and bias.
+    /// Every term by itself, at the rotation `r`, without thrust, bias and the pull of a tether.
     pub fn forces(&self, r: &Mat3<T>, nu: &Vec6<T>, current: Option<&Current<T>>) -> Forces<T> {
         let none = [nu[0].zero(); 6];
         let still = Relative { nu: *nu, current_rate: none, pressed: None };
@@ -291,7 +316,10 @@ impl<T: Real> Vehicle<T> {
         Forces {
             rigid_body: self.rigid_body.add_coriolis(nu, &none),
             added_mass: self.added_mass.add_coriolis(&nu_r, &self.added_mass.momentum(&current_rate)),
-            damping: self.damping.add(&nu_r, &self.cross_flow.map_or(none, |drag| drag.add(&nu_r, &none))),
+            damping: self.damping.add(&nu_r, &{
+                let strips = self.cross_flow.map_or(none, |drag| drag.add(&nu_r, &none));
+                self.tether.map_or(strips, |tether| tether.add((None, r), &nu_r, &strips))
+            }),
             lift: self.lift.map_or(none, |lift| lift.add(&nu_r, &none)),
             restoring: self
                 .restoring

@@ -33,7 +33,7 @@ pub(super) const ANY_COEFFICIENT: Range =
     Range::sized("*", 1e12, "no vehicle has one of this size; check the unit, coefficients are SI");
 
 /// Coefficients by name, those of an actuator by the part behind the dot.
-pub const COEFFICIENTS: [Range; 32] = [
+pub const COEFFICIENTS: [Range; 34] = [
     Range::within("m", [1e-6, 1e9], "give the mass in kg, weighed in air"),
     Range::within("I_x", [1e-12, 1e13], "give it in kg m2, or a [geometry] from which it is filled"),
     Range::within("I_y", [1e-12, 1e13], "give it in kg m2, or a [geometry] from which it is filled"),
@@ -47,6 +47,12 @@ pub const COEFFICIENTS: [Range; 32] = [
     Range::upto("B", 1e11, "buoyancy in N points up; a vehicle that sinks has one below m g"),
     Range::upto("C_Dy", 100.0, "0.7 to 1.2 of a round hull, up to 2 of a box; 0 for none"),
     Range::upto("C_Dz", 100.0, "0.7 to 1.2 of a round hull, up to 2 of a box; 0 for none"),
+    Range::upto(
+        "A_tether",
+        1e4,
+        "the drag coefficient, 1.0 to 1.2, times diameter and length in m; 0 for none",
+    ),
+    Range::upto("k_tether", 1e9, "N per m of stretch; 0 for none"),
     Range::sized("gain", 1e3, "a factor on the thrust: 1 as the file has it"),
     Range::within("w", [-1.0, 0.99], "a share of the speed: 0 in open water"),
     Range::within("t", [-1.0, 0.99], "a share of the thrust: 0 in open water"),
@@ -83,6 +89,9 @@ pub const VEHICLE: &[Range] = &[
     Range::sized("cross_flow.x_m", FAR, "give metres from O"),
     Range::upto("cross_flow.diameter_m", FAR, LENGTH),
     Range::upto("cross_flow.height_m", FAR, LENGTH),
+    Range::sized("tether.position_m", FAR, "give metres from O"),
+    Range::sized("tether.anchor_m", 2e7, "give metres north, east and down"),
+    Range::upto("tether.slack_m", 1e5, LENGTH),
     Range::upto(
         "power.hotel_w",
         1e7,

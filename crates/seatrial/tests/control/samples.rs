@@ -65,6 +65,62 @@ fn law_screen_jumps_are_held_until_they_stay() {
     }
 }
 
+/// What a screen believes of the forward speed at 5 Hz: `before`, then a silence of so many seconds, then `after`.
+fn after_a_silence(before: f64, seconds: f64, after: &[f64]) -> Vec<Measurement<f64>> {
+    let mut screen = Screen::new(0.0);
+    let mut measured = Measurement::nothing(0.0);
+    measured.age = [0.0; CHANNELS];
+    let mut told = |u: Option<f64>, other: f64| {
+        measured.channels[8] = other;
+        match u {
+            Some(u) => (measured.channels[6], measured.age[6]) = (u, 0.0),
+            None => measured.age[6] += PERIOD,
+        }
+        screen.look(&measured, (2.0, 1.5), PERIOD);
+        *screen.believed()
+    };
+    for k in 0..20 {
+        told((k % 2 == 0).then_some(before), 0.001 * f64::from(k));
+    }
+    for k in 0..(seconds / PERIOD) as usize {
+        let age = told(None, 0.001 * k as f64).age[6];
+        assert!(
+            (age - PERIOD * (k + 2) as f64).abs() < 1e-9,
+            "a silent channel grows old by the time that passes"
+        );
+    }
+    after.iter().map(|u| told(Some(*u), *u)).collect()
+}
+
+#[test]
+fn law_screen_what_was_silent_is_believed_at_its_first_sample() {
+    for seconds in [1.0, 5.0, 13.7, 30.0] {
+        // A vehicle that stopped, turned back or came up to speed meanwhile, as far as 5 m/s² let it.
+        for (before, now) in [(1.5, 1.51), (1.5, 0.0), (2.5, -2.5), (-1.0, 5.0)] {
+            let found = after_a_silence(before, seconds, &[now]);
+            assert_eq!(
+                (found[0].channels[6], found[0].age[6]),
+                (now, 0.0),
+                "{seconds} s, {before} to {now} m/s"
+            );
+        }
+    }
+}
+
+#[test]
+fn law_screen_a_wild_sample_after_a_silence_is_refused_and_the_next_good_one_is_not() {
+    for seconds in [0.0, 5.0, 13.7, 30.0] {
+        for wild in [20.0, -32.768, 49.0] {
+            let found = after_a_silence(1.5, seconds, &[wild, 1.4, 1.3]);
+            assert_eq!(found[0].channels[6], 1.5, "{wild} m/s after {seconds} s");
+            assert!(found[0].age[6] > seconds, "{wild} m/s after {seconds} s");
+            for (measured, good) in found[1..].iter().zip([1.4, 1.3]) {
+                assert_eq!((measured.channels[6], measured.age[6]), (good, 0.0), "after {wild} m/s");
+            }
+        }
+    }
+}
+
 #[test]
 fn law_screen_headings_go_the_shorter_way_round() {
     let values: Vec<f64> =

@@ -173,8 +173,8 @@ properties! {
                 wrench[i] += per_newton[i] * force;
             }
         }
-        let driven = vehicle.acceleration(&r, &nu, &Instant { thrusts, ..Instant::default() });
-        let pushed = vehicle.acceleration(&r, &nu, &Instant { tau: wrench, ..Instant::default() });
+        let driven = vehicle.acceleration((None, &r), &nu, &Instant { thrusts, ..Instant::default() });
+        let pushed = vehicle.acceleration((None, &r), &nu, &Instant { tau: wrench, ..Instant::default() });
         // Rounding of accelerations up to some hundred m/s².
         prop_assert!((0..6).all(|i| (driven[i] - pushed[i]).abs() < 1e-11));
     }

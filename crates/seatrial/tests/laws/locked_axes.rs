@@ -69,9 +69,9 @@ properties! {
         let description = body.vehicle();
         let r = rotation(&attitude);
         let instant = |tau| Instant { tau, measured: [nu, rate], ..Instant::default() };
-        let reduced = locked(&description, modes).acceleration(&r, &nu, &instant(tau));
+        let reduced = locked(&description, modes).acceleration((None, &r), &nu, &instant(tau));
         let vehicle = Vehicle::nominal(&description);
-        let free = vehicle.acceleration(&r, &nu, &instant(tau));
+        let free = vehicle.acceleration((None, &r), &nu, &instant(tau));
         let constraint = product(&vehicle.mass_matrix, &std::array::from_fn(|i| reduced[i] - free[i]));
         let total = std::array::from_fn(|i| tau[i] + constraint[i]);
         for i in 0..6 {
@@ -82,7 +82,7 @@ properties! {
                 Mode::Measured => prop_assert_eq!(reduced[i], rate[i]),
             }
         }
-        let constrained = vehicle.acceleration(&r, &nu, &instant(total));
+        let constrained = vehicle.acceleration((None, &r), &nu, &instant(total));
         // As above, over the smallest mass and inertia.
         prop_assert!(distance(&constrained, &reduced) < 1e-8);
     }
@@ -113,7 +113,7 @@ properties! {
         let full = fly(&description, &inputs, moving(nu), "XYZKMN", 4);
         let vehicle = Vehicle::nominal(&description);
         let instant = Instant { tau, ..Instant::default() };
-        let rates = full.states.iter().map(|s| vehicle.acceleration(&rotation(&s.attitude), &s.nu, &instant));
+        let rates = full.states.iter().map(|s| vehicle.acceleration((None, &rotation(&s.attitude)), &s.nu, &instant));
         let replay = Inputs {
             t: times(count, 0.1),
             tau: vec![tau],

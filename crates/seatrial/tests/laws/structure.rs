@@ -89,7 +89,7 @@ properties! {
             let environment = description.file.environment;
             let values = &description.coefficients;
             Vehicle::new(&description, &structure, values, environment, [Mode::Free; 6])
-                .acceleration(&rotation(&attitude), &nu, &Instant::default())
+                .acceleration((None, &rotation(&attitude)), &nu, &Instant::default())
         });
         // Other orders of summation: rounding of accelerations up to some hundred m/s².
         prop_assert!(distance(&accelerations[0], &accelerations[1]) < 1e-11);
@@ -105,7 +105,7 @@ properties! {
         let vehicle = Vehicle::nominal(&body.vehicle());
         let r = rotation(&attitude);
         let instant = Instant { tau, ..Instant::default() };
-        let acceleration = vehicle.acceleration(&r, &nu, &instant);
+        let acceleration = vehicle.acceleration((None, &r), &nu, &instant);
         let forces = vehicle.forces(&r, &nu, None);
         let inertial = seatrial::number::algebra::product(&vehicle.mass_matrix, &acceleration);
         for i in 0..6 {
@@ -132,7 +132,7 @@ properties! {
             .collect();
         let scaled = of(&description.with_coefficients(&scaled).unwrap(), reference);
         let r = rotation(&[0.9, 0.3, -0.2, 0.1]);
-        let accelerations = [dense, scaled].map(|v| v.acceleration(&r, &nu, &Instant::default()));
+        let accelerations = [dense, scaled].map(|v| v.acceleration((None, &r), &nu, &Instant::default()));
         // The same products in another order.
         prop_assert!(distance(&accelerations[0], &accelerations[1]) < 1e-11);
     }

@@ -40,7 +40,8 @@ fn acceleration<T: Real>(description: &Description, values: &[T], sought: &[usiz
         }),
         ..Instant::default()
     };
-    let [u, v, w, p, q_, r] = vehicle.acceleration(&rotation(&q), &at.nu.map(|x| unit.splat(x)), &instant);
+    let [u, v, w, p, q_, r] =
+        vehicle.acceleration((None, &rotation(&q)), &at.nu.map(|x| unit.splat(x)), &instant);
     let [roll, pitch, yaw] = to_euler(&q);
     [u, v, w, p, q_, r, roll, pitch, yaw]
 }

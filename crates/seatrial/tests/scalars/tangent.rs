@@ -43,7 +43,7 @@ impl Point {
         };
         let r = rotation(&attitude);
         let instant = Instant { tau, current: self.current, ..Instant::default() };
-        let acceleration = vehicle.acceleration(&r, &nu, &instant);
+        let acceleration = vehicle.acceleration((None, &r), &nu, &instant);
         let turning = match form {
             Form::Rotation => [0.0; 3],
             Form::Euler => {

@@ -108,7 +108,7 @@ impl FilterStep<'_> {
             }
             let deflections = (0..fins).map(|_| (next(), next())).collect();
             let instant = Instant { thrusts, deflections, inflow_free: Some(wrench), ..Instant::default() };
-            let rate = vehicle.acceleration(&r, &nu, &instant);
+            let rate = vehicle.acceleration((None, &r), &nu, &instant);
             Ok(rate.into_iter().chain(slopes(&rate, &nu).into_iter().flatten()).collect())
         })
     }
