@@ -1,78 +1,47 @@
-/* Vehicle and autopilot in closed loop with perfect sensors: prints the motion of every period, in single precision too. */
+/* Vehicle and autopilot in closed loop with perfect sensors: prints the motion of every period, in single precision too.
+   loop.h names the programs and says what of one is told to the other. */
 #include <math.h>
 #include <stdio.h>
 
-#include "cwolf_autopilot.h"
-#include "cwolf_vehicle.h"
+#include "loop.h"
 
 #ifndef PERIODS
 #define PERIODS 1000
 #endif
-#define SUBSTEPS 5
 
 int main(void)
 {
-    static cwolf_vehicle_parameters vp;
-    static cwolf_vehicle_constants vk;
-    static cwolf_vehicle_state vs;
-    static cwolf_vehicle_input vin;
-    static cwolf_vehicle_output vout;
-    static cwolf_autopilot_parameters ap;
-    static cwolf_autopilot_constants ak;
-    static cwolf_autopilot_state as;
-    static cwolf_autopilot_input ain;
-    static cwolf_autopilot_output aout;
+    static VEHICLE(parameters) vp;
+    static VEHICLE(constants) vk;
+    static VEHICLE(state) vs;
+    static VEHICLE(input) vin;
+    static VEHICLE(output) vout;
+    static AUTOPILOT(parameters) ap;
+    static AUTOPILOT(constants) ak;
+    static AUTOPILOT(state) as;
+    static AUTOPILOT(input) ain;
+    static AUTOPILOT(output) aout;
     int k;
     int i;
-    cwolf_vehicle_defaults(&vp);
-    cwolf_vehicle_prepare(&vp, &vk);
-    cwolf_vehicle_begin(&vs, &vin);
-    cwolf_autopilot_defaults(&ap);
-    cwolf_autopilot_prepare(&ap, &ak);
-    cwolf_autopilot_begin(&as, &ain);
-    vin.current_north = (cwolf_vehicle_real)0.1;
-    vin.current_east = (cwolf_vehicle_real)-0.15;
-    ain.age_altitude = 0;
-    ain.age_u_water = 0;
-    ain.age_v_water = 0;
-    ain.age_w_water = 0;
+    VEHICLE(defaults)(&vp);
+    VEHICLE(prepare)(&vp, &vk);
+    VEHICLE(begin)(&vs, &vin);
+    AUTOPILOT(defaults)(&ap);
+    AUTOPILOT(prepare)(&ap, &ak);
+    AUTOPILOT(begin)(&as, &ain);
+    launch(&vin, &ain);
     for (k = 0; k < PERIODS; k++)
     {
-        cwolf_vehicle_measure(&vp, &vk, &vs, &vin, &vout);
-        ain.x = vout.x;
-        ain.y = vout.y;
-        ain.z = vout.z;
-        ain.roll = vout.roll;
-        ain.pitch = vout.pitch;
-        ain.yaw = vout.yaw;
-        ain.u = vout.u;
-        ain.v = vout.v;
-        ain.w = vout.w;
-        ain.p = vout.p;
-        ain.q = vout.q;
-        ain.r = vout.r;
-        ain.altitude = vout.altitude;
-        ain.u_water = vout.u_water;
-        ain.v_water = vout.v_water;
-        ain.w_water = vout.w_water;
-        ain.act_SbU = vout.act_SbU;
-        ain.act_SbL = vout.act_SbL;
-        ain.act_PU = vout.act_PU;
-        ain.act_PL = vout.act_PL;
-        ain.act_VTS = vout.act_VTS;
-        ain.act_VTB = vout.act_VTB;
-        cwolf_autopilot_step(&ap, &ak, &as, &ain, &aout);
-        vin.cmd_SbU = aout.cmd_SbU;
-        vin.cmd_SbL = aout.cmd_SbL;
-        vin.cmd_PU = aout.cmd_PU;
-        vin.cmd_PL = aout.cmd_PL;
-        vin.cmd_VTS = aout.cmd_VTS;
-        vin.cmd_VTB = aout.cmd_VTB;
-        printf("%.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g\n", (double)vout.x, (double)vout.y, (double)vout.z,
-            (double)vout.roll, (double)vout.pitch, (double)vout.yaw, (double)vout.u, (double)aout.cmd_SbU);
+        VEHICLE(measure)(&vp, &vk, &vs, &vin, &vout);
+        tell(k, &vout, &ain);
+        AUTOPILOT(step)(&ap, &ak, &as, &ain, &aout);
+        obey(&aout, &vin);
+        printf("%.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g\n", (double)vout.x, (double)vout.y,
+            (double)vout.z, (double)vout.roll, (double)vout.pitch, (double)vout.yaw, (double)vout.u,
+            (double)aout.alert, (double)aout.demanded_X);
         for (i = 0; i < SUBSTEPS; i++)
         {
-            cwolf_vehicle_step(&vp, &vk, &vs, &vin);
+            VEHICLE(step)(&vp, &vk, &vs, &vin);
         }
     }
     return 0;
