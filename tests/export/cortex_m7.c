@@ -2,6 +2,7 @@
    floating-point numbers switched on. */
 #include <stdint.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 extern uint32_t stack_top;
 extern uint32_t bss_begin;
@@ -16,11 +17,10 @@ void _fini(void);
 void _init(void) {}
 void _fini(void) {}
 
+/* A fault ends the program, so that nobody waits for it. */
 void stop(void)
 {
-    for (;;)
-    {
-    }
+    _exit(9);
 }
 
 void start(void)

@@ -16,12 +16,13 @@ import seatrial as st
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.export.c_code import Program
+from seatrial.export.compiler import ran
 from seatrial.flight.navigation import Beacon, Pen, Wall
 from seatrial.flight.sea import SeaState
 from seatrial.sensors.sensor import Sensor
+from tests.export.test_c import CURRENT, STRICT, needs, ready, rows
 
 HERE = Path(__file__).parent
-STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
 MISSION = """format = 1
 name = "tour"
 speed_m_s = 1.5
@@ -50,11 +51,6 @@ SENSORS = {
     "usbl": ("usbl_x", "usbl_y", "usbl_z"),
 }
 """Channels of the function of each sensor, in the order in which they are told."""
-
-
-def needs(program: str) -> None:
-    if shutil.which(program) is None:
-        pytest.skip(f"{program} is not installed")
 
 
 def main_of(program: Program, sensors: Sequence[str], marks: Mapping[str, Any]) -> tuple[str, list[str]]:
@@ -139,7 +135,7 @@ def compiled(folder: Path, sources: Sequence[str], compiler: str, *options: str,
     needs(compiler)
     program = folder / name
     command = [compiler, *STRICT, *options, *sources, "-o", str(program), "-lm"]
-    subprocess.run(command, cwd=folder, check=True, timeout=300)
+    ran(command, limit_s=300.0, folder=folder)
     return program
 
 
@@ -324,15 +320,10 @@ def toured(tmp_path_factory: pytest.TempPathFactory) -> tuple[st.CExport, Array]
     """Programs of vehicle, autopilot and filter, and the flight of the core."""
     folder = tmp_path_factory.mktemp("tour")
     (folder / "tour.toml").write_text(MISSION)
-    shutil.copy(HERE / "harness.c", folder)
-    made = st.export_c("cwolf", "cwolf", mission=folder / "tour.toml", out=folder, navigation="filter")
+    shutil.copy(HERE / "navigate.h", folder)
+    made = ready(st.export_c("cwolf", "cwolf", mission=folder / "tour.toml", out=folder, navigation="filter"))
     flight = st.fly(
-        "cwolf",
-        "cwolf",
-        folder / "tour.toml",
-        current=(0.1, -0.15, 0.0),
-        max_time_s=60.0,
-        navigation="filter",
+        "cwolf", "cwolf", folder / "tour.toml", current=CURRENT, max_time_s=60.0, navigation="filter"
     )
     return made, np.column_stack([flight.position, flight.euler, flight.nu[:, 0]])
 
@@ -340,16 +331,10 @@ def toured(tmp_path_factory: pytest.TempPathFactory) -> tuple[st.CExport, Array]
 SOURCES = ("cwolf_vehicle.c", "cwolf_autopilot.c", "cwolf_filter.c", "harness.c")
 
 
-def flown(command: Sequence[str | Path]) -> Array:
-    said = subprocess.run(command, check=True, capture_output=True, text=True, timeout=600)
-    assert not said.stderr, said.stderr
-    return np.array([[float(x) for x in line.split()] for line in said.stdout.splitlines()])
-
-
 def test_a_mission_by_the_filter_in_c_is_the_products_own(toured: tuple[st.CExport, Array]) -> None:
     made, flight = toured
     program = compiled(made.folder, SOURCES, "gcc", "-O0", "-DWITH_FILTER", "-DPERIODS=300")
-    ours = flown([program])
+    ours = rows([program])
     assert len(ours) == 300
     assert len(flight) > 300
     assert np.ptp(flight[:300, 0]) > 15.0
@@ -406,7 +391,7 @@ def test_nothing_undefined_happens_in_a_filter(toured: tuple[st.CExport, Array])
         "-DWITH_FILTER",
         "-DPERIODS=300",
     )
-    ours = flown([compiled(made.folder, SOURCES, "gcc", *options, name="ubsan")])
+    ours = rows([compiled(made.folder, SOURCES, "gcc", *options, name="ubsan")])
     assert np.abs(ours[:, :7] - flight[:300]).max() < 1e-6
 
 
@@ -420,10 +405,10 @@ def test_a_cortex_m7_flies_by_the_filter_in_qemu(toured: tuple[st.CExport, Array
     cpu = ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "--specs=rdimon.specs")
     linked = ("-T", "cortex_m7.ld", "-nostartfiles", "-DWITH_FILTER", "-DPERIODS=200", "-o", "m7.elf", "-lm")
     command = ["arm-none-eabi-gcc", *STRICT, "-O2", *cpu, *SOURCES, "cortex_m7.c", *linked]
-    subprocess.run(command, cwd=made.folder, check=True, timeout=300)
+    ran(command, limit_s=300.0, folder=made.folder)
     machine = ("-M", "mps2-an500", "-nographic", "-monitor", "none", "-serial", "none")
     run = ("-semihosting-config", "enable=on,target=native", "-kernel", str(made.folder / "m7.elf"))
-    ours = flown(["qemu-system-arm", *machine, *run])
+    ours = rows(["qemu-system-arm", *machine, *run])
     assert len(ours) == 200
     # Another libm: its sine is not that of this machine to the last bit.
     assert np.abs(ours[:, :7] - flight[:200]).max() < 1e-6

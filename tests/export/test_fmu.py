@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import faulthandler
 import shutil
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +17,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import SimulationError
+from seatrial.export.compiler import ran
 from seatrial.export.fmu_files import base_units
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
@@ -35,6 +40,14 @@ depth_m = 5.0
 """
 
 CURRENT = (0.1, -0.15, 0.0)
+
+
+@pytest.fixture(autouse=True)
+def no_unit_runs_for_ever() -> Iterator[None]:
+    # The functions of a unit run in this process: only its end stops one that does not return.
+    faulthandler.dump_traceback_later(900.0, exit=True, file=sys.__stderr__ or sys.stderr)
+    yield
+    faulthandler.cancel_dump_traceback_later()
 
 
 @pytest.fixture(scope="module")
@@ -218,3 +231,12 @@ def test_impossible_arguments_are_refused(tmp_path: Path) -> None:
         st.export_fmu("cwolf", out=tmp_path, samples=-1)
     with pytest.raises(SimulationError, match="cannot build"):
         st.export_fmu("cwolf", out=tmp_path, compiler="false")
+
+
+def test_a_program_that_takes_too_long_ends_with_all_that_it_started() -> None:
+    # The shell's child holds the pipes: without an end of the whole session they would be read for a minute.
+    began = time.monotonic()
+    with pytest.raises(subprocess.TimeoutExpired):
+        ran(["sh", "-c", "sleep 60 & wait"], limit_s=0.2)
+    assert time.monotonic() - began < 30.0
+    assert ran(["cat"]).stdout == ""  # nothing to read, so nothing to wait for

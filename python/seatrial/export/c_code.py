@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SimulationError, reason
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.toml_file import loaded
+from seatrial.export.repeated import folded
 from seatrial.flight.checks import checked_step, checked_supply
 from seatrial.flight.mission import Mission, Route
 
@@ -329,7 +330,8 @@ def recorded(
         origin=_origin(),
     )
     knowing = None if seen is None else _program(f"{stem}_filter", *seen)
-    return Programs(program, steering, fitted, substeps, knowing)
+    # Last, since it takes longest: a refusal comes first.
+    return Programs(_folded(program), steering and _folded(steering), fitted, substeps, knowing)
 
 
 def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:
@@ -377,6 +379,10 @@ def identifier(name: str, *, given: bool) -> str:
 
 def _program(prefix: str, facts: Mapping[str, Any], step_s: float) -> Program:
     return Program(prefix=prefix, step_s=step_s, **facts)
+
+
+def _folded(program: Program) -> Program:
+    return replace(program, source=folded(program.source))
 
 
 def _origin() -> Sequence[str]:

@@ -11,13 +11,9 @@ Source: Functional Mock-up Interface Specification 2.0.4 and 3.0.1 (Modelica Ass
 from __future__ import annotations
 
 import io
-import os
-import shutil
-import subprocess
 import sys
-import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -28,7 +24,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.base.report import Report, Section, Table
 from seatrial.export.c_code import Program, Programs, recorded, written
-from seatrial.export.fmu_files import BuildFiles, described
+from seatrial.export.compiler import c_compiler, platform, shared_library
+from seatrial.export.fmu_files import described
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -66,7 +63,7 @@ class FmuExport:
     def report(self) -> Report:
         """The units, what they hold and what runs them."""
         binary = (
-            f"binary for {_platform()} by {self.compiler}" if self.compiler else "sources only: no C compiler"
+            f"binary for {platform()} by {self.compiler}" if self.compiler else "sources only: no C compiler"
         )
         rows = [
             (
@@ -165,7 +162,7 @@ def export_fmu(
         g=g,
     )
     sampled = _samples(programs.fitted, programs.vehicle, samples, seed)
-    builder = _compiler() if compiler is None else compiler
+    builder = c_compiler() if compiler is None else compiler
     units: dict[str, str | bytes] = {}
     for program in programs.all():
         of_program = sampled if program is programs.vehicle else {}
@@ -190,25 +187,12 @@ def _samples(fitted: Fitted, program: Program, samples: int, seed: int) -> dict[
     return drawn
 
 
-def _compiler() -> str:
-    """C compiler that is there, or nothing."""
-    own = os.environ.get("CC", "")
-    found = (shutil.which(candidate) for candidate in (own, "cc", "gcc", "clang") if candidate)
-    return next((path for path in found if path), "")
-
-
-def _platform() -> str:
-    """The platform's name in FMI 3.0."""
-    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(os.uname().machine, os.uname().machine)
-    return f"{machine}-{'darwin' if sys.platform == 'darwin' else 'linux'}"
-
-
 def _binary_path(prefix: str, version: str) -> str:
     """Where the binary stands in a unit."""
     suffix = "dylib" if sys.platform == "darwin" else "so"
     if version == "3.0":
-        return f"binaries/{_platform()}/{prefix}.{suffix}"
-    bits = {"x86_64-linux": "linux64", "x86_64-darwin": "darwin64"}.get(_platform(), _platform())
+        return f"binaries/{platform()}/{prefix}.{suffix}"
+    bits = {"x86_64-linux": "linux64", "x86_64-darwin": "darwin64"}.get(platform(), platform())
     return f"binaries/{bits}/{prefix}.{suffix}"
 
 
@@ -218,7 +202,9 @@ def _unit(program: Program, version: str, samples: Mapping[str, Array], compiler
     content: dict[str, str | bytes] = {"modelDescription.xml": files.description}
     content |= {f"sources/{name}": text for name, text in files.sources.items()}
     if compiler:
-        content[_binary_path(program.prefix, version)] = _built(files, compiler)
+        content[_binary_path(program.prefix, version)] = shared_library(
+            files.sources, files.compiled, compiler
+        )
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for path, text in content.items():
@@ -228,29 +214,3 @@ def _unit(program: Program, version: str, samples: Mapping[str, Array], compiler
             entry.external_attr = 0o755 << 16 if path.startswith("binaries/") else 0o644 << 16
             archive.writestr(entry, text)
     return stream.getvalue()
-
-
-def _built(files: BuildFiles, compiler: str) -> bytes:
-    """The shared library of a unit.
-
-    Raises
-    ------
-    SimulationError
-        The compiler fails.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        for name, text in files.sources.items():
-            (Path(folder) / name).write_text(text)
-        command = [compiler, *_OPTIONS, *files.compiled, "-o", "unit.bin", "-lm"]
-        try:
-            subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True, timeout=600)
-        except (OSError, subprocess.SubprocessError) as error:
-            said = getattr(error, "stderr", "") or str(error)
-            raise SimulationError(
-                f"{compiler}: cannot build the unit: {said.strip()[:400]}; set CC to a C99 compiler, or"
-                " build none with --no-binary"
-            ) from None
-        return (Path(folder) / "unit.bin").read_bytes()
-
-
-_OPTIONS: Sequence[str] = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")

@@ -1,9 +1,12 @@
 /* The functions of FMI 2.0 for co-simulation, over the model in fmu_model.c. */
+typedef unsigned int fmi2ValueReference;
+typedef fmi2ValueReference Reference;
+typedef int Whole;
+
 #include "fmu_model.c"
 
 typedef void *fmi2Component;
 typedef void *fmi2FMUstate;
-typedef unsigned int fmi2ValueReference;
 typedef double fmi2Real;
 typedef int fmi2Integer;
 typedef int fmi2Boolean;
@@ -12,11 +15,7 @@ typedef const fmi2Char *fmi2String;
 typedef char fmi2Byte;
 typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
 
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
+static fmi2Status status(int done) { return done ? fmi2OK : fmi2Error; }
 
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
@@ -32,7 +31,7 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, int type, fmi2String guid,
 {
     (void)name; (void)resources; (void)functions; (void)visible; (void)logging;
     /* 1 is co-simulation */
-    return ((type == 1) && (guid != NULL) && (strcmp(guid, TOKEN) == 0)) ? (fmi2Component)instantiate() : NULL;
+    return (type == 1) ? created(guid) : NULL;
 }
 
 EXPORT void fmi2FreeInstance(fmi2Component c) { free(c); }
@@ -52,42 +51,22 @@ EXPORT fmi2Status fmi2Reset(fmi2Component c) { reset((Instance *)c); return fmi2
 
 EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Real value[])
 {
-    size_t i;
-    for (i = 0u; i < n; i++)
-    {
-        if (!get_real((Instance *)c, r[i], &value[i])) { return fmi2Error; }
-    }
-    return fmi2OK;
+    return status(get_reals(c, r, n, value));
 }
 
 EXPORT fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Real value[])
 {
-    size_t i;
-    for (i = 0u; i < n; i++)
-    {
-        if (!set_real((Instance *)c, r[i], value[i])) { return fmi2Error; }
-    }
-    return fmi2OK;
+    return status(set_reals(c, r, n, value));
 }
 
 EXPORT fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Integer value[])
 {
-    size_t i;
-    for (i = 0u; i < n; i++)
-    {
-        if (!get_integer((const Instance *)c, r[i], &value[i])) { return fmi2Error; }
-    }
-    return fmi2OK;
+    return status(get_integers(c, r, n, value));
 }
 
 EXPORT fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer value[])
 {
-    size_t i;
-    for (i = 0u; i < n; i++)
-    {
-        if (!set_integer((Instance *)c, r[i], value[i])) { return fmi2Error; }
-    }
-    return fmi2OK;
+    return status(set_integers(c, r, n, value));
 }
 
 EXPORT fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Boolean value[])
@@ -116,10 +95,7 @@ EXPORT fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference r[], s
 
 EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
-    if (*state == NULL) { *state = malloc(sizeof(Instance)); }
-    if (*state == NULL) { return fmi2Error; }
-    memcpy(*state, c, sizeof(Instance));
-    return fmi2OK;
+    return status(keep_state(c, state));
 }
 
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
@@ -131,8 +107,7 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
     (void)c;
-    free(*state);
-    *state = NULL;
+    free_state(state);
     return fmi2OK;
 }
 
@@ -146,19 +121,13 @@ EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state
 EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 {
     (void)c;
-    if (size < sizeof(Instance)) { return fmi2Error; }
-    memcpy(bytes, state, sizeof(Instance));
-    return fmi2OK;
+    return status(serialise_state(state, bytes, size));
 }
 
 EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
 {
     (void)c;
-    if (size != sizeof(Instance)) { return fmi2Error; }
-    if (*state == NULL) { *state = malloc(sizeof(Instance)); }
-    if (*state == NULL) { return fmi2Error; }
-    memcpy(*state, bytes, sizeof(Instance));
-    return fmi2OK;
+    return status(deserialise_state(bytes, size, state));
 }
 
 EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n,

@@ -2,18 +2,17 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+typedef uint32_t fmi3ValueReference;
+typedef fmi3ValueReference Reference;
+typedef int32_t Whole;
+
 #include "fmu_model.c"
 
 typedef void *fmi3Instance;
 typedef void *fmi3FMUState;
-typedef uint32_t fmi3ValueReference;
 typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
 
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
+static fmi3Status status(int done) { return done ? fmi3OK : fmi3Error; }
 
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
@@ -29,7 +28,7 @@ EXPORT fmi3Instance fmi3InstantiateCoSimulation(const char *name, const char *to
 {
     (void)name; (void)resources; (void)visible; (void)logging; (void)events; (void)early; (void)required; (void)n;
     (void)environment; (void)log; (void)update;
-    return ((token != NULL) && (strcmp(token, TOKEN) == 0)) ? (fmi3Instance)instantiate() : NULL;
+    return created(token);
 }
 
 EXPORT fmi3Instance fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources,
@@ -64,49 +63,23 @@ EXPORT fmi3Status fmi3Reset(fmi3Instance c) { reset((Instance *)c); return fmi3O
 
 EXPORT fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t n, double value[], size_t m)
 {
-    size_t i;
-    if (m < n) { return fmi3Error; }
-    for (i = 0u; i < n; i++)
-    {
-        if (!get_real((Instance *)c, r[i], &value[i])) { return fmi3Error; }
-    }
-    return fmi3OK;
+    return status((m >= n) && get_reals(c, r, n, value));
 }
 
 EXPORT fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t n, const double value[],
     size_t m)
 {
-    size_t i;
-    if (m < n) { return fmi3Error; }
-    for (i = 0u; i < n; i++)
-    {
-        if (!set_real((Instance *)c, r[i], value[i])) { return fmi3Error; }
-    }
-    return fmi3OK;
+    return status((m >= n) && set_reals(c, r, n, value));
 }
 
 EXPORT fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference r[], size_t n, int32_t value[], size_t m)
 {
-    size_t i;
-    int held = 0;
-    if (m < n) { return fmi3Error; }
-    for (i = 0u; i < n; i++)
-    {
-        if (!get_integer((const Instance *)c, r[i], &held)) { return fmi3Error; }
-        value[i] = (int32_t)held;
-    }
-    return fmi3OK;
+    return status((m >= n) && get_integers(c, r, n, value));
 }
 
 EXPORT fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference r[], size_t n, const int32_t value[], size_t m)
 {
-    size_t i;
-    if (m < n) { return fmi3Error; }
-    for (i = 0u; i < n; i++)
-    {
-        if (!set_integer((Instance *)c, r[i], (int)value[i])) { return fmi3Error; }
-    }
-    return fmi3OK;
+    return status((m >= n) && set_integers(c, r, n, value));
 }
 
 /* The other types have no variables here: a call for none of them succeeds. */
@@ -169,10 +142,7 @@ EXPORT fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference
 
 EXPORT fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
 {
-    if (*state == NULL) { *state = malloc(sizeof(Instance)); }
-    if (*state == NULL) { return fmi3Error; }
-    memcpy(*state, c, sizeof(Instance));
-    return fmi3OK;
+    return status(keep_state(c, state));
 }
 
 EXPORT fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
@@ -184,8 +154,7 @@ EXPORT fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
 EXPORT fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
 {
     (void)c;
-    free(*state);
-    *state = NULL;
+    free_state(state);
     return fmi3OK;
 }
 
@@ -199,19 +168,13 @@ EXPORT fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state,
 EXPORT fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, uint8_t bytes[], size_t size)
 {
     (void)c;
-    if (size < sizeof(Instance)) { return fmi3Error; }
-    memcpy(bytes, state, sizeof(Instance));
-    return fmi3OK;
+    return status(serialise_state(state, bytes, size));
 }
 
 EXPORT fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const uint8_t bytes[], size_t size, fmi3FMUState *state)
 {
     (void)c;
-    if (size != sizeof(Instance)) { return fmi3Error; }
-    if (*state == NULL) { *state = malloc(sizeof(Instance)); }
-    if (*state == NULL) { return fmi3Error; }
-    memcpy(*state, bytes, sizeof(Instance));
-    return fmi3OK;
+    return status(deserialise_state(bytes, size, state));
 }
 
 EXPORT fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n,

@@ -1,6 +1,7 @@
 /*
  * A program of seatrial as a model of FMI: instances, values by reference, steps, state.
- * The generated fmu_names.h says which program it is and where its numbers stand.
+ * The generated fmu_names.h says which program it is and where its numbers stand. A standard's file includes this
+ * one after it has said what Reference and Whole are; functions here return 1 where they could do what was asked.
  */
 #include <math.h>
 #include <stddef.h>
@@ -8,6 +9,12 @@
 #include <string.h>
 
 #include "fmu_names.h"
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
 
 /* One instance: everything that it knows, in one piece, so that its state is its bytes. */
 typedef struct
@@ -163,7 +170,7 @@ static int set_real(Instance *m, size_t reference, double value)
     return may;
 }
 
-static int get_integer(const Instance *m, size_t reference, int *value)
+static int get_integer(const Instance *m, size_t reference, Whole *value)
 {
     *value = m->set;
     return (reference == REFERENCE_OF_SET) && (N_SETS > 0);
@@ -178,4 +185,89 @@ static int set_integer(Instance *m, size_t reference, int value)
         m->stale = 1;
     }
     return may;
+}
+
+static int get_reals(void *c, const Reference r[], size_t n, double value[])
+{
+    size_t i;
+    int all = 1;
+    for (i = 0u; all && (i < n); i++)
+    {
+        all = get_real((Instance *)c, r[i], &value[i]);
+    }
+    return all;
+}
+
+static int set_reals(void *c, const Reference r[], size_t n, const double value[])
+{
+    size_t i;
+    int all = 1;
+    for (i = 0u; all && (i < n); i++)
+    {
+        all = set_real((Instance *)c, r[i], value[i]);
+    }
+    return all;
+}
+
+static int get_integers(const void *c, const Reference r[], size_t n, Whole value[])
+{
+    size_t i;
+    int all = 1;
+    for (i = 0u; all && (i < n); i++)
+    {
+        all = get_integer((const Instance *)c, r[i], &value[i]);
+    }
+    return all;
+}
+
+static int set_integers(void *c, const Reference r[], size_t n, const Whole value[])
+{
+    size_t i;
+    int all = 1;
+    for (i = 0u; all && (i < n); i++)
+    {
+        all = set_integer((Instance *)c, r[i], value[i]);
+    }
+    return all;
+}
+
+/* An instance of the program that the token names, or none. */
+static void *created(const char *token)
+{
+    return ((token != NULL) && (strcmp(token, TOKEN) == 0)) ? (void *)instantiate() : NULL;
+}
+
+/* Bytes of an instance as a kept state; memory for it where there is none yet. */
+static int keep_state(const void *from, void **state)
+{
+    if (*state == NULL)
+    {
+        *state = malloc(sizeof(Instance));
+    }
+    if (*state != NULL)
+    {
+        memcpy(*state, from, sizeof(Instance));
+    }
+    return *state != NULL;
+}
+
+static void free_state(void **state)
+{
+    free(*state);
+    *state = NULL;
+}
+
+static int serialise_state(const void *state, void *bytes, size_t size)
+{
+    const int fits = (size >= sizeof(Instance));
+    if (fits)
+    {
+        memcpy(bytes, state, sizeof(Instance));
+    }
+    return fits;
+}
+
+static int deserialise_state(const void *bytes, size_t size, void **state)
+{
+    return (size == sizeof(Instance)) && keep_state(bytes, state);
 }

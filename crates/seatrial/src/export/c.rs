@@ -30,9 +30,7 @@ pub struct Source {
 const TINY: [f64; 2] = [f64::MIN_POSITIVE, f32::MIN_POSITIVE as f64];
 
 /// What the source says once, where anything uses it: name, text.
-const HELPERS: [(&str, &str); 4] = [
-    ("smaller", "static real smaller(real a, real b)\n{\n    return ((b < a) || (a != a)) ? b : a;\n}\n"),
-    ("larger", "static real larger(real a, real b)\n{\n    return ((a < b) || (a != a)) ? b : a;\n}\n"),
+const HELPERS: [(&str, &str); 2] = [
     (
         "entry",
         "static real entry(const real *list, int count, real at)\n{\n    int i = 0;\n    if (at > R(0.0))\n    {\n        \
@@ -49,8 +47,11 @@ const HELPERS: [(&str, &str); 4] = [
 ];
 
 /// The functions of `math.h` in use: name here, in double and in single precision.
-const FUNCTIONS: [(&str, &str); 8] = [
+const FUNCTIONS: [(&str, &str); 10] = [
     ("ABS", "fabs"),
+    // Of a number and one that is none the number, as in the core; a processor has them as one instruction.
+    ("SMALLER", "fmin"),
+    ("LARGER", "fmax"),
     ("SQRT", "sqrt"),
     ("FLOOR", "floor"),
     ("SIN", "sin"),
@@ -361,8 +362,8 @@ impl Writer<'_> {
             Divide(a, b) => format!("{} / {}", name(a), name(b)),
             Absolute(a) => format!("ABS({})", name(a)),
             Root(a) => format!("SQRT({})", name(a)),
-            Minimum(a, b) => format!("smaller({}, {})", name(a), name(b)),
-            Maximum(a, b) => format!("larger({}, {})", name(a), name(b)),
+            Minimum(a, b) => format!("SMALLER({}, {})", name(a), name(b)),
+            Maximum(a, b) => format!("LARGER({}, {})", name(a), name(b)),
             Floor(a) => format!("FLOOR({})", name(a)),
             Sine(a) => format!("SIN({})", name(a)),
             Cosine(a) => format!("COS({})", name(a)),
@@ -389,7 +390,8 @@ pub(super) fn preamble(texts: &[&str]) -> String {
             let _ = writeln!(text, "#define GUARD(d, s) ((real)({}))", if single { "s" } else { "d" });
         }
         for (name, function) in FUNCTIONS.iter().filter(|(name, _)| used(name)) {
-            let arguments = if *name == "ATAN2" { ["(a, b)", "((a), (b))"] } else { ["(a)", "((a))"] };
+            let two = ["ATAN2", "SMALLER", "LARGER"].contains(name);
+            let arguments = if two { ["(a, b)", "((a), (b))"] } else { ["(a)", "((a))"] };
             let _ = writeln!(text, "#define {name}{} {function}{suffix}{}", arguments[0], arguments[1]);
         }
     }

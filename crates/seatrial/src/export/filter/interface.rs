@@ -192,7 +192,7 @@ impl FilterStep<'_> {
                 continue;
             }
             let channel = if kind == DEPTH { "2".to_owned() } else { format!("{} + i", SENSORS[kind].0) };
-            let line = format!("bias = smaller(bias, offset(p, s, &p->{}, {channel}));", KINDS[kind]);
+            let line = format!("bias = SMALLER(bias, offset(p, s, &p->{}, {channel}));", KINDS[kind]);
             let _ = match sure {
                 "" => writeln!(text, "        {line}"),
                 _ => writeln!(text, "        if ({sure})\n        {{\n            {line}\n        }}"),

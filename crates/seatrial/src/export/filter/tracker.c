@@ -69,7 +69,7 @@ static void judge(const FILTER_parameters *p, FILTER_state *s, FILTER_watch *wat
     }
     {
         const real length = times(row, row->h);
-        const real scale = (value * value) / larger(length * length, SMALLEST);
+        const real scale = (value * value) / LARGER(length * length, SMALLEST);
         int i;
         int j;
         for (i = 0; i < STATES; i++)
@@ -116,7 +116,7 @@ static void take(const FILTER_parameters *p, const FILTER_constants *k, FILTER_s
     struct row row;
     real expected = R(0.0);
     real residual;
-    real variance = larger(by->noise * by->noise, R(1e-12));
+    real variance = LARGER(by->noise * by->noise, R(1e-12));
     if (!is_number(value))
     {
         return;
@@ -196,7 +196,7 @@ static real largest(const FILTER_state *s, int first)
     int i;
     for (i = first; i < (first + 3); i++)
     {
-        most = larger(most, SQRT(larger(s->covariance[i][i], R(0.0))));
+        most = LARGER(most, SQRT(LARGER(s->covariance[i][i], R(0.0))));
     }
     return most;
 }

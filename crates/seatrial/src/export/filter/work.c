@@ -7,7 +7,7 @@ static int fixed(const FILTER_state *s, const FILTER_instrument *by, int channel
         return 0;
     }
     at->position[axis] = s->first[channel] - dot(r[axis], by->arm);
-    *deviation = larger(SQRT((by->noise * by->noise) + (by->bias * by->bias)), R(1e-6));
+    *deviation = LARGER(SQRT((by->noise * by->noise) + (by->bias * by->bias)), R(1e-6));
     return 1;
 }
 
@@ -47,7 +47,7 @@ static void try_to_begin(const FILTER_parameters *p, const FILTER_constants *k, 
 @FIXED@        }
         (void)known;
         deviations[POSITION + i] = far;
-        deviations[ATTITUDE + i] = larger(
+        deviations[ATTITUDE + i] = LARGER(
             SQRT((p->attitude.noise * p->attitude.noise) + (p->attitude.bias * p->attitude.bias)), R(1e-6));
         deviations[VELOCITY + i] = R(0.5);
         deviations[RATES + i] = R(0.1);
@@ -338,14 +338,14 @@ int FILTER_estimate(const FILTER_parameters *p, const FILTER_state *s, FILTER_ou
     channels[12] = R(0.0);
     for (i = 0; i < STATES; i++)
     {
-        out->deviation[i] = SQRT(larger(s->covariance[i][i], R(0.0)));
+        out->deviation[i] = SQRT(LARGER(s->covariance[i][i], R(0.0)));
     }
     {
         const real a = s->covariance[0][0];
         const real b = s->covariance[0][1];
         const real d = s->covariance[1][1];
         const real wide = SQRT(((R(0.25) * (a - d)) * (a - d)) + (b * b));
-        const int placed = SQRT(larger((R(0.5) * (a + d)) + wide, R(0.0))) < R(20.0);
+        const int placed = SQRT(LARGER((R(0.5) * (a + d)) + wide, R(0.0))) < R(20.0);
         for (i = 0; i < 3; i++)
         {
             fresh[i] = (i < 2) ? placed : (out->deviation[2] < R(2.0));

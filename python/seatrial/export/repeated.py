@@ -1,0 +1,375 @@
+"""A straight-line step of C in less memory: what it does more than once becomes a function that is called.
+
+A recorded step says everything as often as it does it: each loop of the autopilot, each actuator, each pass
+of the allocation. Runs of statements that differ in nothing but what they read are found by their shapes and
+become one static function with what differs as arguments. The operations and their order stay, so the
+numbers are the same to the last bit. The gain of each fold is estimated in bytes of a Cortex-M7.
+
+Tests: ``tests/export/test_c.py``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+
+__all__ = ["folded"]
+
+_STATEMENT = re.compile(r"    const (real|_Bool) (t\d+) = (.*);")
+_READ = re.compile(
+    r"\b[gx]\d+(?:\.o\d+)?\b|\bt\d+\b|\bR\([^()]*\)|\bGUARD\([^()]*\)|\b[a-z]+->\w+(?:\[\d+\])?"
+)
+_FUNCTION = re.compile(r"(?m)^(void \w+_(?:step|measure)\([^)]*\))\n\{\n(.*?)^\}\n", re.DOTALL)
+
+# Bytes on a Cortex-M7 at -Os: of a statement, an argument, a result and the call itself.
+_STATEMENT_BYTES, _ARGUMENT_BYTES, _RESULT_BYTES, _CALL_BYTES = 9, 7, 6, 8
+_LEAST_BYTES = 48  # a fold that gains less is not worth its name
+_SEED = 8  # statements: shorter runs are not looked for
+_MOST_SEEDS = 12  # places compared with the first of a shape
+
+
+@dataclass(frozen=True)
+class _Statement:
+    """`kind name = shape` with the reads in the gaps of the shape; a call has results, and is not folded."""
+
+    name: str
+    kind: str
+    shape: str
+    reads: tuple[str, ...]
+    results: tuple[str, ...]
+
+    @property
+    def is_call(self) -> bool:
+        return self.shape.startswith("call ")
+
+    def text(self) -> str:
+        gaps = iter(self.reads)
+        return f"    const {self.kind} {self.name} = {_filled(self.shape.removeprefix('call '), gaps)};"
+
+
+@dataclass
+class _Block:
+    """A function: statements between the head, which loads, and the tail, which stores."""
+
+    head: list[str]
+    statements: list[_Statement]
+    tail: list[str]
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Equal runs of statements: where they begin as (block, index), how long, and what is gained in bytes."""
+
+    places: list[tuple[int, int]]
+    length: int
+    gain: int
+
+
+def _filled(shape: str, reads: Iterator[str]) -> str:
+    return re.sub("@", lambda _: next(reads), shape)
+
+
+def folded(source: str) -> str:
+    """A source with its repeated runs of statements folded into functions.
+
+    Parameters
+    ----------
+    source : str
+        C as the core writes it.
+
+    Returns
+    -------
+    str
+    """
+    found = list(_FUNCTION.finditer(source))
+    if not found:
+        return source
+    folder = _Folder([_block(match[2]) for match in found])
+    folder.fold()
+    text, end = source[: found[0].start()] + "".join(folder.functions()), found[0].start()
+    for match, block in zip(found, folder.blocks, strict=False):
+        body = [*block.head, *(one.text() for one in block.statements), *block.tail]
+        text += source[end : match.start()] + match[1] + "\n{\n" + "\n".join(body) + "\n}\n"
+        end = match.end()
+    return text + source[end:]
+
+
+def _block(body: str) -> _Block:
+    block = _Block([], [], [])
+    for line in body.splitlines():
+        match = _STATEMENT.fullmatch(line)
+        if match is None:
+            block.tail.append(line)
+            continue
+        kind, name, value = match.groups()
+        reads = tuple(_READ.findall(value))
+        shape = _READ.sub("@", value)
+        if shape == "@" and "->" in reads[0]:
+            block.head.append(line)
+        else:
+            block.statements.append(_Statement(name, kind, shape, reads, (name,)))
+    return block
+
+
+class _Folder:
+    """Blocks whose runs are folded one after the other, the most gainful first."""
+
+    def __init__(self, blocks: list[_Block]) -> None:
+        self.blocks = blocks
+        self.signatures: list[tuple[str, str, list[tuple[str, str]]]] = []  # type, name, results
+        self.given: list[list[str]] = []
+        self.kinds = {
+            match[2]: match[1]
+            for block in blocks
+            for line in block.head
+            if (match := _STATEMENT.fullmatch(line)) is not None
+        }
+        self.kinds |= {one.name: one.kind for block in blocks for one in block.statements}
+        self.first = len(blocks)
+        self.fresh = 0
+
+    def fold(self) -> None:
+        """Fold until nothing is gained."""
+        while True:
+            self._index()
+            # Folds move statements: a run is named by its statements, and weighed again when its turn comes.
+            runs = [
+                [(block, self.blocks[block].statements[at].name) for block, at in run.places]
+                for run in sorted(self._runs(), key=lambda run: -run.gain)
+            ]
+            folds = 0
+            for named in runs:
+                places = [
+                    (block, self.made[block][name]) for block, name in named if name in self.made[block]
+                ]
+                run = self._longest(places[0], places[1:]) if len(places) > 1 else None
+                if run is not None:
+                    self._fold(run)
+                    self._index()
+                    folds += 1
+            if folds == 0:
+                return
+
+    def functions(self) -> Iterator[str]:
+        """The functions, callees before their callers."""
+        for number in reversed(range(len(self.signatures))):
+            kind, name, results = self.signatures[number]
+            block = self.blocks[self.first + number]
+            body = "\n".join([*(one.text() for one in block.statements), *block.tail])
+            if len(results) > 1:
+                members = "".join(f"    {of} {member};\n" for of, member in results)
+                yield f"typedef struct\n{{\n{members}}} {kind};\n\n"
+            yield f"static {kind} {name}({', '.join(self.given[number])})\n{{\n{body}\n}}\n\n"
+
+    def _kind(self, read: str) -> str:
+        return self.kinds.get(read, "real")
+
+    def _index(self) -> None:
+        """Where results are made and where they are read last, per block."""
+        self.made: list[dict[str, int]] = []
+        self.read: list[dict[str, int]] = []
+        for block in self.blocks:
+            made = {result: k for k, one in enumerate(block.statements) for result in one.results}
+            read: dict[str, int] = {}
+            for k, one in enumerate(block.statements):
+                read.update(dict.fromkeys(one.reads, k))
+            for line in block.tail:
+                read.update(dict.fromkeys(_READ.findall(line), len(block.statements)))
+            self.made.append(made)
+            self.read.append(read)
+
+    def _pairs(self, a: tuple[int, int], b: tuple[int, int], k: int) -> tuple[tuple[str, str], ...] | None:
+        """What statement k of two runs reads from outside; None where they do different things."""
+        one, other = (self.blocks[block].statements[at + k] for block, at in (a, b))
+        if one.shape != other.shape or one.kind != other.kind or one.is_call:
+            return None
+        orders = [other.reads]
+        if one.shape in ("@ * @", "@ + @"):
+            orders.append(other.reads[::-1])
+        for reads in orders:
+            pairs = []
+            for mine, theirs in zip(one.reads, reads, strict=True):
+                inside = self.made[a[0]].get(mine, -1) - a[1]
+                if max(inside, -1) != max(self.made[b[0]].get(theirs, -1) - b[1], -1):
+                    break
+                if inside < 0 and self._kind(mine) != self._kind(theirs):
+                    break
+                if inside < 0:
+                    pairs.append((mine, theirs))
+            else:
+                return tuple(pairs)
+        return None
+
+    def _results(self, places: Sequence[tuple[int, int]], length: int) -> list[int]:
+        """The statements of a run whose results are read after it, in any of its places."""
+        return [
+            k
+            for k in range(length)
+            if any(
+                self.read[block].get(self.blocks[block].statements[at + k].name, -1) >= at + length
+                for block, at in places
+            )
+        ]
+
+    def _runs(self) -> Iterator[_Run]:
+        """Runs whose fold gains something."""
+        groups: dict[tuple[str, ...], list[tuple[int, int]]] = defaultdict(list)
+        before: dict[tuple[int, int], str] = {}
+        for number, block in enumerate(self.blocks):
+            shapes = [one.shape for one in block.statements]
+            for at in range(len(shapes) - _SEED + 1):
+                groups[tuple(shapes[at : at + _SEED])].append((number, at))
+                before[number, at] = shapes[at - 1] if at else ""
+        for places in groups.values():
+            # Where all go on backwards alike, the run from there on is the longer one.
+            earlier = {before[place] for place in places}
+            if len(places) < 2 or (len(earlier) == 1 and "" not in earlier and min(earlier)[:4] != "call"):
+                continue
+            for k, first in enumerate(places[:_MOST_SEEDS]):
+                run = self._longest(first, places[k + 1 : k + _MOST_SEEDS])
+                if run is not None:
+                    yield run
+
+    def _longest(self, first: tuple[int, int], others: Iterable[tuple[int, int]]) -> _Run | None:
+        """The most gainful run from a place on, with those of the others that go on as it does."""
+        matches: list[tuple[tuple[int, int], list[tuple[tuple[str, str], ...]]]] = []
+        room = len(self.blocks[first[0]].statements) - first[1]
+        for other in others:
+            most = min(room, len(self.blocks[other[0]].statements) - other[1])
+            if other[0] == first[0]:
+                most = min(most, abs(other[1] - first[1]))
+            rows = takewhile(lambda row: row is not None, (self._pairs(first, other, k) for k in range(most)))
+            pairs = [row for row in rows if row is not None]
+            if len(pairs) >= _SEED:
+                matches.append((other, pairs))
+        best: _Run | None = None
+        for length in sorted({n for _, pairs in matches for n in _lengths(len(pairs))}, reverse=True):
+            gained = _STATEMENT_BYTES * length - _CALL_BYTES
+            if gained * len(matches) < (_LEAST_BYTES if best is None else best.gain):
+                continue
+            chosen: list[tuple[tuple[int, int], list[tuple[tuple[str, str], ...]]]] = []
+            for other, pairs in matches:
+                apart = all(other[0] != b or abs(other[1] - at) >= length for (b, at), _ in chosen)
+                if len(pairs) >= length and apart:
+                    chosen.append((other, pairs[:length]))
+            if not chosen:
+                continue
+            places = [first, *(other for other, _ in chosen)]
+            columns = self._columns([pairs for _, pairs in chosen])
+            calls = len(places)
+            once = _ARGUMENT_BYTES * len(columns) + _RESULT_BYTES * len(self._results(places, length))
+            gain = (calls - 1) * _STATEMENT_BYTES * length - calls * (once + _CALL_BYTES)
+            if gain >= _LEAST_BYTES and (best is None or gain > best.gain):
+                best = _Run(places, length, gain)
+        return best
+
+    @staticmethod
+    def _columns(pairs: list[list[tuple[tuple[str, str], ...]]]) -> dict[tuple[str, ...], int]:
+        """The arguments: what is read from outside in each place, without the constants that all share."""
+        columns: dict[tuple[str, ...], int] = {}
+        for rows in zip(*pairs, strict=True):
+            for reads in zip(*rows, strict=True):
+                column = (reads[0][0], *(theirs for _, theirs in reads))
+                if not _shared_constant(column):
+                    columns.setdefault(column, len(columns))
+        return columns
+
+    def _fold(self, run: _Run) -> None:
+        """Make a function of a run, and calls of its places."""
+        first, others = run.places[0], run.places[1:]
+        pairs = [
+            [row for k in range(run.length) if (row := self._pairs(first, other, k)) is not None]
+            for other in others
+        ]
+        columns = self._columns(pairs)
+        results = self._results(run.places, run.length)
+        number = len(self.signatures)
+        block, at = first
+        body = self.blocks[block].statements[at : at + run.length]
+        kinds = [body[k].kind for k in results]
+        name = f"part_{number}"
+        kind = kinds[0] if len(results) == 1 else f"{name}_result"
+        arguments = [f"x{self._number()}" for _ in columns]
+        self.given.append([f"{self._kind(c[0])} {x}" for c, x in zip(columns, arguments, strict=True)])
+        self.kinds |= {x: self._kind(c[0]) for c, x in zip(columns, arguments, strict=True)}
+        self.signatures.append((kind, name, [(of, f"o{i}") for i, of in enumerate(kinds)]))
+        self.blocks.append(self._function(first, body, pairs, (columns, arguments), results))
+        calls = {}
+        for p, place in enumerate(run.places):
+            calls[place] = (kind, name, tuple(column[p] for column in columns))
+        # From the end on, so that the places before stay where they are.
+        for block, at in sorted(run.places, reverse=True):
+            self._call(block, at, run.length, calls[block, at], results)
+
+    def _number(self) -> int:
+        self.fresh += 1
+        return self.fresh
+
+    def _function(
+        self,
+        first: tuple[int, int],
+        body: Sequence[_Statement],
+        pairs: list[list[tuple[tuple[str, str], ...]]],
+        given: tuple[dict[tuple[str, ...], int], list[str]],
+        results: Sequence[int],
+    ) -> _Block:
+        """The body of a function: what it reads from outside as arguments, its own under new names."""
+        columns, arguments = given
+        own: dict[str, str] = {}
+        statements = []
+        for k, one in enumerate(body):
+            outside = iter(zip(*(rows[k] for rows in pairs), strict=True))
+            reads = []
+            for read in one.reads:
+                if self.made[first[0]].get(read, -1) >= first[1]:
+                    reads.append(own[read])
+                    continue
+                column = next(outside)
+                full = (column[0][0], *(theirs for _, theirs in column))
+                reads.append(read if _shared_constant(full) else arguments[columns[full]])
+            fresh = f"g{self._number()}"
+            own[one.name] = fresh
+            self.kinds[fresh] = one.kind
+            statements.append(_Statement(fresh, one.kind, one.shape, tuple(reads), (fresh,)))
+        last = [own[body[k].name] for k in results]
+        if len(last) == 1:
+            return _Block([], statements, [f"    return {last[0]};"])
+        kind = f"part_{len(self.signatures) - 1}_result"
+        stores = [f"    all.o{i} = {name};" for i, name in enumerate(last)]
+        return _Block([], statements, [f"    {kind} all;", *stores, "    return all;"])
+
+    def _call(
+        self, block: int, at: int, length: int, call: tuple[str, str, tuple[str, ...]], results: Sequence[int]
+    ) -> None:
+        """Put a call in the place of a run."""
+        kind, name, reads = call
+        home = self.blocks[block]
+        run = home.statements[at : at + length]
+        fresh = f"g{self._number()}"
+        single = len(results) == 1
+        renamed = {run[k].name: fresh if single else f"{fresh}.o{i}" for i, k in enumerate(results)}
+        self.kinds |= {renamed[run[k].name]: run[k].kind for k in results}
+        shape = f"call {name}({', '.join('@' for _ in reads)})"
+        home.statements[at : at + length] = [_Statement(fresh, kind, shape, reads, tuple(renamed.values()))]
+
+        def after(read: str) -> str:
+            return renamed.get(read, read)
+
+        home.statements[at + 1 :] = [
+            _Statement(one.name, one.kind, one.shape, tuple(map(after, one.reads)), one.results)
+            for one in home.statements[at + 1 :]
+        ]
+        home.tail = [_READ.sub(lambda match: after(match[0]), line) for line in home.tail]
+
+
+def _lengths(longest: int) -> Iterator[int]:
+    """Lengths to try: the longest, and shorter ones that may read and leave less."""
+    yield from range(longest, max(longest - 4, _SEED), -1)
+    yield from range(_SEED, longest, max(longest // 8, 8))
+
+
+def _shared_constant(column: Sequence[str]) -> bool:
+    return column[0][0] in "RG" and len(set(column)) == 1
