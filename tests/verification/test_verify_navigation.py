@@ -49,6 +49,8 @@ def test_a_filter_flies_on_where_sensors_alone_call_for_the_surface() -> None:
     assert set(by_sensors.flown.metrics["ending"]) == {"surfaced"}
     assert set(by_filter.flown.metrics["ending"]) == {"complete"}
     assert (by_sensors.outcome, by_filter.outcome) == ("failed", "held")
+    assert "navigation filter" in by_filter.summary()
+    assert "navigation filter" not in by_sensors.summary()
     # 25 to 30 s at 1.5 m/s on the model alone: some decimetres beyond missions with a Doppler log.
     calm = found("filter", outages=False)
     silent, heard = (one.flown.metrics["true_cross_track_rms_m"] for one in (by_filter, calm))

@@ -324,6 +324,11 @@ def verified_campaign(
     ignored = check_table(campaign.source, flights)
     requirements, notes = _requirements(campaign, flights)
     notes.extend(ignored)
+    if table.navigation == "filter":
+        notes.append(
+            "The autopilot goes by the estimate of a navigation filter on the vehicle that it believes in;"
+            " the filter is told of the middle of the gusts and seas that are drawn."
+        )
     if table.coefficients == "covariance" and not flights.fitted.names:
         notes.append("Every vehicle flies with the same coefficients, because their covariance is unknown.")
     flights.check()
