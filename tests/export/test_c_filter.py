@@ -426,3 +426,20 @@ def test_what_of_a_filter_is_not_exported_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match='expected "sensors", "filter"'):
         st.export_c("cwolf", out=tmp_path, navigation="eyes")
     assert not list(tmp_path.glob("*.c"))
+
+
+@pytest.mark.long
+def test_a_filter_of_every_vehicle_compiles_without_a_warning(tmp_path: Path) -> None:
+    for vehicle in ("cwolf", "bluerov2-heavy", "remus100", "lauv", "beluga"):
+        made = st.export_c(
+            vehicle,
+            out=tmp_path / vehicle,
+            navigation=everything(vehicle, late=0.2),
+            name="it",
+            voltage_v=16.0,
+        )
+        for compiler in ("gcc", "clang"):
+            needs(compiler)
+            for options in ((), ("-DSEATRIAL_FLOAT",)):
+                command = [compiler, *STRICT, "-O1", *options, "-c", "it_filter.c", "-o", "it.o"]
+                subprocess.run(command, cwd=made.folder, check=True, timeout=300)
