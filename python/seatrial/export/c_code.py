@@ -226,6 +226,12 @@ def export_c(
         rho=rho,
         g=g,
     )
+    # A unit is at home on a large machine and is not folded: the same numbers, sooner.
+    programs = replace(
+        programs,
+        vehicle=_folded(programs.vehicle),
+        autopilot=None if programs.autopilot is None else _folded(programs.autopilot),
+    )
     folder = Path(out)
     texts = {
         f"{program.prefix}{suffix}": text
@@ -292,8 +298,7 @@ def recorded(
             pilot, believed, plan.core, f"{stem}_autopilot", about, feedback=feedback, voltage_v=supply
         )
         steering = _program(f"{stem}_autopilot", facts, pilot.period_s)
-    # Last, since it takes longest: a refusal comes first.
-    return Programs(_folded(program), steering and _folded(steering), fitted, substeps)
+    return Programs(program, steering, fitted, substeps)
 
 
 def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:
