@@ -255,14 +255,11 @@ class _Folder:
 
     def _results(self, places: Sequence[tuple[int, int]], length: int) -> list[int]:
         """The statements of a run whose results are read after it, in any of its places."""
-        return [
-            k
-            for k in range(length)
-            if any(
-                self.read[block].get(self.blocks[block].statements[at + k].name, -1) >= at + length
-                for block, at in places
-            )
-        ]
+        wanted: set[int] = set()
+        for block, at in places:
+            read, run = self.read[block], self.blocks[block].statements[at : at + length]
+            wanted.update(k for k, one in enumerate(run) if read.get(one.name, -1) >= at + length)
+        return sorted(wanted)
 
     def _runs(self) -> Iterator[_Run]:
         """Runs whose fold gains something."""
@@ -409,7 +406,7 @@ class _Folder:
             return renamed.get(read, read)
 
         home.statements[at + 1 :] = [
-            _Statement(one.name, one.kind, one.shape, tuple(map(after, one.reads)), one.results)
+            one if renamed.keys().isdisjoint(one.reads) else replace(one, reads=tuple(map(after, one.reads)))
             for one in home.statements[at + 1 :]
         ]
         home.tail = [_READ.sub(lambda match: after(match[0]), line) for line in home.tail]
@@ -417,8 +414,8 @@ class _Folder:
 
 def _lengths(longest: int) -> Iterator[int]:
     """Lengths to try: the longest, and shorter ones that may read and leave less."""
-    yield from range(longest, max(longest - 4, _SEED), -1)
-    yield from range(_SEED, longest, max(longest // 8, 8))
+    yield from range(longest, max(longest - 3, _SEED), -1)
+    yield from range(_SEED, longest, max(longest // 4, 8))
 
 
 def _shared_constant(column: Sequence[str]) -> bool:
