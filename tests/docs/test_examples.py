@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 from seatrial.cli import app
 from tests.docs.pages import NAMES, ROOT, Block, blocks, text
 
-LANGUAGES = {"python", "sh", "console", "toml", "text"}
+LANGUAGES = {"python", "sh", "console", "toml", "c", "text"}
 TESTS = re.compile(r"\bfn (\w+)\(|^def (test_\w+)\(", re.MULTILINE)
 FILE = re.compile(r"# (\w+\.toml)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")

@@ -205,6 +205,40 @@ def test_a_cortex_m7_flies_the_mission_in_qemu(exported: st.CExport, flown: Arra
     assert np.abs(ours[:, :7] - flown[:200]).max() < 1e-6
 
 
+@pytest.mark.long
+def test_an_autopilot_fits_into_the_flash_of_a_small_processor(exported: st.CExport) -> None:
+    needs("arm-none-eabi-gcc")
+    cpu = ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "-DSEATRIAL_FLOAT")
+    command = ["arm-none-eabi-gcc", "-std=c99", "-Os", *cpu, "-c", "cwolf_autopilot.c", "-o", "size.o"]
+    ran(command, limit_s=300.0, folder=exported.folder)
+    flash = int(
+        ran(["arm-none-eabi-size", "size.o"], folder=exported.folder).stdout.splitlines()[1].split()[0]
+    )
+    print(f"autopilot of cwolf, single precision: {flash} bytes")
+    # Written out, without functions for what repeats, it is 57,000; another compiler may take a tenth more.
+    assert flash < 40_000
+
+
+@pytest.mark.long
+def test_the_example_of_the_guide_compiles(exported: st.CExport) -> None:
+    needs("gcc")
+    guide = HERE.parents[1] / "docs" / "how-to" / "export_c.md"
+    block = re.search(r"```c\n(.*?)```", guide.read_text(), re.DOTALL)
+    assert block is not None
+    (exported.folder / "guide.c").write_text(block[1])
+    ran(["gcc", *STRICT, "-DSEATRIAL_FLOAT", "-c", "guide.c", "-o", "guide.o"], folder=exported.folder)
+
+
+@pytest.mark.long
+def test_cppcheck_finds_nothing_in_a_vehicle(exported: st.CExport) -> None:
+    needs("cppcheck")
+    options = ("-q", "--std=c99", "--enable=warning,style,portability", "--addon=misra")
+    limits = ("--max-ctu-depth=0", "-USEATRIAL_FLOAT")
+    for name in ("cwolf_vehicle.c",):
+        found = ran(["cppcheck", *options, *limits, name], limit_s=900.0, folder=exported.folder)
+        assert not found.stdout + found.stderr
+
+
 SHALLOW = MISSION.replace("max_depth_m = 30.0", "min_altitude_m = 3.0")
 LOW = """format = 1
 name = "low"

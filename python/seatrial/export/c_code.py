@@ -248,6 +248,12 @@ def export_c(
         navigation=navigation,
         sensors=sensors,
     )
+    # A unit is at home on a large machine and is not folded: the same numbers, sooner.
+    programs = replace(
+        programs,
+        vehicle=_folded(programs.vehicle),
+        autopilot=None if programs.autopilot is None else _folded(programs.autopilot),
+    )
     folder = Path(out)
     texts = {
         f"{program.prefix}{suffix}": text
@@ -330,8 +336,7 @@ def recorded(
         origin=_origin(),
     )
     knowing = None if seen is None else _program(f"{stem}_filter", *seen)
-    # Last, since it takes longest: a refusal comes first.
-    return Programs(_folded(program), steering and _folded(steering), fitted, substeps, knowing)
+    return Programs(program, steering, fitted, substeps, knowing)
 
 
 def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:

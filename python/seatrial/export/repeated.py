@@ -10,10 +10,11 @@ Tests: ``tests/export/test_c.py``.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import takewhile
 
 __all__ = ["folded"]
@@ -28,6 +29,7 @@ _FUNCTION = re.compile(r"(?m)^(void \w+_(?:step|measure)\([^)]*\))\n\{\n(.*?)^\}
 _STATEMENT_BYTES, _ARGUMENT_BYTES, _RESULT_BYTES, _CALL_BYTES = 9, 7, 6, 8
 _LEAST_BYTES = 48  # a fold that gains less is not worth its name
 _SEED = 8  # statements: shorter runs are not looked for
+_SECTION = 300  # statements of a function at most
 _MOST_SEEDS = 12  # places compared with the first of a shape
 
 
@@ -91,10 +93,58 @@ def folded(source: str) -> str:
     folder.fold()
     text, end = source[: found[0].start()] + "".join(folder.functions()), found[0].start()
     for match, block in zip(found, folder.blocks, strict=False):
-        body = [*block.head, *(one.text() for one in block.statements), *block.tail]
-        text += source[end : match.start()] + match[1] + "\n{\n" + "\n".join(body) + "\n}\n"
+        text += source[end : match.start()] + _function(match[1], block)
         end = match.end()
     return text + source[end:]
+
+
+def _function(signature: str, block: _Block) -> str:
+    """A function; a long one in sections, since compilers and checkers take more than in proportion."""
+    count = math.ceil(len(block.statements) / _SECTION)
+    if count > 1:
+        return _in_sections(signature, block, count)
+    body = [*block.head, *(one.text() for one in block.statements), *block.tail]
+    return signature + "\n{\n" + "\n".join(body) + "\n}\n"
+
+
+def _in_sections(signature: str, block: _Block, count: int) -> str:
+    """A function as calls of sections that load what they read and hand on what they found."""
+    size = math.ceil(len(block.statements) / count)
+    sections = [block.statements[k * size : (k + 1) * size] for k in range(count)]
+    short = "measure" if "_measure(" in signature else "step"
+    made = {result: k for k, part in enumerate(sections) for one in part for result in one.results}
+    reads = [{read for one in part for read in one.reads} for part in sections]
+    reads[-1].update(read for line in block.tail for read in _READ.findall(line))
+    # Per section what earlier ones made.
+    earlier = [{read for read in part if made.get(read, k) != k} for k, part in enumerate(reads)]
+    asked = set().union(*earlier)
+    handed = [one for one in block.statements if not asked.isdisjoint(one.results)]
+    members = "".join(f"    {one.kind} {one.name};\n" for one in handed)
+    text = f"typedef struct\n{{\n{members}}} {short}_found;\n\n"
+    pointers = [word.strip() for word in signature.split("(")[1].rstrip(")").split(",")]
+    calls = [f"    {short}_found found;"]
+    for k, part in enumerate(sections):
+        last = k == count - 1
+
+        def named(read: str, of: set[str] = earlier[k]) -> str:
+            return f"found->{read}" if read in of else read
+
+        lines = [line for line in block.head if line.split()[2] in reads[k]]
+        lines += [replace(one, reads=tuple(map(named, one.reads))).text() for one in part]
+        lines += [f"    found->{one.name} = {one.name};" for one in part if one in handed]
+        if last:
+            stores = (line for line in block.tail if "(void)" not in line)
+            lines += [_READ.sub(lambda match: named(match[0]), line) for line in stores]
+        body = "\n".join(lines)
+        used = [pointer for pointer in pointers if f" {pointer.split('*')[1]}->" in body]
+        given = [pointer if last else f"const {pointer.removeprefix('const ')}" for pointer in used]
+        given.append(f"{'const ' if last else ''}{short}_found *found")
+        text += f"static void {short}_{k}({', '.join(given)})\n{{\n{body}\n}}\n\n"
+        calls.append(
+            f"    {short}_{k}({', '.join([*(pointer.split('*')[1] for pointer in used), '&found'])});"
+        )
+    calls += [line for line in block.tail if "(void)" in line]
+    return text + signature + "\n{\n" + "\n".join(calls) + "\n}\n"
 
 
 def _block(body: str) -> _Block:
@@ -205,14 +255,11 @@ class _Folder:
 
     def _results(self, places: Sequence[tuple[int, int]], length: int) -> list[int]:
         """The statements of a run whose results are read after it, in any of its places."""
-        return [
-            k
-            for k in range(length)
-            if any(
-                self.read[block].get(self.blocks[block].statements[at + k].name, -1) >= at + length
-                for block, at in places
-            )
-        ]
+        wanted: set[int] = set()
+        for block, at in places:
+            read, run = self.read[block], self.blocks[block].statements[at : at + length]
+            wanted.update(k for k, one in enumerate(run) if read.get(one.name, -1) >= at + length)
+        return sorted(wanted)
 
     def _runs(self) -> Iterator[_Run]:
         """Runs whose fold gains something."""
@@ -359,7 +406,7 @@ class _Folder:
             return renamed.get(read, read)
 
         home.statements[at + 1 :] = [
-            _Statement(one.name, one.kind, one.shape, tuple(map(after, one.reads)), one.results)
+            one if renamed.keys().isdisjoint(one.reads) else replace(one, reads=tuple(map(after, one.reads)))
             for one in home.statements[at + 1 :]
         ]
         home.tail = [_READ.sub(lambda match: after(match[0]), line) for line in home.tail]
@@ -367,8 +414,8 @@ class _Folder:
 
 def _lengths(longest: int) -> Iterator[int]:
     """Lengths to try: the longest, and shorter ones that may read and leave less."""
-    yield from range(longest, max(longest - 4, _SEED), -1)
-    yield from range(_SEED, longest, max(longest // 8, 8))
+    yield from range(longest, max(longest - 3, _SEED), -1)
+    yield from range(_SEED, longest, max(longest // 4, 8))
 
 
 def _shared_constant(column: Sequence[str]) -> bool:
