@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import faulthandler
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,14 +38,6 @@ depth_m = 5.0
 """
 
 CURRENT = (0.1, -0.15, 0.0)
-
-
-@pytest.fixture(autouse=True)
-def no_unit_runs_for_ever() -> Iterator[None]:
-    # The functions of a unit run in this process: only its end stops one that does not return.
-    faulthandler.dump_traceback_later(900.0, exit=True, file=sys.__stderr__ or sys.stderr)
-    yield
-    faulthandler.cancel_dump_traceback_later()
 
 
 @pytest.fixture(scope="module")
