@@ -59,14 +59,15 @@ REPORT ?= runs/demo/report.html
 site: build ## the documentation as a site in target/site/html, every link and formula checked
 	$(BIN)/python -m docs.site.build --out target/site --report $(REPORT)
 
-# The optimised build and most checks keep one processor busy, and not always: what does not need the core runs beside its build, and what
-# needs it beside the tests in Python. The wheel comes first because maturin keeps one copy of the core.
+# The optimised build and most checks keep one processor busy, and not always: what does not need the core runs beside its build and gives
+# way to it, since all else waits for it; what needs it runs beside the tests in Python. The wheel comes first because maturin keeps one
+# copy of the core.
 test: ## checks, core, front and wheel; continuous integration runs test-long as well
 	$(MAKE) --jobs 3 --output-sync=target wheel test-rust check-sources
 	$(MAKE) --jobs 2 --output-sync=target test-python check-stub test-wheel
 
 test-rust: ## laws, scalars, literature and golden numbers of the core
-	env -u MAKEFLAGS -u MFLAGS cargo test --locked --package seatrial --quiet
+	env -u MAKEFLAGS -u MFLAGS nice cargo test --locked --package seatrial --quiet
 
 # Two workers share the processors already: threads of the linear algebra would only wait for one another.
 test-python: export OPENBLAS_NUM_THREADS := 1
@@ -94,7 +95,7 @@ check-sources: $(SET_UP)
 	$(BIN)/ruff check --quiet .
 	@report=$$(PYTHONPATH=python $(BIN)/lint-imports --no-logo --no-cache) || { echo "$$report"; exit 1; }
 	$(BIN)/mypy
-	env -u MAKEFLAGS -u MFLAGS cargo clippy --locked --workspace --all-targets --quiet -- --deny warnings
+	env -u MAKEFLAGS -u MFLAGS nice cargo clippy --locked --workspace --all-targets --quiet -- --deny warnings
 check-stub: build
 	env -u MAKEFLAGS -u MFLAGS $(BIN)/maturin generate-stubs --quiet --profile release --locked --out target/stubs
 	diff -u python/seatrial/_core.pyi target/stubs/seatrial/_core.pyi || \
