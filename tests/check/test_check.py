@@ -259,3 +259,11 @@ def test_law_a_reversed_motor_pushes_as_far_with_commands_of_the_other_sign() ->
     assert [one.speed_m_s for one in speeds(turned)] == pytest.approx([
         one.speed_m_s for one in speeds(straight)
     ])
+
+
+def test_a_tether_that_does_nothing_is_named() -> None:
+    table = "[tether]\nposition_m = [-1.0, 0.0, 0.0]\n"
+    (said,) = [text for text in implausible(made(top=table)) if "tether" in text]
+    assert "no effect" in said
+    assert not [text for text in implausible(made(top=table, A_tether=0.1)) if "tether" in text]
+    assert not [text for text in implausible(made()) if "tether" in text]

@@ -23,7 +23,7 @@ __all__ = ["beyond_tables", "implausible", "unused_rows"]
 
 def implausible(vehicle: Vehicle) -> list[str]:
     """Sentences about values that are probably wrong, each with what to look at."""
-    about = (_size, _inertia, _signs, _strips, _positions, _rows)
+    about = (_size, _inertia, _signs, _strips, _tether, _positions, _rows)
     return [sentence for of in about for sentence in of(vehicle)]
 
 
@@ -94,6 +94,17 @@ def _strips(vehicle: Vehicle) -> list[str]:
         f" {join(both)} to 0, unless an appendage beside the hull is meant"
         for name, made in STRIPS.items()
         if values.get(name) and (both := [one for one in made if values.get(one)])
+    ]
+
+
+def _tether(vehicle: Vehicle) -> list[str]:
+    """A tether that is made fast and does nothing."""
+    values = vehicle.coefficients()
+    if vehicle.to_dict().get("tether") is None or values.get("A_tether") or values.get("k_tether"):
+        return []
+    return [
+        "the tether has no effect: A_tether and k_tether are 0; give the drag area A_tether in m2 (drag"
+        " coefficient times diameter times the length that is dragged along), or free it in a stage"
     ]
 
 
