@@ -10,7 +10,7 @@ import pytest
 
 from seatrial._core import Vehicle
 from seatrial.diagnosis.advice import inseparable, manoeuvre, role, scaled
-from seatrial.identification.identification import derived
+from seatrial.identification.estimate import derived
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 NAMES = Vehicle.load("cwolf").coefficient_info()

@@ -143,6 +143,21 @@ def rows(command: Sequence[str | Path]) -> Array:
     return np.array([[float(x) for x in line.split()] for line in said.stdout.splitlines()])
 
 
+def on_a_cortex_m7(exported: st.CExport, *options: str) -> Array:
+    """What the harness prints on an emulated processor, 200 periods."""
+    needs("arm-none-eabi-gcc")
+    needs("qemu-system-arm")
+    for name in ("cortex_m7.c", "cortex_m7.ld"):
+        shutil.copy(HERE / name, exported.folder)
+    cpu = ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "--specs=rdimon.specs")
+    linked = ("-T", "cortex_m7.ld", "-nostartfiles", *options, "-DPERIODS=200", "-o", "m7.elf", "-lm")
+    command = ["arm-none-eabi-gcc", *STRICT, "-O2", *cpu, *sources(exported), "cortex_m7.c", *linked]
+    ran(command, limit_s=300.0, folder=exported.folder)
+    machine = ("-M", "mps2-an500", "-nographic", "-monitor", "none", "-serial", "none")
+    run = ("-semihosting-config", "enable=on,target=native", "-kernel", str(exported.folder / "m7.elf"))
+    return rows(["qemu-system-arm", *machine, *run])
+
+
 @pytest.fixture(scope="module")
 def flown(exported: st.CExport) -> Array:
     flight = st.fly("cwolf", "cwolf", exported.folder / "tour.toml", current=CURRENT, max_time_s=150.0)
@@ -189,17 +204,7 @@ def test_nothing_undefined_happens_on_a_mission(exported: st.CExport) -> None:
 
 @pytest.mark.long
 def test_a_cortex_m7_flies_the_mission_in_qemu(exported: st.CExport, flown: Array) -> None:
-    needs("arm-none-eabi-gcc")
-    needs("qemu-system-arm")
-    for name in ("cortex_m7.c", "cortex_m7.ld"):
-        shutil.copy(HERE / name, exported.folder)
-    cpu = ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "--specs=rdimon.specs")
-    linked = ("-T", "cortex_m7.ld", "-nostartfiles", "-DPERIODS=200", "-o", "m7.elf", "-lm")
-    command = ["arm-none-eabi-gcc", *STRICT, "-O2", *cpu, *sources(exported), "cortex_m7.c", *linked]
-    ran(command, limit_s=300.0, folder=exported.folder)
-    machine = ("-M", "mps2-an500", "-nographic", "-monitor", "none", "-serial", "none")
-    run = ("-semihosting-config", "enable=on,target=native", "-kernel", str(exported.folder / "m7.elf"))
-    ours = rows(["qemu-system-arm", *machine, *run])
+    ours = on_a_cortex_m7(exported)
     assert len(ours) == 200
     # Another libm: its sine is not that of this machine to the last bit.
     assert np.abs(ours[:, :7] - flown[:200]).max() < 1e-6

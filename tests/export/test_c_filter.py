@@ -20,7 +20,7 @@ from seatrial.export.compiler import ran
 from seatrial.flight.navigation import Beacon, Pen, Wall
 from seatrial.flight.sea import SeaState
 from seatrial.sensors.sensor import Sensor
-from tests.export.test_c import CURRENT, STRICT, needs, ready, rows
+from tests.export.test_c import CURRENT, STRICT, needs, on_a_cortex_m7, ready, rows
 
 HERE = Path(__file__).parent
 MISSION = """format = 1
@@ -397,18 +397,8 @@ def test_nothing_undefined_happens_in_a_filter(toured: tuple[st.CExport, Array])
 
 @pytest.mark.long
 def test_a_cortex_m7_flies_by_the_filter_in_qemu(toured: tuple[st.CExport, Array]) -> None:
-    needs("arm-none-eabi-gcc")
-    needs("qemu-system-arm")
     made, flight = toured
-    for name in ("cortex_m7.c", "cortex_m7.ld"):
-        shutil.copy(HERE / name, made.folder)
-    cpu = ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "--specs=rdimon.specs")
-    linked = ("-T", "cortex_m7.ld", "-nostartfiles", "-DWITH_FILTER", "-DPERIODS=200", "-o", "m7.elf", "-lm")
-    command = ["arm-none-eabi-gcc", *STRICT, "-O2", *cpu, *SOURCES, "cortex_m7.c", *linked]
-    ran(command, limit_s=300.0, folder=made.folder)
-    machine = ("-M", "mps2-an500", "-nographic", "-monitor", "none", "-serial", "none")
-    run = ("-semihosting-config", "enable=on,target=native", "-kernel", str(made.folder / "m7.elf"))
-    ours = rows(["qemu-system-arm", *machine, *run])
+    ours = on_a_cortex_m7(made, "-DWITH_FILTER")
     assert len(ours) == 200
     # Another libm: its sine is not that of this machine to the last bit.
     assert np.abs(ours[:, :7] - flight[:200]).max() < 1e-6

@@ -12,13 +12,26 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.rotation import shorter
 
-__all__ = ["ANGLES", "AXES", "CHANNELS", "DEGREE", "VELOCITIES", "deviations", "difference", "readable"]
+__all__ = [
+    "ANGLES",
+    "AXES",
+    "CHANNELS",
+    "DEGREE",
+    "MOTIONS",
+    "VELOCITIES",
+    "deviations",
+    "difference",
+    "readable",
+]
 
 CHANNELS = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "roll", "pitch", "yaw")
 """Order of the channels wherever an array has twelve columns: m/s, rad/s, m, rad."""
 
 AXES = "XYZKMN"
 """Letters of the axes in the core's order."""
+
+MOTIONS = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
+"""Name of the motion along or about each axis, by its letter."""
 
 VELOCITIES = "uvwpqr"
 """Velocity of each axis: m/s, rad/s."""

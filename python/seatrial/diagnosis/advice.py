@@ -16,10 +16,10 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
+from seatrial.base.channels import MOTIONS
 from seatrial.campaign.parameters import STRIPS, axes_of
 
 __all__ = [
-    "AXES",
     "BOTH_WAYS",
     "FORCES",
     "INCLINE",
@@ -42,8 +42,6 @@ __all__ = [
 ]
 
 FORCES, VELOCITIES = "XYZKMN", "uvwpqr"
-
-AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 ROLL_DECAY = "record a free decay in roll (heel the vehicle by hand by 20 to 30 deg, motors stopped, let go)"
 
@@ -267,7 +265,7 @@ def axis(letter: str) -> str:
     >>> axis("N"), axis("r")
     ('yaw', 'yaw')
     """
-    return AXES[(FORCES if letter in FORCES else VELOCITIES).index(letter)]
+    return MOTIONS[letter if letter in FORCES else FORCES[VELOCITIES.index(letter)]]
 
 
 _SWING = "swing the vehicle in air (bifilar pendulum) for"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import AXES
+from seatrial.base.channels import AXES, MOTIONS
 from seatrial.base.errors import VehicleError
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, command, settling_s, voltage_for
 from seatrial.vehicle.authority import commanded_rows
@@ -24,10 +24,7 @@ from seatrial.vehicle.authority import commanded_rows
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["AHEAD", "MOTIONS", "Combination", "Thrusters"]
-
-MOTIONS = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
-"""The motion along or about the axis of each letter."""
+__all__ = ["AHEAD", "Combination", "Thrusters"]
 
 AHEAD = {"slow": 0.12, "half": 0.35, "full": 0.75}
 """Thrust ahead as a share of the largest, by the engine telegraph's words."""

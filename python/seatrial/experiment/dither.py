@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import AXES, DEGREE, VELOCITIES
+from seatrial.base.channels import AXES, DEGREE, MOTIONS, VELOCITIES
 from seatrial.base.errors import CampaignError
 from seatrial.trial.sailed import DITHER
 from seatrial.trial.verdict import TOLD, judge_trial, pushed_by
@@ -51,7 +51,6 @@ SHARE = 2.2 * TOLD
 """Share of the motion that the dither is to drive, well above what the verdict asks for: waves differ from
 trial to trial, and a mission for which 0.53 was expected showed 0.16 to 0.27 (three seas)."""
 
-_NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 _LEAST = 0.02  # of an actuator's range
 _LEVELS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.75, 1.0)  # of the largest amplitude
 _HOLDS = (1.0, 2.0, 3.0)  # periods of the waves
@@ -129,7 +128,7 @@ class Dither:
                 f"{name} ±{abs(a) / DEGREE if angle else abs(a):.2g} {'deg' if angle else self.units[name]}"
             )
         how = (
-            f"{_NAMES[self.axis]} ({self.axis}): add {', '.join(parts)} to the autopilot's output from"
+            f"{MOTIONS[self.axis]} ({self.axis}): add {', '.join(parts)} to the autopilot's output from"
             f" {self.begin_s:.0f} s on for {self.duration_s:.0f} s, each level held for"
             f" {self.hold_s:.1f} s or a multiple of it, which adds nothing at the waves'"
             f" {self.wave_period_s:.1f} s"
@@ -148,7 +147,7 @@ class Dither:
     @property
     def file_name(self) -> str:
         """Name of the file of its table."""
-        return f"dither-{_NAMES[self.axis]}.csv"
+        return f"dither-{MOTIONS[self.axis]}.csv"
 
     def csv(self) -> str:
         """Text of the table's file, which says how to use it."""

@@ -24,9 +24,9 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import write_table
-from seatrial.base.channels import AXES
+from seatrial.base.channels import AXES, MOTIONS
 from seatrial.base.errors import VehicleError
-from seatrial.experiment.combinations import MOTIONS, Combination, Thrusters
+from seatrial.experiment.combinations import Combination, Thrusters
 from seatrial.experiment.levels import (
     coast_down_levels,
     multisine_levels,

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.channels import AXES, CHANNELS, readable
+from seatrial.base.channels import CHANNELS, MOTIONS, readable
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunResult, part_file, to_json
-from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
+from seatrial.identification.estimate import Estimate, derived, distinct, plus_minus
 from seatrial.identification.held import SHARE, Conditional, Held, comment, sentences
 from seatrial.identification.hold_out import POOLED, Restarts, likelihood_gain, replayed
 from seatrial.intake.consistency_trials import LATE
 from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
-from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -32,42 +31,9 @@ if TYPE_CHECKING:
     from seatrial.estimation.scale import ScaleReport
     from seatrial.trial.score import Score
 
-__all__ = ["Estimate", "Identification", "advice", "derived", "distinct", "estimates", "plus_minus", "report"]
-
-_AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-
-_AT_BOUND = 0.005
+__all__ = ["Identification", "advice", "report"]
 
 _NEAR_ONE = 0.985
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One coefficient: from where it started, where it may lie, where it came to lie, how sure that is.
-
-    ``at_bound`` is "lower" or "upper" where the estimate lies within 0.5 % of the box at a bound, else None.
-    ``sigma`` is its standard deviation, ``interval`` the 95 % interval, ``verdict`` "identifiable", "weak" or
-    "not identifiable"; None where the coefficient is not in the joint estimate. What ended at a bound is not
-    identified: the deviation of the fit without bounds says nothing there, ``sigma`` is infinite.
-    """
-
-    name: str
-    unit: str
-    start: float
-    estimate: float
-    lower: float
-    upper: float
-    at_bound: str | None
-    stage: str
-    parameter: str
-    sigma: float | None = None
-    interval: tuple[float, float] | None = None
-    verdict: str | None = None
-
-    @property
-    def factor(self) -> float | None:
-        """Estimate over start value, None where that is zero."""
-        return self.estimate / self.start if self.start else None
 
 
 @dataclass(frozen=True)
@@ -267,98 +233,6 @@ class Identification(RunResult):
         return files
 
 
-def derived(vehicle: Vehicle) -> dict[str, float]:
-    """What the coefficients mean: apparent masses and inertias, net buoyancy, gains and lags per group."""
-    values = vehicle.coefficients()
-    mass = vehicle.mass_matrix()
-    found = {
-        f"apparent {'mass' if axis < 3 else 'inertia'} in {name}, {'kg' if axis < 3 else 'kg m2'}": float(
-            mass[axis][axis]
-        )
-        for axis, name in enumerate(_AXES)
-    }
-    found["net buoyancy B - m g, N"] = values.get("B", 0.0) - values["m"] * vehicle.environment()["g"]
-    groups = actuator_groups(vehicle)
-    fins = set(fins_and_groups(vehicle))
-    for suffix, of_thrusters in (("gain", "thrust gain"), ("T_1", "lag T_1, s"), ("T_t", "dead time T_t, s")):
-        for group, actuators in groups.items():
-            words = of_thrusters.replace("thrust", "lift") if set(actuators) <= fins else of_thrusters
-            each = {
-                actuator: values[key] for actuator in actuators if (key := f"{actuator}.{suffix}") in values
-            }
-            if len(set(each.values())) == 1:
-                found[f"{group} {words}"] = next(iter(each.values()))
-            else:
-                found |= {f"{actuator} {words}": value for actuator, value in each.items()}
-    return found
-
-
-def estimates(
-    campaign: Campaign, stages: tuple[StageResult, ...], assessment: Assessment | None = None
-) -> tuple[Estimate, ...]:
-    """Rows for every coefficient that was set: by the joint estimate, or by the last stage that freed it."""
-    rows: dict[str, Estimate] = {}
-    for stage in stages:
-        for parameter in campaign.parameters[stage.name]:
-            value, start = stage.estimates[parameter.name], stage.starts[parameter.name]
-            rows |= _rows(campaign, parameter, value, start=start, stage=stage.name)
-    for parameter in () if assessment is None else assessment.parameters:
-        known = assessment.of(parameter.name) if assessment is not None else None
-        if known is not None:
-            moved = assessment is not None and assessment.polished.rounds > 0
-            before = rows.get(parameter.members[0][0])
-            rows |= _rows(
-                campaign,
-                parameter,
-                known["estimate"],
-                start=parameter.start,
-                stage=before.stage if before is not None and not moved else "joint polish",
-                known=known,
-            )
-    return tuple(rows.values())
-
-
-def _rows(
-    campaign: Campaign,
-    parameter: Parameter,
-    value: float,
-    *,
-    start: float,
-    stage: str,
-    known: Mapping[str, Any] | None = None,
-) -> dict[str, Estimate]:
-    """A row per coefficient that a parameter sets."""
-    initial, info = campaign.vehicle.coefficients(), campaign.vehicle.coefficient_info()
-    near = _AT_BOUND * (parameter.upper - parameter.lower)
-    rows = {}
-    for member, factor in parameter.members:
-        lower, upper = sorted((factor * parameter.lower, factor * parameter.upper))
-        at_bound = None
-        if value - parameter.lower < near:
-            at_bound = "lower" if factor > 0 else "upper"
-        elif parameter.upper - value < near:
-            at_bound = "upper" if factor > 0 else "lower"
-        interval = None
-        if known is not None and at_bound is None:
-            ends = sorted((factor * known["lower"], factor * known["upper"]))
-            interval = (ends[0], ends[1])
-        rows[member] = Estimate(
-            name=member,
-            unit=info[member]["unit"],
-            start=start * factor if parameter.start_given else initial.get(member, 0.0),
-            estimate=factor * value,
-            lower=lower,
-            upper=upper,
-            at_bound=at_bound,
-            stage=stage,
-            parameter=parameter.name,
-            sigma=None if known is None else math.inf if at_bound else abs(factor) * known["sigma"],
-            interval=interval,
-            verdict="not identifiable" if at_bound else None if known is None else known["verdict"],
-        )
-    return rows
-
-
 def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> Report:
     """Three lines, coefficients, scores, what they mean, stages and advice.
 
@@ -501,7 +375,7 @@ def _worst(fit: Identification) -> tuple[str, str]:
     absent = {name for name, verdict in verdicts.items() if verdict == "not identifiable"}
     if missing := [one for one in combinations if absent.intersection(one.names)]:
         return _problem_and_remedy(missing[0].sentence, "not identifiable")
-    if bounds := [row for row in distinct(fit) if row.at_bound]:
+    if bounds := [row for row in distinct(fit.coefficients) if row.at_bound]:
         names = ", ".join(
             f"{row.name} ({row.at_bound} bound {row.estimate:.4g} {row.unit})" for row in bounds
         )
@@ -569,7 +443,7 @@ def _pooled(scores: Mapping[str, Score]) -> Score | None:
 
 def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table:
     rows = []
-    for row in distinct(fit):
+    for row in distinct(fit.coefficients):
         true = truth.get(row.name, 0.0)
         error = f"{round(100.0 * (row.estimate / true - 1.0), 1) + 0.0:+.1f} %" if true else ""
         rows.append((
@@ -756,17 +630,7 @@ def _score_table(fit: Identification) -> Table:
 def _replayed_words(fit: Identification) -> str:
     """Axes that every score replays from the recording, to add to a title; empty where there are none."""
     axes = replayed(fit.campaign)
-    return f"; {', '.join(_AXES[AXES.index(axis)] for axis in axes)} replayed, not predicted" if axes else ""
-
-
-def distinct(fit: Identification) -> tuple[Estimate, ...]:
-    """Rows with one for the equal coefficients of an actuator group, under the group's name."""
-    names = {row.name for row in fit.coefficients}
-    rows: dict[tuple[str, float], Estimate] = {}
-    for row in fit.coefficients:
-        name = row.name if row.parameter in names else row.parameter
-        rows.setdefault((name, row.estimate), replace(row, name=name))
-    return tuple(rows.values())
+    return f"; {', '.join(MOTIONS[axis] for axis in axes)} replayed, not predicted" if axes else ""
 
 
 def advice(fit: Identification) -> list[str]:
@@ -774,7 +638,7 @@ def advice(fit: Identification) -> list[str]:
     lines = [
         f"{row.name} is not identified, it ended at its {row.at_bound} bound: widen it if the value makes"
         " sense; otherwise the data cannot tell this coefficient"
-        for row in distinct(fit)
+        for row in distinct(fit.coefficients)
         if row.at_bound
     ]
     if fit.choice is not None:
@@ -801,13 +665,3 @@ def _joint_remarks(choice: Choice) -> list[str]:
             " under [polish]; if that does not help, the data do not tell all that is free"
         )
     return [*lines, choice.sentence()]
-
-
-def plus_minus(estimate: float, sigma: float | None) -> str:
-    """Estimate ± sigma with two digits of sigma; "undetermined" where it is infinite."""
-    if sigma is None:
-        return f"{estimate:.4g}"
-    if not math.isfinite(sigma):
-        return f"{estimate:.4g} (undetermined)"
-    digits = max(1 - math.floor(math.log10(sigma)), 0) if sigma > 0 else 4
-    return f"{estimate:.{digits}f} ± {sigma:.{digits}f}"

@@ -33,10 +33,11 @@ from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.choice import Choice, choose, with_or_without_presumed
+from seatrial.identification.estimate import estimates
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.held import Conditional, conditional, joint_estimate_of
 from seatrial.identification.hold_out import Restarts, part_scores
-from seatrial.identification.identification import Identification, estimates
+from seatrial.identification.identification import Identification
 from seatrial.identification.preparation import prepare
 from seatrial.intake.consistency_trials import late_velocity
 

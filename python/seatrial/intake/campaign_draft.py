@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
+from seatrial.base.channels import AXES, CHANNELS, MOTIONS, VELOCITIES
 from seatrial.trial.instability import runs_away
 
 if TYPE_CHECKING:
@@ -34,8 +34,6 @@ _SEEN = 0.5  # share of valid samples that a channel needs
 _LEAST_ANGLE = 0.035  # rad: a roll or pitch that spreads less tells nothing of what rights the vehicle
 
 _DRIVEN = 0.02  # a row of the allocation matrix, of its largest entry, that counts as driven
-
-_NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 
 _DIFFERENT = 4.0  # deviations that trials are apart whose corrections are not one
 
@@ -303,7 +301,7 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
         ]
     still = [axis for axis in "KM" if axis not in free and usable]
     if still:
-        names = " and ".join(_NAMES[axis] for axis in still)
+        names = " and ".join(MOTIONS[axis] for axis in still)
         lines.append(
             f"# Not identified, replayed from the log: {names}. The angle spreads by less than 2 deg, or it"
         )
@@ -380,7 +378,7 @@ def _stage(
             channels[angle] = 1.0
     if "Z" in group and all(_shown(one.trial, "z") for one in shown):
         channels["z"] = 0.5
-    lines = ["[[stages]]", line("name", " and ".join(_NAMES[axis] for axis in group))]
+    lines = ["[[stages]]", line("name", " and ".join(MOTIONS[axis] for axis in group))]
     lines.append(line("trials", [one.name for one in shown]))
     lines.append(line("axes", {"free": group} | ({"measured": measured} if measured else {})))
     lines.append(line("channels", channels))

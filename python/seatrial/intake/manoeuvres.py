@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.base.channels import AXES, CHANNELS, readable
+from seatrial.base.channels import AXES, CHANNELS, MOTIONS, readable
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -30,8 +30,6 @@ __all__ = ["Drive", "Kind", "Manoeuvre", "counted", "drives", "manoeuvres"]
 Kind = Literal[
     "step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run", "station-keeping", "rest"
 ]
-
-_AXIS_WORDS = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 
 _MINOR = 0.1  # of the largest force or moment: an axis that is driven less is not driven on purpose
 _COUPLED = 0.98  # correlation of two drives that are one: the sway force of a rudder, say
@@ -318,7 +316,7 @@ def _steps(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
 def _words(drive: Drive) -> str:
     if not drive.axis:
         return drive.name
-    return f"the {_AXIS_WORDS[drive.axis]} {'force' if drive.axis in 'XYZ' else 'moment'}"
+    return f"the {MOTIONS[drive.axis]} {'force' if drive.axis in 'XYZ' else 'moment'}"
 
 
 def _number(value: float, drive: Drive) -> str:
@@ -348,7 +346,7 @@ def _coast_downs(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Ite
                 until,
                 factor * first,
                 unit,
-                f"coast-down of {_AXIS_WORDS[axis]} from {factor * first:.2g} to {factor * last:.2g} {unit}"
+                f"coast-down of {MOTIONS[axis]} from {factor * first:.2g} to {factor * last:.2g} {unit}"
                 f" in {until - t:.0f} s from {t:.0f} s on",
             )
 

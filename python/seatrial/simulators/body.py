@@ -17,6 +17,7 @@ import tomlkit
 
 from seatrial._core import Vehicle
 from seatrial.base.arrays import Array
+from seatrial.base.channels import MOTIONS
 from seatrial.base.errors import VehicleError
 
 __all__ = ["FLIP", "Body", "body_of", "contradictions"]
@@ -26,7 +27,7 @@ FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 
 _FORCES, _VELOCITIES = "XYZKMN", "uvwpqr"
 
-_AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+_MOTIONS = tuple(MOTIONS.values())
 
 _SYMMETRY = 1e-6
 
@@ -193,7 +194,7 @@ def contradictions(body: Body) -> tuple[Body, list[str]]:
     if negative:
         for k in negative:
             said.append(
-                f"added mass in {_AXES[k]} is {added[k, k]:.4g}: an added mass is positive; its sign was"
+                f"added mass in {_MOTIONS[k]} is {added[k, k]:.4g}: an added mass is positive; its sign was"
                 " turned."
             )
         if all(added[k, k] <= 0.0 for k in range(6)):
@@ -224,7 +225,7 @@ def contradictions(body: Body) -> tuple[Body, list[str]]:
 
 def _dissipating(matrix: Array, what: str, power: str, said: list[str]) -> Array:
     matrix = matrix.copy()
-    for k, axis in enumerate(_AXES):
+    for k, axis in enumerate(_MOTIONS):
         if matrix[k, k] > 0.0:
             said.append(
                 f"{what} in {axis} is {matrix[k, k]:+.4g}: a force of that sign drives the vehicle on; its"
@@ -261,7 +262,7 @@ def _rigid_sentences(body: Body) -> list[str]:
                 " must be"
                 " positive and at most the sum of the others."
             )
-    still = [axis for k, axis in enumerate(_AXES) if not (body.linear[k, k] or body.quadratic[k, k])]
+    still = [axis for k, axis in enumerate(_MOTIONS) if not (body.linear[k, k] or body.quadratic[k, k])]
     if still:
         said.append(f"there is no damping in {', '.join(still)}.")
     return said

@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
 from seatrial.trial.feedback import explained, unforetold
 from seatrial.trial.mixer import WRENCH
 from seatrial.trial.waves import waves
@@ -71,7 +71,6 @@ _TRIAL = (
 _LONG_S = 300.0  # shorter logs do not tell so small a share from chance
 _WAY = 3.0  # robust deviations of the velocity
 
-_NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 _MAIN = 0.1  # of the actuator's largest force or moment
 _LEAST_LEVER_M = 0.03
 
@@ -139,7 +138,7 @@ class Verdict:
     @property
     def why(self) -> str:
         """The verdict with its evidence."""
-        who = f"{_NAMES[self.axis]} ({self.axis})"
+        who = f"{MOTIONS[self.axis]} ({self.axis})"
         if self.kind == "open":
             return f"{who} is open: its commands were not seen to follow measurements"
         told = f"{100.0 * max(self.told, 0.0):.0f} % of the motion"

@@ -1,0 +1,166 @@
+"""Coefficients as an identification found them: start, bounds, deviation, verdict, and what they mean.
+
+Tests: ``tests/identification/test_identify.py``, ``tests/diagnosis/test_manoeuvre_advice.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from seatrial.base.channels import MOTIONS
+from seatrial.campaign.parameters import Parameter
+from seatrial.estimation.stage import StageResult
+from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.diagnosis.assessment import Assessment
+
+__all__ = ["Estimate", "derived", "distinct", "estimates", "plus_minus"]
+
+_AT_BOUND = 0.005
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One coefficient: from where it started, where it may lie, where it came to lie, how sure that is.
+
+    ``at_bound`` is "lower" or "upper" where the estimate lies within 0.5 % of the box at a bound, else None.
+    ``sigma`` is its standard deviation, ``interval`` the 95 % interval, ``verdict`` "identifiable", "weak" or
+    "not identifiable"; None where the coefficient is not in the joint estimate. What ended at a bound is not
+    identified: the deviation of the fit without bounds says nothing there, ``sigma`` is infinite.
+    """
+
+    name: str
+    unit: str
+    start: float
+    estimate: float
+    lower: float
+    upper: float
+    at_bound: str | None
+    stage: str
+    parameter: str
+    sigma: float | None = None
+    interval: tuple[float, float] | None = None
+    verdict: str | None = None
+
+    @property
+    def factor(self) -> float | None:
+        """Estimate over start value, None where that is zero."""
+        return self.estimate / self.start if self.start else None
+
+
+def derived(vehicle: Vehicle) -> dict[str, float]:
+    """What the coefficients mean: apparent masses and inertias, net buoyancy, gains and lags per group."""
+    values = vehicle.coefficients()
+    mass = vehicle.mass_matrix()
+    found = {
+        f"apparent {'mass' if axis < 3 else 'inertia'} in {name}, {'kg' if axis < 3 else 'kg m2'}": float(
+            mass[axis][axis]
+        )
+        for axis, name in enumerate(MOTIONS.values())
+    }
+    found["net buoyancy B - m g, N"] = values.get("B", 0.0) - values["m"] * vehicle.environment()["g"]
+    groups = actuator_groups(vehicle)
+    fins = set(fins_and_groups(vehicle))
+    for suffix, of_thrusters in (("gain", "thrust gain"), ("T_1", "lag T_1, s"), ("T_t", "dead time T_t, s")):
+        for group, actuators in groups.items():
+            words = of_thrusters.replace("thrust", "lift") if set(actuators) <= fins else of_thrusters
+            each = {
+                actuator: values[key] for actuator in actuators if (key := f"{actuator}.{suffix}") in values
+            }
+            if len(set(each.values())) == 1:
+                found[f"{group} {words}"] = next(iter(each.values()))
+            else:
+                found |= {f"{actuator} {words}": value for actuator, value in each.items()}
+    return found
+
+
+def estimates(
+    campaign: Campaign, stages: tuple[StageResult, ...], assessment: Assessment | None = None
+) -> tuple[Estimate, ...]:
+    """Rows for every coefficient that was set: by the joint estimate, or by the last stage that freed it."""
+    rows: dict[str, Estimate] = {}
+    for stage in stages:
+        for parameter in campaign.parameters[stage.name]:
+            value, start = stage.estimates[parameter.name], stage.starts[parameter.name]
+            rows |= _rows(campaign, parameter, value, start=start, stage=stage.name)
+    for parameter in () if assessment is None else assessment.parameters:
+        known = assessment.of(parameter.name) if assessment is not None else None
+        if known is not None:
+            moved = assessment is not None and assessment.polished.rounds > 0
+            before = rows.get(parameter.members[0][0])
+            rows |= _rows(
+                campaign,
+                parameter,
+                known["estimate"],
+                start=parameter.start,
+                stage=before.stage if before is not None and not moved else "joint polish",
+                known=known,
+            )
+    return tuple(rows.values())
+
+
+def _rows(
+    campaign: Campaign,
+    parameter: Parameter,
+    value: float,
+    *,
+    start: float,
+    stage: str,
+    known: Mapping[str, Any] | None = None,
+) -> dict[str, Estimate]:
+    """A row per coefficient that a parameter sets."""
+    initial, info = campaign.vehicle.coefficients(), campaign.vehicle.coefficient_info()
+    near = _AT_BOUND * (parameter.upper - parameter.lower)
+    rows = {}
+    for member, factor in parameter.members:
+        lower, upper = sorted((factor * parameter.lower, factor * parameter.upper))
+        at_bound = None
+        if value - parameter.lower < near:
+            at_bound = "lower" if factor > 0 else "upper"
+        elif parameter.upper - value < near:
+            at_bound = "upper" if factor > 0 else "lower"
+        interval = None
+        if known is not None and at_bound is None:
+            ends = sorted((factor * known["lower"], factor * known["upper"]))
+            interval = (ends[0], ends[1])
+        rows[member] = Estimate(
+            name=member,
+            unit=info[member]["unit"],
+            start=start * factor if parameter.start_given else initial.get(member, 0.0),
+            estimate=factor * value,
+            lower=lower,
+            upper=upper,
+            at_bound=at_bound,
+            stage=stage,
+            parameter=parameter.name,
+            sigma=None if known is None else math.inf if at_bound else abs(factor) * known["sigma"],
+            interval=interval,
+            verdict="not identifiable" if at_bound else None if known is None else known["verdict"],
+        )
+    return rows
+
+
+def distinct(coefficients: Sequence[Estimate]) -> tuple[Estimate, ...]:
+    """Rows with one for the equal coefficients of an actuator group, under the group's name."""
+    names = {row.name for row in coefficients}
+    rows: dict[tuple[str, float], Estimate] = {}
+    for row in coefficients:
+        name = row.name if row.parameter in names else row.parameter
+        rows.setdefault((name, row.estimate), replace(row, name=name))
+    return tuple(rows.values())
+
+
+def plus_minus(estimate: float, sigma: float | None) -> str:
+    """Estimate ± sigma with two digits of sigma; "undetermined" where it is infinite."""
+    if sigma is None:
+        return f"{estimate:.4g}"
+    if not math.isfinite(sigma):
+        return f"{estimate:.4g} (undetermined)"
+    digits = max(1 - math.floor(math.log10(sigma)), 0) if sigma > 0 else 4
+    return f"{estimate:.{digits}f} ± {sigma:.{digits}f}"
