@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from seatrial._core import Vehicle
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
+from seatrial.campaign.file import Coefficient
 from seatrial.cli import app
 from seatrial.estimation.stage import frozen_motion, frozen_sentences, plan
 from seatrial.identification.identify import identify
@@ -164,3 +165,15 @@ def test_option_of_the_command_line(
     assert refused.exit_code == 2
     assert "--locked-axes 'thawed': expected frozen or measured" in refused.stderr
     assert not (tmp_path / "runs" / "made-thawed").exists()
+
+
+def test_strips_take_the_place_of_the_damping_that_they_make(campaign: Campaign) -> None:
+    stage = campaign.stages[0]
+    both = stage.model_copy(
+        update={"coefficients": {"Y_v": Coefficient(), "Y_vv": Coefficient(), "N_rr": Coefficient()}}
+    )
+    other = campaign.with_file(campaign.file.model_copy(update={"stages": (both,)}))
+    changed = other.with_strips("C_Dy", (0.0, 2.0), 0.8)
+    assert [*changed.stages[0].coefficients] == ["Y_v", "C_Dy"]
+    (drag,) = (one for one in changed.parameters[stage.name] if one.name == "C_Dy")
+    assert (drag.lower, drag.start, drag.upper) == (0.0, 0.8, 2.0)

@@ -18,6 +18,7 @@ from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.one_step import Motion, OneStep
+from seatrial.identification.choice import quadratic_or_strips
 from seatrial.trial import Recipe
 from seatrial.trial.windows import channel_errors, predict
 
@@ -105,7 +106,10 @@ def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
     assert noise.wave_hz == pytest.approx(0.2, abs=0.02)
     # The gyro's noise is found beside the waves; the log has 2e-3 rad/s.
     assert np.sqrt(noise.sensors) == pytest.approx([2e-3, 2e-3], rel=0.3)
-    assert [one.ahead_s for one in found.horizons] == [2.0]
+    # The autopilot answers the waves within two seconds: least squares finds 8 to 21 % too much inertia.
+    (horizon,) = found.horizons
+    assert horizon.ahead_s == 2.0
+    assert horizon.values[0] == pytest.approx(TRUTH["N_rdot"], rel=0.06)
     judged = assess(joint, found)
     assert judged.sentences()[0].startswith("joint estimate by innovations")
     for name in found.horizons[0].refused:
@@ -300,3 +304,34 @@ def test_water_of_waves_and_current_do_not_bend_the_rudder(tmp_path: Path) -> No
     gain, drag = polish(joint).values
     assert gain == pytest.approx(1.0, abs=0.03)
     assert drag == pytest.approx(Vehicle.load("remus100").coefficients()["N_rr"], rel=0.05)
+
+
+BOTH = LATERAL.replace("N_rr = [-250.0, -10.0]", "Y_vv = [-3000.0, -50.0]\nN_rr = [-250.0, -10.0]")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("stripped", [True, False])
+def test_the_damping_of_the_truth_is_the_likelier_one(stripped: bool, tmp_path: Path) -> None:
+    """A hull with cross-flow drag by strips, and one with quadratic damping of single velocities."""
+    own = Vehicle.load("remus100")
+    truth = own.with_coefficients({"Y_vv": 0.0, "N_rr": 0.0, "C_Dy": 1.1}) if stripped else own
+    (tmp_path / "hull.toml").write_text(truth.to_toml())
+    sensed = SENSORS.replace('"remus100"', '"hull.toml"')
+    for name, text in (("field", FIELD), ("survey", SURVEY), ("truth", sensed), ("campaign", BOTH)):
+        (tmp_path / f"{name}.toml").write_text(text)
+    Recipe.load(tmp_path / "field.toml").table().write_parquet(tmp_path / "log.parquet")
+    campaign = Campaign.load(tmp_path / "campaign.toml")
+    joint = Joint(campaign)
+    polished = polish(joint)
+    other, found, kind, (said,) = quadratic_or_strips(joint, polished)
+    names = [unknown.name for unknown in other.unknowns]
+    assert ("C_Dy" in names) is stripped
+    assert [*kind(campaign).stages[0].coefficients] == names
+    gain = dict(zip(names, found.values, strict=True))["rudder.gain"]
+    if stripped:
+        assert said.startswith("Cross-flow drag by strips (C_Dy) makes the log likelier by")
+        assert dict(zip(names, found.values, strict=True))["C_Dy"] == pytest.approx(1.1, rel=0.1)
+        assert abs(gain - 1.0) < 0.05
+    else:
+        assert said.startswith("Quadratic damping (Y_vv and N_rr) makes the log likelier by")
+        assert (other, found) == (joint, polished)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from seatrial._core import LinearModel
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
-from seatrial.estimation.kalman import Filters
+from seatrial.estimation.kalman import Filters, broadened
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.one_step import Span
 
@@ -94,13 +95,33 @@ def test_derivatives_of_predictions_hold_the_gains(ahead: int) -> None:
     given["start"] *= 0.0
     given["drift"] *= 0.0
     found = LinearModel(**given).predict(PROCESS, SENSORS, START, ahead)
-    assert found.shape == (SAMPLES - ahead, Y, 1 + M)
+    assert found.shape == (SAMPLES - ahead, Y, 1 + 2 * M)
     for unknown in range(M):
         moved = dict(given)
         moved["drift"] = np.zeros((SAMPLES - 1, N))
         moved["drift"][:, :S] = 1e-3 * given["slopes"][:, :, unknown]
         there = LinearModel(**moved).predict(PROCESS, SENSORS, START, ahead)
         np.testing.assert_allclose((there - found)[..., 0] / 1e-3, found[..., 1 + unknown], atol=1e-8)
+
+
+@pytest.mark.parametrize("ahead", [1, 2, 5])
+def test_what_a_prediction_foresees_knows_nothing_of_what_comes(ahead: int) -> None:
+    given, k = parts(), 20
+    own = LinearModel(**given).predict(PROCESS, SENSORS, START, ahead)[k]
+    if ahead == 1:
+        np.testing.assert_array_equal(own[:, 1 : 1 + M], own[:, 1 + M :])
+    later = {key: value.copy() for key, value in given.items()}
+    for key in ("transition", "slopes", "drift", "measured"):
+        later[key][k + 1 :] += 1.0
+    other = LinearModel(**later).predict(PROCESS, SENSORS, START, ahead)[k]
+    np.testing.assert_array_equal(own[:, 1 + M :], other[:, 1 + M :])
+    assert (ahead == 1) == np.array_equal(own[:, 1 : 1 + M], other[:, 1 : 1 + M])
+    # As if the step from the start repeated itself.
+    held = {key: value.copy() for key, value in given.items()}
+    for key in ("transition", "slopes"):
+        held[key][k : k + ahead] = given[key][k]
+    repeated = LinearModel(**held).predict(PROCESS, SENSORS, START, ahead)[k]
+    np.testing.assert_allclose(own[:, 1 + M :], repeated[:, 1 : 1 + M], rtol=1e-12, atol=1e-12)
 
 
 def test_an_outlier_moves_the_estimate_no_further_than_its_bound() -> None:
@@ -127,11 +148,10 @@ def test_parts_that_do_not_fit_are_refused() -> None:
         model.predict(PROCESS, SENSORS, START, 40)
 
 
-def test_water_of_waves_carries_the_vehicle_and_its_noises_are_found() -> None:
-    """A point adrift in waves, seen over ground by a noisy log: the water moves it and no force does."""
+def adrift(damping: float, hz: float = 0.2, count: int = 3000) -> tuple[Span, Array]:
+    """A point adrift in waves, seen over ground by a noisy log, and the velocity of the water."""
     draw = np.random.default_rng(3)
-    dt, count, hz = 0.1, 3000, 0.2
-    omega, damping = 2.0 * np.pi * hz, 0.05
+    omega = 2.0 * np.pi * hz
     place = rate = 0.0
     water = np.empty(count)
     for k in range(count):
@@ -142,7 +162,7 @@ def test_water_of_waves_carries_the_vehicle_and_its_noises_are_found() -> None:
         water[k] = rate
     afloat = np.zeros((count, 1, 3))
     afloat[:, 0, 0] = 1.0
-    span = Span(
+    seen = Span(
         record=0,
         first=0,
         last=count - 1,
@@ -155,12 +175,38 @@ def test_water_of_waves_carries_the_vehicle_and_its_noises_are_found() -> None:
         water=np.zeros((count, 2)),
         afloat=afloat,
     )
+    return seen, water
+
+
+def test_water_of_waves_carries_the_vehicle_and_its_noises_are_found() -> None:
+    """The water moves it and no force does."""
+    dt, hz, damping = 0.1, 0.2, 0.05
+    omega = 2.0 * np.pi * hz
+    span, water = adrift(damping)
     # White and slow acceleration of the one axis, a wave that pushes it, the water's, the current.
     process = np.array([1e-4, 1e-6, 0.0, 1e-5, 0.0, 1e-4, 1e-8, 1e-8])
-    noise = NoiseModel(process, np.array([1e-3]), hz, (0,), (0,))
+    noise = NoiseModel(process, np.array([1e-3]), hz, (0,), (0,), damping)
     found, [motion] = Filters([span], noise, dt, [0]).likeliest(noise, 60)
     assert np.sqrt(found.sensors[0]) == pytest.approx(0.02, rel=0.1)
     orbital = np.sqrt(found.process[5] / (4.0 * damping * omega * dt))
     assert orbital == pytest.approx(water.std(), rel=0.2)
     # Beside the water it does not move: its damping would have shown.
     assert motion.states.std() < 0.2 * water.std()
+
+
+@pytest.mark.parametrize("damping", [0.02, 0.2])
+def test_waves_are_as_broad_as_the_sea(damping: float) -> None:
+    span, _ = adrift(damping)
+    process = np.array([1e-4, 1e-6, 0.0, 1e-5, 0.0, 1e-4, 1e-8, 1e-8])
+    noise = NoiseModel(process, np.array([1e-3]), 0.2, (0,), (0,), 0.05)
+    noise, _ = Filters([span], noise, 0.1, [0]).likeliest(noise, 40)
+    found = broadened([span], noise, 0.1, [0], 8, None)
+    # Candidates lie a factor of 1.7 apart, and five minutes have some fifty waves.
+    assert found.damping == pytest.approx(damping, rel=0.75)
+    assert broadened([span], replace(noise, wave_hz=None), 0.1, [0], 8, None).damping == noise.damping
+
+
+def test_broader_waves_keep_their_variance() -> None:
+    noise = NoiseModel(np.arange(1.0, 9.0), np.ones(1), 0.2, (0,), (0,), 0.05)
+    broad = noise.broadened(0.1)
+    np.testing.assert_array_equal(broad.process / noise.process, [1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 1.0, 1.0])

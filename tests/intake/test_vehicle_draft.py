@@ -10,7 +10,7 @@ import pytest
 
 import seatrial as st
 from seatrial.intake.survey import SurveyedLog
-from seatrial.intake.vehicle_draft import draft_vehicle, matched, thruster_signs, turned
+from seatrial.intake.vehicle_draft import draft_vehicle, hull_inertia, matched, thruster_signs, turned
 
 AGAINST = ("thruster_3", "thruster_4", "thruster_6", "thruster_7")
 
@@ -92,3 +92,43 @@ def test_stub_loads_once_its_measures_are_filled_in() -> None:
     assert set(vehicle.actuators) == set(units)
     facts = vehicle.actuator_info()
     assert [facts[name]["unit"] for name in units] == ["us", "rpm", "rad"]
+
+
+TAPE = """
+format = 1
+name = "tape"
+controllable = ["X"]
+[environment]
+rho_kg_m3 = 1026.0
+[geometry]
+length_m = 1.6
+diameter_m = 0.19
+[coefficients]
+m = 31.03
+"""
+
+
+def test_a_given_vehicle_without_inertia_gets_that_of_a_hull_as_full_as_it_is(tmp_path: Path) -> None:
+    given = tmp_path / "tape.toml"
+    given.write_text(TAPE)
+    draft = draft_vehicle([], {}, given)
+    assert draft.vehicle is not None
+    found = draft.vehicle.coefficients()
+    # As full as the spheroid of these axes: m (l^2 / 4 + r^2) / 5.
+    assert found["I_y"] == found["I_z"] == pytest.approx(31.03 * (0.8**2 + 0.095**2) / 5.0, rel=0.01)
+    assert draft.text.replace("\n".join(draft.text.split("\n")[10:14]) + "\n", "") == TAPE
+    assert "67 % of its cylinder" in draft.source
+    for own in ("I_y = 5.0\nI_z = 5.0\n", "B = 600.0\n", "B = 150.0\n"):
+        given.write_text(TAPE + own)
+        assert draft_vehicle([], {}, given).text == TAPE + own
+
+
+def test_hulls_between_a_spheroid_and_a_cylinder() -> None:
+    m, length, r = 30.0, 1.6, 0.1
+    assert hull_inertia(m, length, r, 1.0) == pytest.approx(m * (length**2 + 3.0 * r**2) / 12.0)
+    assert hull_inertia(m, length, r, 2.0 / 3.0) == pytest.approx(m * (length**2 / 4.0 + r**2) / 5.0)
+    # A body of revolution with r(x)^2 = r^2 (1 - |2 x / l|^4), summed by slices.
+    x = np.linspace(-0.5, 0.5, 20001) * length
+    area = np.pi * r**2 * (1.0 - np.abs(2.0 * x / length) ** 4)
+    slices = np.trapezoid(area * x**2 + area**2 / (4.0 * np.pi), x) / np.trapezoid(area, x)
+    assert hull_inertia(m, length, r, 0.8) == pytest.approx(m * slices, rel=1e-6)

@@ -27,6 +27,7 @@ from seatrial.campaign.variants import (
     LockedAxes,
     with_locked_axes,
     with_start_values,
+    with_strips,
     without_coefficients,
     without_trial,
 )
@@ -270,6 +271,13 @@ class Campaign:
         Its text stays. A stage that frees nothing else is gone; there may be none left.
         """
         return self.with_file(without_coefficients(self.file, names)) if names else self
+
+    def with_strips(self, name: str, bounds: tuple[float, float], start: float) -> Campaign:
+        """Campaign that frees ``C_Dy`` or ``C_Dz`` in place of the quadratic damping that its strips make.
+
+        Its text stays.
+        """
+        return self.with_file(with_strips(self.file, name, bounds, start))
 
     def with_file(self, file: CampaignFile, *, text: str | None = None) -> Campaign:
         """Campaign with another file, checked again; trials that were read are not read again.

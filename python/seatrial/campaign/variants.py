@@ -13,12 +13,19 @@ from typing import TYPE_CHECKING, Any, Literal
 from seatrial.base.channels import AXES
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Axes, CampaignFile, Coefficient, Nuisance, Polish, Stage, parse
-from seatrial.campaign.parameters import Parameter
+from seatrial.campaign.parameters import STRIPS, Parameter
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["LockedAxes", "with_locked_axes", "with_start_values", "without_coefficients", "without_trial"]
+__all__ = [
+    "LockedAxes",
+    "with_locked_axes",
+    "with_start_values",
+    "with_strips",
+    "without_coefficients",
+    "without_trial",
+]
 
 LockedAxes = Literal["frozen", "measured"]
 
@@ -141,6 +148,34 @@ def without_coefficients(file: CampaignFile, names: Collection[str]) -> Campaign
         fixed = tuple(name for name in polish.fixed if name not in names)
         polish = polish.model_copy(update={"coefficients": freed, "fixed": fixed})
     return file.model_copy(update={"stages": stages, "polish": polish})
+
+
+def with_strips(file: CampaignFile, name: str, bounds: tuple[float, float], start: float) -> CampaignFile:
+    """Campaign file that frees the strips ``C_Dy`` or ``C_Dz`` in place of the quadratic damping they make.
+
+    They stand in the stage that frees the first of what they replace, from this start and in these bounds.
+    """
+    replaced = set(STRIPS[name])
+    free = Coefficient(bounds=bounds, start=start)
+
+    def other(coefficients: Mapping[str, Coefficient]) -> dict[str, Coefficient]:
+        first = next((one for one in coefficients if one in replaced), None)
+        found: dict[str, Coefficient] = {}
+        for one, entry in coefficients.items():
+            if one == first:
+                found[name] = free
+            if one not in replaced:
+                found[one] = entry
+        return found
+
+    first = next((stage for stage in file.stages if replaced & stage.coefficients.keys()), None)
+    rest = without_coefficients(file, replaced)
+    kept = {stage.name: stage for stage in rest.stages}
+    if first is None:
+        return rest
+    kept[first.name] = first.model_copy(update={"coefficients": other(first.coefficients)})
+    stages = tuple(kept[stage.name] for stage in file.stages if stage.name in kept)
+    return rest.model_copy(update={"stages": stages})
 
 
 def _nuisances(polish: Polish, name: str) -> dict[str, Nuisance]:

@@ -12,13 +12,16 @@ Gauss-Newton step on the prediction errors a horizon ahead, one sample unless th
 
 A noise model may be wrong too, and then the estimate depends on the horizon. The unknowns are therefore
 estimated again from predictions over other horizons. Where the difference is larger than three of its
-standard deviations, and larger than a quarter of the estimate, the coefficient is not identified. Horizons
-longer than the answer of the autopilot are bent by it: short ones are compared.
+standard deviations, and larger than a quarter of the estimate, the coefficient is not identified. Commands
+within a horizon answer what disturbs the vehicle within it, and least squares would be bent by that: the
+derivatives as the start of each prediction foresees them are the instruments. What is left is the part of the
+waves that the start could foresee and the model does not: short horizons are compared.
 Standard deviations of differences are those of the sums over blocks of time longer than the correlation.
 
 Source: Maine & Iliff, *Application of Parameter Estimation to Aircraft Stability and Control* (NASA RP-1168,
-1986); Ljung, *System Identification* (1999); Jategaonkar, *Flight Vehicle System Identification* (2015),
-chapter 5 (filter error method).
+1986); Söderström & Stoica, *Instrumental Variable Methods for System Identification* (1983); Ljung,
+*System Identification* (1999); Jategaonkar, *Flight Vehicle System Identification* (2015), chapter 5 (filter
+error method).
 Held by ``tests/estimation/test_innovations.py``.
 """
 
@@ -48,6 +51,9 @@ __all__ = ["Horizon", "Innovations", "Outcome"]
 
 _FIRST, _EACH = (10, 10, 30), (8,)
 """Evaluations of the likelihood of the noises before the first round, and in each; the motion follows."""
+
+_BROAD = 8
+"""Evaluations of the likelihood for each breadth of the waves that is tried."""
 
 _CLOSE = 0.5  # standard deviations of the largest step that ends the rounds
 
@@ -113,11 +119,15 @@ class Outcome:
 
 @dataclass(frozen=True)
 class _Errors:
-    """Prediction errors (n, Y) of a span, their derivatives (n, Y, m) by the unknowns, what counts."""
+    """Prediction errors (n, Y) of a span, their derivatives (n, Y, m) by the unknowns, what counts.
+
+    ``foreseen`` (n, Y, m) are the derivatives as the start of each prediction foresees them.
+    """
 
     span: Span
     error: Array
     slope: Array
+    foreseen: Array
     counted: Mask
 
 
@@ -169,7 +179,7 @@ class Innovations:
     ) -> Outcome:
         """The estimate that a start (m,) leads to, and those of the other horizons."""
         began = time.monotonic()
-        at, converged, interrupted, count = start.copy(), False, False, 0
+        at, converged, interrupted, count, settled = start.copy(), False, False, 0, False
         horizons: tuple[Horizon, ...] = ()
         ahead = self._samples(self.joint.polish.horizon_s)
         spans = self._spans(at, _FIRST)
@@ -189,6 +199,11 @@ class Innovations:
                 converged = bool(np.all(np.abs(moved - at) < _CLOSE * size)) and count > 0
                 at, count = moved, count + 1
                 spans = self._spans(at, _EACH)
+                if converged and not settled:
+                    # The waves are told apart from the errors of a right vehicle only.
+                    damping, settled = self._damping(), True
+                    spans = self._broadened(spans, at)
+                    converged = self._damping() == damping
                 errors = self._errors(spans, ahead)
                 noise = self._noise(errors)
             if rounds:
@@ -248,6 +263,15 @@ class Innovations:
             pushed=pushed_axes(joint.vehicle),
             fins=fins_and_groups(joint.vehicle),
         )
+
+    def likelihood(self, values: Array) -> float:
+        """Logarithm of the likelihood of these data with the noise model as it is, without its constant.
+
+        The motion that the derivatives are taken at is found anew, for the values (m,) of the unknowns.
+        """
+        assert self.joint.noise_model is not None
+        found = self._filters(self._settled(values)).likelihood(self.joint.noise_model)
+        return found if math.isfinite(found) else -math.inf
 
     def prepare(self, values: Array) -> None:
         """Find the noise model that goes with the values (m,) of the unknowns, from nothing."""
@@ -331,7 +355,7 @@ class Innovations:
 
     def _spans(self, values: Array, improvements: Sequence[int], extra: Sequence[str] = ()) -> list[Span]:
         """The spans at a point, the noise model brought along."""
-        spans = self.steps.linearised(values, extra)
+        spans, new = self.steps.linearised(values, extra), self.joint.noise_model is None
         if self.joint.noise_model is None:
             self.joint.noise_model = kalman.begin(spans, len(self.steps.velocities), self.dt)
         for evaluations in improvements:
@@ -340,7 +364,16 @@ class Innovations:
             )
             self.steps.follow(motion)
             spans = self.steps.linearised(values, extra)
-        return spans
+        return self._broadened(spans, values, extra) if new else spans
+
+    def _broadened(self, spans: Sequence[Span], values: Array, extra: Sequence[str] = ()) -> list[Span]:
+        """The spans at a point, the waves of the noise model as broad as the log says."""
+        assert self.joint.noise_model is not None
+        self.joint.noise_model = kalman.broadened(
+            spans, self.joint.noise_model, self.dt, self.seen, _BROAD, self.joint.threads
+        )
+        self.steps.follow(self._filters(spans).motion(self.joint.noise_model))
+        return self.steps.linearised(values, extra)
 
     def _settled(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:
         """The spans at a point along a motion found anew for it, with the noise model as it is."""
@@ -358,6 +391,11 @@ class Innovations:
             self.steps.follow(motion)
         return self._spans(values, (), extra)
 
+    def _damping(self) -> float:
+        """Damping ratio of the waves, as the filter has them."""
+        assert self.joint.noise_model is not None
+        return self.joint.noise_model.damping
+
     def _filters(self, spans: Sequence[Span]) -> kalman.Filters:
         assert self.joint.noise_model is not None
         return kalman.Filters(spans, self.joint.noise_model, self.dt, self.seen, self.joint.threads)
@@ -370,8 +408,8 @@ class Innovations:
             counted = span.valid[ahead:] & np.isfinite(late).all(axis=2)
             counted[: round(_SETTLING_S / self.dt)] = False
             error = np.where(counted, span.measured[ahead:] - late[..., 0], 0.0)
-            slope = np.where(counted[..., None], late[..., 1:], 0.0)
-            found.append(_Errors(span, error, slope, counted))
+            slope, foreseen = np.split(np.where(counted[..., None], late[..., 1:], 0.0), 2, axis=2)
+            found.append(_Errors(span, error, slope, foreseen if ahead > 1 else slope, counted))
         return found
 
     def _noise(self, errors: Sequence[_Errors]) -> Array:
@@ -409,6 +447,9 @@ class Innovations:
     ) -> tuple[Array, Array, Array]:
         """Gauss-Newton step (m,) within the bounds, the information (m, m), block sums (b, m) of the pull.
 
+        Two-stage least squares: the instruments are the derivatives as the start of each prediction foresees
+        them (Söderström & Stoica 1983). One sample ahead they are the derivatives themselves.
+
         Predictions over a horizon of several samples overlap, and so many of them tell as much as one: the
         priors weigh accordingly more.
         """
@@ -417,15 +458,24 @@ class Innovations:
         precision = overlap * self.prior_sd**-2.0
         information = np.diag(precision)
         gradient = -precision * (at - centre)
-        blocks, length = [], max(round(_BLOCK_S / self.dt), 1)
+        pulls, length = [], max(round(_BLOCK_S / self.dt), 1)
+        seen, own = np.zeros((len(at), len(at))), np.zeros((len(at), len(at)))
         for one in errors:
             residual = one.error / noise
-            rows = one.slope / noise[:, None]
+            rows, known = one.slope / noise[:, None], one.foreseen / noise[:, None]
             weight = self._weight(residual)
-            information = information + np.einsum("kc,kci,kcj->ij", weight, rows, rows, optimize=True)
-            pull = np.einsum("kc,kci->ki", weight * residual, rows)
-            gradient = gradient + pull.sum(axis=0)
-            blocks += [pull[k : k + length].sum(axis=0) for k in range(0, len(pull), length)]
+            seen += np.einsum("kc,kci,kcj->ij", weight, known, rows, optimize=True)
+            own += np.einsum("kc,kci,kcj->ij", weight, known, known, optimize=True)
+            pull = np.einsum("kc,kci->ki", weight * residual, known)
+            pulls += [pull[k : k + length].sum(axis=0) for k in range(0, len(pull), length)]
+        projected: Array = np.eye(len(at))
+        if any(one.foreseen is not one.slope for one in errors):
+            both = np.outer(self.scale, self.scale)
+            solved = np.linalg.lstsq(both * own, both * seen, rcond=1e-12)[0]
+            projected = np.asarray(solved * self.scale[:, None] / self.scale)
+        information = information + seen.T @ projected
+        blocks = np.array(pulls) @ projected
+        gradient = gradient + blocks.sum(axis=0)
         free = np.array([i for i in range(len(at)) if i not in set(fixed)], dtype=np.intp)
         scale = self.scale[free]
         scaled = information[np.ix_(free, free)] * np.outer(scale, scale)
@@ -436,7 +486,7 @@ class Innovations:
         found = lsq_linear(factor, target, (np.minimum(away[0], -1e-12), np.maximum(away[1], 1e-12)))
         step = np.zeros(len(at))
         step[free] = found.x * scale
-        return step, information, np.array(blocks)
+        return step, information, blocks
 
     def _compared(
         self, values: Array, centre: Array, fixed: Sequence[int], errors: Sequence[_Errors], noise: Array

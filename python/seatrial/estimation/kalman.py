@@ -42,7 +42,7 @@ from seatrial.estimation.one_step import Motion, Span
 if TYPE_CHECKING:
     from seatrial._core import LinearModel
 
-__all__ = ["Filters", "begin", "wave_frequency"]
+__all__ = ["Filters", "begin", "broadened", "wave_frequency"]
 
 _T = TypeVar("_T")
 
@@ -50,7 +50,10 @@ SLOW_S = 30.0
 """Time constant of the slow accelerations, s."""
 
 DAMPING = 0.05
-"""Damping ratio of a wave's shaping filter."""
+"""Damping ratio of a wave's shaping filter to begin with."""
+
+_BROADER, _BROADEST = 1.7, (0.01, 0.4)
+"""Factor between the damping ratios that are compared, and the least and largest of them."""
 
 _CURRENT_SD, _WALK = 0.3, 1e-4  # m/s, and m/s per sample to begin with
 
@@ -124,7 +127,43 @@ def begin(spans: Sequence[Span], velocities: int, dt: float) -> NoiseModel:
         jumps = np.concatenate([np.diff(span.measured[span.valid[:, column], column]) for span in spans])
         if len(jumps):
             sensors[column] = max(float(np.mean(jumps**2)) / 2.0, 1e-8)
-    return NoiseModel(process, sensors, wave_hz, waved, water)
+    return NoiseModel(process, sensors, wave_hz, waved, water, DAMPING)
+
+
+def broadened(
+    spans: Sequence[Span],
+    noise: NoiseModel,
+    dt: float,
+    seen: Sequence[int],
+    evaluations: int,
+    threads: int | None,
+) -> NoiseModel:
+    """The noise model with the damping ratio of the waves of largest likelihood.
+
+    A sea is broader or narrower than the ratio that the filter begins with. The autopilot answers what of its
+    waves the filter does not foresee, so that a model that is too narrow or too broad bends the gains. Ratios
+    a factor apart are compared, upwards first, each with so many evaluations of the likelihood for its
+    intensities.
+    """
+    if noise.wave_hz is None:
+        return noise
+
+    def improved(model: NoiseModel) -> tuple[float, NoiseModel]:
+        filters = Filters(spans, model, dt, seen, threads)
+        found, _ = filters.likeliest(model, evaluations)
+        return filters.likelihood(found), found
+
+    best = improved(noise)
+    for factor in (_BROADER, 1.0 / _BROADER):
+        moved = False
+        while _BROADEST[0] <= (ratio := best[1].damping * factor) <= _BROADEST[1]:
+            other = improved(best[1].broadened(ratio))
+            if not other[0] > best[0]:
+                break
+            best, moved = other, True
+        if moved:
+            break
+    return best[1]
 
 
 class Filters:
@@ -231,7 +270,7 @@ class Filters:
         start[self.states : -2] = np.maximum(noise.process[self.states : -2] * SLOW_S / (2.0 * self.dt), 0.0)
         for at in _pairs(noise, self.states):  # displacement and rate of a wave
             omega = 2.0 * math.pi * (noise.wave_hz or 0.0)
-            start[at + 1] = noise.process[at + 1] / (4.0 * DAMPING * omega * self.dt)
+            start[at + 1] = noise.process[at + 1] / (4.0 * noise.damping * omega * self.dt)
             start[at] = start[at + 1] / omega**2
         start[-2:] = _CURRENT_SD**2
         return start
@@ -266,7 +305,7 @@ def _model(span: Span, noise: NoiseModel, dt: float, seen: Sequence[int]) -> Lin
     push = 0.5 * dt * (np.eye(states) + span.transition)[:, :, :velocities]
     slow = math.exp(-dt / SLOW_S)
     omega = 2.0 * math.pi * (noise.wave_hz or 0.0)
-    turn = expm(np.array([[0.0, 1.0], [-(omega**2), -2.0 * DAMPING * omega]]) * dt)
+    turn = expm(np.array([[0.0, 1.0], [-(omega**2), -2.0 * noise.damping * omega]]) * dt)
     mean = 0.5 * (turn[1] + np.array([0.0, 1.0]))
     for axis in range(velocities):
         driven[axis, states + axis] = slow

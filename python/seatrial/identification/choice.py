@@ -18,6 +18,10 @@ better than its mean (e > 1) tells a tenth of that, for it is not predicted anyw
 result unless the mean over the channels is higher by more than `_EVEN`, or a channel that the stages predict
 loses more than `_LOST` of R2 and half as much error variance again.
 
+Where a noise model is estimated along, quadratic damping of single velocities stands against cross-flow
+drag by strips, and the likelihood of held-out data judges (`quadratic_or_strips`): a slender hull that
+sideslips and turns at once is damped by neither velocity alone, and gains bend to make up for it.
+
 By the same rule coefficients that only a prior bounds (the gains of single thrusters) leave the joint
 estimate where it predicts held-out data worse with them: a wrong model bends them for want of better.
 
@@ -28,7 +32,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -37,6 +42,7 @@ from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import SeatrialError
 from seatrial.base.progress import Step
 from seatrial.campaign.campaign import Campaign
+from seatrial.campaign.parameters import STRIPS
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
@@ -47,7 +53,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.score import Score
 
-__all__ = ["Choice", "choose", "with_or_without_presumed"]
+__all__ = ["Choice", "choose", "quadratic_or_strips", "with_or_without_presumed"]
 
 _SHARE = 0.2
 """Part of every trial, at its end, that judges where the campaign holds nothing out."""
@@ -68,6 +74,12 @@ _LONGEST_S = 0.5
 
 _TELLING = 0.02
 """Differences of R2 below this mean nothing."""
+
+_LIKELIER = 10.0
+"""Nats of all held-out data from which the other damping is the result."""
+
+_STRIPS = 0.8
+"""Cross-flow drag coefficient to begin with: a cylinder of finite length (White 2011, table 7.3)."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +165,7 @@ def choose(
     polished: Polished,
     *,
     stages: tuple[StageResult, ...],
+    begun: Joint | None = None,
     threads: int | None = None,
 ) -> Choice:
     """Choice between the stages, at which the joint estimate began, and the joint estimate.
@@ -164,11 +177,13 @@ def choose(
         With the stages' vehicle.
     polished : Polished
         Its joint estimate.
+    begun : Joint, optional
+        The one that starts at the stages' values, where `quadratic_or_strips` took another one.
     stages : tuple of StageResult
     threads : int, optional
         Threads of the core; the choice does not depend on it.
     """
-    words, first, second, rivals = _outside(campaign, joint, polished)
+    words, first, second, rivals = _outside(campaign, joint, polished, begun)
     if joint.method == "innovations" and not first:
         why = (
             "it was not compared with the stages, for no part of its trials is held out (hold_out_s), and a"
@@ -251,6 +266,76 @@ def with_or_without_presumed(
     )
 
 
+def quadratic_or_strips(
+    joint: Joint, polished: Polished, *, watch: Callable[[Step], None] | None = None
+) -> tuple[Joint, Polished, Callable[[Campaign], Campaign], tuple[str, ...]]:
+    """The joint estimate with quadratic damping, or with cross-flow drag by strips in place of it.
+
+    Each plane whose quadratic damping is free in both axes (``Y_vv`` and ``N_rr``, ``Z_ww`` and ``M_qq``) is
+    estimated again with one drag coefficient for all strips of the hull. It is the result where it makes
+    held-out data, or all where nothing is held out, more likely by `_LIKELIER`. Output error is left as it
+    is: its residual analysis names strips that are missing.
+
+    Parameters
+    ----------
+    joint, polished
+        With quadratic damping.
+    watch : callable, optional
+        As of `seatrial.estimation.joint_estimate.polish`.
+
+    Returns
+    -------
+    tuple
+        The joint estimate that is likelier, how it went, what makes a campaign one of its kind, and a
+        sentence for each plane that was compared.
+    """
+    kind: Callable[[Campaign], Campaign] = lambda campaign: campaign  # noqa: E731
+    if joint.method != "innovations" or polished.interrupted:
+        return joint, polished, kind, ()
+    said: list[str] = []
+    for name, made in STRIPS.items():
+        free = {unknown.name for unknown in joint.unknowns} - joint.hidden
+        info = joint.vehicle.coefficient_info()
+        if not {made[0], made[-1]} <= free or info.get(name, {}).get("upper") is None:
+            continue
+        replaced = made[0], made[-1]
+        change = partial(
+            Campaign.with_strips, name=name, bounds=(0.0, float(info[name]["upper"])), start=_STRIPS
+        )
+        ended = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
+        vehicle = joint.vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {name: _STRIPS})
+        other = Joint(
+            change(joint.campaign), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
+        )
+        other.method_reason, other.noise_model = joint.method_reason, joint.noise_model
+        start = [ended.get(one.name, own) for one, own in zip(other.unknowns, other.start, strict=True)]
+        again = polish(other, start=np.array(start), watch=watch)
+        if again.interrupted:
+            polished = replace(polished, interrupted=True)
+            break
+        held_out = bool(joint.steps(held_out=True)[0])
+        quadratic, strips = (
+            Innovations(one, held_out=held_out).likelihood(end.values)
+            for one, end in ((joint, polished), (other, again))
+        )
+        better = strips - quadratic
+        taken = better > _LIKELIER
+        words = "held-out data" if held_out else "the log"
+        drag = f"cross-flow drag by strips ({name})", f"quadratic damping ({' and '.join(replaced)})"
+        chosen, rejected = drag if taken else drag[::-1]
+        by = f"by {abs(better):.0f} nats" if math.isfinite(better) else "beyond measure"
+        said.append(f"{chosen[0].upper()}{chosen[1:]} makes {words} likelier {by} than {rejected}")
+        if taken:
+            joint, polished, kind = other, again, _after(kind, change)
+    return joint, polished, kind, tuple(said)
+
+
+def _after(
+    first: Callable[[Campaign], Campaign], second: Callable[[Campaign], Campaign]
+) -> Callable[[Campaign], Campaign]:
+    return lambda campaign: second(first(campaign))
+
+
 def _compared(
     first: Mapping[str, float], second: Mapping[str, float], judged: Sequence[str]
 ) -> tuple[float, bool]:
@@ -261,7 +346,7 @@ def _compared(
 
 
 def _outside(
-    campaign: Campaign, joint: Joint, polished: Polished
+    campaign: Campaign, joint: Joint, polished: Polished, begun: Joint | None = None
 ) -> tuple[str, dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
     """What the campaign holds out, in words; errors of stages, joint estimate and rivals on it."""
     if joint.method == "output":
@@ -276,14 +361,15 @@ def _outside(
     words = f"held-out data, {ahead_s:g} s ahead from the state of a filter,"
     if not joint.steps(held_out=True)[0]:
         return words, {}, {}, {}
-    judge, found = Innovations(joint, held_out=True), []
-    own = joint.noise_model
-    for values in (polished.values, joint.start):
-        if values is joint.start:
-            Innovations(joint).prepare(values)
-        sums = judge.sums(values, ahead_s)
-        found.append({channel: min(one["filter"] / one["mean"], _MOST) for channel, one in sums.items()})
-    joint.noise_model = own
+    found = []
+    begun = joint if begun is None else begun
+    for one, values in ((joint, polished.values), (begun, begun.start)):
+        own = one.noise_model
+        if values is begun.start:
+            Innovations(one).prepare(values)
+        sums = Innovations(one, held_out=True).sums(values, ahead_s)
+        one.noise_model = own
+        found.append({channel: min(row["filter"] / row["mean"], _MOST) for channel, row in sums.items()})
     rivals = {
         name: {c: one[name] / one["mean"] for c, one in sums.items() if math.isfinite(one[name])}
         for name in ("hold last", "linear")

@@ -86,7 +86,9 @@ def estimates(
     """Rows for every coefficient that was set: by the joint estimate, or by the last stage that freed it."""
     rows: dict[str, Estimate] = {}
     for stage in stages:
-        for parameter in campaign.parameters[stage.name]:
+        for parameter in campaign.parameters.get(stage.name, ()):
+            if parameter.name not in stage.estimates:
+                continue  # strips that the joint estimate took in place of the stage's quadratic damping
             value, start = stage.estimates[parameter.name], stage.starts[parameter.name]
             rows |= _rows(campaign, parameter, value, start=start, stage=stage.name)
     for parameter in () if assessment is None else assessment.parameters:

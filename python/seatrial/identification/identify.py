@@ -32,7 +32,7 @@ from seatrial.diagnosis.assessment import Assessment, assess
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
-from seatrial.identification.choice import Choice, choose, with_or_without_presumed
+from seatrial.identification.choice import Choice, choose, quadratic_or_strips, with_or_without_presumed
 from seatrial.identification.estimate import estimates
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.held import Conditional, conditional, joint_estimate_of
@@ -432,9 +432,17 @@ def run_identification(
                 )
                 if dropped:
                     campaign, notes = campaign.without_coefficients(set(dropped)), (*notes, why)
-                choice = choose(campaign, joint, polished, stages=stages, threads=threads)
-                interrupted = polished.interrupted
+                begun = joint
+                other, polished_other, kind, compared = quadratic_or_strips(
+                    joint, polished, watch=_watch(order, progress)
+                )
+                choice = choose(
+                    kind(campaign), other, polished_other, stages=stages, begun=begun, threads=threads
+                )
+                interrupted = polished_other.interrupted
                 if choice.result == "joint estimate":
+                    campaign, joint, polished = kind(campaign), other, polished_other
+                    notes = (*notes, *compared)
                     found, nuisances = polished, joint.records(polished.values)
             notes = (*notes, *joint.sentences())
             found = polish(joint, rounds=0) if found is None else found

@@ -37,7 +37,7 @@ from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, versi
 from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.stage import plan
-from seatrial.identification.choice import choose, with_or_without_presumed
+from seatrial.identification.choice import choose, quadratic_or_strips, with_or_without_presumed
 from seatrial.identification.held import joint_estimate_of
 from seatrial.identification.hold_out import left_out_score
 from seatrial.identification.identify import StageOrder
@@ -315,9 +315,11 @@ def _without(
             joint = joint_estimate_of(rest, whole, held, vehicle, threads=threads)
             watch = None if progress is None else _polishing(progress, order)
             joint, polished, *_ = with_or_without_presumed(joint, polish(joint, watch=watch), watch=watch)
+            begun = joint
+            joint, polished, kind, _ = quadratic_or_strips(joint, polished, watch=watch)
             if polished.interrupted:
                 raise KeyboardInterrupt
-            choice = choose(rest, joint, polished, stages=stages, threads=threads)
+            choice = choose(kind(rest), joint, polished, stages=stages, begun=begun, threads=threads)
             if choice.result == "joint estimate":
                 vehicle, result = joint.identified(polished.values), choice.result
                 nuisances = joint.records(polished.values)

@@ -416,7 +416,8 @@ def _coefficients(
     else:
         size = abs(float(info[quadratic]["start"])) * max(speed, 0.1)
         low = 10.0 * size if size else 100.0
-        lines.append(line(linear, [-_rounded((_DAMPING if wide else 1.0) * low), 0.0]))
+        # Beside fins the added inertia is held, and what damps takes its error over.
+        lines.append(line(linear, [-_rounded((_DAMPING if wide or held else 1.0) * low), 0.0]))
     if _bounded(info, quadratic) and info[quadratic]["start"]:
         lines.append(line(quadratic, bounds(quadratic, 1.0, wide)))
     for other in _LIFT:

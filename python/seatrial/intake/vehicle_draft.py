@@ -3,14 +3,20 @@
 ArduSub's motors turn as MOT_n_DIRECTION says; where a log does not carry its parameters, the commands tell:
 a mixer moves the vehicle with what its frame can do and never along a combination of thrusters whose forces
 cancel. Among all signs the right ones leave these combinations at rest; which of the two senses of each
-group is right the motion tells. Frames and motor numbers: ArduPilot, AP_Motors6DOF. Held by
+group is right the motion tells. Frames and motor numbers: ArduPilot, AP_Motors6DOF.
+
+Motion tells only the ratio of a fin's moment to the inertia that it turns. Where a given vehicle file has no
+inertia, that of the solid cylinder stands in for it and is too large by a quarter to a half: the draft takes
+that of a hull as full as its buoyancy says. Held by
 ``tests/intake/test_vehicle_draft.py``.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,7 +87,12 @@ def draft_vehicle(
     if given is not None:
         vehicle = loaded(Vehicle, given)
         if is_path(str(given)):
-            return VehicleDraft(text_of(given, VEHICLE), vehicle, f"the file {given}")
+            text = text_of(given, VEHICLE)
+            filled, share = _with_inertia(text, vehicle)
+            if filled == text:
+                return VehicleDraft(text, vehicle, f"the file {given}")
+            said = f"I_y and I_z of a hull that fills {100 * share:.0f} % of its cylinder, for it gives none"
+            return VehicleDraft(filled, Vehicle.from_toml(filled), f"the file {given} ({said})")
         return VehicleDraft(vehicle.to_toml(), vehicle, f"the built-in vehicle {given}")
     frame = next((log.parameters["FRAME_CONFIG"] for log in logs if "FRAME_CONFIG" in log.parameters), None)
     motors = [name for name in actuators if re.fullmatch(r"thruster_\d+", name)]
@@ -102,6 +113,61 @@ def draft_vehicle(
     known = None if frame is None else dict(enumerate((*FRAME_NAMES, "CUSTOM"))).get(int(frame), "unknown")
     told = "" if frame is None else f" for FRAME_CONFIG {frame:g}, {known}"
     return VehicleDraft(_stub(logs, actuators), None, f"a stub{told}: measures are to be filled in", False)
+
+
+_FULL = 0.5, 0.97
+"""Prismatic coefficients that the family of shapes of `hull_inertia` describes; above, a cylinder."""
+
+
+def hull_inertia(mass: float, length: float, radius: float, fullness: float) -> float:
+    """Moment of inertia about the transverse axis through the middle, kg m2, of a homogeneous hull.
+
+    A body of revolution with r(x)^2 = r^2 (1 - |2 x / l|^n) that displaces the part C_p = n / (n + 1) of its
+    cylinder (prismatic coefficient) has ``m (l^2 / (12 (3 - 2 C_p)) + r^2 C_p / (2 (1 + C_p)))``: two thirds
+    make a spheroid, one the solid cylinder.
+
+    Parameters
+    ----------
+    mass
+        kg.
+    length, radius
+        m.
+    fullness
+        C_p.
+
+    Examples
+    --------
+    REMUS 100 (Prestero 2001): 3.45 measured, the solid cylinder has 4.56.
+
+    >>> volume = 299.0 / 9.81 / 1030.0
+    >>> fullness = volume / (3.14159 * 0.0955**2 * 1.33)
+    >>> f"{fullness:.2f} {hull_inertia(30.48, 1.33, 0.0955, fullness):.2f}"
+    '0.78 3.17'
+    """
+    along = length**2 / (12.0 * (3.0 - 2.0 * fullness))
+    return mass * (along + radius**2 * fullness / (2.0 * (1.0 + fullness)))
+
+
+def _with_inertia(text: str, vehicle: Vehicle) -> tuple[str, float]:
+    """Text of a given vehicle file with `I_y` and `I_z` where it has none, and the fullness of its hull."""
+    given = tomllib.loads(text)
+    hull, listed = given.get("geometry", {}), given.get("coefficients", {})
+    if hull.get("shape", "spheroid") != "spheroid" or {"I_y", "I_z"} & listed.keys():
+        return text, 1.0
+    if not {"length_m", "diameter_m"} <= hull.keys():
+        return text, 1.0
+    known, water = vehicle.coefficients(), vehicle.environment()
+    length, radius = float(hull["length_m"]), 0.5 * float(hull["diameter_m"])
+    fullness = known["B"] / (water["rho"] * water["g"]) / (math.pi * radius**2 * length)
+    if not _FULL[0] <= fullness <= _FULL[1]:
+        return text, 1.0
+    inertia = hull_inertia(known["m"], length, radius, fullness)
+    lines = (
+        f"# Added by seatrial import, for this file gave none: a homogeneous hull that displaces"
+        f" {100 * fullness:.0f} % of\n# its cylinder. The solid cylinder has {known['I_y']:.3g} kg m2. Weigh"
+        f" or swing the vehicle to know it.\nI_y = {inertia:.3g}\nI_z = {inertia:.3g}\n"
+    )
+    return re.sub(r"(?m)^(\[coefficients\][^\n]*\n)", lambda found: found[1] + lines, text, count=1), fullness
 
 
 def _stub(logs: Sequence[SurveyedLog], actuators: Mapping[str, str]) -> str:
