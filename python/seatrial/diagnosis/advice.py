@@ -16,16 +16,14 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
-from seatrial.base.channels import MOTIONS
+from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
 from seatrial.campaign.parameters import STRIPS, axes_of
 
 __all__ = [
     "BOTH_WAYS",
-    "FORCES",
     "INCLINE",
     "PITCH_DECAY",
     "ROLL_DECAY",
-    "VELOCITIES",
     "WEIGH",
     "Role",
     "absorbed",
@@ -40,8 +38,6 @@ __all__ = [
     "strips_twice",
     "unexcited",
 ]
-
-FORCES, VELOCITIES = "XYZKMN", "uvwpqr"
 
 ROLL_DECAY = "record a free decay in roll (heel the vehicle by hand by 20 to 30 deg, motors stopped, let go)"
 
@@ -148,7 +144,7 @@ class Role:
     actuator: str = ""
     part: str = ""
     of_fin: bool = False
-    pushed: str = FORCES
+    pushed: str = AXES
 
     @property
     def rates(self) -> str:
@@ -156,7 +152,7 @@ class Role:
         return self.velocities[1:] if self.kind == "lift" else self.velocities
 
 
-def role(name: str, *, pushed: str = FORCES, fins: Collection[str] = ()) -> Role:
+def role(name: str, *, pushed: str = AXES, fins: Collection[str] = ()) -> Role:
     """Role of a coefficient or of a campaign's parameter, from its name.
 
     Parameters
@@ -187,7 +183,7 @@ def _role(name: str, fins: Collection[str]) -> Role:
         return Role(name, "mass" if name == "m" else "buoyancy")
     if found := re.fullmatch(r"I_([xyz])([xyz])?", name):
         axes = ["xyz".index(letter) + 3 for letter in found.groups() if letter]
-        return Role(name, "inertia", "".join(FORCES[i] for i in axes), "".join(VELOCITIES[i] for i in axes))
+        return Role(name, "inertia", "".join(AXES[i] for i in axes), "".join(VELOCITIES[i] for i in axes))
     if re.fullmatch(r"[xyz]_[gb]", name):
         return Role(name, "gravity" if name.endswith("g") else "buoyancy centre")
     if name in STRIPS:
@@ -211,7 +207,7 @@ def manoeuvre(one: Role) -> str:
     if one.kind in ("linear", "quadratic"):
         return _without_thrust(one, "damping", one.velocities) or _DAMPING[one.velocities]
     if one.kind == "strips":
-        velocity = VELOCITIES[FORCES.index(one.force[1])]
+        velocity = VELOCITIES[AXES.index(one.force[1])]
         return _without_thrust(one, "damping", velocity) or _DAMPING[velocity]
     if one.kind == "lift":
         return _without_thrust(one, "lift", one.rates) or _LIFT[one.rates]
@@ -265,7 +261,7 @@ def axis(letter: str) -> str:
     >>> axis("N"), axis("r")
     ('yaw', 'yaw')
     """
-    return MOTIONS[letter if letter in FORCES else FORCES[VELOCITIES.index(letter)]]
+    return MOTIONS[letter if letter in AXES else AXES[VELOCITIES.index(letter)]]
 
 
 _SWING = "swing the vehicle in air (bifilar pendulum) for"
@@ -294,7 +290,7 @@ def unexcited(
     moving: Collection[str],
     silent: Collection[str],
     seen: Collection[str],
-    pushed: str = FORCES,
+    pushed: str = AXES,
     fins: Collection[str] = (),
 ) -> dict[tuple[str, ...], str]:
     """Sentences, by names, about coefficients that the data would not show even if all others were known.
@@ -400,7 +396,7 @@ def scaled(names: Sequence[str], factor_sd: float, *, fins: Collection[str] = ()
     return f"all of {', '.join(names)} scale together, {only}: {how}"
 
 
-def inseparable(names: Sequence[str], *, pushed: str = FORCES, fins: Collection[str] = ()) -> str:
+def inseparable(names: Sequence[str], *, pushed: str = AXES, fins: Collection[str] = ()) -> str:
     """Sentence about coefficients of which the data show only a combination, and what would separate them.
 
     Examples
@@ -469,10 +465,10 @@ def _inertia(roles: Sequence[Role]) -> _Told:
 
 def _same_entry(rigid: Role, added: Role) -> bool:
     """Whether both stand in one entry of the mass matrix."""
-    row, column = FORCES.index(added.force), VELOCITIES.index(added.velocities)
+    row, column = AXES.index(added.force), VELOCITIES.index(added.velocities)
     if rigid.kind == "mass":
         return row == column < 3
-    axes = sorted(FORCES.index(letter) for letter in rigid.force)
+    axes = sorted(AXES.index(letter) for letter in rigid.force)
     return sorted((row, column)) == (axes * 2 if len(axes) == 1 else axes)
 
 

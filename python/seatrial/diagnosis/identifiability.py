@@ -27,9 +27,9 @@ from typing import Any, Literal
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.channels import VELOCITIES
 from seatrial.campaign.parameters import STRIPS
 from seatrial.diagnosis.advice import (
-    VELOCITIES,
     absorbed,
     inseparable,
     join,
