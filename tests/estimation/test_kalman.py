@@ -13,7 +13,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.estimation.kalman import Filters, broadened
 from seatrial.estimation.noise_model import NoiseModel
-from seatrial.estimation.one_step import Span
+from seatrial.estimation.one_step import Motion, Span
 
 N, S, Y, M, SAMPLES = 6, 3, 2, 2, 40
 
@@ -146,6 +146,36 @@ def test_parts_that_do_not_fit_are_refused() -> None:
         model.judge(PROCESS, SENSORS, START, [6])
     with pytest.raises(SimulationError, match="more than 40 samples"):
         model.predict(PROCESS, SENSORS, START, 40)
+
+
+class Bounded(Filters):
+    """A filter that has no numbers beside noises far from 1, as in calm water where hardly anything moves."""
+
+    def _judged(self, noise: NoiseModel) -> tuple[float, Array, Array, list[Motion]]:
+        away = np.log(noise.process), np.log(noise.sensors)
+        impossible = max(np.abs(away[0]).max(), np.abs(away[1]).max()) > 4.0
+        wanted = np.linspace(-3.0, 3.0, len(away[0])), np.full(len(away[1]), -2.0)
+        missed = [one - other for one, other in zip(away, wanted, strict=True)]
+        slopes = [-2000.0 * one for one in missed]
+        likelihood = -1000.0 * sum(float((one**2).sum()) for one in missed)
+        return (
+            np.nan if impossible else likelihood,
+            slopes[0] / noise.process,
+            slopes[1] / noise.sensors,
+            [],
+        )
+
+
+def test_noises_with_which_the_filter_has_no_numbers_do_not_end_the_search() -> None:
+    """All variances were tried at their bounds first, and what came back ended the search where it began."""
+    one = np.ones((2, 2))
+    span = Span(0, 0, 1, one, one > 0.0, one, one, one, one, one, one)
+    noise = NoiseModel(np.ones(5), np.ones(2), None, (), (), 0.05)
+    bounded = Bounded.__new__(Bounded)
+    bounded.spans = [span]
+    found, _ = bounded.likeliest(noise, 30)
+    np.testing.assert_allclose(np.log(found.process), np.linspace(-3.0, 3.0, 5), atol=0.05)
+    np.testing.assert_allclose(np.log(found.sensors), -2.0, atol=0.05)
 
 
 def adrift(damping: float, hz: float = 0.2, count: int = 3000) -> tuple[Span, Array]:

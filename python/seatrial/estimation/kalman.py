@@ -71,7 +71,14 @@ _DOWN, _UP = 12.0, 6.0  # logarithms of a variance: how far one search may go
 
 _NOTHING = 1e-14
 
-_IMPOSSIBLE = 1e30  # in place of the negative likelihood of noises with which a filter diverges
+_FIRST_STEP = 2.0
+"""Largest change of a logarithm in the first step of a search.
+
+The search takes the steepest slope for its first step, up to the bounds: with the likelihood's own slopes of
+thousands all variances would be tried at their bounds, where the filter has no numbers, and the search ends.
+"""
+
+_IMPOSSIBLE = 100.0  # in these units above the best: noises with which a filter diverges
 
 
 def wave_frequency(spans: Sequence[Span], velocities: int, dt: float) -> float | None:
@@ -213,6 +220,7 @@ class Filters:
         driven = noise.process > 0.0
         sensed = np.any([span.valid.any(axis=0) for span in self.spans], axis=0)
         tried: list[tuple[float, NoiseModel, list[Motion]]] = []
+        scale: list[float] = []
 
         def negative(logarithms: Array) -> tuple[float, Array]:
             process, sensors = noise.process.copy(), noise.sensors.copy()
@@ -220,12 +228,15 @@ class Filters:
             model = replace(noise, process=process, sensors=sensors)
             likelihood, by_process, by_sensors, motion = self._judged(model)
             if not math.isfinite(likelihood) and tried:
-                return _IMPOSSIBLE, np.zeros_like(logarithms)
+                return _IMPOSSIBLE - tried[0][0] / scale[0], np.zeros_like(logarithms)
             tried.append((likelihood, model, motion))
             best = max(tried, key=lambda one: one[0])
             tried[:] = [best]
             slope = np.concatenate([(by_process * process)[driven], (by_sensors * sensors)[sensed]])
-            return -likelihood, -slope
+            if not scale:
+                largest = float(np.abs(slope).max(initial=0.0)) / _FIRST_STEP
+                scale.append(largest if 0.0 < largest < math.inf else 1.0)
+            return -likelihood / scale[0], -slope / scale[0]
 
         start = np.log(np.concatenate([noise.process[driven], noise.sensors[sensed]]))
         minimize(
