@@ -95,33 +95,13 @@ def test_derivatives_of_predictions_hold_the_gains(ahead: int) -> None:
     given["start"] *= 0.0
     given["drift"] *= 0.0
     found = LinearModel(**given).predict(PROCESS, SENSORS, START, ahead)
-    assert found.shape == (SAMPLES - ahead, Y, 1 + 2 * M)
+    assert found.shape == (SAMPLES - ahead, Y, 1 + M)
     for unknown in range(M):
         moved = dict(given)
         moved["drift"] = np.zeros((SAMPLES - 1, N))
         moved["drift"][:, :S] = 1e-3 * given["slopes"][:, :, unknown]
         there = LinearModel(**moved).predict(PROCESS, SENSORS, START, ahead)
         np.testing.assert_allclose((there - found)[..., 0] / 1e-3, found[..., 1 + unknown], atol=1e-8)
-
-
-@pytest.mark.parametrize("ahead", [1, 2, 5])
-def test_what_a_prediction_foresees_knows_nothing_of_what_comes(ahead: int) -> None:
-    given, k = parts(), 20
-    own = LinearModel(**given).predict(PROCESS, SENSORS, START, ahead)[k]
-    if ahead == 1:
-        np.testing.assert_array_equal(own[:, 1 : 1 + M], own[:, 1 + M :])
-    later = {key: value.copy() for key, value in given.items()}
-    for key in ("transition", "slopes", "drift", "measured"):
-        later[key][k + 1 :] += 1.0
-    other = LinearModel(**later).predict(PROCESS, SENSORS, START, ahead)[k]
-    np.testing.assert_array_equal(own[:, 1 + M :], other[:, 1 + M :])
-    assert (ahead == 1) == np.array_equal(own[:, 1 : 1 + M], other[:, 1 : 1 + M])
-    # As if the step from the start repeated itself.
-    held = {key: value.copy() for key, value in given.items()}
-    for key in ("transition", "slopes"):
-        held[key][k : k + ahead] = given[key][k]
-    repeated = LinearModel(**held).predict(PROCESS, SENSORS, START, ahead)[k]
-    np.testing.assert_allclose(own[:, 1 + M :], repeated[:, 1 : 1 + M], rtol=1e-12, atol=1e-12)
 
 
 def test_an_outlier_moves_the_estimate_no_further_than_its_bound() -> None:

@@ -89,8 +89,8 @@ impl LinearModel {
         ))
     }
 
-    /// What the channels are predicted to show so many samples after each measurement, its derivatives by the unknowns
-    /// with the gains held, and these as the start of each prediction foresees them, (n - ahead, Y, 1 + 2 M).
+    /// What the channels are predicted to show so many samples after each measurement, and its derivatives by the
+    /// unknowns with the gains held, (n - ahead, Y, 1 + M).
     #[pyo3(signature = (process, sensors, start, ahead = 0))]
     fn predict(
         &self,
@@ -103,7 +103,7 @@ impl LinearModel {
         let noise = noise(process, sensors, start)?;
         let found = interruptible(py, |_| self.model.predict(&noise, ahead))?;
         let Sizes { samples, channels, unknowns, .. } = self.model.sizes;
-        Ok(Array::new(&[samples - ahead, channels, 1 + 2 * unknowns], found))
+        Ok(Array::new(&[samples - ahead, channels, 1 + unknowns], found))
     }
 }
 

@@ -12,16 +12,13 @@ Gauss-Newton step on the prediction errors a horizon ahead, one sample unless th
 
 A noise model may be wrong too, and then the estimate depends on the horizon. The unknowns are therefore
 estimated again from predictions over other horizons. Where the difference is larger than three of its
-standard deviations, and larger than a quarter of the estimate, the coefficient is not identified. Commands
-within a horizon answer what disturbs the vehicle within it, and least squares would be bent by that: the
-derivatives as the start of each prediction foresees them are the instruments. What is left is the part of the
-waves that the start could foresee and the model does not: short horizons are compared.
+standard deviations, and larger than a quarter of the estimate, the coefficient is not identified. Horizons
+longer than the answer of the autopilot are bent by it: short ones are compared.
 Standard deviations of differences are those of the sums over blocks of time longer than the correlation.
 
 Source: Maine & Iliff, *Application of Parameter Estimation to Aircraft Stability and Control* (NASA RP-1168,
-1986); Söderström & Stoica, *Instrumental Variable Methods for System Identification* (1983); Ljung,
-*System Identification* (1999); Jategaonkar, *Flight Vehicle System Identification* (2015), chapter 5 (filter
-error method).
+1986); Ljung, *System Identification* (1999); Jategaonkar, *Flight Vehicle System Identification* (2015),
+chapter 5 (filter error method).
 Held by ``tests/estimation/test_innovations.py``.
 """
 
@@ -119,15 +116,11 @@ class Outcome:
 
 @dataclass(frozen=True)
 class _Errors:
-    """Prediction errors (n, Y) of a span, their derivatives (n, Y, m) by the unknowns, what counts.
-
-    ``foreseen`` (n, Y, m) are the derivatives as the start of each prediction foresees them.
-    """
+    """Prediction errors (n, Y) of a span, their derivatives (n, Y, m) by the unknowns, what counts."""
 
     span: Span
     error: Array
     slope: Array
-    foreseen: Array
     counted: Mask
 
 
@@ -408,8 +401,8 @@ class Innovations:
             counted = span.valid[ahead:] & np.isfinite(late).all(axis=2)
             counted[: round(_SETTLING_S / self.dt)] = False
             error = np.where(counted, span.measured[ahead:] - late[..., 0], 0.0)
-            slope, foreseen = np.split(np.where(counted[..., None], late[..., 1:], 0.0), 2, axis=2)
-            found.append(_Errors(span, error, slope, foreseen if ahead > 1 else slope, counted))
+            slope = np.where(counted[..., None], late[..., 1:], 0.0)
+            found.append(_Errors(span, error, slope, counted))
         return found
 
     def _noise(self, errors: Sequence[_Errors]) -> Array:
@@ -447,9 +440,6 @@ class Innovations:
     ) -> tuple[Array, Array, Array]:
         """Gauss-Newton step (m,) within the bounds, the information (m, m), block sums (b, m) of the pull.
 
-        Two-stage least squares: the instruments are the derivatives as the start of each prediction foresees
-        them (Söderström & Stoica 1983). One sample ahead they are the derivatives themselves.
-
         Predictions over a horizon of several samples overlap, and so many of them tell as much as one: the
         priors weigh accordingly more.
         """
@@ -458,24 +448,15 @@ class Innovations:
         precision = overlap * self.prior_sd**-2.0
         information = np.diag(precision)
         gradient = -precision * (at - centre)
-        pulls, length = [], max(round(_BLOCK_S / self.dt), 1)
-        seen, own = np.zeros((len(at), len(at))), np.zeros((len(at), len(at)))
+        blocks, length = [], max(round(_BLOCK_S / self.dt), 1)
         for one in errors:
             residual = one.error / noise
-            rows, known = one.slope / noise[:, None], one.foreseen / noise[:, None]
+            rows = one.slope / noise[:, None]
             weight = self._weight(residual)
-            seen += np.einsum("kc,kci,kcj->ij", weight, known, rows, optimize=True)
-            own += np.einsum("kc,kci,kcj->ij", weight, known, known, optimize=True)
-            pull = np.einsum("kc,kci->ki", weight * residual, known)
-            pulls += [pull[k : k + length].sum(axis=0) for k in range(0, len(pull), length)]
-        projected: Array = np.eye(len(at))
-        if any(one.foreseen is not one.slope for one in errors):
-            both = np.outer(self.scale, self.scale)
-            solved = np.linalg.lstsq(both * own, both * seen, rcond=1e-12)[0]
-            projected = np.asarray(solved * self.scale[:, None] / self.scale)
-        information = information + seen.T @ projected
-        blocks = np.array(pulls) @ projected
-        gradient = gradient + blocks.sum(axis=0)
+            information = information + np.einsum("kc,kci,kcj->ij", weight, rows, rows, optimize=True)
+            pull = np.einsum("kc,kci->ki", weight * residual, rows)
+            gradient = gradient + pull.sum(axis=0)
+            blocks += [pull[k : k + length].sum(axis=0) for k in range(0, len(pull), length)]
         free = np.array([i for i in range(len(at)) if i not in set(fixed)], dtype=np.intp)
         scale = self.scale[free]
         scaled = information[np.ix_(free, free)] * np.outer(scale, scale)
@@ -486,7 +467,7 @@ class Innovations:
         found = lsq_linear(factor, target, (np.minimum(away[0], -1e-12), np.maximum(away[1], 1e-12)))
         step = np.zeros(len(at))
         step[free] = found.x * scale
-        return step, information, blocks
+        return step, information, np.array(blocks)
 
     def _compared(
         self, values: Array, centre: Array, fixed: Sequence[int], errors: Sequence[_Errors], noise: Array

@@ -53,9 +53,9 @@ trial to trial, and a mission for which 0.53 was expected showed 0.16 to 0.27 (t
 
 _LEAST = 0.02  # of an actuator's range
 _LEVELS = (0.3, 0.4, 0.55, 0.75, 1.0)
-"""Of the largest amplitude. What is expected rests on the model before the trial and on waves that are told from the
-motion that the autopilot left of them: dithers a tenth as large, for which it promised 1 %, left the axis
-dominated by feedback in most seas (`docs/how-to/plan_a_trial.md`). A smaller one takes as long and saves nothing."""
+"""Of the largest amplitude. What is expected rests on the model before the trial and on waves that are told
+from the motion that the autopilot left of them: dithers a tenth as large, for which it promised 1 %, left the
+axis dominated by feedback in most seas (`docs/how-to/plan_a_trial.md`). A smaller one takes as long."""
 _HOLDS = (1.0, 2.0, 3.0)  # periods of the waves
 _SHORTEST_S, _LONGEST_S = 540.0, 3600.0
 _SETTLED_S = 60.0

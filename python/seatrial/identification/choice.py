@@ -78,6 +78,9 @@ _TELLING = 0.02
 _LIKELIER = 10.0
 """Nats of all held-out data from which the other damping is the result."""
 
+_ROUNDS = 6
+"""Of the joint estimate with the other damping until the two are compared."""
+
 _STRIPS = 0.8
 """Cross-flow drag coefficient to begin with: a cylinder of finite length (White 2011, table 7.3)."""
 
@@ -309,7 +312,10 @@ def quadratic_or_strips(
         )
         other.method_reason, other.noise_model = joint.method_reason, joint.noise_model
         start = [ended.get(one.name, own) for one, own in zip(other.unknowns, other.start, strict=True)]
+        whole = other.polish
+        other.polish = whole.model_copy(update={"rounds": min(whole.rounds, _ROUNDS), "horizons_s": ()})
         again = polish(other, start=np.array(start), watch=watch)
+        other.polish = whole
         if again.interrupted:
             polished = replace(polished, interrupted=True)
             break
@@ -326,6 +332,7 @@ def quadratic_or_strips(
         by = f"by {abs(better):.0f} nats" if math.isfinite(better) else "beyond measure"
         said.append(f"{chosen[0].upper()}{chosen[1:]} makes {words} likelier {by} than {rejected}")
         if taken:
+            again = polish(other, start=again.values, watch=watch)
             joint, polished, kind = other, again, _after(kind, change)
     return joint, polished, kind, tuple(said)
 

@@ -49,6 +49,9 @@ _THRUST = {"bounds": [0.5, 1.5], "sd": 0.15}
 """What is known beforehand of one thruster's thrust over its curve: propellers of a batch differ by some per
 cent, the flow about the hull and the wash of the others by more. Beluga's were 0.80 to 1.37 of the mean."""
 
+_ALONG = 0.25
+"""Largest lift along the drift, over that of the vehicle file."""
+
 _LIFT = ("uv", "ur", "uw", "uq", "ud")
 
 
@@ -416,14 +419,13 @@ def _coefficients(
     else:
         size = abs(float(info[quadratic]["start"])) * max(speed, 0.1)
         low = 10.0 * size if size else 100.0
-        # Beside fins the added inertia is held, and what damps takes its error over.
-        lines.append(line(linear, [-_rounded((_DAMPING if wide or held else 1.0) * low), 0.0]))
+        lines.append(line(linear, [-_rounded((_DAMPING if wide else 1.0) * low), 0.0]))
     if _bounded(info, quadratic) and info[quadratic]["start"]:
         lines.append(line(quadratic, bounds(quadratic, 1.0, wide)))
     for other in _LIFT:
         name = f"{axis}_{other}"
         if _bounded(info, name) and info[name]["start"]:
-            lines.append(line(name, bounds(name)))
+            lines.append(line(name, _opposing(name, info[name], bounds(name))))
     if axis == "Z" and depth and _bounded(info, "B"):
         lines.append(line("B", bounds("B")))
     if axis == "M" and _bounded(info, "x_b"):
@@ -433,6 +435,17 @@ def _coefficients(
     if axis in "KN" and _bounded(info, f"{axis}_0"):
         lines.append(line(f"{axis}_0", bounds(f"{axis}_0")))
     return lines
+
+
+def _opposing(name: str, known: Mapping[str, Any], bounds: Any) -> Any:
+    """Bounds of a lift, which opposes the drift that makes it, save for a small part that fins may take off.
+
+    A large lift along the drift and a large linear damping cancel at one speed and stand for what is missing.
+    """
+    if name not in ("Y_uv", "Z_uw") or float(known["start"]) >= 0.0:
+        return bounds
+    low, high = (float(known["lower"]), float(known["upper"])) if bounds == "default" else bounds
+    return [low, min(high, _ALONG * abs(float(known["start"])))]
 
 
 def _reaching(known: Mapping[str, Any], present: float, factor: float, to_zero: bool) -> Any:

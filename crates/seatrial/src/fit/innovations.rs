@@ -155,12 +155,8 @@ impl Model {
         ))
     }
 
-    /// What is predicted `ahead` samples after each measurement, its derivatives by the unknowns with the gains held, and
-    /// the same derivatives as the start of the prediction foresees them: (n - ahead, Y, 1 + 2 M).
-    ///
-    /// The latter go on with A and T of the start, so that neither commands nor motion after it enter. Commands of an
-    /// autopilot answer what disturbs the vehicle on the way; what was foreseen does not, and serves as the instrument
-    /// of an estimate whose predictions run over such answers (Söderström & Stoica 1983).
+    /// What is predicted `ahead` samples after each measurement, and its derivatives by the unknowns with the gains
+    /// held: (n - ahead, Y, 1 + M).
     ///
     /// # Errors
     /// As [`Model::judge`], or fewer samples than that.
@@ -409,10 +405,10 @@ impl Model {
         for (row, &x) in state.chunks_exact_mut(columns).zip(&self.start) {
             row[0] = x;
         }
-        let (mut moved, mut late, mut foreseen) = (state.clone(), state.clone(), state.clone());
+        let (mut moved, mut late) = (state.clone(), state.clone());
         let (mut spread, mut work) = (diagonal(&noise.start), vec![0.0; width * width]);
         let (mut gain, mut change) = (vec![0.0; width], vec![0.0; columns]);
-        let mut found = Vec::with_capacity((samples - ahead) * channels * (columns + unknowns));
+        let mut found = Vec::with_capacity((samples - ahead) * channels * columns);
         for k in 0..samples {
             for c in self.counted(k) {
                 let sharpness = self.gain((k, c), noise, &spread, &mut gain);
@@ -431,19 +427,12 @@ impl Model {
                 for step in k..k + ahead {
                     self.step(step, columns, &mut late, &mut moved);
                 }
-                // One sample ahead both are the same.
-                foreseen.copy_from_slice(if ahead > 1 { &state } else { &late });
-                for _ in 0..if ahead > 1 { ahead } else { 0 } {
-                    self.step(k, columns, &mut foreseen, &mut moved);
-                }
                 for c in 0..channels {
-                    for (at, first) in [(&late, 0), (&foreseen, 1)] {
-                        change.fill(0.0);
-                        for (l, h) in self.shows(k + ahead, c) {
-                            axpy(&mut change, h, &at[l * columns..][..columns]);
-                        }
-                        found.extend_from_slice(&change[first..]);
+                    change.fill(0.0);
+                    for (l, h) in self.shows(k + ahead, c) {
+                        axpy(&mut change, h, &late[l * columns..][..columns]);
                     }
+                    found.extend_from_slice(&change);
                 }
             }
             if k + 1 < samples {
