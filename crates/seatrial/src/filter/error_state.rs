@@ -158,6 +158,12 @@ impl<T: Real> Return<T> {
         Self { block, drift, growth: decay }
     }
 
+    /// Takes over another way back in place.
+    #[inline(always)]
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        (self.block, self.drift, self.growth) = (other.block, other.drift, other.growth);
+    }
+
     /// The row `y = h F⁻¹`: what a row of before the step is after it.
     #[inline(always)]
     pub fn carry(&self, row: &Row<T>) -> Row<T> {
@@ -435,17 +441,29 @@ impl<T: Real> ErrorState<T> {
     pub fn innovation(&self, row: &Row<T>, residual: T, variance: T) -> Innovation<T> {
         let (h, p) = (&row.derivatives, &self.covariance);
         let mut cross = [variance.zero(); STATES];
-        for j in 0..STATES {
-            let mut sum = variance.zero();
-            for part in 0..STATES / PART {
-                if row.parts >> part & 1 == 0 {
-                    continue;
-                }
-                for k in PART * part..PART * (part + 1) {
-                    sum = h[k].mul_add(p[k.min(j)][k.max(j)], sum);
+        for part in 0..STATES / PART {
+            if row.parts >> part & 1 == 0 {
+                continue;
+            }
+            let first = PART * part;
+            let own = [h[first], h[first + 1], h[first + 2]];
+            // Down the columns as far as the part, and along the rows from there.
+            for j in 0..first {
+                for k in 0..PART {
+                    cross[j] = own[k].mul_add(p[j][first + k], cross[j]);
                 }
             }
-            cross[j] = sum;
+            for j in first..first + PART {
+                for k in 0..PART {
+                    let i = first + k;
+                    cross[j] = own[k].mul_add(p[i.min(j)][i.max(j)], cross[j]);
+                }
+            }
+            for j in first + PART..STATES {
+                for k in 0..PART {
+                    cross[j] = own[k].mul_add(p[first + k][j], cross[j]);
+                }
+            }
         }
         Innovation { value: residual - row.times(&self.error), variance: row.times(&cross) + variance, cross }
     }

@@ -105,7 +105,7 @@ impl<T: Real> Past<T> {
         self.count = (self.count + 1).min(self.ring.len());
         let moment = &mut self.ring[self.newest];
         (moment.time, moment.estimate, moment.moved) = (time, *estimate, *moved);
-        moment.back.clone_from(back);
+        moment.back.copy_from(back);
     }
 
     /// Finds the estimate at a time, while `present` is that of now; nothing where the time is not kept.

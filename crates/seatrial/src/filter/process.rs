@@ -22,7 +22,7 @@ use crate::number::jet::Jet;
 use crate::number::real::Real;
 
 /// So many derivatives by the velocity are carried in one evaluation of the equation of motion.
-const ABREAST: usize = 6;
+const ABREAST: usize = 3;
 
 /// A number of the equation of motion.
 type Carried<T> = Jet<T, ABREAST>;
@@ -97,7 +97,13 @@ impl<T: Real> Process<T> {
     /// `nodes` are what the actuators do at the start, the middle and the end of each step, one more than two per step,
     /// with their sum formed ([`crate::model::drive::act`]).
     #[inline(always)]
-    pub fn advance(&mut self, estimate: &mut Estimate<T>, nodes: &[Instant<T>], h: f64, block: &mut Block<T>) {
+    pub fn advance(
+        &mut self,
+        estimate: &mut Estimate<T>,
+        nodes: &[Instant<T>],
+        h: f64,
+        block: &mut Block<T>,
+    ) {
         let zero = estimate.force[0].zero();
         let mut columns = [[zero; 13]; COLUMNS];
         for (k, column) in columns.iter_mut().enumerate() {

@@ -9,7 +9,9 @@
 //! Tests: `tests/filter/tracker.rs`, `tests/fixed_memory.rs`.
 
 use super::error_state::{ErrorState, Return, Row, Transition};
-use super::estimate::{ATTITUDE, CURRENT, Components, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
+use super::estimate::{
+    ATTITUDE, CURRENT, Components, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY,
+};
 use super::innovation::{Gate, Verdict, Watch};
 use super::observation::{Expected, Observation};
 use super::past::Past;

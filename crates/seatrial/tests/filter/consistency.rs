@@ -85,7 +85,12 @@ fn run(description: &Description) -> (f64, f64) {
                 let Some((expected, row)) = sensor.expect(&estimate) else { continue };
                 let measured = shown + deviation * draw(k, STATES + place);
                 let residual = sensor.residual(measured, expected);
-                watch.judge(&mut state, &gate, (&row, residual, deviation * deviation), (k as f64 * DT, true));
+                watch.judge(
+                    &mut state,
+                    &gate,
+                    (&row, residual, deviation * deviation),
+                    (k as f64 * DT, true),
+                );
             }
             estimate.inject(&state.take());
         }

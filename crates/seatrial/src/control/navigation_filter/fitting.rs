@@ -107,7 +107,11 @@ impl Landmark {
         match *self {
             Self::Beacon(beacon) => {
                 let beacon = beacon.map(|x| beam.splat(x));
-                if bearing { Observation::Bearing { beacon, arm } } else { Observation::Range { beacon, arm } }
+                if bearing {
+                    Observation::Bearing { beacon, arm }
+                } else {
+                    Observation::Range { beacon, arm }
+                }
             }
             Self::Surface(surface) => {
                 let (sine, cosine) = beam.sin_cos();
