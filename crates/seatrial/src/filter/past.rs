@@ -5,6 +5,8 @@
 //! `y_k = h F_1⁻¹ … F_k⁻¹`, and meets on the way every correction that the estimate has had: the residual is `z − h(x̂) − Σ y_k c_k`. Left out is the noise of the
 //! process over the latency, which is small against that of a sensor whose latency is a few steps.
 //!
+//! Vehicles abreast share the times of what is kept, and each has its own since when.
+//!
 //! Source: Larsen et al., *Incorporation of time delayed measurements in a discrete-time Kalman filter* (1998), with the
 //! transition in place of the gain. Tests: `tests/filter/tracker.rs`.
 
