@@ -11,6 +11,7 @@ use seatrial::control::navigation_filter::{Fitting, GRAVITY, LANDMARKS, Navigati
 use seatrial::description::{Description, Effect};
 use seatrial::error::nearest;
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
+use seatrial::filter::innovation::Watch;
 use seatrial::flight::waves::Sea;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -149,7 +150,7 @@ impl Filter {
         let waves = waves.map(|row| row.row("waves")).transpose()?;
         let swell = waves.and_then(|row| Sea::of_row(row).swell(GRAVITY));
         let fitting = stated.fitting(&description, period_s, swell).map_err(raised)?;
-        let filter = NavigationFilter::new(&description, fitting.clone()).map_err(raised)?;
+        let filter = NavigationFilter::new(&description, fitting.clone());
         let count = description.actuators.len();
         let memory = Memory {
             filter,
@@ -269,7 +270,7 @@ impl Filter {
     #[getter]
     fn covariance(&self) -> PyResult<Array> {
         let memory = self.memory()?;
-        let p = &memory.filter.tracker().state().covariance;
+        let p = memory.filter.tracker().state().dense();
         Ok(Array::new(&[STATES, STATES], p.concat()))
     }
 
@@ -279,31 +280,20 @@ impl Filter {
     fn watches(&self) -> PyResult<BTreeMap<String, [f64; 8]>> {
         let memory = self.memory()?;
         let all = self.channels.iter().zip(memory.filter.watches()).zip(memory.filter.silent());
-        let row =
-            |(c, ((name, w), silent)): (usize, ((&String, &seatrial::filter::innovation::Watch), &f64))| {
-                let impossible = memory.impossible.get(&c).map_or(0, |entry| entry.0);
-                let [low, high] = w.band();
-                let (taken, refused) = (w.taken as f64, w.refused as f64);
-                let seen = w.taken + w.refused + w.recovered + impossible > 0;
-                let row = [
-                    taken,
-                    refused,
-                    w.recovered as f64,
-                    w.consistency(),
-                    low,
-                    high,
-                    *silent,
-                    impossible as f64,
-                ];
-                seen.then(|| (name.clone(), row))
-            };
+        let row = |(c, ((name, w), silent)): (usize, ((&String, &Watch), &f64))| {
+            let impossible = memory.impossible.get(&c).map_or(0, |entry| entry.0) as f64;
+            let [low, high] = w.band();
+            let seen = w.taken + w.refused + w.recovered + impossible > 0.0;
+            let row = [w.taken, w.refused, w.recovered, w.consistency(), low, high, *silent, impossible];
+            seen.then(|| (name.clone(), row))
+        };
         Ok(all.enumerate().filter_map(row).collect())
     }
 
     /// How often the filter had to begin anew: after a pause beyond a minute, or when its estimate was no number.
     #[getter]
     fn restarts(&self) -> PyResult<u64> {
-        Ok(self.memory()?.filter.restarts)
+        Ok(self.memory()?.filter.restarts as u64)
     }
 
     /// The names of all channels that a step takes, besides voltage.

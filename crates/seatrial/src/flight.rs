@@ -66,8 +66,7 @@ pub fn fly<T: Split>(
     let mut pilot = autopilot.begin(allocator);
     let mut navigation = Navigation::new(flight.sensors, setting.seed, &setting.outages)
         .with_offsets(setting.offsets.as_ref());
-    let aboard = flight.navigation.map(|fitting| Aboard::new(flight, fitting, setting));
-    let mut aboard = aboard.transpose()?;
+    let mut aboard = flight.navigation.map(|fitting| Aboard::new(flight, fitting, setting));
     let mut motors = Motors::new(vehicle, &limits, h, unit);
     let mut energy = Energy::new(flight.description, unit);
     let mut state = setting.state;
@@ -125,7 +124,7 @@ pub fn fly<T: Split>(
     }
     let mut summary = tally.finish();
     if let Some(filters) = &aboard {
-        summary.consistency = filters.consistency(unit);
+        summary.consistency = filters.consistency();
     }
     Ok(summary)
 }

@@ -9,6 +9,7 @@
 pub mod algebra;
 pub mod dual;
 pub mod elementary;
+pub mod jet;
 pub mod lanes;
 pub mod memory;
 pub mod random;

@@ -2,7 +2,7 @@
 //!
 //! Prediction: `P ← F P Fᵀ + Q`. F has the shape of the state ([`super::estimate`]): twelve rows of motion that depend on
 //! attitude, velocity, force and, for the position, the current; below them a diagonal. The products that this shape
-//! makes zero are left out.
+//! makes zero are left out. P is symmetric: its upper triangle is kept, read and moved, and nothing else.
 //!
 //! Update by `z = h x + v`, `v ~ (0, r)`: `s = h P hᵀ + r`, `K = P hᵀ/s`, and in Joseph form
 //! `P ← (I − K h) P (I − K h)ᵀ + K r Kᵀ`: a sum of two positive semidefinite matrices, whatever rounding does to K.
@@ -10,44 +10,45 @@
 //! each residual, and moved into the state once. Then the sum of `ν²/s` over them is the normalised innovation squared
 //! of the whole vector.
 //!
+//! Of several vehicles abreast each has its own P. What a row is without it is without for all of them, and so are the
+//! times: steps and sensors are of one kind.
+//!
 //! Source: Bucy & Joseph, *Filtering for Stochastic Processes* (1968); Bierman, *Factorization Methods for Discrete
 //! Sequential Estimation* (1977), chapter II; Farrell (2008), sections 5.5 and 6.7.
 //! Tests: `tests/filter/error_state.rs` (against dense matrix algebra, millions of steps).
 
-use super::estimate::{ATTITUDE, CURRENT, FORCE, POSITION, STATES};
-use crate::number::lanes::LANES;
-use fearless_simd::{Simd, SimdBase, f64x8};
+use super::estimate::{ATTITUDE, CURRENT, Components, FORCE, POSITION, STATES, chosen};
+use crate::number::algebra::Vec3;
+use crate::number::real::Real;
 
 /// The rows of motion: position, attitude and velocity.
 pub const MOTION: usize = FORCE;
 
-/// The columns of the Jacobian of a step: attitude, velocity and force; one more to fill two vectors.
-pub const COLUMNS: usize = 16;
+/// The columns of the Jacobian of a step: attitude, velocity and force, which lie side by side.
+pub const COLUMNS: usize = CURRENT - ATTITUDE;
 
 /// The derivatives of position, attitude and velocity after a step by attitude, velocity and force before it.
-pub type Block = [[f64; COLUMNS]; MOTION];
-
-/// The columns in use: attitude, velocity and force lie side by side.
-pub const USED: usize = CURRENT - ATTITUDE;
+pub type Block<T = f64> = [[T; COLUMNS]; MOTION];
 
 /// Components come in parts of three.
 const PART: usize = 3;
 
 /// One row of the Jacobian of an observation, and which parts of it are not zero.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
-    derivatives: [f64; STATES],
+pub struct Row<T = f64> {
+    derivatives: Components<T>,
     parts: u32,
 }
 
-impl Row {
+impl<T: Real> Row<T> {
     /// Derivatives of parts, each from its first component on; other components have none.
     ///
     /// # Panics
     /// A part that begins at no multiple of three below [`STATES`].
     #[inline(always)]
-    pub fn of<const K: usize>(parts: [(usize, [f64; PART]); K]) -> Self {
-        let mut row = Self { derivatives: [0.0; STATES], parts: 0 };
+    pub fn of<const K: usize>(parts: [(usize, Vec3<T>); K]) -> Self {
+        let zero = parts[0].1[0].zero();
+        let mut row = Self { derivatives: [zero; STATES], parts: 0 };
         for &(first, derivatives) in &parts {
             assert!(first % PART == 0, "a part begins at a multiple of {PART}, not at {first}");
             row.derivatives[first..first + PART].copy_from_slice(&derivatives);
@@ -58,19 +59,30 @@ impl Row {
 
     /// The derivatives by all components.
     #[inline(always)]
-    pub fn derivatives(&self) -> &[f64; STATES] {
+    pub fn derivatives(&self) -> &Components<T> {
         &self.derivatives
+    }
+
+    /// The row where the mask holds, none elsewhere.
+    #[inline(always)]
+    pub(super) fn only(&mut self, mask: T::Mask) {
+        let zero = self.derivatives[0].zero();
+        for part in (0..STATES / PART).filter(|part| self.parts >> part & 1 == 1) {
+            for x in &mut self.derivatives[PART * part..PART * (part + 1)] {
+                *x = T::select(mask, *x, zero);
+            }
+        }
     }
 
     /// `h x`.
     #[inline(always)]
-    pub fn times<const N: usize>(&self, x: &[f64; N]) -> f64 {
-        let mut sum = 0.0;
+    pub fn times(&self, x: &Components<T>) -> T {
+        let mut sum = x[0].zero();
         for part in 0..STATES / PART {
             if self.parts >> part & 1 == 1 {
                 let k = PART * part;
                 let h = &self.derivatives;
-                sum += h[k] * x[k] + h[k + 1] * x[k + 1] + h[k + 2] * x[k + 2];
+                sum = h[k].mul_add(x[k], h[k + 1].mul_add(x[k + 1], h[k + 2].mul_add(x[k + 2], sum)));
             }
         }
         sum
@@ -78,107 +90,105 @@ impl Row {
 
     /// `h hᵀ`.
     #[inline(always)]
-    fn square(&self) -> f64 {
+    fn square(&self) -> T {
         self.times(&self.derivatives)
     }
 }
 
 /// How a step moves the error.
 #[derive(Clone, Debug)]
-pub struct Transition<const N: usize> {
+pub struct Transition<T = f64> {
     /// Derivatives of the motion.
-    pub block: Block,
+    pub block: Block<T>,
     /// Displacement per velocity of the current, s.
     pub drift: f64,
     /// Diagonal of F from the force on; what stands before is not read.
-    pub decay: [f64; N],
+    pub decay: [f64; STATES],
     /// Diagonal of Q.
-    pub noise: [f64; N],
+    pub noise: Components<T>,
 }
 
-impl<const N: usize> Transition<N> {
-    /// A step that changes nothing.
-    pub fn identity() -> Self {
-        let mut block = [[0.0; COLUMNS]; MOTION];
-        for i in ATTITUDE..MOTION {
-            block[i][i - ATTITUDE] = 1.0;
-        }
-        Self { block, drift: 0.0, decay: [1.0; N], noise: [0.0; N] }
-    }
-
+impl Transition {
     /// F as a full matrix, for those who compare.
-    pub fn dense(&self) -> [[f64; N]; N] {
-        let mut f = [[0.0; N]; N];
+    pub fn dense(&self) -> [[f64; STATES]; STATES] {
+        let mut f = [[0.0; STATES]; STATES];
         for i in 0..MOTION {
-            f[i][ATTITUDE..CURRENT].copy_from_slice(&self.block[i][..USED]);
+            f[i][ATTITUDE..CURRENT].copy_from_slice(&self.block[i]);
         }
         for i in 0..3 {
             f[POSITION + i][POSITION + i] = 1.0;
             f[POSITION + i][CURRENT + i] = self.drift;
         }
-        for i in MOTION..N {
+        for i in MOTION..STATES {
             f[i][i] = self.decay[i];
         }
         f
     }
+}
 
-    /// The block by columns, along which vectors run; filled up with zeros to two of them.
+impl<T: Real> Transition<T> {
+    /// A step that changes nothing, in the kind of `unit`.
     #[inline(always)]
-    fn columns(&self) -> [[f64; 2 * LANES]; USED] {
-        let mut columns = [[0.0; 2 * LANES]; USED];
-        for i in 0..MOTION {
-            for k in 0..USED {
-                // One by one: vectors would gather and scatter.
-                columns[k][i] = std::hint::black_box(self.block[i][k]);
-            }
+    pub fn identity(unit: T) -> Self {
+        let (zero, one) = (unit.zero(), unit.splat(1.0));
+        let mut block = [[zero; COLUMNS]; MOTION];
+        for i in ATTITUDE..MOTION {
+            block[i][i - ATTITUDE] = one;
         }
-        columns
+        Self { block, drift: 0.0, decay: [1.0; STATES], noise: [zero; STATES] }
     }
 }
 
 /// The way back over a step: F⁻¹, which has the shape of F.
 #[derive(Clone, Debug)]
-pub struct Return {
+pub struct Return<T = f64> {
     /// Position, attitude and velocity before the step by attitude, velocity and force after it.
-    block: Block,
+    block: Block<T>,
     /// Displacement per velocity of the current, s.
     drift: f64,
     /// Diagonal of F⁻¹ from the force on.
     growth: [f64; STATES],
 }
 
-impl Return {
+impl<T: Real> Return<T> {
     /// The way back from nowhere.
-    pub fn identity() -> Self {
-        let Transition { block, drift, decay, .. } = Transition::identity();
+    #[inline(always)]
+    pub fn identity(unit: T) -> Self {
+        let Transition { block, drift, decay, .. } = Transition::identity(unit);
         Self { block, drift, growth: decay }
+    }
+
+    /// Takes over another way back in place.
+    #[inline(always)]
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        (self.block, self.drift, self.growth) = (other.block, other.drift, other.growth);
     }
 
     /// The row `y = h F⁻¹`: what a row of before the step is after it.
     #[inline(always)]
-    pub fn carry(&self, row: &Row) -> Row {
+    pub fn carry(&self, row: &Row<T>) -> Row<T> {
         let h = &row.derivatives;
-        let mut sum = [0.0; COLUMNS];
+        let mut sum = [h[0].zero(); COLUMNS];
         for part in 0..MOTION / PART {
             if row.parts >> part & 1 == 0 {
                 continue;
             }
             for i in PART * part..PART * (part + 1) {
                 for k in 0..COLUMNS {
-                    sum[k] += h[i] * self.block[i][k];
+                    sum[k] = h[i].mul_add(self.block[i][k], sum[k]);
                 }
             }
         }
         let mut y = *h;
-        y[ATTITUDE..CURRENT].copy_from_slice(&sum[..USED]);
+        y[ATTITUDE..CURRENT].copy_from_slice(&sum);
         for i in FORCE..CURRENT {
             y[i] += h[i] * self.growth[i];
         }
         for i in 0..3 {
-            y[CURRENT + i] -= self.drift * h[POSITION + i];
+            y[CURRENT + i] -= h[POSITION + i] * self.drift;
         }
         for i in CURRENT..STATES {
-            y[i] *= self.growth[i];
+            y[i] = y[i] * self.growth[i];
         }
         let placed = row.parts & 1;
         Row { derivatives: y, parts: row.parts | TURNED | (placed << (CURRENT / PART)) }
@@ -191,247 +201,309 @@ const TURNED: u32 = ((1 << (CURRENT / PART)) - 1) & !1;
 /// A diagonal of the derivatives of a step by which nothing is divided.
 const SMALL: f64 = 0.1;
 
-/// The unit vectors of the first columns, in two groups.
-const UNIT: [[[f64; LANES]; 2]; COLUMNS] = {
-    let mut unit = [[[0.0; LANES]; 2]; COLUMNS];
-    let mut k = 0;
-    while k < COLUMNS {
-        unit[k][k / LANES][k % LANES] = 1.0;
-        k += 1;
-    }
-    unit
-};
+/// The columns of attitude and velocity, before those of the force.
+const TURNING: usize = FORCE - ATTITUDE;
 
-impl Transition<STATES> {
+impl<T: Real> Transition<T> {
     /// The way back: with A the derivatives of attitude and velocity by themselves, B those by force, C and E those of the
     /// position by both, and D the decay of the force,
     /// `F⁻¹ = [I, −C A⁻¹, (C A⁻¹ B − E) D⁻¹; 0, A⁻¹, −A⁻¹ B D⁻¹]` in the columns of [`Block`].
     #[inline(always)]
-    pub fn reversed<S: Simd>(&self, simd: S) -> Return {
-        const TURNING: usize = FORCE - ATTITUDE;
-        let vector = |row: &[f64; COLUMNS], first: usize| f64x8::from_slice(simd, &row[first..first + LANES]);
+    pub fn reverse(&self, back: &mut Return<T>) {
+        let zero = self.block[0][0].zero();
+        let one = zero.splat(1.0);
         // Gauss and Jordan in place, B carried along: A⁻¹ and A⁻¹ B. The diagonal leads, unless the vehicle turns by nearly
         // a right angle within a step.
-        let mut work = [[0.0; COLUMNS]; TURNING];
+        let mut work = [[zero; COLUMNS]; TURNING];
         work.copy_from_slice(&self.block[ATTITUDE..]);
-        let mut leading = [0; TURNING];
+        let mut swaps = Swaps { with: [zero; TURNING], any: 0 };
         for k in 0..TURNING {
-            leading[k] = k;
-            if work[k][k].abs() < SMALL {
-                leading[k] =
-                    (k..TURNING).fold(k, |a, i| if work[i][k].abs() > work[a][k].abs() { i } else { a });
-                work.swap(k, leading[k]);
+            let small = work[k][k].abs().lt(zero.splat(SMALL));
+            if T::any(small) {
+                swaps.lead(&mut work, k, small);
             }
-            // The place of the leading column is taken by that of the inverse. It is made by sums of whole vectors, which a
-            // vector reads back at once; one number written alone would have to wait.
-            let scale = 1.0 / work[k][k];
-            let shares: [f64; TURNING] = std::array::from_fn(|i| work[i][k]);
-            for (g, first) in [0, LANES].into_iter().enumerate() {
-                let own = f64x8::from_slice(simd, &UNIT[k][g]);
-                let lead = vector(&work[k], first) * scale + own * (scale - 1.0);
-                for i in 0..TURNING {
-                    let rest = if i == k { lead } else { vector(&work[i], first) - (lead + own) * shares[i] };
-                    rest.store_slice(&mut work[i][first..first + LANES]);
+            // The place of the leading column is taken by that of the inverse.
+            let scale = one / work[k][k];
+            for j in 0..COLUMNS {
+                work[k][j] = work[k][j] * scale;
+            }
+            work[k][k] = scale;
+            let lead = work[k];
+            for i in (0..TURNING).filter(|&i| i != k) {
+                let share = work[i][k];
+                work[i][k] = zero;
+                for j in 0..COLUMNS {
+                    work[i][j] = share.neg_mul_add(lead[j], work[i][j]);
                 }
             }
         }
-        for k in (0..TURNING).rev().filter(|&k| leading[k] != k) {
-            for row in &mut work {
-                row.swap(k, leading[k]);
-            }
-        }
-        let mut block = [[0.0; COLUMNS]; MOTION];
-        for i in 0..ATTITUDE {
-            for first in [0, LANES] {
-                let mut sum = simd.splat_f64x8(0.0);
-                for k in 0..TURNING {
-                    sum -= vector(&work[k], first) * self.block[i][k];
-                }
-                sum.store_slice(&mut block[i][first..first + LANES]);
-            }
-            for j in TURNING..USED {
-                block[i][j] = -(block[i][j] + self.block[i][j]);
-            }
-        }
-        for i in 0..TURNING {
-            block[ATTITUDE + i] = work[i];
-            for j in TURNING..USED {
-                block[ATTITUDE + i][j] = -work[i][j];
-            }
-        }
+        swaps.back(&mut work);
         let mut growth = [1.0; STATES];
         for i in FORCE..STATES {
             growth[i] = 1.0 / self.decay[i];
         }
-        for row in &mut block {
-            for j in TURNING..USED {
-                row[j] *= growth[ATTITUDE + j];
+        for i in 0..ATTITUDE {
+            let mut sum = [zero; COLUMNS];
+            for k in 0..TURNING {
+                for j in 0..COLUMNS {
+                    sum[j] = work[k][j].neg_mul_add(self.block[i][k], sum[j]);
+                }
+            }
+            for j in TURNING..COLUMNS {
+                sum[j] = (sum[j] + self.block[i][j]) * -growth[ATTITUDE + j];
+            }
+            back.block[i] = sum;
+        }
+        for i in 0..TURNING {
+            for j in TURNING..COLUMNS {
+                work[i][j] = work[i][j] * -growth[ATTITUDE + j];
+            }
+            back.block[ATTITUDE + i] = work[i];
+        }
+        (back.drift, back.growth) = (self.drift, growth);
+    }
+}
+
+/// Which row took the place of another, vehicle by vehicle.
+struct Swaps<T> {
+    /// The row that came to each place; read where a bit is set.
+    with: [T; TURNING],
+    any: u32,
+}
+
+impl<T: Real> Swaps<T> {
+    /// Brings the row of the largest entry of a column to its diagonal where the mask holds.
+    #[inline(always)]
+    fn lead(&mut self, work: &mut [[T; COLUMNS]; TURNING], k: usize, mask: T::Mask) {
+        let (mut place, mut most) = (work[k][k].splat(k as f64), work[k][k].abs());
+        for i in k + 1..TURNING {
+            let larger = T::both(mask, most.lt(work[i][k].abs()));
+            place = T::select(larger, place.splat(i as f64), place);
+            most = T::select(larger, work[i][k].abs(), most);
+        }
+        self.with[k] = place;
+        self.any |= 1 << k;
+        for i in k + 1..TURNING {
+            let here = is(place, i);
+            let (a, b) = (work[k], work[i]);
+            (work[k], work[i]) = (chosen(here, &b, &a), chosen(here, &a, &b));
+        }
+    }
+
+    /// What was done to the rows undone on the columns of the inverse.
+    #[inline(always)]
+    fn back(&self, work: &mut [[T; COLUMNS]; TURNING]) {
+        for k in (0..TURNING).rev().filter(|k| self.any >> k & 1 == 1) {
+            for i in k + 1..TURNING {
+                let here = is(self.with[k], i);
+                for row in work.iter_mut() {
+                    let (a, b) = (row[k], row[i]);
+                    (row[k], row[i]) = (T::select(here, b, a), T::select(here, a, b));
+                }
             }
         }
-        Return { block, drift: self.drift, growth }
     }
+}
+
+/// Where a number is `i`.
+#[inline(always)]
+fn is<T: Real>(x: T, i: usize) -> T::Mask {
+    (x - i as f64).abs().lt(x.splat(0.5))
 }
 
 /// What an observation says against what was expected of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Innovation<const N: usize> {
+pub struct Innovation<T = f64> {
     /// Residual less the error found so far: measured minus expected.
-    pub value: f64,
+    pub value: T,
     /// Its variance.
-    pub variance: f64,
+    pub variance: T,
     /// Covariance with the error, `P hᵀ`.
-    pub cross: [f64; N],
+    pub cross: Components<T>,
 }
 
-impl<const N: usize> Innovation<N> {
+impl<T: Real> Innovation<T> {
     /// The normalised innovation squared: χ² of one degree of freedom where the filter is consistent.
     #[inline(always)]
-    pub fn normalised_squared(&self) -> f64 {
+    pub fn normalised_squared(&self) -> T {
         self.value * self.value / self.variance
     }
 }
 
 /// The error of an estimate: its covariance, and what observations have found of it and is not yet injected.
-///
-/// On the boundary of a cache line, so that no vector of a row of the covariance spans two of them.
 #[derive(Clone, Debug)]
-#[repr(align(64))]
-pub struct ErrorState<const N: usize> {
-    /// P.
-    pub covariance: [[f64; N]; N],
+pub struct ErrorState<T = f64> {
+    /// P: its upper triangle, what stands below is not read.
+    pub covariance: [[T; STATES]; STATES],
     /// The mean of the error.
-    pub error: [f64; N],
+    pub error: Components<T>,
 }
 
-impl<const N: usize> ErrorState<N> {
+impl ErrorState {
+    /// P in full.
+    pub fn dense(&self) -> [[f64; STATES]; STATES] {
+        let mut dense = self.covariance;
+        for i in 0..STATES {
+            for j in 0..i {
+                dense[i][j] = dense[j][i];
+            }
+        }
+        dense
+    }
+}
+
+impl<T: Real> ErrorState<T> {
     /// An error of independent components with these standard deviations.
-    pub fn new(deviations: &[f64; N]) -> Self {
-        let mut covariance = [[0.0; N]; N];
-        for i in 0..N {
+    #[inline(always)]
+    pub fn new(deviations: &Components<T>) -> Self {
+        let zero = deviations[0].zero();
+        let mut covariance = [[zero; STATES]; STATES];
+        for i in 0..STATES {
             covariance[i][i] = deviations[i] * deviations[i];
         }
-        Self { covariance, error: [0.0; N] }
+        Self { covariance, error: [zero; STATES] }
+    }
+
+    /// Begins anew where the mask holds.
+    #[inline(always)]
+    pub fn renew(&mut self, mask: T::Mask, deviations: &Components<T>) {
+        let zero = deviations[0].zero();
+        for i in 0..STATES {
+            let row = &mut self.covariance[i];
+            row[i] = T::select(mask, deviations[i] * deviations[i], row[i]);
+            for x in &mut row[i + 1..] {
+                *x = T::select(mask, zero, *x);
+            }
+            self.error[i] = T::select(mask, zero, self.error[i]);
+        }
     }
 
     /// The standard deviation of a component.
-    #[inline]
-    pub fn deviation(&self, i: usize) -> f64 {
-        self.covariance[i][i].max(0.0).sqrt()
+    #[inline(always)]
+    pub fn deviation(&self, i: usize) -> T {
+        let variance = self.covariance[i][i];
+        variance.max(variance.zero()).sqrt()
     }
 
-    /// `P ← F P Fᵀ + Q`; N is a multiple of [`LANES`].
+    /// `P ← F P Fᵀ + Q`.
     #[inline(always)]
-    pub fn predict<S: Simd>(&mut self, simd: S, step: &Transition<N>) {
-        let p = &mut self.covariance;
-        let vector = |row: &[f64], first: usize| f64x8::from_slice(simd, &row[first..first + LANES]);
-        // F P, rows of motion, eight columns at a time. Products and sums are not fused: every instruction set finds the
-        // same bits.
-        let mut rows = [[0.0; N]; MOTION];
-        for first in (0..N).step_by(LANES) {
-            for i in 0..MOTION {
-                let mut sum = simd.splat_f64x8(0.0);
+    pub fn predict(&mut self, step: &Transition<T>) {
+        let (p, zero) = (&mut self.covariance, self.error[0].zero());
+        // F P: the rows of motion. Of their columns of position those of position are all that is asked for.
+        let mut moved = [[zero; STATES]; MOTION];
+        for j in 0..STATES {
+            let mut column = [zero; COLUMNS];
+            for k in 0..COLUMNS {
+                let i = ATTITUDE + k;
+                column[k] = p[i.min(j)][i.max(j)];
+            }
+            let rows = if j < ATTITUDE { ATTITUDE } else { MOTION };
+            for i in 0..rows {
+                let mut sum = zero;
                 if i < ATTITUDE {
-                    sum = vector(&p[i], first) + vector(&p[CURRENT + i], first) * step.drift;
+                    let carried = CURRENT + i;
+                    sum = p[carried.min(j)][carried.max(j)] * step.drift + p[i.min(j)][i.max(j)];
                 }
-                for k in 0..USED {
-                    sum += vector(&p[ATTITUDE + k], first) * step.block[i][k];
+                for k in 0..COLUMNS {
+                    sum = column[k].mul_add(step.block[i][k], sum);
                 }
-                sum.store_slice(&mut rows[i][first..first + LANES]);
+                moved[i][j] = sum;
             }
         }
-        // Fᵀ by rows, so that the second product runs along them too.
-        let transposed = step.columns();
         for i in 0..MOTION {
-            let row = &rows[i];
-            let mut motion = [0.0; 2 * LANES];
-            for first in [0, LANES] {
-                let mut sum = simd.splat_f64x8(0.0);
-                for k in 0..USED {
-                    sum += vector(&transposed[k], first) * row[ATTITUDE + k];
+            let row = &moved[i];
+            for j in i..MOTION {
+                let mut sum = zero;
+                if j < ATTITUDE {
+                    sum = row[CURRENT + j] * step.drift + row[j];
                 }
-                sum.store_slice(&mut motion[first..first + LANES]);
+                for k in 0..COLUMNS {
+                    sum = row[ATTITUDE + k].mul_add(step.block[j][k], sum);
+                }
+                p[i][j] = sum;
             }
-            for j in 0..ATTITUDE {
-                motion[j] += row[j] + step.drift * row[CURRENT + j];
-            }
-            p[i][..MOTION].copy_from_slice(&motion[..MOTION]);
-            for j in MOTION..N {
+            for j in MOTION..STATES {
                 p[i][j] = row[j] * step.decay[j];
             }
         }
-        for i in MOTION..N {
-            for j in MOTION..N {
-                p[i][j] *= step.decay[i] * step.decay[j];
+        for i in MOTION..STATES {
+            for j in i..STATES {
+                p[i][j] = p[i][j] * (step.decay[i] * step.decay[j]);
             }
         }
-        // One triangle rules: rounding leaves no asymmetry that could grow. Below the motion there is none.
-        for i in 0..N {
-            for j in 0..i.min(MOTION) {
-                // One by one: vectors would gather down the columns.
-                p[i][j] = std::hint::black_box(p[j][i]);
-            }
+        for i in 0..STATES {
             p[i][i] += step.noise[i];
         }
     }
 
     /// What a scalar of variance `variance` says whose residual at the estimate is `residual`.
     #[inline(always)]
-    pub fn innovation(&self, row: &Row, residual: f64, variance: f64) -> Innovation<N> {
-        // P hᵀ = (h P)ᵀ, along rows.
-        let mut cross = [0.0; N];
+    pub fn innovation(&self, row: &Row<T>, residual: T, variance: T) -> Innovation<T> {
+        let (h, p) = (&row.derivatives, &self.covariance);
+        let mut cross = [variance.zero(); STATES];
         for part in 0..STATES / PART {
             if row.parts >> part & 1 == 0 {
                 continue;
             }
-            for k in PART * part..PART * (part + 1) {
-                let (h, p) = (row.derivatives[k], &self.covariance[k]);
-                for j in 0..N {
-                    cross[j] += h * p[j];
+            let first = PART * part;
+            let own = [h[first], h[first + 1], h[first + 2]];
+            // Down the columns as far as the part, and along the rows from there.
+            for j in 0..first {
+                for k in 0..PART {
+                    cross[j] = own[k].mul_add(p[j][first + k], cross[j]);
+                }
+            }
+            for j in first..first + PART {
+                for k in 0..PART {
+                    let i = first + k;
+                    cross[j] = own[k].mul_add(p[i.min(j)][i.max(j)], cross[j]);
+                }
+            }
+            for j in first + PART..STATES {
+                for k in 0..PART {
+                    cross[j] = own[k].mul_add(p[first + k][j], cross[j]);
                 }
             }
         }
         Innovation { value: residual - row.times(&self.error), variance: row.times(&cross) + variance, cross }
     }
 
-    /// Takes a scalar: mean and covariance of the error after it.
+    /// Takes a scalar where the mask holds: mean and covariance of the error after it.
     #[inline(always)]
-    pub fn update(&mut self, row: &Row, innovation: &Innovation<N>, variance: f64) {
+    pub fn update(&mut self, row: &Row<T>, innovation: &Innovation<T>, variance: T, mask: T::Mask) {
         let (p, c) = (&mut self.covariance, &innovation.cross);
-        let scale = 1.0 / innovation.variance;
-        let mut gain = [0.0; N];
-        for j in 0..N {
-            gain[j] = c[j] * scale;
-            self.error[j] += gain[j] * innovation.value;
-        }
+        let zero = variance.zero();
+        let scale = T::select(mask, zero.splat(1.0) / innovation.variance, zero);
+        let value = T::select(mask, innovation.value, zero);
         // B = (I − K h) P; then B (I − K h)ᵀ + K r Kᵀ = B − (B hᵀ − r K) Kᵀ, where B hᵀ = P hᵀ − K (h P hᵀ). All of it
         // is a multiple of P hᵀ in every row.
         let seen = row.times(c) + variance;
-        let mut parts = [0.0; N];
-        for i in 0..N {
-            parts[i] = gain[i] + (c[i] - gain[i] * seen) * scale;
-        }
-        for i in 0..N {
-            // Keeps the compiler from running vectors down the columns, where it would gather and scatter.
-            let taken = std::hint::black_box(parts[i]);
-            for j in 0..N {
-                p[i][j] -= taken * c[j];
+        for i in 0..STATES {
+            let gain = c[i] * scale;
+            self.error[i] = gain.mul_add(value, self.error[i]);
+            let part = gain.neg_mul_add(seen, c[i]).mul_add(scale, gain);
+            for j in i..STATES {
+                p[i][j] = part.neg_mul_add(c[j], p[i][j]);
             }
         }
     }
 
     /// Forgets so much of the components that a scalar shows that the scalar's variance grows by `variance`.
-    pub fn forget(&mut self, row: &Row, variance: f64) {
-        let scale = variance / row.square().powi(2).max(f64::MIN_POSITIVE);
-        for (i, a) in row.derivatives.iter().enumerate() {
-            for (j, b) in row.derivatives.iter().enumerate() {
-                self.covariance[i][j] += a * b * scale;
+    #[inline(always)]
+    pub fn forget(&mut self, row: &Row<T>, variance: T) {
+        let (h, square) = (&row.derivatives, row.square());
+        let scale = variance / (square * square).max(variance.splat(f64::MIN_POSITIVE));
+        for i in 0..STATES {
+            for j in i..STATES {
+                self.covariance[i][j] += h[i] * h[j] * scale;
             }
         }
     }
 
     /// The error found so far, which is none from then on.
     #[inline(always)]
-    pub fn take(&mut self) -> [f64; N] {
-        std::mem::replace(&mut self.error, [0.0; N])
+    pub fn take(&mut self) -> Components<T> {
+        let none = [self.error[0].zero(); STATES];
+        std::mem::replace(&mut self.error, none)
     }
 }

@@ -10,6 +10,7 @@
 //! and 3.7.4. Tests: `tests/filter/innovation.rs`.
 
 use super::error_state::{ErrorState, Row};
+use crate::number::real::Real;
 
 /// Refusals without a break before a sensor is believed again: two wild points of a slow sensor are not enough.
 pub const FEWEST: u32 = 4;
@@ -30,75 +31,102 @@ impl Default for Gate {
     }
 }
 
-/// What became of a sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+/// What became of a sample, vehicle by vehicle; nothing where there was none.
+#[derive(Clone, Copy)]
+pub struct Verdict<T: Real> {
     /// It was taken.
-    Taken,
+    pub taken: T::Mask,
     /// It was refused.
-    Refused,
+    pub refused: T::Mask,
     /// It was taken after the filter had forgotten what the sensor shows.
-    Recovered,
+    pub recovered: T::Mask,
 }
 
 /// The record of one scalar of one sensor.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Watch {
+#[derive(Clone, Copy, Debug)]
+pub struct Watch<T = f64> {
     /// Samples that were taken.
-    pub taken: u64,
+    pub taken: T,
     /// Samples that were refused.
-    pub refused: u64,
+    pub refused: T,
     /// Times that the filter had to forget.
-    pub recovered: u64,
+    pub recovered: T,
     /// Sum of the normalised innovations squared of the samples that were taken in the ordinary way.
-    pub sum: f64,
-    /// Time of the first refusal since the last sample that was taken, s.
-    since: Option<f64>,
+    pub sum: T,
+    /// Time of the first refusal since the last sample that was taken, s; infinite without one.
+    since: T,
     /// Refusals since then.
-    in_a_row: u32,
+    in_a_row: T,
+}
+
+impl Default for Watch {
+    fn default() -> Self {
+        Self::new(0.0)
+    }
 }
 
 impl Watch {
     /// The mean normalised innovation squared of what was taken; not a number without a sample.
     pub fn consistency(&self) -> f64 {
-        self.sum / self.taken as f64
+        self.sum / self.taken
     }
 
     /// The 95 % band of [`Self::consistency`] where the filter is consistent and samples are independent.
     pub fn band(&self) -> [f64; 2] {
-        let half = 1.96 * (2.0 / self.taken.max(1) as f64).sqrt();
+        let half = 1.96 * (2.0 / self.taken.max(1.0)).sqrt();
         [(1.0 - half).max(0.0), 1.0 + half]
     }
+}
 
-    /// Takes or refuses a scalar at a time, s.
+impl<T: Real> Watch<T> {
+    /// Before the first sample, in the kind of `unit`.
     #[inline(always)]
-    pub fn judge<const N: usize>(
+    pub fn new(unit: T) -> Self {
+        let (zero, never) = (unit.zero(), unit.splat(f64::INFINITY));
+        Self { taken: zero, refused: zero, recovered: zero, sum: zero, since: never, in_a_row: zero }
+    }
+
+    /// Takes or refuses a scalar at a time, s, where the mask holds; elsewhere the row is to be none.
+    #[inline(always)]
+    pub fn judge(
         &mut self,
-        state: &mut ErrorState<N>,
+        state: &mut ErrorState<T>,
         gate: &Gate,
-        (row, residual, variance): (&Row, f64, f64),
-        time: f64,
-    ) -> Verdict {
+        (row, residual, variance): (&Row<T>, T, T),
+        (time, here): (f64, T::Mask),
+    ) -> Verdict<T> {
         let innovation = state.innovation(row, residual, variance);
         let normalised = innovation.normalised_squared();
-        if normalised <= gate.threshold {
-            state.update(row, &innovation, variance);
-            self.taken += 1;
-            self.sum += normalised;
-            (self.since, self.in_a_row) = (None, 0);
-            return Verdict::Taken;
+        let (zero, one) = (variance.zero(), variance.splat(1.0));
+        let (never, none) = (zero.splat(f64::INFINITY), zero.lt(zero));
+        let taken = T::both(here, normalised.lt(zero.splat(gate.threshold)));
+        state.update(row, &innovation, variance, taken);
+        self.taken += T::select(taken, one, zero);
+        self.sum += T::select(taken, normalised, zero);
+        self.since = T::select(taken, never, self.since);
+        self.in_a_row = T::select(taken, zero, self.in_a_row);
+        let wild = T::select(taken, zero, T::select(here, one, zero));
+        if !T::any(zero.lt(wild)) {
+            return Verdict { taken, refused: none, recovered: none };
         }
-        let waited = time - *self.since.get_or_insert(time);
-        if !normalised.is_finite() || waited < gate.patience || self.in_a_row < FEWEST {
-            self.refused += 1;
-            self.in_a_row += 1;
-            return Verdict::Refused;
+        self.since = T::select(zero.lt(wild), self.since.min(zero.splat(time)), self.since);
+        // Wild for long enough, often enough, and a number.
+        let waited = zero.splat(time) - self.since;
+        let mut ripe = T::select(waited.lt(zero.splat(gate.patience)), zero, wild);
+        ripe = T::select(self.in_a_row.lt(zero.splat(f64::from(FEWEST))), zero, ripe);
+        let recovered = T::both(zero.lt(ripe), normalised.lt(never));
+        let refused = zero.lt(T::select(recovered, zero, wild));
+        self.refused += T::select(refused, one, zero);
+        self.in_a_row += T::select(refused, one, zero);
+        if T::any(recovered) {
+            let missed = T::select(recovered, innovation.value, zero);
+            state.forget(row, missed * missed);
+            let innovation = state.innovation(row, residual, variance);
+            state.update(row, &innovation, variance, recovered);
+            self.recovered += T::select(recovered, one, zero);
+            self.since = T::select(recovered, never, self.since);
+            self.in_a_row = T::select(recovered, zero, self.in_a_row);
         }
-        state.forget(row, innovation.value * innovation.value);
-        let innovation = state.innovation(row, residual, variance);
-        state.update(row, &innovation, variance);
-        self.recovered += 1;
-        (self.since, self.in_a_row) = (None, 0);
-        Verdict::Recovered
+        Verdict { taken, refused, recovered }
     }
 }

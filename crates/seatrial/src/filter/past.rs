@@ -5,55 +5,61 @@
 //! `y_k = h F_1⁻¹ … F_k⁻¹`, and meets on the way every correction that the estimate has had: the residual is `z − h(x̂) − Σ y_k c_k`. Left out is the noise of the
 //! process over the latency, which is small against that of a sensor whose latency is a few steps.
 //!
+//! Vehicles abreast share the times of what is kept, and each has its own since when.
+//!
 //! Source: Larsen et al., *Incorporation of time delayed measurements in a discrete-time Kalman filter* (1998), with the
 //! transition in place of the gain. Tests: `tests/filter/tracker.rs`.
 
 use super::error_state::{Return, Row};
-use super::estimate::{Estimate, STATES};
-use super::observation::Observation;
+use super::estimate::{Components, Estimate, STATES};
+use super::observation::{Expected, Observation};
+use crate::number::real::Real;
 
 /// The end of one step.
 #[derive(Clone)]
-struct Moment {
+struct Moment<T> {
     time: f64,
-    estimate: Estimate,
+    estimate: Estimate<T>,
     /// From this moment to the one before.
-    back: Return,
+    back: Return<T>,
     /// The correction that its samples made.
-    moved: [f64; STATES],
+    moved: Components<T>,
 }
 
 /// The estimate between two moments.
 #[derive(Clone, Copy)]
-struct Between {
+struct Between<T> {
     time: f64,
     /// How many steps before the newest the earlier moment is.
     back: usize,
     /// Where in the step the time lies, from 0 to 1.
     share: f64,
-    estimate: Estimate,
+    estimate: Estimate<T>,
 }
 
 /// The last steps, in a ring.
 #[derive(Clone)]
-pub(super) struct Past {
-    ring: Vec<Moment>,
+pub(super) struct Past<T> {
+    ring: Vec<Moment<T>>,
     newest: usize,
     count: usize,
+    /// The time from which on what is kept counts, vehicle by vehicle.
+    since: T,
     /// Where the last sample was: those of one sensor are of one time.
-    last: Option<Between>,
+    last: Option<Between<T>>,
 }
 
-impl Past {
+impl<T: Real> Past<T> {
     /// Room for so many steps; none for a filter whose sensors are all in time.
-    pub(super) fn new(steps: usize) -> Self {
+    pub(super) fn new(steps: usize, unit: T) -> Self {
         let moment = Moment {
             time: 0.0,
-            estimate: Estimate::at_rest(),
-            back: Return::identity(),
-            moved: [0.0; STATES],
+            estimate: Estimate::at_rest_in(unit),
+            back: Return::identity(unit),
+            moved: [unit.zero(); STATES],
         };
-        Self { ring: vec![moment; steps], newest: 0, count: 0, last: None }
+        let since = unit.splat(f64::INFINITY);
+        Self { ring: vec![moment; steps], newest: 0, count: 0, since, last: None }
     }
 
     /// Whether samples may come late.
@@ -61,20 +67,38 @@ impl Past {
         !self.ring.is_empty()
     }
 
-    pub(super) fn clear(&mut self) {
-        self.count = 0;
+    /// What is kept counts from a time on where the mask holds; `estimate` is that of then.
+    #[inline(always)]
+    pub(super) fn begin(&mut self, mask: T::Mask, time: f64, estimate: &Estimate<T>) {
         self.last = None;
+        self.since = T::select(mask, self.since.splat(time), self.since);
+        if self.ring.is_empty() {
+            return;
+        }
+        if self.count == 0 || self.at(0).time != time {
+            let (back, moved) = (self.at(0).back.clone(), self.at(0).moved);
+            self.keep(time, estimate, &back, &moved);
+        }
+        let newest = &mut self.ring[self.newest];
+        newest.estimate = Estimate::select(mask, estimate, &newest.estimate);
     }
 
     /// The moment `back` steps before the newest.
-    fn at(&self, back: usize) -> &Moment {
+    #[inline(always)]
+    fn at(&self, back: usize) -> &Moment<T> {
         let place = self.newest + self.ring.len() - back;
         &self.ring[if place < self.ring.len() { place } else { place - self.ring.len() }]
     }
 
     /// Keeps the end of a step, after the correction `moved` of this moment.
     #[inline(always)]
-    pub(super) fn keep(&mut self, time: f64, estimate: &Estimate, back: &Return, moved: &[f64; STATES]) {
+    pub(super) fn keep(
+        &mut self,
+        time: f64,
+        estimate: &Estimate<T>,
+        back: &Return<T>,
+        moved: &Components<T>,
+    ) {
         self.last = None;
         if self.ring.is_empty() {
             return;
@@ -83,12 +107,12 @@ impl Past {
         self.count = (self.count + 1).min(self.ring.len());
         let moment = &mut self.ring[self.newest];
         (moment.time, moment.estimate, moment.moved) = (time, *estimate, *moved);
-        moment.back.clone_from(back);
+        moment.back.copy_from(back);
     }
 
-    /// The estimate at a time, while `present` is that of now; nothing where the time is not kept.
+    /// Finds the estimate at a time, while `present` is that of now; nothing where the time is not kept.
     #[inline(always)]
-    fn between(&mut self, time: f64, (now, present): (f64, &Estimate)) -> Option<Between> {
+    fn between(&mut self, time: f64, (now, present): (f64, &Estimate<T>)) -> Option<Between<T>> {
         if let Some(last) = self.last.filter(|last| last.time == time) {
             return Some(last);
         }
@@ -103,7 +127,7 @@ impl Past {
         let mut estimate = before.estimate;
         let mut apart = before.estimate.error_of(after);
         for e in &mut apart {
-            *e *= share;
+            *e = *e * share;
         }
         estimate.inject(&apart);
         self.last = Some(Between { time, back, share, estimate });
@@ -111,35 +135,37 @@ impl Past {
     }
 
     /// Row and residual, of `now`, of what was measured at a time, while `step` leads back from now to the newest moment;
-    /// nothing where the sensor shows nothing or the time is not kept.
+    /// not seen where the sensor shows nothing or the time is not kept.
     #[inline(always)]
     pub(super) fn expect(
         &mut self,
-        (observation, measured, time): (&Observation, f64, f64),
-        present: (f64, &Estimate),
-        step: &Return,
-    ) -> Option<(Row, f64)> {
+        (observation, measured, time): (&Observation<T>, T, f64),
+        present: (f64, &Estimate<T>),
+        step: &Return<T>,
+    ) -> Option<(Row<T>, T, T::Mask)> {
         let Between { back, share, estimate, .. } = self.between(time, present)?;
-        let (expected, mut row) = observation.expect(&estimate)?;
-        let residual = observation.residual(measured, expected);
+        let Expected { value, mut row, seen } = observation.expected(&estimate);
+        let residual = observation.residual(measured, value);
+        let kept = self.since.lt(measured.splat(self.at(back).time + 1e-9));
+        let seen = T::both(seen, kept);
         // Told of as an error of the nearer end of the interval, and from there through whole steps.
         let nearest = if share < 0.5 { back + 1 } else { back };
         if nearest == 0 {
-            return Some((row, residual));
+            return Some((row, residual, seen));
         }
         // The estimate between two moments has its share of the later one's correction.
-        let mut corrected = 0.0;
-        let mut meet = |row: &Row, moment: usize| {
+        let mut corrected = measured.zero();
+        let meet = |row: &Row<T>, moment: usize| {
             let weight = if moment + 1 == back { 1.0 - share } else { 1.0 };
-            corrected += weight * row.times(&self.at(moment).moved);
+            row.times(&self.at(moment).moved) * weight
         };
         if nearest == back {
-            meet(&row, back - 1);
+            corrected += meet(&row, back - 1);
         }
         for later in (1..nearest).rev() {
             row = self.at(later - 1).back.carry(&row);
-            meet(&row, later - 1);
+            corrected += meet(&row, later - 1);
         }
-        Some((step.carry(&row), residual - corrected))
+        Some((step.carry(&row), residual - corrected, seen))
     }
 }

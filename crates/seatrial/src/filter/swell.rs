@@ -10,6 +10,7 @@
 //! Source: Fossen (2021), sections 10.2.1 (orbital motion) and 13.2 (wave filtering). Tests: `tests/flight/test_navigation.py`.
 
 use crate::number::algebra::Vec3;
+use crate::number::real::Real;
 
 /// The waves that a filter is told of.
 #[derive(Clone, Debug)]
@@ -23,34 +24,44 @@ pub struct Swell {
 }
 
 /// Variances of the water's motion at one depth, down and along the waves.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Motion {
+#[derive(Clone, Copy, Debug)]
+pub struct Motion<T> {
     /// Of the displacement, m².
-    pub displacement: f64,
+    pub displacement: T,
     /// Of the velocity, m²/s².
-    pub velocity: f64,
+    pub velocity: T,
     /// Of the acceleration, m²/s⁴.
-    pub acceleration: f64,
+    pub acceleration: T,
+}
+
+impl<T: Real> Motion<T> {
+    /// No motion, in the kind of `unit`.
+    pub fn none(unit: T) -> Self {
+        let zero = unit.zero();
+        Self { displacement: zero, velocity: zero, acceleration: zero }
+    }
 }
 
 impl Swell {
     /// The motion at a depth, m.
-    pub fn at(&self, depth: f64) -> Motion {
-        let mut motion = Motion::default();
+    #[inline(always)]
+    pub fn at<T: Real>(&self, depth: T) -> Motion<T> {
+        let (mut motion, below) = (Motion::none(depth), depth.max(depth.zero()));
         for [omega, number, variance] in &self.components {
-            let (left, square) = (variance * (-2.0 * number * depth.max(0.0)).exp(), omega * omega);
+            let (left, square) = ((below * (-2.0 * number)).exp() * *variance, omega * omega);
             motion.displacement += left;
             motion.velocity += left * square;
-            motion.acceleration += left * square * square;
+            motion.acceleration += left * (square * square);
         }
         motion
     }
 
     /// The share of these variances along a unit vector (NED).
-    pub fn share(&self, direction: &Vec3<f64>) -> f64 {
+    #[inline(always)]
+    pub fn share<T: Real>(&self, direction: &Vec3<T>) -> T {
         let ([north, east], [x, y, z]) = (self.toward, *direction);
-        let (along, across) = (north * x + east * y, north * y - east * x);
+        let (along, across) = (x * north + y * east, y * north - x * east);
         let spread = 0.5 * (1.0 - (-2.0 * self.spreading * self.spreading).exp());
-        z * z + (1.0 - spread) * along * along + spread * across * across
+        z * z + along * along * (1.0 - spread) + across * across * spread
     }
 }

@@ -8,14 +8,17 @@
 //! Source: Farrell (2008), sections 4.6 and 7.2; Fossen (2021), section 13.4 (bias of force and current).
 //! Tests: `tests/filter/tracker.rs`, `tests/fixed_memory.rs`.
 
-use super::error_state::{ErrorState, Return, Transition};
-use super::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
+use super::error_state::{ErrorState, Return, Row, Transition};
+use super::estimate::{
+    ATTITUDE, CURRENT, Components, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY,
+};
 use super::innovation::{Gate, Verdict, Watch};
-use super::observation::Observation;
+use super::observation::{Expected, Observation};
 use super::past::Past;
 use super::process::Process;
 use crate::model::vehicle::Instant;
 use crate::number::algebra::Vec6;
+use crate::number::real::Real;
 
 /// What the model does not know.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,71 +43,92 @@ pub struct Noise {
 
 /// One scalar that was measured.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample<'a> {
+pub struct Sample<'a, T = f64> {
     /// What is observed.
-    pub observation: &'a Observation,
+    pub observation: &'a Observation<T>,
     /// The measured value.
-    pub measured: f64,
+    pub measured: T,
     /// The variance of its error.
-    pub variance: f64,
+    pub variance: T,
     /// How long ago it was true, s.
     pub age: f64,
 }
 
-/// Estimate and covariance, step by step.
-pub struct Tracker {
-    process: Process,
+/// Estimate and covariance, step by step, of one vehicle or of several abreast.
+pub struct Tracker<T = f64> {
+    process: Process<T>,
     noise: Noise,
+    /// The random walk of the force, which changes under way.
+    walk: Vec6<T>,
     gate: Gate,
-    estimate: Estimate,
-    /// On the heap, because it asks for an alignment that not every owner of a tracker gives.
-    state: Box<ErrorState<STATES>>,
-    step: Transition<STATES>,
+    estimate: Estimate<T>,
+    state: Box<ErrorState<T>>,
+    step: Box<Transition<T>>,
     /// The step's way back, where samples may come late.
-    back: Return,
-    past: Past,
+    back: Box<Return<T>>,
+    past: Past<T>,
     time: f64,
 }
 
 impl Tracker {
     /// A tracker that keeps `steps` steps for samples that come late.
     pub fn new(process: Process, noise: Noise, gate: Gate, steps: usize) -> Self {
+        Self::new_in((process, noise, gate), steps, 0.0)
+    }
+
+    /// Begins at an estimate whose components have these deviations.
+    pub fn begin(&mut self, estimate: &Estimate, deviations: &Components<f64>) {
+        self.begin_where(true, estimate, deviations);
+    }
+
+    /// Takes or refuses a sample; nothing where its sensor shows nothing at the estimate.
+    pub fn observe(&mut self, sample: &Sample<'_>, watch: &mut Watch) -> Option<Verdict<f64>> {
+        let verdict = self.observe_where(true, sample, watch);
+        (verdict.taken || verdict.refused || verdict.recovered).then_some(verdict)
+    }
+}
+
+impl<T: Real> Tracker<T> {
+    /// [`Tracker::new`] in the kind of `unit`.
+    pub fn new_in((process, noise, gate): (Process<T>, Noise, Gate), steps: usize, unit: T) -> Self {
         Self {
             process,
+            walk: noise.force_walk.map(|x| unit.splat(x)),
             noise,
             gate,
-            estimate: Estimate::at_rest(),
-            state: Box::new(ErrorState::new(&[0.0; STATES])),
-            step: Transition::identity(),
-            back: Return::identity(),
-            past: Past::new(if steps > 0 { steps + 2 } else { 0 }),
+            estimate: Estimate::at_rest_in(unit),
+            state: Box::new(ErrorState::new(&[unit.zero(); STATES])),
+            step: Box::new(Transition::identity(unit)),
+            back: Box::new(Return::identity(unit)),
+            past: Past::new(if steps > 0 { steps + 2 } else { 0 }, unit),
             time: 0.0,
         }
     }
 
-    /// Begins at an estimate whose components have these deviations.
-    pub fn begin(&mut self, estimate: &Estimate, deviations: &[f64; STATES]) {
-        self.estimate = *estimate;
-        *self.state = ErrorState::new(deviations);
-        self.step = Transition::identity();
-        self.back = Return::identity();
-        self.past.clear();
-        self.past.keep(self.time, estimate, &self.back, &[0.0; STATES]);
+    /// Begins where the mask holds.
+    #[inline(always)]
+    pub fn begin_where(&mut self, mask: T::Mask, estimate: &Estimate<T>, deviations: &Components<T>) {
+        self.estimate = Estimate::select(mask, estimate, &self.estimate);
+        self.state.renew(mask, deviations);
+        self.past.begin(mask, self.time, &self.estimate);
     }
 
     /// The estimate.
-    pub fn estimate(&self) -> &Estimate {
+    #[inline(always)]
+    pub fn estimate(&self) -> &Estimate<T> {
         &self.estimate
     }
 
     /// The covariance of its error.
-    pub fn state(&self) -> &ErrorState<STATES> {
+    #[inline(always)]
+    pub fn state(&self) -> &ErrorState<T> {
         &self.state
     }
 
-    /// What the model does not know, for who knows better from now on.
-    pub fn noise_mut(&mut self) -> &mut Noise {
-        &mut self.noise
+    /// Standard deviation by which the force walks in a second, from now on.
+    #[inline(always)]
+    pub fn walk_mut(&mut self) -> &mut Vec6<T> {
+        &mut self.walk
     }
 
     /// Time since the tracker was made, s.
@@ -113,86 +137,123 @@ impl Tracker {
     }
 
     /// Moves on by steps of `h` seconds under what the actuators do, see [`Process::advance`].
-    pub fn predict(&mut self, nodes: &[Instant<f64>], h: f64) {
+    #[inline(always)]
+    pub fn predict(&mut self, nodes: &[Instant<T>], h: f64) {
         let dt = h * (nodes.len() / 2) as f64;
         self.time += dt;
-        self.step.block = self.process.advance(&mut self.estimate, nodes, h);
-        self.step.drift = dt;
-        let noise = &self.noise;
+        let (step, noise) = (&mut *self.step, &self.noise);
+        let (unit, process, estimate) = (self.walk[0], &mut self.process, &mut self.estimate);
+        unit.apart(
+            #[inline(always)]
+            || process.advance(estimate, nodes, h, &mut step.block),
+        );
+        step.drift = dt;
         let kept = (-dt / noise.force_time).exp();
         let slow = (-dt / noise.current_time).exp();
         let [turned, shifted] = noise.offsets;
         let [u, v, w] = self.estimate.over_ground();
-        let carried = turned * turned * (u * u + v * v + w * w) + shifted * shifted;
-        self.step.noise[POSITION..POSITION + 3].fill(carried * dt);
-        let [p, q, r] = [3, 4, 5].map(|i| (self.estimate.motion.nu[i] * turned).powi(2));
+        let carried = (u * u + v * v + w * w) * (turned * turned) + shifted * shifted;
+        let [p, q, r] = [3, 4, 5].map(|i| {
+            let rate = self.estimate.motion.nu[i] * turned;
+            rate * rate
+        });
         for (i, square) in [q + r, r + p, p + q].into_iter().enumerate() {
-            self.step.noise[ATTITUDE + i] = square * dt;
+            step.noise[POSITION + i] = carried * dt;
+            step.noise[ATTITUDE + i] = square * dt;
         }
         for i in 0..6 {
-            self.step.noise[VELOCITY + i] = noise.acceleration[i].powi(2) * dt;
-            self.step.decay[FORCE + i] = kept;
-            self.step.noise[FORCE + i] =
-                noise.force[i].powi(2) * (1.0 - kept * kept) + noise.force_walk[i].powi(2) * dt;
-            self.estimate.force[i] *= kept;
+            step.noise[VELOCITY + i] = u.splat(noise.acceleration[i].powi(2) * dt);
+            step.decay[FORCE + i] = kept;
+            step.noise[FORCE + i] =
+                self.walk[i] * self.walk[i] * dt + noise.force[i].powi(2) * (1.0 - kept * kept);
+            self.estimate.force[i] = self.estimate.force[i] * kept;
         }
         for i in 0..3 {
-            self.step.decay[CURRENT + i] = slow;
-            self.step.noise[CURRENT + i] = noise.current[i].powi(2) * (1.0 - slow * slow);
-            self.estimate.current[i] *= slow;
-            self.step.noise[GYRO_BIAS + i] = noise.gyro_walk.powi(2) * dt;
+            step.decay[CURRENT + i] = slow;
+            step.noise[CURRENT + i] = u.splat(noise.current[i].powi(2) * (1.0 - slow * slow));
+            self.estimate.current[i] = self.estimate.current[i] * slow;
+            step.noise[GYRO_BIAS + i] = u.splat(noise.gyro_walk.powi(2) * dt);
         }
-        self.process.spread(&mut self.state, &self.step);
+        let (state, back) = (&mut *self.state, &mut *self.back);
+        unit.apart(
+            #[inline(always)]
+            || state.predict(step),
+        );
         if self.past.kept() {
-            self.back = self.process.reversed(&self.step);
+            unit.apart(
+                #[inline(always)]
+                || step.reverse(back),
+            );
         }
     }
 
-    /// Takes or refuses a sample; nothing where its sensor shows nothing at the estimate.
-    pub fn observe(&mut self, sample: &Sample<'_>, watch: &mut Watch) -> Option<Verdict> {
-        let Self { process, state, back, past, estimate, gate, time, .. } = self;
-        process.wide(
+    /// Takes or refuses a sample where the mask holds and its sensor shows anything at the estimate.
+    #[inline(always)]
+    pub fn observe_where(
+        &mut self,
+        mask: T::Mask,
+        sample: &Sample<'_, T>,
+        watch: &mut Watch<T>,
+    ) -> Verdict<T> {
+        let (observation, measured) = (sample.observation, sample.measured);
+        let (zero, one) = (measured.zero(), measured.splat(1.0));
+        let (mut row, residual, seen) = if sample.age < 1e-9 {
+            let Expected { value, row, seen } = observation.expected(&self.estimate);
+            (row, observation.residual(measured, value), seen)
+        } else {
+            let late = (observation, measured, self.time - sample.age);
+            let never = (Row::of([(POSITION, [zero; 3])]), zero, zero.lt(zero));
+            self.past.expect(late, (self.time, &self.estimate), &self.back).unwrap_or(never)
+        };
+        // What is no number where there is no sample takes part in nothing.
+        let here = T::both(mask, seen);
+        row.only(here);
+        let residual = T::select(here, residual, zero);
+        let variance = T::select(here, sample.variance, one);
+        let (state, gate, time) = (&mut *self.state, &self.gate, self.time);
+        zero.apart(
             #[inline(always)]
-            || {
-                let (row, residual) = if sample.age < 1e-9 {
-                    let (expected, row) = sample.observation.expect(estimate)?;
-                    (row, sample.observation.residual(sample.measured, expected))
-                } else {
-                    let measured = (sample.observation, sample.measured, *time - sample.age);
-                    past.expect(measured, (*time, estimate), back)?
-                };
-                Some(watch.judge(state, gate, (&row, residual, sample.variance), *time))
-            },
+            || watch.judge(state, gate, (&row, residual, variance), (time, here)),
         )
     }
 
-    /// Moves the estimate by what the samples of this step have found; returns whether it is sound.
-    pub fn settle(&mut self) -> bool {
+    /// Moves the estimate by what the samples of this step have found; returns where it is sound.
+    #[inline(always)]
+    pub fn settle(&mut self) -> T::Mask {
         let moved = self.state.take();
-        let sound = self.estimate.inject(&moved);
+        self.estimate.inject(&moved);
         self.past.keep(self.time, &self.estimate, &self.back, &moved);
-        let motion = &self.estimate.motion;
-        let numbers = motion.position.iter().chain(&motion.attitude).chain(&motion.nu);
-        sound
-            && numbers.chain(&self.estimate.force).all(|x| x.is_finite())
-            && (0..STATES).all(|i| self.state.covariance[i][i] >= 0.0)
+        let mut least = self.state.covariance[0][0];
+        for i in 1..STATES {
+            // A sum that is no number shows what the smaller of two numbers may hide.
+            least = least.min(self.state.covariance[i][i]) + self.state.covariance[i][i] * 0.0;
+        }
+        T::both(self.estimate.is_finite(), (-least).lt(least.splat(f64::MIN_POSITIVE)))
     }
 
     /// Standard deviations of the error: position, attitude, velocity, force, current, gyro bias.
-    pub fn deviations(&self) -> [f64; STATES] {
-        std::array::from_fn(|i| self.state.deviation(i))
+    #[inline(always)]
+    pub fn deviations(&self) -> Components<T> {
+        let mut deviations = self.state.error;
+        for i in 0..STATES {
+            deviations[i] = self.state.deviation(i);
+        }
+        deviations
     }
 
     /// Standard deviation of the horizontal position along its longest axis, m.
-    pub fn position_deviation(&self) -> f64 {
+    #[inline(always)]
+    pub fn position_deviation(&self) -> T {
         let p = &self.state.covariance;
         let (a, b, d) = (p[POSITION][POSITION], p[POSITION][POSITION + 1], p[POSITION + 1][POSITION + 1]);
-        let spread = (0.25 * (a - d) * (a - d) + b * b).sqrt();
-        (0.5 * (a + d) + spread).max(0.0).sqrt()
+        let spread = ((a - d) * (a - d) * 0.25 + b * b).sqrt();
+        ((a + d) * 0.5 + spread).max(a.zero()).sqrt()
     }
 
     /// Largest standard deviation of an attitude angle, rad.
-    pub fn attitude_deviation(&self) -> f64 {
-        (0..3).map(|i| self.state.deviation(ATTITUDE + i)).fold(0.0, f64::max)
+    #[inline(always)]
+    pub fn attitude_deviation(&self) -> T {
+        let [a, b, c] = [0, 1, 2].map(|i| self.state.deviation(ATTITUDE + i));
+        a.max(b).max(c)
     }
 }

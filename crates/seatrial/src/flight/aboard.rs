@@ -1,17 +1,15 @@
 //! Navigation filters aboard: the autopilot is told their estimate in place of what the sensors show.
 //!
-//! Every case has a filter of its own, one after the other where cases fly in lanes: a filter's vectors run along its
-//! covariance, not along the cases.
+//! The filters of cases that fly in lanes fly in lanes too; GPS, acoustics and sonar, which are rare, are listened to case
+//! by case.
 //!
-//! Tests: `tests/flight/test_navigation.py`.
+//! Tests: `tests/flight/test_navigation.py`, `tests/closed_loop.rs`.
 
 use super::acoustics::Soundings;
 use super::case::{Flight, Setting};
 use crate::control::navigation::{CHANNELS, Measurement};
-use crate::control::navigation_filter::fitting::instrument_of;
+use crate::control::navigation_filter::fitting::{RANGE, instrument_of};
 use crate::control::navigation_filter::{Fitting, KIND_OF, KINDS, NavigationFilter, Told};
-use crate::error::Error;
-use crate::filter::innovation::Watch;
 use crate::number::lanes::{LANES, Lanes};
 use crate::number::real::Real;
 use fearless_simd::{Simd, SimdBase, f64x8};
@@ -50,120 +48,118 @@ impl<S: Simd> Split for Lanes<S> {
     }
 }
 
-/// One filter per lane.
-pub struct Aboard {
-    filters: Vec<NavigationFilter>,
+/// The filters of all lanes.
+pub struct Aboard<T: Real> {
+    filter: NavigationFilter<T>,
     soundings: Vec<Soundings>,
-    ages: Vec<[f64; CHANNELS]>,
-    told: Vec<Measurement<f64>>,
-    samples: Vec<Told>,
-    commands: Vec<f64>,
-    signals: Vec<f64>,
+    ages: [T; CHANNELS],
+    samples: Vec<Told<T>>,
+    /// What was heard aboard of one, and of all, channel by channel.
+    heard: Vec<Told>,
+    abreast: Vec<(usize, [f64; LANES])>,
 }
 
-impl Aboard {
+impl<T: Split> Aboard<T> {
     /// The filters of all lanes on the vehicle that the autopilot believes in.
-    ///
-    /// # Errors
-    /// A forced instruction set that is not there.
-    pub fn new<T: Split>(
-        flight: &Flight<'_>,
-        fitting: &Fitting,
-        setting: &Setting<T>,
-    ) -> Result<Self, Error> {
-        let (model, acoustics, lanes) = (flight.model, flight.acoustics, T::PARTS);
-        let actuators = model.actuators.len();
+    pub fn new(flight: &Flight<'_>, fitting: &Fitting, setting: &Setting<T>) -> Self {
+        let (model, acoustics) = (flight.model, flight.acoustics);
+        let sounded = acoustics.devices.iter().any(Option::is_some);
         let begun = |lane: usize| setting.offsets.as_ref().map(|own| [own[0].part(lane), own[1].part(lane)]);
-        Ok(Self {
-            filters: (0..lanes)
-                .map(|_| NavigationFilter::new(model, fitting.clone()))
-                .collect::<Result<_, _>>()?,
-            soundings: (0..lanes)
+        let most = 5 + 2 * acoustics.landmarks.len();
+        Self {
+            filter: NavigationFilter::new_in(model, fitting.clone(), setting.seed),
+            soundings: (0..if sounded { T::PARTS } else { 0 })
                 .map(|lane| {
                     Soundings::new(acoustics, &fitting.landmarks, (setting.seed.part(lane), begun(lane)))
                 })
                 .collect(),
-            ages: vec![[f64::INFINITY; CHANNELS]; lanes],
-            told: vec![Measurement::nothing(0.0); lanes],
-            samples: Vec::with_capacity(CHANNELS + 5 + 2 * acoustics.landmarks.len()),
-            commands: vec![0.0; actuators],
-            signals: vec![0.0; actuators],
-        })
+            ages: [setting.seed.splat(f64::INFINITY); CHANNELS],
+            samples: Vec::with_capacity(CHANNELS + most),
+            heard: Vec::with_capacity(most),
+            abreast: Vec::with_capacity(most),
+        }
     }
 
     /// The estimates `elapsed` seconds later, from what the sensors show; `commands` have held since, `signals` are what
-    /// the actuators are measured at; a control period is `dt`. The filter of a case that has ended stands still: what it
-    /// found does not depend on how long its neighbours fly.
+    /// the actuators are measured at; a control period is `dt`. The filter of a case that has ended is shown nothing: what
+    /// it found does not depend on how long its neighbours fly.
     #[inline(always)]
-    pub fn tell<T: Split>(
+    pub fn tell(
         &mut self,
         (truth, measured): (&[T; CHANNELS], &Measurement<T>),
         (commands, signals): (&[T], Option<&[T]>),
         (elapsed, dt): (f64, f64),
         flying: Option<T>,
     ) -> Measurement<T> {
-        for lane in 0..T::PARTS {
-            if flying.is_some_and(|flying| flying.part(lane) < 0.5) {
-                continue;
-            }
-            let mut shown = Measurement::nothing(0.0);
-            for c in 0..CHANNELS {
-                shown.channels[c] = measured.channels[c].part(lane);
-                shown.age[c] = measured.age[c].part(lane);
-            }
-            (shown.battery, shown.voltage) = (measured.battery.part(lane), measured.voltage);
-            for (i, command) in commands.iter().enumerate() {
-                self.commands[i] = command.part(lane);
-                self.signals[i] = signals.map_or(f64::NAN, |s| s[i].part(lane));
-            }
-            let truth = std::array::from_fn(|c| truth[c].part(lane));
-            self.one(lane, (&truth, &shown), (elapsed, dt));
-        }
-        let (told, unit) = (&self.told, measured.battery);
-        let mut all = *measured;
-        for c in 0..CHANNELS {
-            all.channels[c] = unit.join(|lane| told[lane].channels[c]);
-            all.age[c] = unit.join(|lane| told[lane].age[c]);
-        }
-        for i in 0..6 {
-            all.disturbance[i] = unit.join(|lane| told[lane].disturbance[i]);
-        }
-        all
-    }
-
-    fn one(
-        &mut self,
-        lane: usize,
-        (truth, shown): (&[f64; CHANNELS], &Measurement<f64>),
-        (elapsed, dt): (f64, f64),
-    ) {
-        let (filter, ages) = (&mut self.filters[lane], &mut self.ages[lane]);
+        let zero = measured.battery.zero();
+        let flying = flying.unwrap_or(zero.splat(1.0));
+        let aboard = zero.splat(0.5).lt(flying);
         self.samples.clear();
         for c in 0..CHANNELS {
             // A sample that has arrived is younger than the last one has become.
-            if shown.age[c] < ages[c] + 0.5 * elapsed.max(1e-3) && shown.age[c].is_finite() {
-                let latency = filter.fitting().instruments[KIND_OF[c]].map_or(0.0, |i| i.latency);
-                self.samples.push((c, shown.channels[c], (shown.age[c] - latency).max(0.0)));
+            let (age, grown) = (measured.age[c], self.ages[c] + 0.5 * elapsed.max(1e-3));
+            let arrived = T::both(aboard, T::both(age.lt(grown), age.lt(zero.splat(f64::INFINITY))));
+            if T::any(arrived) {
+                // Sensors of one kind show their samples at the same times.
+                let latency = self.filter.fitting().instruments[KIND_OF[c]].map_or(0.0, |i| i.latency);
+                let age = T::select(arrived, age, zero).largest();
+                let shown = T::select(arrived, measured.channels[c], zero.splat(f64::NAN));
+                self.samples.push((c, shown, (age - latency).max(0.0)));
             }
         }
-        *ages = shown.age;
-        self.soundings[lane].listen(truth, dt, &mut self.samples);
-        filter.step(&self.samples, (&self.commands, Some(&self.signals)), (shown.voltage, elapsed));
-        self.told[lane] = filter.told(shown);
+        self.ages = measured.age;
+        self.listen(truth, dt, flying);
+        let (filter, samples) = (&mut self.filter, &self.samples);
+        zero.apart(
+            #[inline(always)]
+            || {
+                filter.step(samples, (commands, signals), (measured.voltage, elapsed));
+                filter.told(measured)
+            },
+        )
+    }
+
+    /// Adds what GPS, acoustics and sonar show, lane by lane.
+    fn listen(&mut self, truth: &[T; CHANNELS], dt: f64, flying: T) {
+        self.abreast.clear();
+        for (lane, soundings) in self.soundings.iter_mut().enumerate() {
+            if flying.part(lane) < 0.5 {
+                continue;
+            }
+            self.heard.clear();
+            let own: [f64; CHANNELS] = std::array::from_fn(|c| truth[c].part(lane));
+            soundings.listen(&own, dt, &mut self.heard);
+            for &(channel, value, _) in &self.heard {
+                let place = self.abreast.iter().position(|(known, _)| *known == channel);
+                let place = place.unwrap_or_else(|| {
+                    self.abreast.push((channel, [f64::NAN; LANES]));
+                    self.abreast.len() - 1
+                });
+                self.abreast[place].1[lane] = value;
+            }
+        }
+        // The bearing of a beam comes before its range, whoever hears which.
+        let range = |channel: usize| instrument_of(channel) == RANGE;
+        self.abreast.sort_by_key(|&(channel, _)| range(channel));
+        for &(channel, values) in &self.abreast {
+            self.samples.push((channel, flying.join(|lane| values[lane]), 0.0));
+        }
     }
 
     /// Mean normalised innovation squared, the samples that were taken, and those that were refused: over all channels,
     /// then per kind of sensor.
-    pub fn consistency<T: Split>(&self, unit: T) -> [[T; 3]; 1 + KINDS.len()] {
-        let sums = |lane: usize, kind: Option<usize>| {
-            let watches = self.filters[lane].watches().iter().enumerate();
-            let own = watches.filter(|(c, _)| kind.is_none_or(|kind| instrument_of(*c) == kind));
-            let add = |[sum, taken, refused]: [f64; 3], (_, w): (usize, &Watch)| {
-                [sum + w.sum, taken + w.taken as f64, refused + w.refused as f64]
-            };
-            let [sum, taken, refused] = own.fold([0.0; 3], add);
+    pub fn consistency(&self) -> [[T; 3]; 1 + KINDS.len()] {
+        std::array::from_fn(|k| {
+            let kind = k.checked_sub(1);
+            let zero = self.ages[0].zero();
+            let [mut sum, mut taken, mut refused] = [zero; 3];
+            let watches = self.filter.watches().iter().enumerate();
+            for (_, watch) in watches.filter(|(c, _)| kind.is_none_or(|kind| instrument_of(*c) == kind)) {
+                sum += watch.sum;
+                taken += watch.taken;
+                refused += watch.refused;
+            }
             [sum / taken, taken, refused]
-        };
-        std::array::from_fn(|k| std::array::from_fn(|i| unit.join(|lane| sums(lane, k.checked_sub(1))[i])))
+        })
     }
 }

@@ -223,6 +223,10 @@ impl<S: Simd> Real for Lanes<S> {
         let values: [f64; LANES] = self.into();
         values.into_iter().fold(f64::NEG_INFINITY, f64::max)
     }
+    #[inline(always)]
+    fn apart<R>(self, work: impl FnOnce() -> R) -> R {
+        self.simd.vectorize(work)
+    }
 }
 
 /// Per lane the values so many places before the newest one in a ring, and one more. Out of line: it is rare, and

@@ -104,6 +104,11 @@ pub trait Real:
     fn before(self, ring: &[Self], newest: usize) -> Self;
     /// The largest value of all lanes.
     fn largest(self) -> f64;
+    /// The result of `work`, in lanes a function of its own: one long function has too few registers.
+    #[inline(always)]
+    fn apart<R>(self, work: impl FnOnce() -> R) -> R {
+        work()
+    }
 
     /// Zero in the kind of `self`.
     #[inline(always)]

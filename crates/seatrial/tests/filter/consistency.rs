@@ -1,7 +1,6 @@
 //! What the covariance says against what the errors are: NEES and NIS over fifty runs of a vehicle that obeys the model.
 
 use crate::vehicles::load;
-use fearless_simd::Fallback;
 use seatrial::description::Description;
 use seatrial::filter::error_state::{ErrorState, Transition};
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
@@ -52,16 +51,16 @@ fn sensors() -> Vec<(Observation, f64, usize)> {
 fn run(description: &Description) -> (f64, f64) {
     let (start, noise) = deviations();
     let plain = Vehicle::nominal(description);
-    let mut model = Process::new(description).expect("an instruction set");
+    let mut model = Process::new(description);
     let (mut nees, mut nis) = (0.0, (0.0, 0.0));
     for seed in 0..RUNS {
         let draw = |k: usize, place: usize| gaussian(seed as f64, k, place);
         let mut truth = Estimate::at_rest();
         truth.motion.nu[0] = 0.7;
         let mut estimate = truth;
-        estimate.inject(&std::array::from_fn::<f64, STATES, _>(|i| start[i] * draw(usize::MAX, i)));
+        estimate.inject(&std::array::from_fn(|i| start[i] * draw(usize::MAX, i)));
         // The error is drawn about the estimate, so that the covariance is its own.
-        let mut state = ErrorState::<STATES>::new(&start);
+        let mut state = ErrorState::new(&start);
         let mut watch = Watch::default();
         let gate = Gate { threshold: f64::INFINITY, patience: 5.0 };
         for k in 0..STEPS {
@@ -71,13 +70,13 @@ fn run(description: &Description) -> (f64, f64) {
             let mut instant = Instant::default();
             act(&plain, &signals, 14.8, |_| None, &mut instant);
             let nodes = vec![instant; 3];
-            model.advance(&mut truth, &nodes, DT);
-            truth.inject(&std::array::from_fn::<f64, STATES, _>(|i| noise[i] * draw(k, i)));
-            let mut step = Transition::identity();
-            step.block = model.advance(&mut estimate, &nodes, DT);
+            model.advance(&mut truth, &nodes, DT, &mut Transition::identity(0.0).block);
+            truth.inject(&std::array::from_fn(|i| noise[i] * draw(k, i)));
+            let mut step = Transition::identity(0.0);
+            model.advance(&mut estimate, &nodes, DT, &mut step.block);
             step.drift = DT;
             step.noise = noise.map(|x| x * x);
-            state.predict(Fallback::new(), &step);
+            state.predict(&step);
             for (place, (sensor, deviation, every)) in sensors().into_iter().enumerate() {
                 if k % every != 0 {
                     continue;
@@ -86,19 +85,24 @@ fn run(description: &Description) -> (f64, f64) {
                 let Some((expected, row)) = sensor.expect(&estimate) else { continue };
                 let measured = shown + deviation * draw(k, STATES + place);
                 let residual = sensor.residual(measured, expected);
-                watch.judge(&mut state, &gate, (&row, residual, deviation * deviation), k as f64 * DT);
+                watch.judge(
+                    &mut state,
+                    &gate,
+                    (&row, residual, deviation * deviation),
+                    (k as f64 * DT, true),
+                );
             }
             estimate.inject(&state.take());
         }
         nees += squared(&state, &estimate.error_of(&truth)) / (STATES * RUNS) as f64;
-        nis = (nis.0 + watch.sum, nis.1 + watch.taken as f64);
+        nis = (nis.0 + watch.sum, nis.1 + watch.taken);
     }
     (nees, nis.0 / nis.1)
 }
 
 /// `eᵀ P⁻¹ e` by Cholesky factors.
-fn squared(state: &ErrorState<STATES>, error: &[f64; STATES]) -> f64 {
-    let p = &state.covariance;
+fn squared(state: &ErrorState, error: &[f64; STATES]) -> f64 {
+    let p = state.dense();
     let mut l = [[0.0; STATES]; STATES];
     let (mut y, mut sum) = ([0.0; STATES], 0.0);
     for j in 0..STATES {

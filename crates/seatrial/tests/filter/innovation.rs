@@ -1,6 +1,5 @@
 //! Wild samples are refused, and a filter that is wrong finds back.
 
-use fearless_simd::Fallback;
 use seatrial::filter::error_state::{ErrorState, Row, Transition};
 use seatrial::filter::estimate::{POSITION, STATES};
 use seatrial::filter::innovation::{FEWEST, Gate, Verdict, Watch};
@@ -9,20 +8,20 @@ const NORTH: [(usize, [f64; 3]); 1] = [(POSITION, [1.0, 0.0, 0.0])];
 
 #[test]
 fn law_an_outlier_moves_nothing() {
-    let mut state = ErrorState::<STATES>::new(&[1.0; STATES]);
+    let mut state = ErrorState::new(&[1.0; STATES]);
     let (before, mut watch, row) = (state.clone(), Watch::default(), Row::of(NORTH));
     for wild in [50.0, -1e300, f64::NAN, f64::INFINITY] {
-        assert_eq!(watch.judge(&mut state, &Gate::default(), (&row, wild, 0.01), 1.0), Verdict::Refused);
+        assert!(watch.judge(&mut state, &Gate::default(), (&row, wild, 0.01), (1.0, true)).refused);
     }
     assert_eq!(state.covariance, before.covariance);
     assert_eq!(state.error, before.error);
-    assert_eq!((watch.taken, watch.refused), (0, 4));
-    assert_eq!(watch.judge(&mut state, &Gate::default(), (&row, 0.5, 0.01), 1.1), Verdict::Taken);
+    assert_eq!((watch.taken, watch.refused), (0.0, 4.0));
+    assert!(watch.judge(&mut state, &Gate::default(), (&row, 0.5, 0.01), (1.1, true)).taken);
 }
 
 #[test]
 fn a_sensor_that_is_refused_for_long_is_believed_again() {
-    let mut state = ErrorState::<STATES>::new(&[0.1; STATES]);
+    let mut state = ErrorState::new(&[0.1; STATES]);
     let (mut watch, row, gate) = (Watch::default(), Row::of(NORTH), Gate::default());
     let mut verdicts = Vec::new();
     for k in 0..100 {
@@ -30,35 +29,35 @@ fn a_sensor_that_is_refused_for_long_is_believed_again() {
         let residual = 30.0 - state.error[POSITION];
         // The error stays in `state.error`, so that the residual is against the first estimate.
         let residual = residual + state.error[POSITION];
-        state.predict(Fallback::new(), &Transition::identity());
-        verdicts.push(watch.judge(&mut state, &gate, (&row, residual, 0.01), time));
+        state.predict(&Transition::identity(0.0));
+        verdicts.push(watch.judge(&mut state, &gate, (&row, residual, 0.01), (time, true)));
     }
-    let recovered = verdicts.iter().position(|v| *v == Verdict::Recovered).expect("it recovers");
+    let recovered = verdicts.iter().position(|v: &Verdict<f64>| v.recovered).expect("it recovers");
     assert_eq!(recovered, 50, "after five seconds of refusals");
-    assert!(verdicts[..recovered].iter().all(|v| *v == Verdict::Refused));
-    assert!(verdicts[recovered + 1..].iter().all(|v| *v == Verdict::Taken));
+    assert!(verdicts[..recovered].iter().all(|v| v.refused));
+    assert!(verdicts[recovered + 1..].iter().all(|v| v.taken));
     assert!((state.error[POSITION] - 30.0).abs() < 0.5, "{}", state.error[POSITION]);
-    assert_eq!(watch.recovered, 1);
+    assert_eq!(watch.recovered, 1.0);
 }
 
 #[test]
 fn a_good_sample_between_ends_the_wait() {
-    let mut state = ErrorState::<STATES>::new(&[0.1; STATES]);
+    let mut state = ErrorState::new(&[0.1; STATES]);
     let (mut watch, row, gate) = (Watch::default(), Row::of(NORTH), Gate::default());
     for k in 0..200 {
         let wild = if k % 10 == 0 { 0.0 } else { 30.0 };
         let residual = wild + state.error[POSITION];
-        let verdict = watch.judge(&mut state, &gate, (&row, residual, 0.01), 0.1 * f64::from(k));
-        assert_ne!(verdict, Verdict::Recovered);
+        let verdict = watch.judge(&mut state, &gate, (&row, residual, 0.01), (0.1 * f64::from(k), true));
+        assert!(!verdict.recovered);
     }
-    assert_eq!(watch.refused, 180);
+    assert_eq!(watch.refused, 180.0);
 }
 
 #[test]
 fn a_slow_sensor_is_not_believed_after_two_wild_samples() {
-    let mut state = ErrorState::<STATES>::new(&[0.1; STATES]);
+    let mut state = ErrorState::new(&[0.1; STATES]);
     let (mut watch, row, gate) = (Watch::default(), Row::of(NORTH), Gate::default());
-    let mut judged = |k: u32| watch.judge(&mut state, &gate, (&row, 30.0, 0.01), 10.0 * f64::from(k));
-    assert!((0..FEWEST).all(|k| judged(k) == Verdict::Refused));
-    assert_eq!(judged(FEWEST), Verdict::Recovered);
+    let mut judged = |k: u32| watch.judge(&mut state, &gate, (&row, 30.0, 0.01), (10.0 * f64::from(k), true));
+    assert!((0..FEWEST).all(|k| judged(k).refused));
+    assert!(judged(FEWEST).recovered);
 }

@@ -11,6 +11,7 @@ use crate::filter::tracker::Noise;
 use crate::model::kinematics::{Quaternion, rotation};
 use crate::model::vehicle::Vehicle;
 use crate::number::algebra::{Vec3, product};
+use crate::number::real::Real;
 
 /// The kinds of sensors.
 pub const KINDS: [&str; 11] = [
@@ -101,14 +102,21 @@ pub enum Landmark {
 impl Landmark {
     /// What its range shows, or of a beacon its bearing; `beam`, rad, is where the sonar looks for the echo of a surface.
     #[inline(always)]
-    pub fn observed(&self, bearing: bool, instrument: &Instrument, beam: f64) -> Observation {
-        let Instrument { arm, mount, .. } = *instrument;
+    pub fn observed<T: Real>(&self, bearing: bool, instrument: &Instrument, beam: T) -> Observation<T> {
+        let arm = instrument.arm.map(|x| beam.splat(x));
         match *self {
-            Self::Beacon(beacon) if bearing => Observation::Bearing { beacon, arm },
-            Self::Beacon(beacon) => Observation::Range { beacon, arm },
+            Self::Beacon(beacon) => {
+                let beacon = beacon.map(|x| beam.splat(x));
+                if bearing {
+                    Observation::Bearing { beacon, arm }
+                } else {
+                    Observation::Range { beacon, arm }
+                }
+            }
             Self::Surface(surface) => {
                 let (sine, cosine) = beam.sin_cos();
-                let along = product(&rotation(&mount), &[cosine, sine, 0.0]);
+                let mount = instrument.mount.map(|x| beam.splat(x));
+                let along = product(&rotation(&mount), &[cosine, sine, beam.zero()]);
                 Observation::Echo { along, arm, surface }
             }
         }

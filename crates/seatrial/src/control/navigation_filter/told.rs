@@ -5,8 +5,9 @@
 use super::NavigationFilter;
 use super::fitting::instrument_of;
 use crate::control::navigation::{ALTITUDE, Measurement};
-use crate::filter::estimate::{ATTITUDE, POSITION, STATES, VELOCITY};
+use crate::filter::estimate::{ATTITUDE, POSITION, STATES, VELOCITY, chosen};
 use crate::model::kinematics::to_euler;
+use crate::number::real::Real;
 
 /// Deviations up to which the estimate stands in for a fresh sample: position and depth m, attitude rad, velocity m/s,
 /// rates rad/s.
@@ -17,8 +18,8 @@ impl NavigationFilter {
     pub fn deviations(&self) -> [f64; STATES] {
         let mut deviations = self.tracker.deviations();
         let offset = |channel: usize| match self.fitting.instruments[instrument_of(channel)] {
-            Some(_) if self.shifted(channel).is_some() => 0.0,
-            Some(instrument) if self.watches[channel].taken > 0 => instrument.bias,
+            Some(_) if self.shifted(channel).is_some_and(|(_, shifted)| shifted) => 0.0,
+            Some(instrument) if self.watches[channel].taken > 0.0 => instrument.bias,
             _ => f64::INFINITY,
         };
         let least = |channels: &[usize]| channels.iter().map(|&c| offset(c)).fold(f64::INFINITY, f64::min);
@@ -33,41 +34,39 @@ impl NavigationFilter {
         }
         deviations
     }
+}
 
+impl<T: Real> NavigationFilter<T> {
     /// The estimate as what an autopilot is told; `measured` gives the rest: altitude, battery, supply, and ages of what
     /// is not trusted.
-    pub fn told(&self, measured: &Measurement<f64>) -> Measurement<f64> {
-        let mut told = *measured;
-        if !self.begun {
-            return told;
-        }
+    #[inline(always)]
+    pub fn told(&self, measured: &Measurement<T>) -> Measurement<T> {
+        let (mut told, begun) = (*measured, self.begun());
         let at = self.tracker.estimate();
         let [roll, pitch, yaw] = to_euler(&at.motion.attitude);
         let [x, y, z] = at.motion.position;
         let [u, v, w] = at.over_ground();
         let [u_w, v_w, w_w, p, q, r] = at.motion.nu;
         let estimate = [x, y, z, roll, pitch, yaw, u, v, w, p, q, r, told.channels[ALTITUDE], u_w, v_w, w_w];
-        let deviations = self.tracker.deviations();
-        let place = self.tracker.position_deviation();
-        let ground: f64 = (0..3).map(|i| deviations[VELOCITY + i]).fold(0.0, f64::max);
-        let turning: f64 = (3..6).map(|i| deviations[VELOCITY + i]).fold(0.0, f64::max);
+        let deviation = |i: usize| self.tracker.state().deviation(i);
+        let largest = |i: usize| deviation(i).max(deviation(i + 1)).max(deviation(i + 2));
+        let ground = largest(VELOCITY);
         let trusted = [
-            (0..2, place < TRUSTED[0]),
-            (2..3, deviations[POSITION + 2] < TRUSTED[1]),
-            (3..6, self.tracker.attitude_deviation() < TRUSTED[2]),
-            (6..9, ground < TRUSTED[3]),
-            (9..12, turning < TRUSTED[4]),
-            (13..16, ground < TRUSTED[3]),
+            (0..2, self.tracker.position_deviation(), TRUSTED[0]),
+            (2..3, deviation(POSITION + 2), TRUSTED[1]),
+            (3..6, self.tracker.attitude_deviation(), TRUSTED[2]),
+            (6..9, ground, TRUSTED[3]),
+            (9..12, largest(VELOCITY + 3), TRUSTED[4]),
+            (13..16, ground, TRUSTED[3]),
         ];
-        for (channels, fresh) in trusted {
+        for (channels, found, most) in trusted {
+            let fresh = T::both(begun, found.lt(x.splat(most)));
             for c in channels {
-                told.channels[c] = estimate[c];
-                if fresh {
-                    told.age[c] = 0.0;
-                }
+                told.channels[c] = T::select(begun, estimate[c], told.channels[c]);
+                told.age[c] = T::select(fresh, x.zero(), told.age[c]);
             }
         }
-        told.disturbance = at.force;
+        told.disturbance = chosen(begun, &at.force, &told.disturbance);
         told
     }
 }

@@ -8,7 +8,7 @@ use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS};
 use crate::control::navigation_filter::fitting::{DEPTH, GPS, POSITION_FIX, USBL, instrument_of};
 use crate::control::navigation_filter::{KINDS, LANDMARKS, Landmark};
 use crate::description::coefficients::FORCES;
-use crate::filter::error_state::{MOTION, USED};
+use crate::filter::error_state::{COLUMNS, MOTION};
 use crate::filter::estimate::STATES;
 use crate::filter::observation::Surface;
 use crate::model::kinematics::to_euler;
@@ -135,10 +135,10 @@ impl FilterStep<'_> {
         for k in 0..self.kept() {
             all.push((format!("past[{k}].time"), 1));
             all.extend(mean.map(|(part, count)| (format!("past[{k}].mean.{part}"), count)));
-            all.extend((0..MOTION).map(|i| (format!("past[{k}].back[{i}]"), USED)));
+            all.extend((0..MOTION).map(|i| (format!("past[{k}].back[{i}]"), COLUMNS)));
             all.push((format!("past[{k}].moved"), STATES));
         }
-        all.extend((0..MOTION).filter(|_| self.kept() > 0).map(|i| (format!("back[{i}]"), USED)));
+        all.extend((0..MOTION).filter(|_| self.kept() > 0).map(|i| (format!("back[{i}]"), COLUMNS)));
         let flags = ["begun", "open", "restarts"].map(|name| (name.to_owned(), 1));
         all.extend(flags);
         let numbers = all.into_iter().flat_map(|(name, count)| {
