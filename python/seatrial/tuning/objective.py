@@ -39,7 +39,7 @@ tests/tuning/test_gain_parameters.py.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,9 +58,11 @@ __all__ = [
     "LACKING",
     "OUTSIDE",
     "STEADY",
+    "Flown",
     "GainParameters",
     "Objective",
     "Parameter",
+    "Still",
     "Terms",
     "excited_points",
     "robust",
@@ -334,6 +336,51 @@ class Terms:
 
 
 @dataclass(frozen=True, eq=False)
+class Flown:
+    """What k candidates did with s samples, mean over trials and loops, (k, s) each.
+
+    Attributes
+    ----------
+    violation
+        Q of each sample, s; infinite for what diverged.
+    offset
+        Off at the end, s, without the part of a slow integral.
+    time, effort
+        T, s, and E, 1/s.
+    """
+
+    violation: Array
+    offset: Array
+    time: Array
+    effort: Array
+
+    @classmethod
+    def none(cls, candidates: int, samples: int) -> Flown:
+        """Nothing flown yet: no term is below this."""
+        return cls(*(np.zeros((candidates, samples)) for _ in range(4)))
+
+    @property
+    def parts(self) -> tuple[Array, ...]:
+        """All four, in the order of the attributes."""
+        return self.violation, self.offset, self.time, self.effort
+
+    def put(self, rows: ArrayLike, columns: ArrayLike, other: Flown) -> None:
+        """Take what some candidates did with some samples."""
+        where = np.ix_(np.asarray(rows), np.asarray(columns))
+        for own, new in zip(self.parts, other.parts, strict=True):
+            own[where] = new
+
+
+@dataclass(frozen=True, eq=False)
+class Still:
+    """What of the cost of k candidates takes no flight, (k,) each: M, slow integrals (s, of O), S."""
+
+    margin: Array
+    slow: Array
+    roughness: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Objective:
     """Cost of candidates of some gains, all others as they are.
 
@@ -375,17 +422,31 @@ class Objective:
 
     def terms(self, gains: Mapping[str, Array], *, headroom: float = HEADROOM) -> Terms:
         """Parts of the cost of k sets of gains."""
+        return self.joined(self.still(gains), self.flown(gains, headroom=headroom))
+
+    def of_samples(self, places: Sequence[int]) -> Objective:
+        """The same cost with some of the samples, the vehicle itself first."""
+        return replace(self, samples=self.samples.of(places))
+
+    def flown(self, gains: Mapping[str, Array], *, headroom: float = HEADROOM) -> Flown:
+        """What k sets of gains do with the samples."""
         k = len(next(iter(gains.values())))
-        total = np.zeros((k, len(self.samples)))
-        offset, time, effort = np.zeros(k), np.zeros(k), np.zeros(k)
+        found = Flown.none(k, len(self.samples))
+        share = 1.0 / len(self.trials)
         for trials in self.trials:
             sums, travel, off = self.rig.violations(trials, self.samples, gains, headroom=headroom)
-            total += violated(trials, sums).mean(axis=1) / len(self.trials)
-            time += sums[..., 0, 2].mean(axis=(1, 2)) / trials.until_s / len(self.trials)
+            found.violation[:] += share * violated(trials, sums).mean(axis=1)
+            found.time[:] += share * sums[..., 0, 2].mean(axis=1) / trials.until_s
             # What diverges is off without end.
             beyond = np.maximum(np.where(np.isnan(off), np.inf, off) - STEADY, 0.0) * trials.until_s
-            offset += (beyond.mean(axis=(1, 2)) + self._slow_integral(trials, gains)) / len(self.trials)
-            effort += np.where(np.isnan(travel), np.inf, travel).mean(axis=(1, 2)) / len(self.trials)
+            found.offset[:] += share * beyond.mean(axis=1)
+            found.effort[:] += share * np.where(np.isnan(travel), np.inf, travel).mean(axis=1)
+        return found
+
+    def still(self, gains: Mapping[str, Array]) -> Still:
+        """What takes no flight of the cost of k sets of gains."""
+        k = len(next(iter(gains.values())))
+        slow = sum(self._slow_integral(trials, gains) for trials in self.trials) / len(self.trials)
         loops = {name.partition(".")[0] for name in gains}
         # Points that another group sets belong to the schedule all the same.
         every = {name: np.full(1, value) for name, value in self.rig.autopilot.gains().items()}
@@ -397,8 +458,18 @@ class Objective:
             roughness(named, self.reached, speeds_m_s=self.rig.autopilot.speeds_m_s) if named else np.zeros(1)
         )
         lacking = np.zeros(k) if self.margins is None else self.margins.shortfall(gains)
-        over_samples = robust(total, self.quantile, nominal=self.samples.nominal)
-        return Terms(over_samples, lacking, offset, time, np.broadcast_to(rough, (k,)), effort)
+        return Still(lacking, np.broadcast_to(slow, (k,)), np.broadcast_to(rough, (k,)))
+
+    def joined(self, still: Still, flown: Flown) -> Terms:
+        """Parts of the cost; where a sample was not flown yet, the least that they can be."""
+        return Terms(
+            violation=robust(flown.violation, self.quantile, nominal=self.samples.nominal),
+            margin=still.margin,
+            offset=flown.offset.mean(axis=1) + still.slow,
+            time=flown.time.mean(axis=1),
+            roughness=still.roughness,
+            effort=flown.effort.mean(axis=1),
+        )
 
     def _slow_integral(self, trials: LoopTrials, gains: Mapping[str, Array]) -> Array:
         """What integrals cost that are slower than the corridor and the start gains, (k,), s."""

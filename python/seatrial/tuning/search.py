@@ -30,8 +30,17 @@ from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.progress import Step, Watch
 from seatrial.base.run import RunDirectory, sha256
 from seatrial.estimation.search import LANES, Optimum, batch_size, evolve, join, refine
-from seatrial.tuning.objective import LACKING, OUTSIDE, GainParameters, Objective, Terms, excited_points
+from seatrial.tuning.objective import (
+    LACKING,
+    OUTSIDE,
+    Flown,
+    GainParameters,
+    Objective,
+    Terms,
+    excited_points,
+)
 from seatrial.tuning.performance import Performance, assess
+from seatrial.tuning.race import Race
 from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
@@ -225,9 +234,11 @@ def search_group(
     lower, upper = parameters.bounds
     budget = plan.table.budget
     tolerance = budget.tolerance or _TOLERANCE
-    cost = objective if fleet is None else _Elsewhere(objective, fleet)
+    fly = _Here(objective) if fleet is None else _Elsewhere(objective, fleet)
+    race = Race(objective, fly)
+    race.narrow(begin[None])
     found = evolve(
-        cost,
+        race,
         begin,
         lower=lower,
         upper=upper,
@@ -237,46 +248,86 @@ def search_group(
         spread=_SPREAD,
         tolerance=tolerance,
         watch=watch,
+        enough=race.enough,
     )
-    if not found.interrupted:
+    if not found.interrupted and not race.inside():
+        coarse = found
+        race.narrow(coarse.elite)
         fine = refine(
-            cost,
-            found.elite,
+            race.exactly,
+            coarse.elite,
             lower=lower,
             upper=upper,
             rounds=budget.simplex_rounds or ROUNDS,
             tolerance=tolerance,
             watch=watch,
         )
-        found = join(found, fine) if fine.cost <= found.cost else found
+        found = join(coarse, fine) if fine.cost <= coarse.cost or race.narrowed else coarse
+        if race.narrowed:
+            found = _best(race, found, np.vstack([begin, coarse.elite, fine.elite]))
+    elif race.narrowed:
+        found = _best(race, found, np.vstack([begin, found.elite]))
     ends = [_terms(objective, parameters, x) for x in (begin, found.x)]
-    each = sum(len(trials) * trials.duration_s for trials in group.trials) * len(samples)
-    return _result(group.name, parameters, found, (ends[0], ends[1]), flown_s=each * found.evaluations)
+    return _result(group.name, parameters, found, (ends[0], ends[1]), flown_s=fly.flown_s)
 
 
-class _Elsewhere:
-    """The cost of candidates that workers of a fleet fly: full lanes for each, the same bits as here."""
+def _best(race: Race, found: Optimum, candidates: Array) -> Optimum:
+    """The best of some candidates with all samples."""
+    costs = race.with_all(candidates)
+    return replace(
+        found,
+        x=candidates[int(costs.argmin())],
+        cost=float(costs.min()),
+        evaluations=found.evaluations + len(candidates),
+    )
+
+
+class _Here:
+    """Flights of candidates in this process, and the time that they took, s."""
+
+    def __init__(self, objective: Objective) -> None:
+        self._objective, self.flown_s = objective, 0.0
+        self._each = sum(len(trials) * trials.duration_s for trials in objective.trials)
+
+    def __call__(self, x: Array, places: Sequence[int]) -> Flown:
+        self.flown_s += self._each * len(x) * len(places)
+        return self.fly(x, places)
+
+    def fly(self, x: Array, places: Sequence[int]) -> Flown:
+        """What candidates (k, m) do with some of the samples."""
+        return flights(self._objective, x, places)
+
+
+class _Elsewhere(_Here):
+    """Candidates that workers of a fleet fly: full lanes for each, the same bits as here."""
 
     def __init__(self, objective: Objective, fleet: Fleet) -> None:
+        super().__init__(objective)
         self._fleet = fleet
         self._shared = Shared(replace(objective, rig=replace(objective.rig, threads=1)))
 
-    def __call__(self, x: Array) -> Array:
+    def fly(self, x: Array, places: Sequence[int]) -> Flown:
+        """What candidates (k, m) do with some of the samples."""
         pieces = min(max(self._fleet.slots, 1), math.ceil(len(x) / LANES))
         each = LANES * math.ceil(len(x) / LANES / pieces)
+        chosen = tuple(int(place) for place in places)
         chunks = (
             Chunk(
-                f"candidates {k}", sha256(self._shared.packed + part.tobytes()), costs, self._shared, (part,)
+                f"candidates {k}",
+                sha256(self._shared.packed + part.tobytes() + bytes(chosen)),
+                flights,
+                self._shared,
+                (part, chosen),
             )
             for k, part in enumerate(x[k : k + each] for k in range(0, len(x), each))
         )
         found = run_chunks(chunks, RunDirectory(None), as_it_is(), fleet=self._fleet)
-        return np.concatenate([done.value for done in found])
+        return Flown(*map(np.concatenate, zip(*(done.value.parts for done in found), strict=True)))
 
 
-def costs(objective: Objective, x: Array) -> Array:
-    """Costs (k,) of candidates (k, m): a chunk of the work."""
-    return objective(x)
+def flights(objective: Objective, x: Array, places: Sequence[int]) -> Flown:
+    """What candidates (k, m) do with some of the samples: a chunk of the work."""
+    return objective.of_samples(places).flown(objective.parameters.gains(x))
 
 
 def _terms(objective: Objective, parameters: GainParameters, x: Array) -> dict[str, float]:
