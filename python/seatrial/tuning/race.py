@@ -56,9 +56,9 @@ class Race:
 
     def __init__(self, objective: Objective, fly: Fly) -> None:
         self.objective, self.fly = objective, fly
+        self.history: list[tuple[float, float, float]] = []  # of the best: cost, its corridors, its margins
+        self.parents: list[float] = []  # lowest cost of a last parent
         self._meet(range(len(objective.samples)))
-        self.limit = np.inf  # cost of the last parent of the generation before
-        self.history: list[tuple[float, float]] = []
 
     @property
     def narrowed(self) -> bool:
@@ -68,7 +68,7 @@ class Race:
     def __call__(self, x: Array) -> Array:
         """Costs (k,) of a generation (k, m); of who is no parent, at least what it was flown for."""
         parents = len(x) // 2
-        if not parents or len(self.met) == 1 or self.objective.quantile < 1.0 or not self.worst.any():
+        if not (parents and self.history) or len(self.met) == 1 or self.objective.quantile < 1.0:
             return self.exactly(x)
         still, flown = self._still(x), Flown.none(len(x), len(self.met))
         done = np.zeros((len(x), len(self.met)), dtype=bool)
@@ -89,8 +89,7 @@ class Race:
         # Who may still be among the parents by what it has met so far flies on.
         while True:
             costs, whole = self._costs(still, flown), done.all(axis=1)
-            self.limit = float(np.sort(costs[whole])[parents - 1])
-            open_ = ~whole & (costs < self.limit)
+            open_ = ~whole & (costs < np.sort(costs[whole])[parents - 1])
             if not open_.any():
                 break
             fly_on(np.flatnonzero(open_ & done[:, first]), rest)
@@ -120,19 +119,25 @@ class Race:
 
     def inside(self) -> bool:
         """Whether corridors and margins are kept by the best so far."""
-        return bool(self.history) and self.history[-1][1] <= _INSIDE
+        return bool(self.history) and sum(self.history[-1][1:]) <= _INSIDE
 
     def enough(self) -> bool:
-        """Whether corridors and margins are kept, and the last generations gained next to nothing."""
-        if len(self.history) <= _PATIENCE or not self.inside():
+        """Whether corridors are kept, and the last generations gained next to nothing.
+
+        The last parent counts as well as the best: one lucky candidate of a wide generation stalls the best.
+        """
+        if len(self.parents) <= _PATIENCE or self.history[-1][1] > _INSIDE:
             return False
-        return self.history[-1 - _PATIENCE][0] - self.history[-1][0] < _EVEN
+        best = self.history[-1 - _PATIENCE][0] - self.history[-1][0]
+        last = self.parents[-1 - _PATIENCE] - self.parents[-1]
+        return best < _EVEN and last < 2.0 * _EVEN
 
     def _meet(self, places: Sequence[int]) -> None:
         self.met = list(places)
         self.here = self.objective.of_samples(self.met)
         self.worst = np.zeros(len(self.met))  # how often each was the worst of a candidate
-        self.limit, self.history = np.inf, []
+        self.limit = np.inf  # cost of the last parent of the generation before
+        self.history, self.parents = [], []
 
     def _still(self, x: Array) -> Still:
         return self.objective.still(self.objective.parameters.gains(x))
@@ -151,6 +156,13 @@ class Race:
         told = violation.max(axis=1) > violation.min(axis=1)
         self.worst += np.bincount(violation[told].argmax(axis=1), minlength=len(self.met))
         best = int(whole[costs[whole].argmin()])
-        now = (float(costs[best]), float(OUTSIDE * terms.violation[best] + LACKING * terms.margin[best]))
+        now = (
+            float(costs[best]),
+            float(OUTSIDE * terms.violation[best]),
+            float(LACKING * terms.margin[best]),
+        )
         self.history.append(min(self.history[-1], now) if self.history else now)
+        if parents := len(costs) // 2:
+            self.limit = float(np.sort(costs[whole])[parents - 1])
+            self.parents.append(min([self.limit, *self.parents[-1:]]))
         return costs

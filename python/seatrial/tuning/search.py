@@ -250,7 +250,7 @@ def search_group(
         watch=watch,
         enough=race.enough,
     )
-    if not found.interrupted and not race.inside():
+    if not (found.interrupted or race.inside() or race.enough()):
         coarse = found
         race.narrow(coarse.elite)
         fine = refine(
@@ -418,7 +418,12 @@ class Standing:
 
 
 def revert_gains(
-    plan: TuningPlan, gains: Mapping[str, float], samples: Samples, *, threads: int | None = None
+    plan: TuningPlan,
+    gains: Mapping[str, float],
+    samples: Samples,
+    *,
+    first: Mapping[str, Mapping[str, float]] | None = None,
+    threads: int | None = None,
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Gains with which no loop is worse than before, and the groups that have their start gains again.
 
@@ -428,6 +433,8 @@ def revert_gains(
     gains : mapping of str to float
         Found, by the names of `Autopilot.gains`.
     samples : Samples
+    first : mapping of str to mapping, optional
+        Gains of the first turn, by the name of a group that had a second one.
     threads : int, optional
         All by default.
     """
@@ -436,7 +443,11 @@ def revert_gains(
     if now.score == 0.0:
         return kept, ()
     begun = standing(plan, {}, samples, threads=threads)
-
+    # A second turn that spoiled another loop gives way to the first one before the start gains do.
+    for former in (first or {}).values():
+        tried_first = kept | dict(former)
+        if _is_better(found_first := standing(plan, tried_first, samples, threads=threads), now, begun):
+            kept, now = tried_first, found_first
     groups = {
         group.name: {name for parameter in group.parameters.parameters for name in parameter.starts}
         for group in plan.groups
