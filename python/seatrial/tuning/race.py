@@ -29,6 +29,9 @@ __all__ = ["FEW", "Fly", "Race"]
 FEW = 4
 """Samples up to which a search meets all of them."""
 
+_NOISES, _DRAWN = 2, 3
+"""Noises of the vehicle itself and drawn vehicles that a search meets where there are more samples."""
+
 _INSIDE = 0.01
 """Cost of corridors and margins up to which they count as kept: 1 ms of a step, or 0.03 % of a margin."""
 
@@ -106,7 +109,7 @@ class Race:
         return self.objective.joined(self._still(x), flown).cost(self.objective.smoothness)
 
     def narrow(self, x: Array) -> None:
-        """Meet only the samples that are worst for candidates (k, m), the vehicle itself among them."""
+        """Meet only the samples that are worst for candidates (k, m), of noises and of drawn vehicles."""
         samples = self.objective.samples
         if len(samples) <= FEW or self.objective.quantile < 1.0:
             return
@@ -114,8 +117,9 @@ class Race:
         # Where nothing is violated, the one that is farthest off meanwhile tells most.
         size = np.minimum(flown.violation, _DIVERGED_S) + 1e-3 * np.minimum(flown.time, _DIVERGED_S)
         order = np.argsort(-size.max(axis=0), kind="stable").tolist()
-        own = next(place for place in order if place < samples.nominal)
-        self._meet(sorted(order[:FEW] if own in order[:FEW] else [*order[: FEW - 1], own]))
+        own = [place for place in order if place < samples.nominal][:_NOISES]
+        drawn = [place for place in order if place >= samples.nominal][:_DRAWN]
+        self._meet(sorted(own + drawn))
 
     def inside(self) -> bool:
         """Whether corridors and margins are kept by the best so far."""
