@@ -16,15 +16,24 @@ Held by tests/tuning/test_race.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
+from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
+from seatrial.base.run import RunDirectory, sha256
+from seatrial.estimation.search import LANES
 from seatrial.tuning.objective import LACKING, OUTSIDE, Flown, Objective, Still
 
-__all__ = ["FEW", "Fly", "Race"]
+if TYPE_CHECKING:
+    from seatrial.base.fleet import Fleet
+
+__all__ = ["FEW", "Elsewhere", "Fly", "Here", "Race"]
 
 FEW = 4
 """Samples up to which a search meets all of them."""
@@ -170,3 +179,52 @@ class Race:
             self.limit = float(np.sort(costs[whole])[parents - 1])
             self.parents.append(min([self.limit, *self.parents[-1:]]))
         return costs
+
+
+class Here:
+    """Flights of candidates in this process, and the time that they took, s."""
+
+    def __init__(self, objective: Objective) -> None:
+        self._objective, self.flown_s = objective, 0.0
+        self._each = sum(len(trials) * trials.duration_s for trials in objective.trials)
+
+    def __call__(self, x: Array, places: Sequence[int]) -> Flown:
+        """What candidates (k, m) do with some of the samples, counted."""
+        self.flown_s += self._each * len(x) * len(places)
+        return self.fly(x, places)
+
+    def fly(self, x: Array, places: Sequence[int]) -> Flown:
+        """What candidates (k, m) do with some of the samples."""
+        return flights(self._objective, x, places)
+
+
+class Elsewhere(Here):
+    """Candidates that workers of a fleet fly: full lanes for each, the same bits as here."""
+
+    def __init__(self, objective: Objective, fleet: Fleet) -> None:
+        super().__init__(objective)
+        self._fleet = fleet
+        self._shared = Shared(replace(objective, rig=replace(objective.rig, threads=1)))
+
+    def fly(self, x: Array, places: Sequence[int]) -> Flown:
+        """What candidates (k, m) do with some of the samples."""
+        pieces = min(max(self._fleet.slots, 1), math.ceil(len(x) / LANES))
+        each = LANES * math.ceil(len(x) / LANES / pieces)
+        chosen = tuple(int(place) for place in places)
+        chunks = (
+            Chunk(
+                f"candidates {k}",
+                sha256(self._shared.packed + part.tobytes() + bytes(chosen)),
+                flights,
+                self._shared,
+                (part, chosen),
+            )
+            for k, part in enumerate(x[k : k + each] for k in range(0, len(x), each))
+        )
+        found = run_chunks(chunks, RunDirectory(None), as_it_is(), fleet=self._fleet)
+        return Flown(*map(np.concatenate, zip(*(done.value.parts for done in found), strict=True)))
+
+
+def flights(objective: Objective, x: Array, places: Sequence[int]) -> Flown:
+    """What candidates (k, m) do with some of the samples: a chunk of the work."""
+    return objective.of_samples(places).flown(objective.parameters.gains(x))

@@ -18,7 +18,6 @@ Held by tests/tuning/test_tune.py and tests/tuning/test_revert_gains.py.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -26,21 +25,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.progress import Step, Watch
-from seatrial.base.run import RunDirectory, sha256
-from seatrial.estimation.search import LANES, Optimum, batch_size, evolve, join, refine
-from seatrial.tuning.objective import (
-    LACKING,
-    OUTSIDE,
-    Flown,
-    GainParameters,
-    Objective,
-    Terms,
-    excited_points,
-)
+from seatrial.estimation.search import Optimum, batch_size, evolve, join, refine
+from seatrial.tuning.gain_parameters import GainParameters, excited_points
+from seatrial.tuning.objective import LACKING, OUTSIDE, Objective, Terms
 from seatrial.tuning.performance import Performance, assess
-from seatrial.tuning.race import Race
+from seatrial.tuning.race import Elsewhere, Here, Race
 from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
@@ -234,7 +224,7 @@ def search_group(
     lower, upper = parameters.bounds
     budget = plan.table.budget
     tolerance = budget.tolerance or _TOLERANCE
-    fly = _Here(objective) if fleet is None else _Elsewhere(objective, fleet)
+    fly = Here(objective) if fleet is None else Elsewhere(objective, fleet)
     race = Race(objective, fly)
     race.narrow(begin[None])
     found = evolve(
@@ -280,54 +270,6 @@ def _best(race: Race, found: Optimum, candidates: Array) -> Optimum:
         cost=float(costs.min()),
         evaluations=found.evaluations + len(candidates),
     )
-
-
-class _Here:
-    """Flights of candidates in this process, and the time that they took, s."""
-
-    def __init__(self, objective: Objective) -> None:
-        self._objective, self.flown_s = objective, 0.0
-        self._each = sum(len(trials) * trials.duration_s for trials in objective.trials)
-
-    def __call__(self, x: Array, places: Sequence[int]) -> Flown:
-        self.flown_s += self._each * len(x) * len(places)
-        return self.fly(x, places)
-
-    def fly(self, x: Array, places: Sequence[int]) -> Flown:
-        """What candidates (k, m) do with some of the samples."""
-        return flights(self._objective, x, places)
-
-
-class _Elsewhere(_Here):
-    """Candidates that workers of a fleet fly: full lanes for each, the same bits as here."""
-
-    def __init__(self, objective: Objective, fleet: Fleet) -> None:
-        super().__init__(objective)
-        self._fleet = fleet
-        self._shared = Shared(replace(objective, rig=replace(objective.rig, threads=1)))
-
-    def fly(self, x: Array, places: Sequence[int]) -> Flown:
-        """What candidates (k, m) do with some of the samples."""
-        pieces = min(max(self._fleet.slots, 1), math.ceil(len(x) / LANES))
-        each = LANES * math.ceil(len(x) / LANES / pieces)
-        chosen = tuple(int(place) for place in places)
-        chunks = (
-            Chunk(
-                f"candidates {k}",
-                sha256(self._shared.packed + part.tobytes() + bytes(chosen)),
-                flights,
-                self._shared,
-                (part, chosen),
-            )
-            for k, part in enumerate(x[k : k + each] for k in range(0, len(x), each))
-        )
-        found = run_chunks(chunks, RunDirectory(None), as_it_is(), fleet=self._fleet)
-        return Flown(*map(np.concatenate, zip(*(done.value.parts for done in found), strict=True)))
-
-
-def flights(objective: Objective, x: Array, places: Sequence[int]) -> Flown:
-    """What candidates (k, m) do with some of the samples: a chunk of the work."""
-    return objective.of_samples(places).flown(objective.parameters.gains(x))
 
 
 def _terms(objective: Objective, parameters: GainParameters, x: Array) -> dict[str, float]:
