@@ -14,6 +14,7 @@ from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.estimation.search import Optimum
 from seatrial.tuning import search as group_search
 from seatrial.tuning.objective import Objective
+from seatrial.tuning.race import Race
 from seatrial.tuning.search import GroupResult, search_group, search_margins
 from tests.tuning.tuning_campaigns import HEADING, plan
 
@@ -32,19 +33,19 @@ class Searches:
     given: list[dict[str, Any]] = field(default_factory=list)
     objectives: list[Objective] = field(default_factory=list)
 
-    def _found(self, phase: int, objective: Objective, begin: Array, given: dict[str, Any]) -> Optimum:
-        self.objectives.append(objective)
+    def _found(self, phase: int, race: Race, begin: Array, given: dict[str, Any]) -> Optimum:
+        self.objectives.append(race.objective)
         self.given.append(given)
         x = np.full(len(given["lower"]), (COARSE, FINE)[phase])
         step = Step("", 1, 1, 10, self.costs[phase], 0.0)
         return Optimum(x, self.costs[phase], 9.0, x[None], 10, (step,), self.interrupted)
 
-    def evolve(self, objective: Objective, begin: Array, **given: Any) -> Optimum:
-        return self._found(0, objective, begin, given)
+    def evolve(self, cost: Race, begin: Array, **given: Any) -> Optimum:
+        return self._found(0, cost, begin, given)
 
-    def refine(self, objective: Objective, begin: Array, **given: Any) -> Optimum:
+    def refine(self, cost: Any, begin: Array, **given: Any) -> Optimum:
         np.testing.assert_array_equal(begin, np.full((1, len(given["lower"])), COARSE))
-        return self._found(1, objective, begin, given)
+        return self._found(1, cost.__self__, begin, given)
 
     def of(self, monkeypatch: pytest.MonkeyPatch, text: str = HEADING) -> GroupResult:
         monkeypatch.setattr(group_search, "evolve", self.evolve)

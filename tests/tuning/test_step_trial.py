@@ -168,7 +168,7 @@ def test_every_loop_with_a_set_point_has_a_channel_and_a_unit() -> None:
 
 def test_samples_are_taken_from_the_front() -> None:
     samples = still(3, X_uu=[-1.0, -2.0, -3.0])
-    first = samples.first(2)
+    first = samples.of(range(2))
     assert len(first) == 2
     assert first.seeds == (1, 2)
     assert first.coefficients["X_uu"].tolist() == [-1.0, -2.0]

@@ -12,7 +12,8 @@ from hypothesis import strategies as st_
 from seatrial.campaign.corridor import Corridor
 from seatrial.campaign.tuning_table import Margins
 from seatrial.control_design.margin_constraint import MarginConstraint
-from seatrial.tuning.objective import GainParameters, Objective, Terms, robust, violated
+from seatrial.tuning.gain_parameters import GainParameters
+from seatrial.tuning.objective import Objective, Terms, robust, violated
 from seatrial.tuning.step_trial import LoopTrials
 from tests.tuning.tuning_campaigns import cwolf, rig, start, still
 

@@ -7,7 +7,7 @@ Of the joint estimate where the campaign asks for one (``[polish]``) and it pred
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import CampaignError
@@ -15,11 +15,12 @@ from seatrial.base.report import Table
 from seatrial.campaign.parameters import Parameter
 from seatrial.diagnosis.advice import strayed
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
-from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint
+from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint, tried_terms
+from seatrial.estimation.gauss_newton import ran_away
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise
 from seatrial.statistics.information import InformationCriteria, information_criteria
-from seatrial.statistics.linearisation import Unknown
+from seatrial.statistics.linearisation import Linearisation, Unknown
 from seatrial.statistics.uncertainty import Uncertainty, covariance
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
 __all__ = ["Assessment", "assess", "conditioning"]
+
+_PART = 40  # segments that tell before a search what all of them will
 
 _FAR = 3.0  # prior standard deviations from which a nuisance parameter is doubtful
 
@@ -198,8 +201,11 @@ def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]
         As for `seatrial.estimation.joint.Joint`.
     """
     joint = Joint(campaign, threads=threads, method="output")
-    lin = linearise(joint, joint.start)
+    lin = _of_a_part(joint)
     lost = sum(not piece.counted.any() for piece in lin.pieces)
+    if lost and len(lin.pieces) < len(joint.data.segments):
+        lin = linearise(joint, joint.start)
+        lost = sum(not piece.counted.any() for piece in lin.pieces)
     if lost == len(lin.pieces):
         return ["what the data tell is judged after the search: the start vehicle diverges on every segment"]
     said = warnings_before(lin)
@@ -209,6 +215,22 @@ def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]
             " others the start vehicle diverges"
         )
     return said
+
+
+def _of_a_part(joint: Joint) -> Linearisation:
+    """Linearisation at the start; where segments are many, of a part that counts for all of them."""
+    part, places = joint.thinned(_PART)
+    lin = linearise(part, joint.start)
+    more = len(joint.data.segments) / len(places)
+    return replace(lin, pieces=tuple(replace(piece, weight=more * piece.weight) for piece in lin.pieces))
+
+
+def _runs_away(joint: Joint, polished: Polished) -> bool:
+    """Whether the simulation diverges on every segment; a filter follows the log."""
+    if joint.method == "innovations":
+        return False
+    residuals = joint.residuals(polished.values, polished.initial)
+    return all(ran_away(joint, error) for error in residuals)
 
 
 def assess(joint: Joint, polished: Polished) -> Assessment:
@@ -225,11 +247,13 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
     CampaignError
         The model diverges on every segment.
     """
-    lin = linearise(joint, polished.values, initial=polished.initial, noise=polished.noise)
-    if not any(piece.counted.any() for piece in lin.pieces):
+    if _runs_away(joint, polished):
         raise CampaignError(
             f"{joint.campaign.source}: polish: the model diverges on every segment; check the bounds"
         )
+    # One linearisation for all: behind the derivatives by the unknowns stand those by what might be missing.
+    tried = tried_terms(joint, polished.values, initial=polished.initial, noise=polished.noise)
+    lin = tried.lin.of_first(len(joint.unknowns))
     found = covariance(lin)
     sigma = dict(zip(found.names, found.sigma.tolist(), strict=True))
     return Assessment(
@@ -241,6 +265,6 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
         identifiability=judge(lin, sigma),
         criteria=information_criteria(lin),
         residual_analysis=analyse_joint(
-            joint, polished.values, initial=polished.initial, noise=polished.noise, refits=0
+            joint, polished.values, initial=polished.initial, noise=polished.noise, refits=0, tried=tried
         ),
     )

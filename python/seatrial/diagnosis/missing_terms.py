@@ -53,10 +53,10 @@ __all__ = [
 _AT_ONCE = 3e7
 """Derivatives that are held at once."""
 
-_TO_CHOOSE = 1e7
+_TO_CHOOSE = 5e6
 """Derivatives of the part of the segments by which the strongest are chosen where they are more."""
 
-_FEWEST = 40
+_FEWEST = 20
 """Segments of it, at least."""
 
 _STRONGEST = 40

@@ -46,7 +46,7 @@ from seatrial.statistics.score_test import score_tests
 if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint
 
-__all__ = ["ResidualAnalysis", "analyse", "analyse_joint"]
+__all__ = ["ResidualAnalysis", "Tried", "analyse", "analyse_joint", "tried_terms"]
 
 _EXCESS = 1.5
 
@@ -170,6 +170,7 @@ def analyse_joint(
     sensor_noise: Mapping[str, float] | None = None,
     level: float = 0.05,
     refits: int = 3,
+    tried: Tried | None = None,
 ) -> ResidualAnalysis:
     """Residual analysis of a joint estimate: every coefficient and every recorded signal is tried.
 
@@ -188,6 +189,8 @@ def analyse_joint(
         The first suggestions that are freed in turn and estimated again before one leads
         (`seatrial.diagnosis.refitting`); each takes some rounds of a polish. With zero all numbers are of
         first order.
+    tried : Tried, optional
+        What `tried_terms` gives at the same values, where it is known already.
 
     Examples
     --------
@@ -199,16 +202,13 @@ def analyse_joint(
     """
     info = joint.vehicle.coefficient_info()
     trials = {name: joint.campaign.trials[name] for name in joint.data.names}
-    tried = candidates(joint.vehicle, coefficient_names(joint.parameters), free=joint.stage.axes.free)
-    if joint.method == "output":
-        estimated = [one.name for one in joint.unknowns]
-        tried += trial_forces(joint.data.names, estimated, free=joint.stage.axes.free)
-    held = strongest(joint, values, tried, initial=initial, noise=noise)
-    lin = linearise(joint, values, initial=initial, noise=noise, extra=members(held))
-    first = _first(lin, held, info=info, tested=len(tried), level=level)
+    if tried is None:
+        tried = tried_terms(joint, values, initial=initial, noise=noise)
+    lin, held, count = tried.lin, tried.held, tried.count
+    first = _first(lin, held, info=info, tested=count, level=level)
     suggestions, last = first.suggestions, lin
     if suggestions and refits:
-        followed = refitted(joint, values, suggestions, held, tested=len(tried), level=level, refits=refits)
+        followed = refitted(joint, values, suggestions, held, tested=count, level=level, refits=refits)
         suggestions, last, held = followed.suggestions, followed.lin, followed.tried
     freed = {member for one in suggestions for c in held if c.name == one.name for member in c.members}
     fitted = set(fitted_places(last, held)) | {i for i, u in enumerate(last.unknowns) if u.name in freed}
@@ -225,6 +225,41 @@ def analyse_joint(
         one if one.faster else replace(one, line=campaign_line(one, info)) for one in suggestions
     )
     return _analysis(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, found)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """Coefficients that might be missing, and the linearisation by which they are tried.
+
+    ``lin`` has the unknowns of the joint estimate first, ``held`` the candidates of the largest gains, of
+    ``count`` in all.
+    """
+
+    lin: Linearisation
+    held: tuple[Candidate, ...]
+    count: int
+
+
+def tried_terms(
+    joint: Joint, values: Array, *, initial: Array | None = None, noise: Array | None = None
+) -> Tried:
+    """Coefficients that a joint estimate holds and that might be missing.
+
+    Parameters
+    ----------
+    joint : Joint
+    values : ndarray, shape (m,)
+        The estimate.
+    initial, noise : ndarray, optional
+        As for `seatrial.estimation.joint_estimate.linearise`.
+    """
+    tried = candidates(joint.vehicle, coefficient_names(joint.parameters), free=joint.stage.axes.free)
+    if joint.method == "output":
+        estimated = [one.name for one in joint.unknowns]
+        tried += trial_forces(joint.data.names, estimated, free=joint.stage.axes.free)
+    held = strongest(joint, values, tried, initial=initial, noise=noise)
+    lin = linearise(joint, values, initial=initial, noise=noise, extra=members(held))
+    return Tried(lin, held, len(tried))
 
 
 def _table(one: Suggestion) -> str:

@@ -2,8 +2,8 @@
 
 The initial conditions of a segment touch nothing else, so that they are eliminated segment by segment (Schur
 complement, as in bundle adjustment); what is left goes to SciPy's trust-region solver with the bounds. Within
-a round the derivatives are held: it costs one differentiated flight and a few plain ones. After a step that
-is short beside the standard deviations they are held for the next round too; its residuals are its own.
+a round the derivatives are held: it costs one differentiated flight and a few plain ones. After a step of few
+standard deviations they are held for the next round too; its residuals are its own.
 
 Source: Triggs et al., *Bundle Adjustment: A Modern Synthesis* (2000), section 6; Huber (1964); Yohai & Zamar,
 *JASA* 83 (1988) 406, for the robust scale.
@@ -24,7 +24,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
-__all__ = ["INITIALS", "GaussNewton"]
+__all__ = ["INITIALS", "GaussNewton", "ran_away"]
 
 INITIALS: tuple[str, ...] = tuple(initial_names())
 """Initial conditions of a segment in the core's order."""
@@ -33,12 +33,17 @@ _TRIALS = 6
 
 _NOISE_FLOOR = 1e-3
 
-_NEAR = 1.0
-"""Promise of a step, in twice the log-likelihood, up to which the derivatives are held for the next one: a
-standard deviation in all unknowns together."""
+_NEAR = 30.0
+"""Promise of a step, in twice the log-likelihood, up to which the derivatives are held for the next one: five
+to six standard deviations in all unknowns together. The residuals are always those of the step."""
 
 _DIVERGED = 1e3
 """Error, in standard deviations of the channel, from which a simulation counts as diverged."""
+
+
+def ran_away(joint: Joint, error: Array) -> bool:
+    """Whether the simulation of a segment, with residuals (n, C), tells nothing of its coefficients."""
+    return not np.all(np.abs(error) < _DIVERGED * joint.data.scale[joint.used])
 
 
 _Slopes = list[tuple[Array, Array, Array, NDArray[np.intp]]]
@@ -78,6 +83,7 @@ class GaussNewton:
         self.initial_places = [INITIALS.index(name) for name in joint.initials]
         self.evaluations = 0
         self.held: _Slopes | None = None
+        self.near = False  # whether the derivatives of the start hold all the way
 
     def round(self, values: Array, initial: Array, centre: Array) -> tuple[Array, Array, float]:
         """Better values and initial conditions, and the promised gain in twice the log-likelihood."""
@@ -133,7 +139,7 @@ class GaussNewton:
         new, begun = moved(found.x)
         step = (new - at)[free]
         promised = float(step @ information[np.ix_(free, free)] @ step)
-        if promised > _NEAR:
+        if promised > _NEAR and not self.near:
             self.held = None
         return new, begun, promised
 
@@ -270,7 +276,7 @@ class GaussNewton:
         for index, (error, by_unknown, by_initial, places) in enumerate(slopes):
             segment = joint.data.segments[index]
             counted = joint.counted(index)
-            if not np.all(np.abs(error) < _DIVERGED * joint.data.scale[joint.used]):
+            if ran_away(joint, error):
                 # A simulation that ran away tells nothing of its coefficients, here.
                 error, by_unknown, by_initial = (np.zeros_like(x) for x in (error, by_unknown, by_initial))
                 counted = np.zeros_like(counted)

@@ -116,6 +116,7 @@ def polish(
     fixed: Sequence[int] = (),
     rounds: int | None = None,
     also: Sequence[Array] = (),
+    near: bool = False,
     watch: Callable[[Step], None] | None = None,
 ) -> Polished:
     """Joint estimate from a start, and from others around it where the campaign asks for several.
@@ -131,6 +132,9 @@ def polish(
         Rounds at most; by default the campaign's. None is taken with zero: the start is judged.
     also : sequence of ndarray, shape (m,)
         Further starts.
+    near : bool
+        Whether the start is near the optimum, such as that of most of the same data: it is searched from
+        there alone, on all segments, with the derivatives that hold there.
     watch : callable, optional
         Called after every round; it may raise KeyboardInterrupt.
     """
@@ -139,10 +143,13 @@ def polish(
     limit = joint.polish.rounds if rounds is None else rounds
     if joint.method == "innovations":
         return _with_noise_model(joint, first, limit, fixed, watch)
-    whole = len(joint.data.segments) < _MANY * _PART
+    whole = near or len(joint.data.segments) < _MANY * _PART
     searched = joint if whole or not limit else joint.thinned(_PART)[0]
     search = _Descent(searched, frozenset(fixed), limit, watch)
+    search.rounds.near = near
     found = [search.run(first)]
+    if near:
+        return replace(found[0], wall_s=time.monotonic() - began)
     if start is None and not fixed and limit and joint.unstaged and not found[-1].interrupted:
         smaller = _Descent(searched, frozenset(joint.unstaged), limit, watch).run(first)
         if not smaller.interrupted:

@@ -287,6 +287,7 @@ def evolve(
     spread: float = 0.25,
     tolerance: float = 1e-4,
     watch: Watch | None = None,
+    enough: Callable[[], bool] | None = None,
 ) -> Optimum:
     """Optimum of a global search inside the bounds by an evolution strategy (CMA-ES) with restarts.
 
@@ -318,6 +319,8 @@ def evolve(
         generations.
     watch : callable, optional
         Called with a `Step` after every generation; a KeyboardInterrupt that it raises ends the search.
+    enough : callable, optional
+        Asked after every generation; where it says so, the search ends.
 
     Returns
     -------
@@ -337,6 +340,9 @@ def evolve(
     size = batch_size(len(first), population)
     generator = np.random.default_rng(seed)
 
+    def over() -> bool:
+        return enough is not None and enough()
+
     def descend(centre: Array, sigma: float, size: int) -> float:
         """Best cost of one run, which ends when it has gained nothing for long or has contracted."""
         # The package does not search one dimension: a second one without effect takes its place.
@@ -355,7 +361,7 @@ def evolve(
         patience = 10 + math.ceil(30 * len(centre) / size)
         strategy = cma.CMAEvolutionStrategy(padded, sigma, options)
         own, middle = list[float](), list[float]()  # lowest so far: cost, median cost of a population
-        while ledger.generation < generations and not strategy.stop():
+        while ledger.generation < generations and not strategy.stop() and not over():
             candidates = strategy.ask()
             costs = ledger.costs(np.array(candidates)[:, : len(centre)])
             strategy.tell(candidates, np.where(np.isfinite(costs), costs, DIVERGED))
@@ -377,7 +383,7 @@ def evolve(
         ledger.best_cost = math.inf  # what the strategy finds, without its start
         best, run = descend(first, spread, size), 0
         good = min(ledger.start_cost * (1.0 + tolerance), DIVERGED)
-        while ledger.generation < generations and not best <= good:
+        while ledger.generation < generations and not best <= good and not over():
             run += 1
             centre = generator.uniform(0.0, 1.0, len(first))
             best = min(best, descend(centre, _SPREAD, size * 2 ** min(run, _DOUBLED)))

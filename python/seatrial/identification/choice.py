@@ -449,7 +449,7 @@ def _refitted(
         start = [
             optimum.get(one.name, own) for one, own in zip(joint.unknowns, joint.start.tolist(), strict=True)
         ]
-        polished = polish(joint, start=np.array(start))
+        polished = polish(joint, start=np.array(start), near=True)
         return (
             _errors(shorter, joint.identified(joint.start), None),
             _errors(shorter, joint.identified(polished.values), joint.records(polished.values)),

@@ -8,7 +8,7 @@ Pereyra 1973).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -72,6 +72,11 @@ class Linearisation:
     pieces: tuple[Piece, ...]
     pushed: str = "XYZKMN"
     fins: tuple[str, ...] = ()
+
+    def of_first(self, count: int) -> Linearisation:
+        """The same without the unknowns behind the first."""
+        pieces = tuple(replace(piece, jacobian=piece.jacobian[:, :, :count]) for piece in self.pieces)
+        return replace(self, unknowns=self.unknowns[:count], values=self.values[:count], pieces=pieces)
 
     def information(self) -> Array:
         """Information (m, m): ``sum J' W J`` and the priors' ``1/sd^2``."""

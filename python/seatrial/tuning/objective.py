@@ -1,4 +1,4 @@
-"""The cost of a set of gains, and gains as parameters of a search.
+"""The cost of a set of gains.
 
     J = 10 Q + 30 M + 0.05 (O + T) + s S + 0.1 E
 
@@ -27,19 +27,13 @@ neighbours it is the same whether the gain is in N or kN. Three neighbours of wh
 there) stand aside, and so do points that are not reached. Source: Whittaker (1923), *On a new method of
 graduation*, for the sum of squared differences.
 
-A parameter is one factor on a start gain for each breakpoint that the trials move, searched by its
-logarithm. A point that no trial comes near goes with the nearest one that a trial does; a point that the
-vehicle never reaches takes its value from the nearest one that it does. A gain that starts at zero stays
-there.
-
-Held by tests/tuning/test_tuning_objective.py, tests/tuning/test_gain_smoothness.py and
-tests/tuning/test_gain_parameters.py.
+Held by tests/tuning/test_tuning_objective.py and tests/tuning/test_gain_smoothness.py.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,192 +41,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
+from seatrial.tuning.gain_parameters import GainParameters
 from seatrial.tuning.step_trial import RIDES_ON, LoopTrials, Rig, Samples
 
 if TYPE_CHECKING:
     from seatrial.control_design.margin_constraint import MarginConstraint
 
 __all__ = [
-    "GAINS",
     "HEADROOM",
     "LACKING",
     "OUTSIDE",
     "STEADY",
-    "GainParameters",
+    "Flown",
     "Objective",
-    "Parameter",
+    "Still",
     "Terms",
-    "excited_points",
     "robust",
     "roughness",
     "violated",
 ]
-
-GAINS = ("K_P", "K_I", "K_D")
-
-_LEAST_WIDTH = 0.005  # of a factor on either side, where gains at both bounds leave it none
-
-_EXCITED = 0.2
-"""Least weight of a point at the speed of a trial that tells of its gains."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One factor: its name, and the start values of all that it scales, by name."""
-
-    name: str
-    starts: Mapping[str, float]
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True)
-class GainParameters:
-    """Parameters of a search; candidates are logarithms of factors, (k, m)."""
-
-    parameters: tuple[Parameter, ...]
-
-    def __len__(self) -> int:
-        return len(self.parameters)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the factors."""
-        return tuple(parameter.name for parameter in self.parameters)
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of the logarithms, (m,) each."""
-        lower = np.log([parameter.lower for parameter in self.parameters])
-        return lower, np.log([parameter.upper for parameter in self.parameters])
-
-    def gains(self, x: Array) -> dict[str, Array]:
-        """Gains of k candidates (k, m), by name, (k,) each."""
-        factors = np.exp(np.atleast_2d(x))
-        return {
-            name: start * factors[:, place]
-            for place, parameter in enumerate(self.parameters)
-            for name, start in parameter.starts.items()
-        }
-
-    def through(self, gains: Mapping[str, float]) -> tuple[GainParameters, Array]:
-        """The same factors on other gains, and the logarithms (m,) that give exactly these.
-
-        What one factor scales keeps its ratio among itself, and every gain within the bounds about its own
-        start value.
-
-        Parameters
-        ----------
-        gains : mapping of str to float
-            Those that are not named are the start values.
-
-        Examples
-        --------
-        >>> start = {"surge.K_P.1": 10.0, "surge.K_P.2": 20.0}
-        >>> one = GainParameters.of_loop("surge", start, free=[0], reached=[0, 1], bounds=(0.1, 10.0))
-        >>> now, x = one.through({"surge.K_P.1": 20.0, "surge.K_P.2": 20.0})
-        >>> {name: round(float(values[0]), 9) for name, values in now.gains(x).items()}
-        {'surge.K_P.1': 20.0, 'surge.K_P.2': 20.0}
-        """
-        found, logarithms = [], []
-        for one in self.parameters:
-            # The point that gave the parameter its name, or the first that it scales.
-            name = one.name if one.name in one.starts else next(iter(one.starts))
-            factor = float(
-                np.clip(gains.get(name, one.starts[name]) / one.starts[name], one.lower, one.upper)
-            )
-            scaled = {key: gains.get(key, value) / factor for key, value in one.starts.items()}
-            ratios = [scaled[key] / value for key, value in one.starts.items()]
-            lower = min(one.lower / min(ratios), factor * (1.0 - _LEAST_WIDTH))
-            upper = max(one.upper / max(ratios), factor * (1.0 + _LEAST_WIDTH))
-            found.append(Parameter(one.name, scaled, lower, upper))
-            logarithms.append(np.log(factor))
-        return GainParameters(tuple(found)), np.array(logarithms)
-
-    @classmethod
-    def of_loop(
-        cls,
-        loop: str,
-        gains: Mapping[str, float],
-        *,
-        free: Sequence[int],
-        taken: Sequence[int] = (),
-        reached: Sequence[int],
-        bounds: tuple[float, float],
-    ) -> GainParameters:
-        """Factors on the gains of a loop.
-
-        Parameters
-        ----------
-        loop : str
-        gains : mapping of str to float
-            Start values, by the names of `Autopilot.gains`.
-        free : sequence of int
-            Breakpoints (from 0) that get a factor of their own.
-        taken : sequence of int
-            Points that another search sets.
-        reached : sequence of int
-            Points that the vehicle reaches.
-        bounds : (float, float)
-            Of every factor.
-
-        Examples
-        --------
-        >>> start = {f"surge.K_P.{i}": 10.0 * i for i in range(1, 7)}
-        >>> found = GainParameters.of_loop("surge", start, free=[2, 3], reached=[2, 3, 4], bounds=(0.1, 10.0))
-        >>> [dict(one.starts) for one in found.parameters]  # doctest: +NORMALIZE_WHITESPACE
-        [{'surge.K_P.1': 30.0, 'surge.K_P.2': 30.0, 'surge.K_P.3': 30.0},
-         {'surge.K_P.4': 40.0, 'surge.K_P.5': 50.0, 'surge.K_P.6': 50.0}]
-        """
-        points = sorted({
-            int(name.rpartition(".")[2]) - 1 for name in gains if name.startswith(f"{loop}.K_P.")
-        })
-
-        def nearest(point: int, among: Iterable[int]) -> int:
-            return min(among, key=lambda other: (abs(other - point), other))
-
-        found = []
-        for gain in GAINS:
-            starts: dict[int, dict[str, float]] = {place: {} for place in free}
-            for point in points:
-                own = point if point in reached else nearest(point, reached)
-                if own in taken or not free:
-                    continue
-                value = gains.get(f"{loop}.{gain}.{own + 1}", 0.0)
-                if value > 0.0:
-                    starts[own if own in free else nearest(own, free)][f"{loop}.{gain}.{point + 1}"] = value
-            found += [
-                Parameter(f"{loop}.{gain}.{place + 1}", scaled, *bounds)
-                for place, scaled in starts.items()
-                if scaled
-            ]
-        return cls(tuple(found))
-
-    @classmethod
-    def of_number(cls, name: str, start: float, bounds: tuple[float, float]) -> GainParameters:
-        """A factor on one number: a reference filter, a lookahead; none where it is zero."""
-        return cls((Parameter(name, {name: start}, *bounds),) if start > 0.0 else ())
-
-    def __add__(self, other: GainParameters) -> GainParameters:
-        return GainParameters(self.parameters + other.parameters)
-
-
-def excited_points(speeds_m_s: Iterable[float], points_m_s: Sequence[float]) -> list[int]:
-    """Breakpoints (from 0) whose gains trials at some speeds tell of.
-
-    Examples
-    --------
-    >>> excited_points([1.5, 3.0], [-5.0, -3.0, -1.0, 1.0, 3.0, 5.0])
-    [3, 4]
-    """
-    found = set()
-    for speed in speeds_m_s:
-        for point in range(len(points_m_s)):
-            weight = np.interp(speed, points_m_s, np.eye(len(points_m_s))[point])
-            if weight >= _EXCITED:
-                found.add(point)
-    return sorted(found)
-
 
 Gains = Mapping[str, ArrayLike]
 
@@ -334,6 +161,51 @@ class Terms:
 
 
 @dataclass(frozen=True, eq=False)
+class Flown:
+    """What k candidates did with s samples, mean over trials and loops, (k, s) each.
+
+    Attributes
+    ----------
+    violation
+        Q of each sample, s; infinite for what diverged.
+    offset
+        Off at the end, s, without the part of a slow integral.
+    time, effort
+        T, s, and E, 1/s.
+    """
+
+    violation: Array
+    offset: Array
+    time: Array
+    effort: Array
+
+    @classmethod
+    def none(cls, candidates: int, samples: int) -> Flown:
+        """Nothing flown yet: no term is below this."""
+        return cls(*(np.zeros((candidates, samples)) for _ in range(4)))
+
+    @property
+    def parts(self) -> tuple[Array, ...]:
+        """All four, in the order of the attributes."""
+        return self.violation, self.offset, self.time, self.effort
+
+    def put(self, rows: ArrayLike, columns: ArrayLike, other: Flown) -> None:
+        """Take what some candidates did with some samples."""
+        where = np.ix_(np.asarray(rows), np.asarray(columns))
+        for own, new in zip(self.parts, other.parts, strict=True):
+            own[where] = new
+
+
+@dataclass(frozen=True, eq=False)
+class Still:
+    """What of the cost of k candidates takes no flight, (k,) each: M, slow integrals (s, of O), S."""
+
+    margin: Array
+    slow: Array
+    roughness: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Objective:
     """Cost of candidates of some gains, all others as they are.
 
@@ -375,17 +247,31 @@ class Objective:
 
     def terms(self, gains: Mapping[str, Array], *, headroom: float = HEADROOM) -> Terms:
         """Parts of the cost of k sets of gains."""
+        return self.joined(self.still(gains), self.flown(gains, headroom=headroom))
+
+    def of_samples(self, places: Sequence[int]) -> Objective:
+        """The same cost with some of the samples, the vehicle itself first."""
+        return replace(self, samples=self.samples.of(places))
+
+    def flown(self, gains: Mapping[str, Array], *, headroom: float = HEADROOM) -> Flown:
+        """What k sets of gains do with the samples."""
         k = len(next(iter(gains.values())))
-        total = np.zeros((k, len(self.samples)))
-        offset, time, effort = np.zeros(k), np.zeros(k), np.zeros(k)
+        found = Flown.none(k, len(self.samples))
+        share = 1.0 / len(self.trials)
         for trials in self.trials:
             sums, travel, off = self.rig.violations(trials, self.samples, gains, headroom=headroom)
-            total += violated(trials, sums).mean(axis=1) / len(self.trials)
-            time += sums[..., 0, 2].mean(axis=(1, 2)) / trials.until_s / len(self.trials)
+            found.violation[:] += share * violated(trials, sums).mean(axis=1)
+            found.time[:] += share * sums[..., 0, 2].mean(axis=1) / trials.until_s
             # What diverges is off without end.
             beyond = np.maximum(np.where(np.isnan(off), np.inf, off) - STEADY, 0.0) * trials.until_s
-            offset += (beyond.mean(axis=(1, 2)) + self._slow_integral(trials, gains)) / len(self.trials)
-            effort += np.where(np.isnan(travel), np.inf, travel).mean(axis=(1, 2)) / len(self.trials)
+            found.offset[:] += share * beyond.mean(axis=1)
+            found.effort[:] += share * np.where(np.isnan(travel), np.inf, travel).mean(axis=1)
+        return found
+
+    def still(self, gains: Mapping[str, Array]) -> Still:
+        """What takes no flight of the cost of k sets of gains."""
+        k = len(next(iter(gains.values())))
+        slow = sum(self._slow_integral(trials, gains) for trials in self.trials) / len(self.trials)
         loops = {name.partition(".")[0] for name in gains}
         # Points that another group sets belong to the schedule all the same.
         every = {name: np.full(1, value) for name, value in self.rig.autopilot.gains().items()}
@@ -397,8 +283,18 @@ class Objective:
             roughness(named, self.reached, speeds_m_s=self.rig.autopilot.speeds_m_s) if named else np.zeros(1)
         )
         lacking = np.zeros(k) if self.margins is None else self.margins.shortfall(gains)
-        over_samples = robust(total, self.quantile, nominal=self.samples.nominal)
-        return Terms(over_samples, lacking, offset, time, np.broadcast_to(rough, (k,)), effort)
+        return Still(lacking, np.broadcast_to(slow, (k,)), np.broadcast_to(rough, (k,)))
+
+    def joined(self, still: Still, flown: Flown) -> Terms:
+        """Parts of the cost; where a sample was not flown yet, the least that they can be."""
+        return Terms(
+            violation=robust(flown.violation, self.quantile, nominal=self.samples.nominal),
+            margin=still.margin,
+            offset=flown.offset.mean(axis=1) + still.slow,
+            time=flown.time.mean(axis=1),
+            roughness=still.roughness,
+            effort=flown.effort.mean(axis=1),
+        )
 
     def _slow_integral(self, trials: LoopTrials, gains: Mapping[str, Array]) -> Array:
         """What integrals cost that are slower than the corridor and the start gains, (k,), s."""

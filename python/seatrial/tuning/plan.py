@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LoopTable
 from seatrial.control_design.autopilot_facts import autopilot_facts
+from seatrial.tuning.gain_parameters import GainParameters, excited_points
 from seatrial.tuning.loop_steps import steps_of, usual_speeds
-from seatrial.tuning.objective import GainParameters, excited_points
 from seatrial.tuning.path_following import GUIDANCE, course_lookahead
 from seatrial.tuning.scope import TuningScope
 from seatrial.tuning.step_trial import CHANNELS, PATHS, RIDES_ON, LoopTrials

@@ -18,7 +18,6 @@ Held by tests/tuning/test_tune.py and tests/tuning/test_revert_gains.py.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -26,12 +25,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.progress import Step, Watch
-from seatrial.base.run import RunDirectory, sha256
-from seatrial.estimation.search import LANES, Optimum, batch_size, evolve, join, refine
-from seatrial.tuning.objective import LACKING, OUTSIDE, GainParameters, Objective, Terms, excited_points
+from seatrial.estimation.search import Optimum, batch_size, evolve, join, refine
+from seatrial.tuning.gain_parameters import GainParameters, excited_points
+from seatrial.tuning.objective import LACKING, OUTSIDE, Objective, Terms
 from seatrial.tuning.performance import Performance, assess
+from seatrial.tuning.race import Elsewhere, Here, Race
 from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
@@ -225,9 +224,11 @@ def search_group(
     lower, upper = parameters.bounds
     budget = plan.table.budget
     tolerance = budget.tolerance or _TOLERANCE
-    cost = objective if fleet is None else _Elsewhere(objective, fleet)
+    fly = Here(objective) if fleet is None else Elsewhere(objective, fleet)
+    race = Race(objective, fly)
+    race.narrow(begin[None])
     found = evolve(
-        cost,
+        race,
         begin,
         lower=lower,
         upper=upper,
@@ -237,46 +238,38 @@ def search_group(
         spread=_SPREAD,
         tolerance=tolerance,
         watch=watch,
+        enough=race.enough,
     )
-    if not found.interrupted:
+    if not (found.interrupted or race.inside() or race.enough()):
+        coarse = found
+        race.narrow(coarse.elite)
         fine = refine(
-            cost,
-            found.elite,
+            race.exactly,
+            coarse.elite,
             lower=lower,
             upper=upper,
             rounds=budget.simplex_rounds or ROUNDS,
             tolerance=tolerance,
             watch=watch,
         )
-        found = join(found, fine) if fine.cost <= found.cost else found
+        found = join(coarse, fine) if fine.cost <= coarse.cost or race.narrowed else coarse
+        if race.narrowed:
+            found = _best(race, found, np.vstack([begin, coarse.elite, fine.elite]))
+    elif race.narrowed:
+        found = _best(race, found, np.vstack([begin, found.elite]))
     ends = [_terms(objective, parameters, x) for x in (begin, found.x)]
-    each = sum(len(trials) * trials.duration_s for trials in group.trials) * len(samples)
-    return _result(group.name, parameters, found, (ends[0], ends[1]), flown_s=each * found.evaluations)
+    return _result(group.name, parameters, found, (ends[0], ends[1]), flown_s=fly.flown_s)
 
 
-class _Elsewhere:
-    """The cost of candidates that workers of a fleet fly: full lanes for each, the same bits as here."""
-
-    def __init__(self, objective: Objective, fleet: Fleet) -> None:
-        self._fleet = fleet
-        self._shared = Shared(replace(objective, rig=replace(objective.rig, threads=1)))
-
-    def __call__(self, x: Array) -> Array:
-        pieces = min(max(self._fleet.slots, 1), math.ceil(len(x) / LANES))
-        each = LANES * math.ceil(len(x) / LANES / pieces)
-        chunks = (
-            Chunk(
-                f"candidates {k}", sha256(self._shared.packed + part.tobytes()), costs, self._shared, (part,)
-            )
-            for k, part in enumerate(x[k : k + each] for k in range(0, len(x), each))
-        )
-        found = run_chunks(chunks, RunDirectory(None), as_it_is(), fleet=self._fleet)
-        return np.concatenate([done.value for done in found])
-
-
-def costs(objective: Objective, x: Array) -> Array:
-    """Costs (k,) of candidates (k, m): a chunk of the work."""
-    return objective(x)
+def _best(race: Race, found: Optimum, candidates: Array) -> Optimum:
+    """The best of some candidates with all samples."""
+    costs = race.with_all(candidates)
+    return replace(
+        found,
+        x=candidates[int(costs.argmin())],
+        cost=float(costs.min()),
+        evaluations=found.evaluations + len(candidates),
+    )
 
 
 def _terms(objective: Objective, parameters: GainParameters, x: Array) -> dict[str, float]:
@@ -367,7 +360,12 @@ class Standing:
 
 
 def revert_gains(
-    plan: TuningPlan, gains: Mapping[str, float], samples: Samples, *, threads: int | None = None
+    plan: TuningPlan,
+    gains: Mapping[str, float],
+    samples: Samples,
+    *,
+    first: Mapping[str, Mapping[str, float]] | None = None,
+    threads: int | None = None,
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Gains with which no loop is worse than before, and the groups that have their start gains again.
 
@@ -377,6 +375,8 @@ def revert_gains(
     gains : mapping of str to float
         Found, by the names of `Autopilot.gains`.
     samples : Samples
+    first : mapping of str to mapping, optional
+        Gains of the first turn, by the name of a group that had a second one.
     threads : int, optional
         All by default.
     """
@@ -385,7 +385,11 @@ def revert_gains(
     if now.score == 0.0:
         return kept, ()
     begun = standing(plan, {}, samples, threads=threads)
-
+    # A second turn that spoiled another loop gives way to the first one before the start gains do.
+    for former in (first or {}).values():
+        tried_first = kept | dict(former)
+        if _is_better(found_first := standing(plan, tried_first, samples, threads=threads), now, begun):
+            kept, now = tried_first, found_first
     groups = {
         group.name: {name for parameter in group.parameters.parameters for name in parameter.starts}
         for group in plan.groups

@@ -17,7 +17,7 @@ tests/tuning/test_step_trial.py.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -81,10 +81,12 @@ class Samples:
     def __len__(self) -> int:
         return len(self.seeds)
 
-    def first(self, count: int) -> Samples:
-        """The first of them."""
-        kept = {name: np.asarray(values)[:count] for name, values in self.coefficients.items()}
-        return Samples(kept, self.current[:count], self.seeds[:count], min(self.nominal, count))
+    def of(self, places: Sequence[int]) -> Samples:
+        """Some of them, by their places in rising order."""
+        chosen = list(places)
+        kept = {name: np.asarray(values)[chosen] for name, values in self.coefficients.items()}
+        seeds = tuple(self.seeds[place] for place in chosen)
+        return Samples(kept, self.current[chosen], seeds, sum(place < self.nominal for place in chosen))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from seatrial.tuning.objective import GAINS
+from seatrial.tuning.gain_parameters import GAINS
 from seatrial.tuning.performance import Performance, StepPerformance
 from seatrial.vehicle.authority import LOOPS
 

@@ -180,7 +180,13 @@ class TuningRun:
 
     def _revert(self) -> None:
         """Give groups their start gains again where these are better at the last assessment."""
-        self.gains, self.reverted = revert_gains(self.plan, self.gains, self._fresh(), threads=self.threads)
+        found = {result.name: result.gains for result in self.results}
+        first = {
+            group.name: found[group.name] for group in self.plan.groups if _name(group, _PASSES - 1) in found
+        }
+        self.gains, self.reverted = revert_gains(
+            self.plan, self.gains, self._fresh(), first=first, threads=self.threads
+        )
 
     def _guide(self) -> None:
         """Numbers of guidance that go with the loops as they are."""
