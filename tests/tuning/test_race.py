@@ -54,8 +54,8 @@ class Flights:
 
     def __call__(self, x: Array, places: Sequence[int]) -> Flown:
         rows = [int(np.flatnonzero((self.x == one).all(axis=1))[0]) for one in x]
-        self.flown[np.ix_(rows, np.asarray(places))] += 1
-        chosen = self.violation[np.ix_(rows, np.asarray(places))]
+        self.flown[np.ix_(np.asarray(rows), np.asarray(places))] += 1
+        chosen = self.violation[np.ix_(np.asarray(rows), np.asarray(places))]
         return Flown(chosen, np.zeros_like(chosen), 0.1 * chosen, np.zeros_like(chosen))
 
 
