@@ -28,6 +28,17 @@ def test_a_group_that_is_worse_than_its_start_gets_its_start_gains_again() -> No
     assert mended.score < spoiled.score
 
 
+def test_a_second_turn_that_spoilt_a_loop_gives_way_to_the_first() -> None:
+    one = plan()
+    samples = one.samples(0, 1)
+    start = one.autopilot.gains()
+    names = [name for name in start if name.startswith("heading.K_P.")]
+    spoilt, first = ({name: factor * start[name] for name in names} for factor in (SPOILT, 1.01))
+    kept, back = revert_gains(one, spoilt, samples, first={"heading": first}, threads=1)
+    assert kept == first
+    assert back == ()
+
+
 def test_what_is_better_stays() -> None:
     one = plan()
     samples = one.samples(0, 1)
