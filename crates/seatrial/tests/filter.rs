@@ -1,7 +1,6 @@
 //! The navigation filter: its algebra against dense matrices, its Jacobians against difference quotients, and what its
 //! covariance says against what its errors are.
 
-mod abreast;
 mod consistency;
 mod error_state;
 mod innovation;
