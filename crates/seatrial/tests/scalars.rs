@@ -7,6 +7,7 @@ mod dual;
 mod elementary;
 pub mod flights;
 mod instruction_sets;
+mod jet;
 mod model;
 mod nuisances;
 mod played_motors;

@@ -8,11 +8,11 @@ use seatrial::number::lanes::{LANES, Lanes, available_levels};
 use seatrial::number::real::Real;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-const OPERATIONS: usize = 31;
+pub(super) const OPERATIONS: usize = 31;
 
 /// Every operation of a number at a point.
 #[inline(always)]
-fn all_operations<T: Real>([x, y, z]: [T; 3]) -> [T; OPERATIONS] {
+pub(super) fn all_operations<T: Real>([x, y, z]: [T; 3]) -> [T; OPERATIONS] {
     let (sine, cosine) = x.sin_cos();
     let (mut sum, mut difference, mut product) = (x, x, x);
     sum += y;
