@@ -225,7 +225,7 @@ impl<T: Real> Transition<T> {
             // The place of the leading column is taken by that of the inverse.
             let scale = one / work[k][k];
             for j in 0..COLUMNS {
-                work[k][j] = work[k][j] * scale;
+                work[k][j] *= scale;
             }
             work[k][k] = scale;
             let lead = work[k];
