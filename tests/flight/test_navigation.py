@@ -193,6 +193,34 @@ def test_a_flight_lives_on_the_estimate_through_fifty_seconds_without_a_doppler_
     assert np.all(flights.figures["navigation_samples"] > 1000)
 
 
+def test_filters_abreast_are_filters_of_their_own() -> None:
+    def flown(seeds: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        flights = st.fly_batch(
+            "cwolf",
+            "cwolf",
+            st.Mission.from_toml(MISSION),
+            current=[0.1, -0.1, 0.0],
+            sensors="typical",
+            navigation="filter",
+            seeds=seeds,
+            max_time_s=45.0,
+            logs=True,
+        )
+        names = ("navigation_samples", "navigation_refused", "navigation_nis")
+        figures = np.array([flights.figures[name] for name in names])
+        return figures, np.array([flights.log(case) for case in range(len(seeds))])
+
+    # Drop-outs of the Doppler log are each flight's own. A case alone flies in plain numbers.
+    seeds = list(range(8))
+    figures, logs = flown(seeds)
+    assert len(set(figures[0])) > 1
+    for case in seeds:
+        own, log = flown([case])
+        np.testing.assert_array_equal(figures[:2, case], own[:2, 0])
+        np.testing.assert_allclose(figures[2, case], own[2, 0], rtol=1e-7)
+        np.testing.assert_allclose(logs[case], log[0], rtol=1e-7, atol=1e-6)
+
+
 def consistency(sea: st.SeaState | None, seeds: int = 12, **water: Any) -> tuple[float, float]:
     """Mean normalised innovation squared over flights of a minute, and the share of samples refused."""
     flights = st.fly_batch(

@@ -3,7 +3,7 @@
 //! The filters of cases that fly in lanes fly in lanes too; GPS, acoustics and sonar, which are rare, are listened to case
 //! by case.
 //!
-//! Tests: `tests/flight/test_navigation.py`, `tests/closed_loop.rs`.
+//! Tests: `tests/flight/test_navigation.py` (filters abreast equal filters alone).
 
 use super::acoustics::Soundings;
 use super::case::{Flight, Setting};
