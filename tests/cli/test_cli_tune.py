@@ -120,15 +120,15 @@ def test_ctrl_c_is_exit_code_130_and_nothing_is_published(monkeypatch: pytest.Mo
     from seatrial.tuning import objective
 
     flown: list[int] = []
-    terms = objective.Objective.terms
+    fly = objective.Objective.flown
 
     def interrupted(self, gains, *, headroom=objective.HEADROOM):  # type: ignore[no-untyped-def]
         flown.append(1)
         if len(flown) == 3:
             raise KeyboardInterrupt
-        return terms(self, gains, headroom=headroom)
+        return fly(self, gains, headroom=headroom)
 
-    monkeypatch.setattr(objective.Objective, "terms", interrupted)
+    monkeypatch.setattr(objective.Objective, "flown", interrupted)
     result = call(HEADING)
     assert result.exit_code == 130, result.output
     assert result.stdout.startswith("small: interrupted. ")

@@ -276,6 +276,13 @@ class Campaign:
         """Campaign that frees ``C_Dy`` or ``C_Dz`` in place of the quadratic damping that its strips make.
 
         Its text stays.
+
+        Parameters
+        ----------
+        name
+            ``C_Dy`` or ``C_Dz``.
+        bounds, start
+            Of the drag coefficient.
         """
         return self.with_file(with_strips(self.file, name, bounds, start))
 
