@@ -137,7 +137,7 @@ def hull_inertia(mass: float, length: float, radius: float, fullness: float) -> 
 
     Examples
     --------
-    REMUS 100 (Prestero 2001): 3.45 measured, the solid cylinder has 4.56.
+    REMUS 100: Prestero (2001) states 3.45, the solid cylinder has 4.56.
 
     >>> volume = 299.0 / 9.81 / 1030.0
     >>> fullness = volume / (3.14159 * 0.0955**2 * 1.33)
