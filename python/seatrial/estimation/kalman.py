@@ -38,6 +38,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.one_step import Motion, Span
+from seatrial.trial.unexplained import BROAD, peak, spectra
 
 if TYPE_CHECKING:
     from seatrial._core import LinearModel
@@ -61,9 +62,7 @@ _ORBIT = 0.1  # m/s: standard deviation of the velocity of the water in waves to
 
 _SLIP = 1e-3  # m/s and rad/s: what places and angles miss of their rates to begin with
 
-_WINDOW_S = 40.0  # of the spectrum in which waves are sought
-
-_BAND, _PROMINENT = (0.08, 0.6), 3.0  # Hz; power of a wave's peak over that beside it
+_SHORTEST_S = 80.0  # of a span in which waves are sought
 
 _START_SD = 0.3  # m/s, rad/s, rad or m: what the smoothed motion may be off where a span begins
 
@@ -84,36 +83,22 @@ _IMPOSSIBLE = 100.0  # in these units above the best: noises with which a filter
 def wave_frequency(spans: Sequence[Span], velocities: int, dt: float) -> float | None:
     """Frequency of the waves, Hz; None where the log shows none.
 
-    What one step of the model misses, as an acceleration, has the spectrum of what it does not know. A wave
-    stands out where the power around the peak of an axis is `_PROMINENT` times the geometric mean of those
-    below and above it, which is one for a power of the frequency: slow forces alone are no wave.
+    What one step of the model misses, as an acceleration, has the spectrum of what it does not know, and
+    waves leave a `peak` on it, of the translations where any is simulated.
     """
-    from scipy.signal import welch
-
     longest = max(spans, key=lambda span: len(span.missed))
-    window = round(_WINDOW_S / dt)
-    if len(longest.missed) < 2 * window:
+    if len(longest.missed) * dt < _SHORTEST_S:
         return None
-    hz, power = welch(longest.missed[:, :velocities] / dt, 1.0 / dt, nperseg=window, axis=0)
-    best, found = _PROMINENT, None
-    for peak in hz[(hz >= _BAND[0]) & (hz <= min(_BAND[1], 0.2 / dt))]:
-        near = (hz > 0.8 * peak) & (hz < 1.25 * peak)
-        around = power[near].mean(axis=0)
-        below = power[(hz > 0.35 * peak) & (hz < 0.65 * peak)].mean(axis=0)
-        above = power[(hz > 1.6 * peak) & (hz < 2.5 * peak)].mean(axis=0)
-        prominence = around / np.maximum(np.sqrt(below * above), np.finfo(float).tiny)
-        axis = int(prominence.argmax())
-        if prominence[axis] > best:
-            best = float(prominence[axis])
-            found = float(hz[near] @ power[near, axis] / power[near, axis].sum())
-    return found
+    motion = spectra(longest.missed[:, :velocities] / dt, dt).integrated()
+    carried = np.abs(spans[0].afloat[:, :velocities]).max(axis=(0, 2)) > 0.5  # along with the water
+    return peak(motion.of(carried) if any(carried) else motion, BROAD)
 
 
 def begin(spans: Sequence[Span], velocities: int, dt: float) -> NoiseModel:
     """A noise model to start from: shares of what one step of the model misses."""
     wave_hz = wave_frequency(spans, velocities, dt)
     waved = tuple(range(velocities)) if wave_hz is not None else ()
-    carried = np.abs(spans[0].afloat[:, :velocities]).max(axis=(0, 1)) > 0.5
+    carried = np.abs(spans[0].afloat[:, :velocities]).max(axis=(0, 1)) > 0.5  # in these directions
     water = tuple(np.flatnonzero(carried).tolist()) if wave_hz is not None else ()
     states = spans[0].transition.shape[1]
     missed = np.concatenate([span.missed for span in spans])

@@ -1,9 +1,11 @@
 """Waves in a recording: their period, what they do to each channel, and how that fades with depth.
 
-A spectrum (Welch's method, windows of about a minute) of a vehicle that steers falls smoothly with
-frequency; waves are a peak on it at periods from 2 to 20 s. The amplitude of a channel is ``sqrt(2 P)``,
-with P its power in the band around the peak above the smooth spectrum. Linear waves in deep water fade as
-``exp(-k z)``, ``k = omega^2 / g`` (Fossen 2011, section 8.2). Held by ``tests/trial/test_wave_recipes.py``.
+A swell of nearly one frequency is a line on the spectra of the velocities. Broader waves are a peak on what
+neither motion nor commands explain of them (`seatrial.trial.unexplained`), where a swell hides: two signals
+of one frequency explain any third. The amplitude of a channel is ``sqrt(2 P)``, with P its power in the band
+around the frequency, and without a line the part of it that nothing explains of the axis. Linear waves in
+deep water fade as ``exp(-k z)``, ``k = omega^2 / g`` (Fossen 2011, section 8.2). Held by
+``tests/trial/test_wave_recipes.py``.
 """
 
 from __future__ import annotations
@@ -15,22 +17,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.base.arrays import Array, Mask
+from seatrial.base.arrays import Array
+from seatrial.trial.unexplained import BROAD, Spectra, peak, spectra, unexplained
 
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
 __all__ = ["Waves", "commanded", "waves"]
 
-_LONGEST_S, _SHORTEST_S = 20.0, 2.0
-_WINDOW_S = 100.0
-_PROMINENT = 6.0  # times the smooth spectrum, at least
-_FALSE_ALARM = 1e-3  # of a recording without waves, where few windows scatter more than that
-_SMOOTH = 1.7  # an octave and a half around a frequency, as a factor
+_LINE = 20.0
+"""Least prominence of waves on the motion itself; set points and own periods of a busy mission reach 17."""
 _BAND = 1.35  # around the peak, as a factor of its frequency
 _SEEN = ("u", "v", "w", "p", "q", "r", "z", "roll", "pitch", "yaw")
+_WATER = "uvw"  # water moves in all directions
 _AXIS = dict(zip(_SEEN, "XYZKMNZKMN", strict=True))
-_FEWEST_PERIODS = 20
+_SHORTEST_S = 40.0  # of a recording
 _TOGETHER = 0.5
 _SHARE = 0.02  # of a channel's variance: less is no wave
 
@@ -67,37 +68,43 @@ def waves(trial: Trial) -> Waves | None:
     trial
         On its uniform time base.
     """
-    spectra: dict[str, tuple[Array, Array, Array, int]] = {}
-    if len(trial) * trial.dt < _FEWEST_PERIODS * _SHORTEST_S:
+    if len(trial) * trial.dt < _SHORTEST_S:
         return None
-    for channel in _SEEN:
-        y = trial.filled(channel)
-        if y is not None and y.std() > 0.0:
-            spectra[channel] = (y, *_spectrum(y, trial.dt))
-    peaks = {c: p for c, (_, f, power, n) in spectra.items() if (p := _peak(f, power, n)) is not None}
-    if not peaks:
+    signals = {c: y for c in _SEEN if (y := trial.filled(c)) is not None and y.std() > 0.0}
+    if not signals:
         return None
-    # The channels vote with the height of their peaks over the smooth spectrum.
-    logs = np.log([f for f, *_ in peaks.values()])
-    weights = np.log([height for _, height, _ in peaks.values()])
-    order = np.argsort(logs)
-    middle = np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())
-    frequency = float(np.exp(logs[order][min(middle, len(order) - 1)]))
-    if _chance(peaks, frequency) * len({_AXIS[c] for c in spectra}) > _FALSE_ALARM:
-        return None
+    seen = spectra(np.column_stack([*signals.values()]), trial.dt)
+    parts = dict.fromkeys(signals, 1.0)
+    found = peak(seen.of([c in _WATER for c in signals]), _LINE)
+    if found is None:
+        left = unexplained(trial)
+        found = None if left is None else peak(left[1].of([c in _WATER for c in left[0]]), BROAD)
+        if left is None or found is None:
+            return None
+        parts = _unexplained_parts(found, left, seen, signals)
+    inside = (seen.hz > found / _BAND) & (seen.hz < found * _BAND)
     amplitude, share = {}, {}
-    for channel in peaks:
-        y, f, power, _ = spectra[channel]
-        inside = (f > frequency / _BAND) & (f < frequency * _BAND)
-        step = f[1] - f[0]
-        above = float(np.sum(power[inside] - _background(f, power, inside)) * step)
-        part = above / float(np.var(y))
-        if part > _SHARE:
-            amplitude[channel], share[channel] = math.sqrt(2.0 * above), part
-    if not set(amplitude) & {"u", "v", "w", "z"}:
+    for column, (channel, y) in enumerate(signals.items()):
+        power = float(seen.power[inside, column].sum() * seen.hz[0]) * parts.get(channel, 0.0)
+        if (of_all := power / float(np.var(y))) > _SHARE:
+            amplitude[channel], share[channel] = math.sqrt(2.0 * power), of_all
+    if not set(amplitude) & {*_WATER, "z"}:
         return None  # a peak in angles and rates alone is the vehicle's own period
-    decay = _decay(trial, frequency, amplitude)
-    return Waves(1.0 / frequency, amplitude, share, *decay)
+    decay = _decay(trial, found, amplitude)
+    return Waves(1.0 / found, amplitude, share, *decay)
+
+
+def _unexplained_parts(
+    frequency: float, left: tuple[str, Spectra], seen: Spectra, signals: Mapping[str, Array]
+) -> dict[str, float]:
+    """By channel: which part of its power around a frequency nothing explains, by its axis."""
+    names, motion = left
+    inside = (seen.hz > frequency / _BAND) & (seen.hz < frequency * _BAND)
+    parts = {}
+    for column, velocity in enumerate(names):
+        whole = float(seen.power[inside, list(signals).index(velocity)].sum())
+        parts[_AXIS[velocity]] = min(float(motion.power[inside, column].sum()) / max(whole, 1e-300), 1.0)
+    return {channel: parts[_AXIS[channel]] for channel in signals if _AXIS[channel] in parts}
 
 
 def commanded(trial: Trial, found: Waves) -> bool:
@@ -119,67 +126,6 @@ def commanded(trial: Trial, found: Waves) -> bool:
             if together[int(np.argmin(np.abs(f - 1.0 / found.period_s)))] > _TOGETHER:
                 return True
     return False
-
-
-def _spectrum(y: Array, dt: float) -> tuple[Array, Array, int]:
-    """Frequencies in Hz, one-sided power density, and the number of windows that it is the mean of."""
-    from scipy.signal import welch
-
-    count = min(len(y), max(256, round(_WINDOW_S / dt)))
-    f, power = welch(y, 1.0 / dt, nperseg=count, detrend="linear")
-    return f[1:], power[1:], (len(y) - count // 2) // (count - count // 2)
-
-
-def _background(f: Array, power: Array, where: Mask) -> Array:
-    """Smooth spectrum at some frequencies: median of the logarithm over an octave and a half around each."""
-    log = np.log(np.maximum(power, 1e-300))
-    low = np.searchsorted(f, f[where] / _SMOOTH)
-    high = np.searchsorted(f, f[where] * _SMOOTH, side="right")
-    return np.asarray(np.exp([np.median(log[a:b]) for a, b in zip(low, high, strict=True)]))
-
-
-def _chance(peaks: Mapping[str, tuple[float, float, float]], frequency: float) -> float:
-    """Probability that peaks as high as those at a frequency arise in calm water.
-
-    Those of several axes add up by Fisher's method; channels of one axis show one motion.
-    """
-    from scipy.stats import chi2
-
-    least: dict[str, float] = {}
-    for channel, (own, _, chance) in peaks.items():
-        if abs(math.log(own / frequency)) < math.log(_BAND):
-            least[_AXIS[channel]] = min(chance, least.get(_AXIS[channel], 1.0))
-    return float(chi2.sf(-2.0 * sum(math.log(max(one, 1e-300)) for one in least.values()), 2 * len(least)))
-
-
-def _peak(f: Array, power: Array, windows: int) -> tuple[float, float, float] | None:
-    """Frequency of the highest peak in the band of waves, its height over the smooth spectrum, its chance.
-
-    The chance is that of calm water. The mean over windows and neighbours is that of about 1.7 exponential
-    variables per window, the median is as good as the mean of half of its frequencies: their ratio follows
-    Fisher's distribution (Percival & Walden 1993, section 6.6).
-    """
-    from scipy.stats import f as fisher
-    from scipy.stats import gamma
-
-    inside = np.flatnonzero((f > 1.0 / _LONGEST_S) & (f < min(1.0 / _SHORTEST_S, 0.8 * f[-1])))
-    if len(inside) < 5:
-        return None
-    near_band = np.zeros(len(f), bool)  # with the neighbours of its ends, for the smoothing
-    near_band[max(inside[0] - 1, 0) : inside[-1] + 2] = True
-    ratio = np.zeros(len(f))
-    ratio[near_band] = power[near_band] / _background(f, power, near_band)
-    # Neighbours agree on a peak that is no accident of one frequency.
-    smooth = np.convolve(ratio, [0.25, 0.5, 0.25], mode="same")
-    best = inside[int(np.argmax(smooth[inside]))]
-    around = int(np.count_nonzero((f > f[best] / _SMOOTH) & (f < f[best] * _SMOOTH)))
-    if best in (inside[0], inside[-1]) or smooth[best] < _PROMINENT:
-        return None
-    height = smooth[best] * gamma.median(windows, scale=1.0 / windows)
-    chance = len(inside) * fisher.sf(height, 3.4 * windows, around * windows)
-    near = slice(max(best - 2, 0), best + 3)
-    frequency = float(np.sum(f[near] * power[near]) / np.sum(power[near]))
-    return frequency, float(smooth[best]), min(float(chance), 1.0)
 
 
 def _decay(trial: Trial, frequency: float, amplitude: dict[str, float]) -> tuple[float, float]:
