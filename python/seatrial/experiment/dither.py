@@ -82,7 +82,7 @@ class Dither:
     hold_s, begin_s, duration_s
         How long a level is held at least, when the sequence begins and how long it takes.
     wave_period_s
-        Of the log's waves.
+        Of the log's waves; NaN where none were seen.
     deviation
         Relative standard deviation of the gain expected afterwards, a lower bound: only its axis' own damping
         is unknown beside it, and waves are the only error.
@@ -133,9 +133,10 @@ class Dither:
         how = (
             f"{MOTIONS[self.axis]} ({self.axis}): add {', '.join(parts)} to the autopilot's output from"
             f" {self.begin_s:.0f} s on for {self.duration_s:.0f} s, each level held for"
-            f" {self.hold_s:.1f} s or a multiple of it, which adds nothing at the waves'"
-            f" {self.wave_period_s:.1f} s"
+            f" {self.hold_s:.1f} s or a multiple of it"
         )
+        if math.isfinite(self.wave_period_s):
+            how += f", which adds nothing at the waves' {self.wave_period_s:.1f} s"
         expected = (
             f"expected: the gain to {100.0 * self.deviation:.1f} % at best (standard deviation), with"
             f" {100.0 * self.share:.0f} % of the motion driven by the dither"
@@ -241,7 +242,11 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
     }
     y, drive = y[settled:], drive[settled:]
     f, whole = welch(y, **pair)
-    kept = (f > _SLOWEST_HZ) & (f < 2.0 / verdict.wave_period_s)
+    # Without waves the motion itself says how fast the axis is.
+    moving = f > _SLOWEST_HZ
+    own = float(whole[moving].sum() / (f[moving] @ whole[moving]))
+    period = verdict.wave_period_s if math.isfinite(verdict.wave_period_s) else own
+    kept = moving & (f < 2.0 / period)
     gain, slower = _response(trial, vehicle, axis, largest, f=f[kept], voltage_v=voltage_v)
     f, whole, driving = f[kept], whole[kept], welch(drive, **pair)[1][kept]
     together = csd(drive, y, **pair)[1][kept]
@@ -256,7 +261,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
         sides = [gain, slower]
         matrix = np.array([[float((weight * (a * b.conj()).real).sum()) for b in sides] for a in sides])
         spread = math.sqrt(float(np.linalg.pinv(matrix)[0, 0])) if matrix[0, 0] > 0.0 else math.inf
-        slow = f < 1.0 / (_BELOW * verdict.wave_period_s)
+        slow = f < (1.0 / (_BELOW * period) if math.isfinite(verdict.wave_period_s) else math.inf)
         added = np.abs(gain) ** 2 * power * whole / waves * step
         share = float(added[slow].sum() / (added.sum() + np.var(y)))
         return Dither(
@@ -275,7 +280,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
 
     best = None
     for level in _LEVELS:
-        tried = [of(level, k * verdict.wave_period_s, _SHORTEST_S) for k in _HOLDS]
+        tried = [of(level, k * period, _SHORTEST_S) for k in _HOLDS]
         best = max(tried, key=lambda d: d.share)
         # The deviation falls with the root of the time.
         needed = _SHORTEST_S * (best.deviation / wanted) ** 2
