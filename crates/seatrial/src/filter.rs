@@ -1,8 +1,8 @@
 //! The navigation filter: an error-state extended Kalman filter whose process model is the identified vehicle.
 //!
 //! In reading order: [`estimate`], the state and its small error; [`error_state`], the covariance of that error, its
-//! prediction and its scalar updates; [`process`], one step of the vehicle with its exact Jacobian; [`observation`],
-//! what a sensor shows of a state, with the row of its Jacobian; [`swell`], what waves add to it; [`innovation`], whether a sample is believed; `past`,
+//! prediction and its scalar updates; [`process`], one step of the vehicle with its exact Jacobian, of which
+//! `tangent` has the columns; [`observation`], what a sensor shows of a state, with the row of its Jacobian; [`swell`], what waves add to it; [`innovation`], whether a sample is believed; `past`,
 //! for samples that come late; [`tracker`], which does all of it step by step.
 //!
 //! Source: Solà, *Quaternion kinematics for the error-state Kalman filter* (2017), chapters 5 and 6; Farrell, *Aided
@@ -17,4 +17,5 @@ pub mod observation;
 mod past;
 pub mod process;
 pub mod swell;
+mod tangent;
 pub mod tracker;

@@ -155,16 +155,13 @@ impl<T: Real> Past<T> {
         }
         // The estimate between two moments has its share of the later one's correction.
         let mut corrected = measured.zero();
-        let meet = |row: &Row<T>, moment: usize| {
-            let weight = if moment + 1 == back { 1.0 - share } else { 1.0 };
-            row.times(&self.at(moment).moved) * weight
-        };
         if nearest == back {
-            corrected += meet(&row, back - 1);
+            corrected += row.times(&self.at(back - 1).moved) * (1.0 - share);
         }
         for later in (1..nearest).rev() {
             row = self.at(later - 1).back.carry(&row);
-            corrected += meet(&row, later - 1);
+            let weight = if later == back { 1.0 - share } else { 1.0 };
+            corrected += row.times(&self.at(later - 1).moved) * weight;
         }
         Some((step.carry(&row), residual - corrected, seen))
     }
