@@ -33,6 +33,11 @@ pub type Block<T = f64> = [[T; COLUMNS]; MOTION];
 /// Components come in parts of three.
 const PART: usize = 3;
 
+/// The columns of `F P` that a prediction asks for in all rows, and so many of them as stay in registers for three rows.
+const MOVED: usize = STATES - ATTITUDE;
+/// See [`MOVED`].
+const WIDE: usize = 7;
+
 /// One row of the Jacobian of an observation, and which parts of it are not zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<T = f64> {
@@ -158,12 +163,6 @@ impl<T: Real> Return<T> {
         Self { block, drift, growth: decay }
     }
 
-    /// Takes over another way back in place.
-    #[inline(always)]
-    pub(super) fn copy_from(&mut self, other: &Self) {
-        (self.block, self.drift, self.growth) = (other.block, other.drift, other.growth);
-    }
-
     /// The row `y = h F⁻¹`: what a row of before the step is after it.
     #[inline(always)]
     pub fn carry(&self, row: &Row<T>) -> Row<T> {
@@ -214,13 +213,13 @@ impl<T: Real> Transition<T> {
         let one = zero.splat(1.0);
         // Gauss and Jordan in place, B carried along: A⁻¹ and A⁻¹ B. The diagonal leads, unless the vehicle turns by nearly
         // a right angle within a step.
-        let mut work = [[zero; COLUMNS]; TURNING];
+        let (place, work) = back.block.split_at_mut(ATTITUDE);
         work.copy_from_slice(&self.block[ATTITUDE..]);
         let mut swaps = Swaps { with: [zero; TURNING], any: 0 };
         for k in 0..TURNING {
             let small = work[k][k].abs().lt(zero.splat(SMALL));
             if T::any(small) {
-                swaps.lead(&mut work, k, small);
+                swaps.lead(work, k, small);
             }
             // The place of the leading column is taken by that of the inverse.
             let scale = one / work[k][k];
@@ -237,7 +236,7 @@ impl<T: Real> Transition<T> {
                 }
             }
         }
-        swaps.back(&mut work);
+        swaps.back(work);
         let mut growth = [1.0; STATES];
         for i in FORCE..STATES {
             growth[i] = 1.0 / self.decay[i];
@@ -252,13 +251,12 @@ impl<T: Real> Transition<T> {
             for j in TURNING..COLUMNS {
                 sum[j] = (sum[j] + self.block[i][j]) * -growth[ATTITUDE + j];
             }
-            back.block[i] = sum;
+            place[i] = sum;
         }
         for i in 0..TURNING {
             for j in TURNING..COLUMNS {
                 work[i][j] = work[i][j] * -growth[ATTITUDE + j];
             }
-            back.block[ATTITUDE + i] = work[i];
         }
         (back.drift, back.growth) = (self.drift, growth);
     }
@@ -274,7 +272,7 @@ struct Swaps<T> {
 impl<T: Real> Swaps<T> {
     /// Brings the row of the largest entry of a column to its diagonal where the mask holds.
     #[inline(always)]
-    fn lead(&mut self, work: &mut [[T; COLUMNS]; TURNING], k: usize, mask: T::Mask) {
+    fn lead(&mut self, work: &mut [[T; COLUMNS]], k: usize, mask: T::Mask) {
         let (mut place, mut most) = (work[k][k].splat(k as f64), work[k][k].abs());
         for i in k + 1..TURNING {
             let larger = T::both(mask, most.lt(work[i][k].abs()));
@@ -292,7 +290,7 @@ impl<T: Real> Swaps<T> {
 
     /// What was done to the rows undone on the columns of the inverse.
     #[inline(always)]
-    fn back(&self, work: &mut [[T; COLUMNS]; TURNING]) {
+    fn back(&self, work: &mut [[T; COLUMNS]]) {
         for k in (0..TURNING).rev().filter(|k| self.any >> k & 1 == 1) {
             for i in k + 1..TURNING {
                 let here = is(self.with[k], i);
@@ -337,6 +335,8 @@ pub struct ErrorState<T = f64> {
     pub covariance: [[T; STATES]; STATES],
     /// The mean of the error.
     pub error: Components<T>,
+    /// F P under way: rows of motion, columns from the attitude on.
+    moved: [[T; MOVED]; MOTION],
 }
 
 impl ErrorState {
@@ -361,7 +361,7 @@ impl<T: Real> ErrorState<T> {
         for i in 0..STATES {
             covariance[i][i] = deviations[i] * deviations[i];
         }
-        Self { covariance, error: [zero; STATES] }
+        Self { covariance, error: [zero; STATES], moved: [[zero; MOVED]; MOTION] }
     }
 
     /// Begins anew where the mask holds.
@@ -388,44 +388,29 @@ impl<T: Real> ErrorState<T> {
     /// `P ← F P Fᵀ + Q`.
     #[inline(always)]
     pub fn predict(&mut self, step: &Transition<T>) {
-        let (p, zero) = (&mut self.covariance, self.error[0].zero());
-        // F P: the rows of motion. Of their columns of position those of position are all that is asked for.
-        let mut moved = [[zero; STATES]; MOTION];
-        for j in 0..STATES {
-            let mut column = [zero; COLUMNS];
-            for k in 0..COLUMNS {
-                let i = ATTITUDE + k;
-                column[k] = p[i.min(j)][i.max(j)];
-            }
-            let rows = if j < ATTITUDE { ATTITUDE } else { MOTION };
-            for i in 0..rows {
-                let mut sum = zero;
-                if i < ATTITUDE {
-                    let carried = CURRENT + i;
-                    sum = p[carried.min(j)][carried.max(j)] * step.drift + p[i.min(j)][i.max(j)];
-                }
-                for k in 0..COLUMNS {
-                    sum = column[k].mul_add(step.block[i][k], sum);
-                }
-                moved[i][j] = sum;
+        // Rows that are read from end to end: what F mixes is mirrored below the diagonal.
+        for i in ATTITUDE..CURRENT {
+            for j in ATTITUDE..i {
+                self.covariance[i][j] = self.covariance[j][i];
             }
         }
-        for i in 0..MOTION {
-            let row = &moved[i];
-            for j in i..MOTION {
-                let mut sum = zero;
-                if j < ATTITUDE {
-                    sum = row[CURRENT + j] * step.drift + row[j];
-                }
-                for k in 0..COLUMNS {
-                    sum = row[ATTITUDE + k].mul_add(step.block[j][k], sum);
-                }
-                p[i][j] = sum;
-            }
-            for j in MOTION..STATES {
-                p[i][j] = row[j] * step.decay[j];
+        for part in 0..MOTION / PART {
+            for block in 0..MOVED / WIDE {
+                self.mix(step, PART * part, WIDE * block);
             }
         }
+        self.place(step);
+        for first in (0..MOTION).step_by(PART) {
+            for other in (first.max(ATTITUDE)..MOTION).step_by(PART) {
+                self.meet(step, first, other);
+            }
+            for i in first..first + PART {
+                for j in MOTION..STATES {
+                    self.covariance[i][j] = self.moved[i][j - ATTITUDE] * step.decay[j];
+                }
+            }
+        }
+        let p = &mut self.covariance;
         for i in MOTION..STATES {
             for j in i..STATES {
                 p[i][j] = p[i][j] * (step.decay[i] * step.decay[j]);
@@ -433,6 +418,71 @@ impl<T: Real> ErrorState<T> {
         }
         for i in 0..STATES {
             p[i][i] += step.noise[i];
+        }
+    }
+
+    /// `F P`: three rows of motion in so many columns as stay in registers, from the attitude on.
+    #[inline(always)]
+    fn mix(&mut self, step: &Transition<T>, first: usize, from: usize) {
+        let (p, zero) = (&self.covariance, self.error[0].zero());
+        let mut sum = [[zero; WIDE]; PART];
+        if first < ATTITUDE {
+            for i in 0..PART {
+                for j in 0..WIDE {
+                    let (carried, j_) = (CURRENT + i, ATTITUDE + from + j);
+                    sum[i][j] = p[carried.min(j_)][carried.max(j_)] * step.drift + p[i][j_];
+                }
+            }
+        }
+        for k in 0..COLUMNS {
+            let row = &p[ATTITUDE + k];
+            for i in 0..PART {
+                for j in 0..WIDE {
+                    sum[i][j] = row[ATTITUDE + from + j].mul_add(step.block[first + i][k], sum[i][j]);
+                }
+            }
+        }
+        for i in 0..PART {
+            for j in 0..WIDE {
+                self.moved[first + i][from + j] = sum[i][j];
+            }
+        }
+    }
+
+    /// `F P Fᵀ` of the position.
+    #[inline(always)]
+    fn place(&mut self, step: &Transition<T>) {
+        let p = &mut self.covariance;
+        for i in 0..ATTITUDE {
+            for j in i..ATTITUDE {
+                let mut sum = p[j][CURRENT + i] * step.drift + p[i][j];
+                sum = self.moved[i][CURRENT - ATTITUDE + j] * step.drift + sum;
+                for k in 0..COLUMNS {
+                    sum = p[j][ATTITUDE + k].mul_add(step.block[i][k], sum);
+                    sum = self.moved[i][k].mul_add(step.block[j][k], sum);
+                }
+                p[i][j] = sum;
+            }
+        }
+    }
+
+    /// `F P Fᵀ` of three rows of motion and three others that are not of the position.
+    #[inline(always)]
+    fn meet(&mut self, step: &Transition<T>, first: usize, other: usize) {
+        let mut sum = [[self.error[0].zero(); PART]; PART];
+        for k in 0..COLUMNS {
+            for i in 0..PART {
+                for j in 0..PART {
+                    sum[i][j] = self.moved[first + i][k].mul_add(step.block[other + j][k], sum[i][j]);
+                }
+            }
+        }
+        for i in 0..PART {
+            for j in 0..PART {
+                if first + i <= other + j {
+                    self.covariance[first + i][other + j] = sum[i][j];
+                }
+            }
         }
     }
 

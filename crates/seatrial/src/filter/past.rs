@@ -21,7 +21,7 @@ struct Moment<T> {
     time: f64,
     estimate: Estimate<T>,
     /// From this moment to the one before.
-    back: Return<T>,
+    back: Box<Return<T>>,
     /// The correction that its samples made.
     moved: Components<T>,
 }
@@ -55,7 +55,7 @@ impl<T: Real> Past<T> {
         let moment = Moment {
             time: 0.0,
             estimate: Estimate::at_rest_in(unit),
-            back: Return::identity(unit),
+            back: Box::new(Return::identity(unit)),
             moved: [unit.zero(); STATES],
         };
         let since = unit.splat(f64::INFINITY);
@@ -76,8 +76,8 @@ impl<T: Real> Past<T> {
             return;
         }
         if self.count == 0 || self.at(0).time != time {
-            let (back, moved) = (self.at(0).back.clone(), self.at(0).moved);
-            self.keep(time, estimate, &back, &moved);
+            // Nothing goes back beyond it.
+            self.keep(time, estimate, None, &self.ring[self.newest].moved.clone());
         }
         let newest = &mut self.ring[self.newest];
         newest.estimate = Estimate::select(mask, estimate, &newest.estimate);
@@ -90,13 +90,14 @@ impl<T: Real> Past<T> {
         &self.ring[if place < self.ring.len() { place } else { place - self.ring.len() }]
     }
 
-    /// Keeps the end of a step, after the correction `moved` of this moment.
+    /// Keeps the end of a step, after the correction `moved` of this moment; what `back` leads to is exchanged for what is
+    /// forgotten.
     #[inline(always)]
     pub(super) fn keep(
         &mut self,
         time: f64,
         estimate: &Estimate<T>,
-        back: &Return<T>,
+        back: Option<&mut Box<Return<T>>>,
         moved: &Components<T>,
     ) {
         self.last = None;
@@ -107,7 +108,9 @@ impl<T: Real> Past<T> {
         self.count = (self.count + 1).min(self.ring.len());
         let moment = &mut self.ring[self.newest];
         (moment.time, moment.estimate, moment.moved) = (time, *estimate, *moved);
-        moment.back.copy_from(back);
+        if let Some(back) = back {
+            std::mem::swap(&mut moment.back, back);
+        }
     }
 
     /// Finds the estimate at a time, while `present` is that of now; nothing where the time is not kept.

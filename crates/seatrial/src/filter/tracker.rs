@@ -222,7 +222,7 @@ impl<T: Real> Tracker<T> {
     pub fn settle(&mut self) -> T::Mask {
         let moved = self.state.take();
         self.estimate.inject(&moved);
-        self.past.keep(self.time, &self.estimate, &self.back, &moved);
+        self.past.keep(self.time, &self.estimate, Some(&mut self.back), &moved);
         let mut least = self.state.covariance[0][0];
         for i in 1..STATES {
             // A sum that is no number shows what the smaller of two numbers may hide.
