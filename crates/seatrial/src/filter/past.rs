@@ -10,9 +10,10 @@
 //! Source: Larsen et al., *Incorporation of time delayed measurements in a discrete-time Kalman filter* (1998), with the
 //! transition in place of the gain. Tests: `tests/filter/tracker.rs`.
 
-use super::error_state::{Return, Row};
 use super::estimate::{Components, Estimate, STATES};
 use super::observation::{Expected, Observation};
+use super::row::Row;
+use super::transition::Return;
 use crate::number::real::Real;
 
 /// The end of one step.

@@ -7,9 +7,9 @@
 //! Source: Fossen (2011), section 8.3 and equation 7.9.
 //! Tests: `tests/filter/process.rs` (difference quotients of the plain step; a current changes nothing but the track).
 
-use super::error_state::Block;
 use super::estimate::Estimate;
 use super::tangent::{Length, Tangent};
+use super::transition::Block;
 use crate::actuator::characteristic::Thrust;
 use crate::description::Description;
 use crate::model::integrate::{STAGES, State};

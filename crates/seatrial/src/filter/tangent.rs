@@ -13,8 +13,8 @@
 //! Source: Fossen (2011), section 8.3 and equation 7.9; Solà (2017), section 5.4.
 //! Tests: `tests/filter/process.rs` (difference quotients of the plain step).
 
-use super::error_state::{Block, COLUMNS};
 use super::estimate::{ATTITUDE, FORCE, VELOCITY};
+use super::transition::{Block, COLUMNS};
 use crate::model::integrate::STAGES;
 use crate::model::kinematics::{Quaternion, quaternion_product, quaternion_rate};
 use crate::number::algebra::{Mat3, Mat6, Vec3, Vec6, dot, each, product};

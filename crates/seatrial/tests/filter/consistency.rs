@@ -2,7 +2,7 @@
 
 use crate::vehicles::load;
 use seatrial::description::Description;
-use seatrial::filter::error_state::{ErrorState, Transition};
+use seatrial::filter::error_state::ErrorState;
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
 use seatrial::filter::innovation::{Gate, Watch};
 use seatrial::filter::observation::Observation;

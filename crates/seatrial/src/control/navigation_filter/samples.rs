@@ -36,7 +36,7 @@ impl<T: Real> NavigationFilter<T> {
         let mut variance = self.shaken(observation) + (instrument.noise * instrument.noise).max(1e-12);
         if let Some((axis, shifted)) = self.shifted(channel) {
             let offset = instrument.bias * instrument.bias;
-            let known = self.tracker.state().covariance[POSITION + axis][POSITION + axis];
+            let known = self.tracker.state().covariance(POSITION + axis, POSITION + axis);
             let unsure = T::either(zero.splat(offset).lt(known), not(zero, shifted));
             here = T::both(here, unsure);
             variance += T::select(shifted, zero.splat(offset), zero);
