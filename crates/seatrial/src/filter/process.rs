@@ -2,15 +2,15 @@
 //!
 //! `[p, q, ν_r] ← RK4(p, q, ν_r; τ + τ_u)`, then `p ← p + v_c h`: the equation of motion in the velocity through the
 //! water, which a constant current leaves as it is. The motion goes first; what its stages show goes into the derivatives
-//! ([`super::tangent`]). The equation of motion is differentiated once per stage and by the velocity alone ([`Jet`]).
+//! ([`super::tangent`]). The equation of motion is differentiated once per stage and by the velocity alone ([`Jet`]). What
+//! the inflow does to a thrust is linear in the velocity, `F = F_0 + F_V u_a`: its derivative is that of an instant.
 //!
 //! Source: Fossen (2011), section 8.3 and equation 7.9.
 //! Tests: `tests/filter/process.rs` (difference quotients of the plain step; a current changes nothing but the track).
 
 use super::estimate::Estimate;
-use super::tangent::{Length, Tangent};
+use super::tangent::{Length, Tangent, weighed};
 use super::transition::Block;
-use crate::actuator::characteristic::Thrust;
 use crate::description::Description;
 use crate::model::integrate::{STAGES, State};
 use crate::model::kinematics::{quaternion_rate, rotation};
@@ -38,10 +38,30 @@ pub fn linear_parts(description: &Description) -> (Mat6<f64>, [Vec3<f64>; 6]) {
     (by_force, by_vertical)
 }
 
+/// A thruster whose thrust the inflow changes.
+struct Flowing {
+    thruster: usize,
+    /// Acceleration per newton of thrust and per newton metre of reaction torque.
+    per_force: Vec6<f64>,
+    per_torque: Vec6<f64>,
+    /// Inflow per velocity.
+    inflow: Vec6<f64>,
+}
+
+/// What the actuators do at an instant of a step, and the unmodelled force.
+struct Acting<T> {
+    /// Without the thrusters that the inflow changes.
+    instant: Instant<Carried<T>>,
+    /// The acceleration by these without inflow, and its derivatives by the velocity.
+    acceleration: Vec6<T>,
+    by_velocity: Mat6<T>,
+}
+
 /// The vehicle as the filter's process model; of several vehicles abreast the same.
 pub struct Process<T = f64> {
     vehicle: Vehicle<Carried<T>>,
-    instants: [Instant<Carried<T>>; 3],
+    flowing: Vec<Flowing>,
+    instants: [Acting<T>; 3],
     tangent: Tangent<T>,
 }
 
@@ -57,13 +77,20 @@ impl<T: Real> Process<T> {
     pub fn new_in(description: &Description, unit: T) -> Self {
         let zero = unit.zero();
         let vehicle = Vehicle::nominal_in(description, Jet::constant(zero));
-        let (thrusters, fins) = (vehicle.actuators.len(), vehicle.fins.len());
-        let instants = std::array::from_fn(|_| Instant {
-            thrusts: Vec::with_capacity(thrusters),
-            deflections: Vec::with_capacity(fins),
-            ..Instant::default()
+        let instants = std::array::from_fn(|_| Acting {
+            instant: Instant { deflections: Vec::with_capacity(vehicle.fins.len()), ..Instant::default() },
+            acceleration: [zero; 6],
+            by_velocity: [[zero; 6]; 6],
         });
-        Self { vehicle, instants, tangent: Tangent::new(linear_parts(description), zero) }
+        let (plain, linear) = (Vehicle::nominal(description), linear_parts(description));
+        let flowing = plain.actuators.iter().enumerate().filter(|(_, a)| a.characteristic.has_inflow());
+        let flowing = flowing.map(|(thruster, actuator)| Flowing {
+            thruster,
+            per_force: product(&linear.0, &actuator.wrench),
+            per_torque: product(&linear.0, &actuator.torque.unwrap_or([0.0; 6])),
+            inflow: actuator.inflow,
+        });
+        Self { vehicle, flowing: flowing.collect(), instants, tangent: Tangent::new(linear, zero) }
     }
 
     /// Moves an estimate by steps of `h` seconds and writes the Jacobian of its motion.
@@ -81,7 +108,7 @@ impl<T: Real> Process<T> {
         let mut start = Some(estimate.motion.attitude);
         for three in nodes.windows(3).step_by(2) {
             for k in 0..3 {
-                lift(&mut self.instants[k], &three[k], &estimate.force);
+                self.instants[k].see(&self.flowing, &three[k], &estimate.force);
             }
             let length = self.step(&mut estimate.motion, h);
             self.tangent.carry(start.take().as_ref(), h, &length);
@@ -128,7 +155,7 @@ impl<T: Real> Process<T> {
 /// The acceleration, and its derivatives by the velocity.
 #[inline(always)]
 fn accelerate<T: Real>(
-    (vehicle, instant): (&Vehicle<Carried<T>>, &Instant<Carried<T>>),
+    (vehicle, acting): (&Vehicle<Carried<T>>, &Acting<T>),
     (place, r): (&Vec3<T>, &Mat3<T>),
     nu: &Vec6<T>,
     by_velocity: &mut Mat6<T>,
@@ -148,7 +175,7 @@ fn accelerate<T: Real>(
     for i in 0..3 {
         placed[i].value = place[i];
     }
-    let mut value = [zero; 6];
+    let mut value = weighed(&acting.by_velocity, nu, &acting.acceleration);
     for first in (0..6).step_by(ABREAST) {
         let mut moving = [none; 6];
         for i in 0..6 {
@@ -157,34 +184,45 @@ fn accelerate<T: Real>(
                 moving[i].slopes[k] = if first + k == i { one } else { zero };
             }
         }
-        let found = vehicle.acceleration((Some(&placed), &turned), &moving, instant);
+        let found = vehicle.acceleration((Some(&placed), &turned), &moving, &acting.instant);
         for i in 0..6 {
-            value[i] = found[i].value;
-            by_velocity[i][first..first + ABREAST].copy_from_slice(&found[i].slopes);
+            if first == 0 {
+                value[i] += found[i].value;
+            }
+            for k in 0..ABREAST {
+                by_velocity[i][first + k] = acting.by_velocity[i][first + k] + found[i].slopes[k];
+            }
         }
     }
     value
 }
 
-/// What the actuators do at an instant of a step, and the unmodelled force, as constants.
-#[inline(always)]
-fn lift<T: Real>(lifted: &mut Instant<Carried<T>>, node: &Instant<T>, force: &Vec6<T>) {
-    let mut sum = [Jet::constant(force[0].zero()); 6];
-    for i in 0..6 {
-        sum[i].value = node.inflow_free.map_or(force[i], |known| force[i] + known[i]);
-    }
-    lifted.inflow_free = Some(sum);
-    lifted.thrusts.clear();
-    for thrust in &node.thrusts {
-        lifted.thrusts.push(Thrust {
-            force: Jet::constant(thrust.force),
-            force_per_inflow: Jet::constant(thrust.force_per_inflow),
-            torque: Jet::constant(thrust.torque),
-            torque_per_inflow: Jet::constant(thrust.torque_per_inflow),
-        });
-    }
-    lifted.deflections.clear();
-    for &(sine, cosine) in &node.deflections {
-        lifted.deflections.push((Jet::constant(sine), Jet::constant(cosine)));
+impl<T: Real> Acting<T> {
+    /// Sees what the actuators do at an instant, beside the unmodelled force.
+    #[inline(always)]
+    fn see(&mut self, flowing: &[Flowing], node: &Instant<T>, force: &Vec6<T>) {
+        let zero = force[0].zero();
+        let mut sum = [Jet::constant(zero); 6];
+        for i in 0..6 {
+            sum[i].value = node.inflow_free.map_or(force[i], |known| force[i] + known[i]);
+        }
+        self.instant.inflow_free = Some(sum);
+        self.instant.deflections.clear();
+        for &(sine, cosine) in &node.deflections {
+            self.instant.deflections.push((Jet::constant(sine), Jet::constant(cosine)));
+        }
+        (self.acceleration, self.by_velocity) = ([zero; 6], [[zero; 6]; 6]);
+        for Flowing { thruster, per_force, per_torque, inflow } in flowing {
+            let thrust = &node.thrusts[*thruster];
+            for i in 0..6 {
+                let (a, b) = (zero.splat(per_force[i]), zero.splat(per_torque[i]));
+                let still = &mut self.acceleration[i];
+                *still = thrust.force.mul_add(a, thrust.torque.mul_add(b, *still));
+                let slope = thrust.force_per_inflow.mul_add(a, thrust.torque_per_inflow * b);
+                for j in 0..6 {
+                    self.by_velocity[i][j] = slope.mul_add(zero.splat(inflow[j]), self.by_velocity[i][j]);
+                }
+            }
+        }
     }
 }

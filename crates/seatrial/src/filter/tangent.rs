@@ -265,7 +265,11 @@ impl<T: Real> Length<T> {
 
 /// `A x + y`.
 #[inline(always)]
-fn weighed<T: Real, const N: usize, const M: usize>(a: &[[T; M]; N], x: &[T; M], y: &[T; N]) -> [T; N] {
+pub(super) fn weighed<T: Real, const N: usize, const M: usize>(
+    a: &[[T; M]; N],
+    x: &[T; M],
+    y: &[T; N],
+) -> [T; N] {
     let mut sum = *y;
     for i in 0..N {
         for j in 0..M {

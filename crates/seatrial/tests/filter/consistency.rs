@@ -7,6 +7,7 @@ use seatrial::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, 
 use seatrial::filter::innovation::{Gate, Watch};
 use seatrial::filter::observation::Observation;
 use seatrial::filter::process::Process;
+use seatrial::filter::transition::Transition;
 use seatrial::model::drive::act;
 use seatrial::model::vehicle::{Instant, Vehicle};
 use seatrial::number::random::gaussian;
