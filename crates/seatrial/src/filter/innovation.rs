@@ -92,7 +92,7 @@ impl<T: Real> Watch<T> {
     #[inline(always)]
     pub fn new(unit: T) -> Self {
         let (zero, never) = (unit.zero(), unit.splat(f64::INFINITY));
-        let (since, last, gap) = (never, zero, zero);
+        let (since, last, gap) = (never, -never, never);
         Self { taken: zero, refused: zero, recovered: zero, sum: zero, since, last, gap, in_a_row: zero }
     }
 

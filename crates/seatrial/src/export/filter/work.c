@@ -160,7 +160,7 @@ void FILTER_begin(FILTER_state *s, FILTER_input *in)
         s->silent[i] = R(INFINITY);
         s->watch[i].sum = R(0.0);
         s->watch[i].since = R(0.0);
-        s->watch[i].last = R(0.0);
+        s->watch[i].last = -LONG;
         s->watch[i].gap = R(0.0);
         s->watch[i].taken = 0u;
         s->watch[i].refused = 0u;
