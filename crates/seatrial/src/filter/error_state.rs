@@ -8,7 +8,7 @@
 //! `P ← (I − K h) P (I − K h)ᵀ + K r Kᵀ`: a sum of two positive semidefinite matrices, whatever rounding does to K.
 //! The rows of several uncorrelated scalars may be taken at the same state: the error found so far is subtracted from
 //! each residual, and moved into the state once. Then the sum of `ν²/s` over them is the normalised innovation squared
-//! of the whole vector. Every update is of rank one, `P ← P − w c cᵀ` with `c = P hᵀ` and `w = (2 − s/s)/s` as it rounds,
+//! of the whole vector. Every update is of rank one, `P ← P − w c cᵀ` with `c = P hᵀ`, `w = (2 − g s) g` and g = 1/s rounded,
 //! and P itself is moved by three of them at a time: until then what a row sees is `P hᵀ − Σ w c (c·h)`.
 //!
 //! Of several vehicles abreast each has its own P. What a row is without it is without for all of them, and so are the
