@@ -140,7 +140,7 @@ def compiled(folder: Path, sources: Sequence[str], compiler: str, *options: str,
 
 
 def trial(filter: st.NavigationFilter, seed: int, periods: int) -> list[dict[str, float]]:
-    """Samples of every channel on a helix, each at its own rate: noise, gaps, wild points, a jump."""
+    """Samples of every channel on a helix, each at its own rate: noise, gaps, wild points, jump, silence."""
     rng, rows = np.random.default_rng(seed), []
     known = filter.channels
     marks = [name[6:] for name in known if name.startswith("range.")]
@@ -172,6 +172,8 @@ def trial(filter: st.NavigationFilter, seed: int, periods: int) -> list[dict[str
             row["x"] += 100.0
         if 90 <= n < 170 and "z" in row:
             row["z"] += 3.0
+        if 120 <= n < 135:
+            row.pop("z", None)
         rows.append({name: float(value) for name, value in row.items() if name in known})
     return rows
 

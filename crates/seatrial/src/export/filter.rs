@@ -24,6 +24,7 @@ use crate::control::navigation_filter::fitting::{
 use crate::control::navigation_filter::{Fitting, Instrument, KINDS, LANDMARKS, LONGEST_STEP, Landmark};
 use crate::description::Description;
 use crate::error::Error;
+use crate::filter::innovation::PAUSE;
 use crate::filter::observation::Surface;
 use crate::filter::process::linear_parts;
 use crate::model::vehicle::Vehicle;
@@ -259,6 +260,7 @@ impl FilterStep<'_> {
             ("SLACK", "GUARD(1e-8, 1e-3)".to_owned()),
             ("SMALLEST", constant(f64::MIN_POSITIVE)),
             ("LONG", "GUARD(1e9, 1024.0)".to_owned()),
+            ("PAUSE", constant(PAUSE)),
         ] {
             let _ = writeln!(text, "#define {name} {value}");
         }

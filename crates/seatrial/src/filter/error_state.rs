@@ -8,7 +8,8 @@
 //! `P ← (I − K h) P (I − K h)ᵀ + K r Kᵀ`: a sum of two positive semidefinite matrices, whatever rounding does to K.
 //! The rows of several uncorrelated scalars may be taken at the same state: the error found so far is subtracted from
 //! each residual, and moved into the state once. Then the sum of `ν²/s` over them is the normalised innovation squared
-//! of the whole vector.
+//! of the whole vector. Every update is of rank one, `P ← P − w c cᵀ` with `c = P hᵀ`, `w = (2 − g s) g` and g = 1/s rounded,
+//! and P itself is moved by three of them at a time: until then what a row sees is `P hᵀ − Σ w c (c·h)`.
 //!
 //! Of several vehicles abreast each has its own P. What a row is without it is without for all of them, and so are the
 //! times: steps and sensors are of one kind.
@@ -17,299 +18,15 @@
 //! Sequential Estimation* (1977), chapter II; Farrell (2008), sections 5.5 and 6.7.
 //! Tests: `tests/filter/error_state.rs` (against dense matrix algebra, millions of steps).
 
-use super::estimate::{ATTITUDE, CURRENT, Components, FORCE, POSITION, STATES, chosen};
-use crate::number::algebra::Vec3;
+use super::estimate::{ATTITUDE, CURRENT, Components, STATES};
+use super::row::{PART, Row};
+use super::transition::{COLUMNS, MOTION, Transition};
 use crate::number::real::Real;
 
-/// The rows of motion: position, attitude and velocity.
-pub const MOTION: usize = FORCE;
-
-/// The columns of the Jacobian of a step: attitude, velocity and force, which lie side by side.
-pub const COLUMNS: usize = CURRENT - ATTITUDE;
-
-/// The derivatives of position, attitude and velocity after a step by attitude, velocity and force before it.
-pub type Block<T = f64> = [[T; COLUMNS]; MOTION];
-
-/// Components come in parts of three.
-const PART: usize = 3;
-
-/// One row of the Jacobian of an observation, and which parts of it are not zero.
-#[derive(Clone, Copy, Debug)]
-pub struct Row<T = f64> {
-    derivatives: Components<T>,
-    parts: u32,
-}
-
-impl<T: Real> Row<T> {
-    /// Derivatives of parts, each from its first component on; other components have none.
-    ///
-    /// # Panics
-    /// A part that begins at no multiple of three below [`STATES`].
-    #[inline(always)]
-    pub fn of<const K: usize>(parts: [(usize, Vec3<T>); K]) -> Self {
-        let zero = parts[0].1[0].zero();
-        let mut row = Self { derivatives: [zero; STATES], parts: 0 };
-        for &(first, derivatives) in &parts {
-            assert!(first % PART == 0, "a part begins at a multiple of {PART}, not at {first}");
-            row.derivatives[first..first + PART].copy_from_slice(&derivatives);
-            row.parts |= 1 << (first / PART);
-        }
-        row
-    }
-
-    /// The derivatives by all components.
-    #[inline(always)]
-    pub fn derivatives(&self) -> &Components<T> {
-        &self.derivatives
-    }
-
-    /// The row where the mask holds, none elsewhere.
-    #[inline(always)]
-    pub(super) fn only(&mut self, mask: T::Mask) {
-        let zero = self.derivatives[0].zero();
-        for part in (0..STATES / PART).filter(|part| self.parts >> part & 1 == 1) {
-            for x in &mut self.derivatives[PART * part..PART * (part + 1)] {
-                *x = T::select(mask, *x, zero);
-            }
-        }
-    }
-
-    /// `h x`.
-    #[inline(always)]
-    pub fn times(&self, x: &Components<T>) -> T {
-        let mut sum = x[0].zero();
-        for part in 0..STATES / PART {
-            if self.parts >> part & 1 == 1 {
-                let k = PART * part;
-                let h = &self.derivatives;
-                sum = h[k].mul_add(x[k], h[k + 1].mul_add(x[k + 1], h[k + 2].mul_add(x[k + 2], sum)));
-            }
-        }
-        sum
-    }
-
-    /// `h hᵀ`.
-    #[inline(always)]
-    fn square(&self) -> T {
-        self.times(&self.derivatives)
-    }
-}
-
-/// How a step moves the error.
-#[derive(Clone, Debug)]
-pub struct Transition<T = f64> {
-    /// Derivatives of the motion.
-    pub block: Block<T>,
-    /// Displacement per velocity of the current, s.
-    pub drift: f64,
-    /// Diagonal of F from the force on; what stands before is not read.
-    pub decay: [f64; STATES],
-    /// Diagonal of Q.
-    pub noise: Components<T>,
-}
-
-impl Transition {
-    /// F as a full matrix, for those who compare.
-    pub fn dense(&self) -> [[f64; STATES]; STATES] {
-        let mut f = [[0.0; STATES]; STATES];
-        for i in 0..MOTION {
-            f[i][ATTITUDE..CURRENT].copy_from_slice(&self.block[i]);
-        }
-        for i in 0..3 {
-            f[POSITION + i][POSITION + i] = 1.0;
-            f[POSITION + i][CURRENT + i] = self.drift;
-        }
-        for i in MOTION..STATES {
-            f[i][i] = self.decay[i];
-        }
-        f
-    }
-}
-
-impl<T: Real> Transition<T> {
-    /// A step that changes nothing, in the kind of `unit`.
-    #[inline(always)]
-    pub fn identity(unit: T) -> Self {
-        let (zero, one) = (unit.zero(), unit.splat(1.0));
-        let mut block = [[zero; COLUMNS]; MOTION];
-        for i in ATTITUDE..MOTION {
-            block[i][i - ATTITUDE] = one;
-        }
-        Self { block, drift: 0.0, decay: [1.0; STATES], noise: [zero; STATES] }
-    }
-}
-
-/// The way back over a step: F⁻¹, which has the shape of F.
-#[derive(Clone, Debug)]
-pub struct Return<T = f64> {
-    /// Position, attitude and velocity before the step by attitude, velocity and force after it.
-    block: Block<T>,
-    /// Displacement per velocity of the current, s.
-    drift: f64,
-    /// Diagonal of F⁻¹ from the force on.
-    growth: [f64; STATES],
-}
-
-impl<T: Real> Return<T> {
-    /// The way back from nowhere.
-    #[inline(always)]
-    pub fn identity(unit: T) -> Self {
-        let Transition { block, drift, decay, .. } = Transition::identity(unit);
-        Self { block, drift, growth: decay }
-    }
-
-    /// Takes over another way back in place.
-    #[inline(always)]
-    pub(super) fn copy_from(&mut self, other: &Self) {
-        (self.block, self.drift, self.growth) = (other.block, other.drift, other.growth);
-    }
-
-    /// The row `y = h F⁻¹`: what a row of before the step is after it.
-    #[inline(always)]
-    pub fn carry(&self, row: &Row<T>) -> Row<T> {
-        let h = &row.derivatives;
-        let mut sum = [h[0].zero(); COLUMNS];
-        for part in 0..MOTION / PART {
-            if row.parts >> part & 1 == 0 {
-                continue;
-            }
-            for i in PART * part..PART * (part + 1) {
-                for k in 0..COLUMNS {
-                    sum[k] = h[i].mul_add(self.block[i][k], sum[k]);
-                }
-            }
-        }
-        let mut y = *h;
-        y[ATTITUDE..CURRENT].copy_from_slice(&sum);
-        for i in FORCE..CURRENT {
-            y[i] += h[i] * self.growth[i];
-        }
-        for i in 0..3 {
-            y[CURRENT + i] -= h[POSITION + i] * self.drift;
-        }
-        for i in CURRENT..STATES {
-            y[i] = y[i] * self.growth[i];
-        }
-        let placed = row.parts & 1;
-        Row { derivatives: y, parts: row.parts | TURNED | (placed << (CURRENT / PART)) }
-    }
-}
-
-/// The parts that a step mixes into every row: attitude, velocity and force.
-const TURNED: u32 = ((1 << (CURRENT / PART)) - 1) & !1;
-
-/// A diagonal of the derivatives of a step by which nothing is divided.
-const SMALL: f64 = 0.1;
-
-/// The columns of attitude and velocity, before those of the force.
-const TURNING: usize = FORCE - ATTITUDE;
-
-impl<T: Real> Transition<T> {
-    /// The way back: with A the derivatives of attitude and velocity by themselves, B those by force, C and E those of the
-    /// position by both, and D the decay of the force,
-    /// `F⁻¹ = [I, −C A⁻¹, (C A⁻¹ B − E) D⁻¹; 0, A⁻¹, −A⁻¹ B D⁻¹]` in the columns of [`Block`].
-    #[inline(always)]
-    pub fn reverse(&self, back: &mut Return<T>) {
-        let zero = self.block[0][0].zero();
-        let one = zero.splat(1.0);
-        // Gauss and Jordan in place, B carried along: A⁻¹ and A⁻¹ B. The diagonal leads, unless the vehicle turns by nearly
-        // a right angle within a step.
-        let mut work = [[zero; COLUMNS]; TURNING];
-        work.copy_from_slice(&self.block[ATTITUDE..]);
-        let mut swaps = Swaps { with: [zero; TURNING], any: 0 };
-        for k in 0..TURNING {
-            let small = work[k][k].abs().lt(zero.splat(SMALL));
-            if T::any(small) {
-                swaps.lead(&mut work, k, small);
-            }
-            // The place of the leading column is taken by that of the inverse.
-            let scale = one / work[k][k];
-            for j in 0..COLUMNS {
-                work[k][j] *= scale;
-            }
-            work[k][k] = scale;
-            let lead = work[k];
-            for i in (0..TURNING).filter(|&i| i != k) {
-                let share = work[i][k];
-                work[i][k] = zero;
-                for j in 0..COLUMNS {
-                    work[i][j] = share.neg_mul_add(lead[j], work[i][j]);
-                }
-            }
-        }
-        swaps.back(&mut work);
-        let mut growth = [1.0; STATES];
-        for i in FORCE..STATES {
-            growth[i] = 1.0 / self.decay[i];
-        }
-        for i in 0..ATTITUDE {
-            let mut sum = [zero; COLUMNS];
-            for k in 0..TURNING {
-                for j in 0..COLUMNS {
-                    sum[j] = work[k][j].neg_mul_add(self.block[i][k], sum[j]);
-                }
-            }
-            for j in TURNING..COLUMNS {
-                sum[j] = (sum[j] + self.block[i][j]) * -growth[ATTITUDE + j];
-            }
-            back.block[i] = sum;
-        }
-        for i in 0..TURNING {
-            for j in TURNING..COLUMNS {
-                work[i][j] = work[i][j] * -growth[ATTITUDE + j];
-            }
-            back.block[ATTITUDE + i] = work[i];
-        }
-        (back.drift, back.growth) = (self.drift, growth);
-    }
-}
-
-/// Which row took the place of another, vehicle by vehicle.
-struct Swaps<T> {
-    /// The row that came to each place; read where a bit is set.
-    with: [T; TURNING],
-    any: u32,
-}
-
-impl<T: Real> Swaps<T> {
-    /// Brings the row of the largest entry of a column to its diagonal where the mask holds.
-    #[inline(always)]
-    fn lead(&mut self, work: &mut [[T; COLUMNS]; TURNING], k: usize, mask: T::Mask) {
-        let (mut place, mut most) = (work[k][k].splat(k as f64), work[k][k].abs());
-        for i in k + 1..TURNING {
-            let larger = T::both(mask, most.lt(work[i][k].abs()));
-            place = T::select(larger, place.splat(i as f64), place);
-            most = T::select(larger, work[i][k].abs(), most);
-        }
-        self.with[k] = place;
-        self.any |= 1 << k;
-        for i in k + 1..TURNING {
-            let here = is(place, i);
-            let (a, b) = (work[k], work[i]);
-            (work[k], work[i]) = (chosen(here, &b, &a), chosen(here, &a, &b));
-        }
-    }
-
-    /// What was done to the rows undone on the columns of the inverse.
-    #[inline(always)]
-    fn back(&self, work: &mut [[T; COLUMNS]; TURNING]) {
-        for k in (0..TURNING).rev().filter(|k| self.any >> k & 1 == 1) {
-            for i in k + 1..TURNING {
-                let here = is(self.with[k], i);
-                for row in work.iter_mut() {
-                    let (a, b) = (row[k], row[i]);
-                    (row[k], row[i]) = (T::select(here, b, a), T::select(here, a, b));
-                }
-            }
-        }
-    }
-}
-
-/// Where a number is `i`.
-#[inline(always)]
-fn is<T: Real>(x: T, i: usize) -> T::Mask {
-    (x - i as f64).abs().lt(x.splat(0.5))
-}
+/// The columns of `F P` that a prediction asks for in all rows, and so many of them as stay in registers for three rows.
+const MOVED: usize = STATES - ATTITUDE;
+/// See [`MOVED`].
+const WIDE: usize = 7;
 
 /// What an observation says against what was expected of it.
 #[derive(Clone, Copy, Debug)]
@@ -318,8 +35,6 @@ pub struct Innovation<T = f64> {
     pub value: T,
     /// Its variance.
     pub variance: T,
-    /// Covariance with the error, `P hᵀ`.
-    pub cross: Components<T>,
 }
 
 impl<T: Real> Innovation<T> {
@@ -330,25 +45,41 @@ impl<T: Real> Innovation<T> {
     }
 }
 
+/// So many updates move P at a time.
+const TOGETHER: usize = 3;
+
+/// An update by which P is still to move.
+#[derive(Clone, Copy, Debug)]
+struct Taken<T> {
+    /// Covariance of a scalar with the error, `P hᵀ`.
+    cross: Components<T>,
+    /// P loses so much of its square; none where the scalar was not taken.
+    weight: T,
+}
+
 /// The error of an estimate: its covariance, and what observations have found of it and is not yet injected.
 #[derive(Clone, Debug)]
 pub struct ErrorState<T = f64> {
-    /// P: its upper triangle, what stands below is not read.
-    pub covariance: [[T; STATES]; STATES],
+    /// P before the updates that it is still to move by: its upper triangle, what stands below is not read.
+    covariance: [[T; STATES]; STATES],
+    /// These updates, and behind them the scalar whose innovation was asked for.
+    taken: [Taken<T>; TOGETHER + 1],
+    waiting: usize,
     /// The mean of the error.
     pub error: Components<T>,
+    /// F P under way: rows of motion, columns from the attitude on.
+    moved: [[T; MOVED]; MOTION],
 }
 
 impl ErrorState {
+    /// An error of this covariance.
+    pub fn of(covariance: [[f64; STATES]; STATES]) -> Self {
+        Self { covariance, ..Self::new(&[0.0; STATES]) }
+    }
+
     /// P in full.
     pub fn dense(&self) -> [[f64; STATES]; STATES] {
-        let mut dense = self.covariance;
-        for i in 0..STATES {
-            for j in 0..i {
-                dense[i][j] = dense[j][i];
-            }
-        }
-        dense
+        std::array::from_fn(|i| std::array::from_fn(|j| self.covariance(i, j)))
     }
 }
 
@@ -361,12 +92,30 @@ impl<T: Real> ErrorState<T> {
         for i in 0..STATES {
             covariance[i][i] = deviations[i] * deviations[i];
         }
-        Self { covariance, error: [zero; STATES] }
+        let none = Taken { cross: [zero; STATES], weight: zero };
+        Self {
+            covariance,
+            taken: [none; TOGETHER + 1],
+            waiting: 0,
+            error: [zero; STATES],
+            moved: [[zero; MOVED]; MOTION],
+        }
+    }
+
+    /// An entry of P.
+    #[inline(always)]
+    pub fn covariance(&self, i: usize, j: usize) -> T {
+        let mut entry = self.covariance[i.min(j)][i.max(j)];
+        for taken in &self.taken[..self.waiting] {
+            entry = (taken.cross[i] * taken.weight).neg_mul_add(taken.cross[j], entry);
+        }
+        entry
     }
 
     /// Begins anew where the mask holds.
     #[inline(always)]
     pub fn renew(&mut self, mask: T::Mask, deviations: &Components<T>) {
+        self.catch_up();
         let zero = deviations[0].zero();
         for i in 0..STATES {
             let row = &mut self.covariance[i];
@@ -381,51 +130,37 @@ impl<T: Real> ErrorState<T> {
     /// The standard deviation of a component.
     #[inline(always)]
     pub fn deviation(&self, i: usize) -> T {
-        let variance = self.covariance[i][i];
+        let variance = self.covariance(i, i);
         variance.max(variance.zero()).sqrt()
     }
 
     /// `P ← F P Fᵀ + Q`.
     #[inline(always)]
     pub fn predict(&mut self, step: &Transition<T>) {
-        let (p, zero) = (&mut self.covariance, self.error[0].zero());
-        // F P: the rows of motion. Of their columns of position those of position are all that is asked for.
-        let mut moved = [[zero; STATES]; MOTION];
-        for j in 0..STATES {
-            let mut column = [zero; COLUMNS];
-            for k in 0..COLUMNS {
-                let i = ATTITUDE + k;
-                column[k] = p[i.min(j)][i.max(j)];
-            }
-            let rows = if j < ATTITUDE { ATTITUDE } else { MOTION };
-            for i in 0..rows {
-                let mut sum = zero;
-                if i < ATTITUDE {
-                    let carried = CURRENT + i;
-                    sum = p[carried.min(j)][carried.max(j)] * step.drift + p[i.min(j)][i.max(j)];
-                }
-                for k in 0..COLUMNS {
-                    sum = column[k].mul_add(step.block[i][k], sum);
-                }
-                moved[i][j] = sum;
+        self.catch_up();
+        // Rows that are read from end to end: what F mixes is mirrored below the diagonal.
+        for i in ATTITUDE..CURRENT {
+            for j in ATTITUDE..i {
+                self.covariance[i][j] = self.covariance[j][i];
             }
         }
-        for i in 0..MOTION {
-            let row = &moved[i];
-            for j in i..MOTION {
-                let mut sum = zero;
-                if j < ATTITUDE {
-                    sum = row[CURRENT + j] * step.drift + row[j];
-                }
-                for k in 0..COLUMNS {
-                    sum = row[ATTITUDE + k].mul_add(step.block[j][k], sum);
-                }
-                p[i][j] = sum;
-            }
-            for j in MOTION..STATES {
-                p[i][j] = row[j] * step.decay[j];
+        for part in 0..MOTION / PART {
+            for block in 0..MOVED / WIDE {
+                self.mix(step, PART * part, WIDE * block);
             }
         }
+        self.place(step);
+        for first in (0..MOTION).step_by(PART) {
+            for other in (first.max(ATTITUDE)..MOTION).step_by(PART) {
+                self.meet(step, first, other);
+            }
+            for i in first..first + PART {
+                for j in MOTION..STATES {
+                    self.covariance[i][j] = self.moved[i][j - ATTITUDE] * step.decay[j];
+                }
+            }
+        }
+        let p = &mut self.covariance;
         for i in MOTION..STATES {
             for j in i..STATES {
                 p[i][j] = p[i][j] * (step.decay[i] * step.decay[j]);
@@ -436,11 +171,81 @@ impl<T: Real> ErrorState<T> {
         }
     }
 
+    /// `F P`: three rows of motion in so many columns as stay in registers, from the attitude on.
+    #[inline(always)]
+    fn mix(&mut self, step: &Transition<T>, first: usize, from: usize) {
+        let (p, zero) = (&self.covariance, self.error[0].zero());
+        let mut sum = [[zero; WIDE]; PART];
+        if first < ATTITUDE {
+            for i in 0..PART {
+                for j in 0..WIDE {
+                    let (carried, j_) = (CURRENT + i, ATTITUDE + from + j);
+                    sum[i][j] = p[carried.min(j_)][carried.max(j_)] * step.drift + p[i][j_];
+                }
+            }
+        }
+        for k in 0..COLUMNS {
+            let row = &p[ATTITUDE + k];
+            for i in 0..PART {
+                for j in 0..WIDE {
+                    sum[i][j] = row[ATTITUDE + from + j].mul_add(step.block[first + i][k], sum[i][j]);
+                }
+            }
+        }
+        for i in 0..PART {
+            for j in 0..WIDE {
+                self.moved[first + i][from + j] = sum[i][j];
+            }
+        }
+    }
+
+    /// `F P Fᵀ` of the position.
+    #[inline(always)]
+    fn place(&mut self, step: &Transition<T>) {
+        let p = &mut self.covariance;
+        for i in 0..ATTITUDE {
+            for j in i..ATTITUDE {
+                let mut sum = p[j][CURRENT + i] * step.drift + p[i][j];
+                sum = self.moved[i][CURRENT - ATTITUDE + j] * step.drift + sum;
+                for k in 0..COLUMNS {
+                    sum = p[j][ATTITUDE + k].mul_add(step.block[i][k], sum);
+                    sum = self.moved[i][k].mul_add(step.block[j][k], sum);
+                }
+                p[i][j] = sum;
+            }
+        }
+    }
+
+    /// `F P Fᵀ` of three rows of motion and three others that are not of the position.
+    #[inline(always)]
+    fn meet(&mut self, step: &Transition<T>, first: usize, other: usize) {
+        let mut sum = [[self.error[0].zero(); PART]; PART];
+        for k in 0..COLUMNS {
+            for i in 0..PART {
+                for j in 0..PART {
+                    sum[i][j] = self.moved[first + i][k].mul_add(step.block[other + j][k], sum[i][j]);
+                }
+            }
+        }
+        for i in 0..PART {
+            for j in 0..PART {
+                if first + i <= other + j {
+                    self.covariance[first + i][other + j] = sum[i][j];
+                }
+            }
+        }
+    }
+
     /// What a scalar of variance `variance` says whose residual at the estimate is `residual`.
     #[inline(always)]
-    pub fn innovation(&self, row: &Row<T>, residual: T, variance: T) -> Innovation<T> {
+    pub fn innovation(&mut self, row: &Row<T>, residual: T, variance: T) -> Innovation<T> {
+        if self.waiting == TOGETHER {
+            self.catch_up();
+        }
         let (h, p) = (&row.derivatives, &self.covariance);
-        let mut cross = [variance.zero(); STATES];
+        let (before, here) = self.taken.split_at_mut(self.waiting);
+        let cross = &mut here[0].cross;
+        *cross = [variance.zero(); STATES];
         for part in 0..STATES / PART {
             if row.parts >> part & 1 == 0 {
                 continue;
@@ -465,25 +270,72 @@ impl<T: Real> ErrorState<T> {
                 }
             }
         }
-        Innovation { value: residual - row.times(&self.error), variance: row.times(&cross) + variance, cross }
+        for taken in before {
+            let share = row.times(&taken.cross) * taken.weight;
+            for j in 0..STATES {
+                cross[j] = share.neg_mul_add(taken.cross[j], cross[j]);
+            }
+        }
+        Innovation { value: residual - row.times(&self.error), variance: row.times(cross) + variance }
     }
 
-    /// Takes a scalar where the mask holds: mean and covariance of the error after it.
+    /// Takes the scalar whose innovation was asked for last where the mask holds: mean and covariance of the error after
+    /// it.
     #[inline(always)]
-    pub fn update(&mut self, row: &Row<T>, innovation: &Innovation<T>, variance: T, mask: T::Mask) {
-        let (p, c) = (&mut self.covariance, &innovation.cross);
-        let zero = variance.zero();
-        let scale = T::select(mask, zero.splat(1.0) / innovation.variance, zero);
-        let value = T::select(mask, innovation.value, zero);
-        // B = (I − K h) P; then B (I − K h)ᵀ + K r Kᵀ = B − (B hᵀ − r K) Kᵀ, where B hᵀ = P hᵀ − K (h P hᵀ). All of it
-        // is a multiple of P hᵀ in every row.
-        let seen = row.times(c) + variance;
+    pub fn update(&mut self, innovation: &Innovation<T>, mask: T::Mask) {
+        if !T::any(mask) {
+            return;
+        }
+        let (one, taken) = (innovation.variance.splat(1.0), &mut self.taken[self.waiting]);
+        let zero = one.zero();
+        let scale = T::select(mask, one / innovation.variance, zero);
+        let moved = T::select(mask, innovation.value * scale, zero);
         for i in 0..STATES {
-            let gain = c[i] * scale;
-            self.error[i] = gain.mul_add(value, self.error[i]);
-            let part = gain.neg_mul_add(seen, c[i]).mul_add(scale, gain);
-            for j in i..STATES {
-                p[i][j] = part.neg_mul_add(c[j], p[i][j]);
+            self.error[i] = taken.cross[i].mul_add(moved, self.error[i]);
+        }
+        // (I − K h) P (I − K h)ᵀ + K r Kᵀ = P − K cᵀ − c Kᵀ + K s Kᵀ with K = c/s.
+        taken.weight = scale.neg_mul_add(innovation.variance, zero.splat(2.0)) * scale;
+        self.waiting += 1;
+    }
+
+    /// Moves P by the updates that wait.
+    #[inline(always)]
+    fn catch_up(&mut self) {
+        match self.waiting {
+            0 => return,
+            1 => self.subtract::<1>(),
+            2 => self.subtract::<2>(),
+            _ => self.subtract::<TOGETHER>(),
+        }
+        self.waiting = 0;
+    }
+
+    /// Moves P by so many updates, three rows at a time.
+    #[inline(always)]
+    fn subtract<const K: usize>(&mut self) {
+        let (p, taken) = (&mut self.covariance, &self.taken);
+        for first in (0..STATES).step_by(PART) {
+            let mut shares = [[p[0][0]; K]; PART];
+            for i in 0..PART {
+                for k in 0..K {
+                    shares[i][k] = taken[k].cross[first + i] * taken[k].weight;
+                }
+            }
+            for i in 0..PART {
+                for j in first + i..first + PART {
+                    for k in 0..K {
+                        p[first + i][j] = shares[i][k].neg_mul_add(taken[k].cross[j], p[first + i][j]);
+                    }
+                }
+            }
+            for j in first + PART..STATES {
+                for i in 0..PART {
+                    let mut entry = p[first + i][j];
+                    for k in 0..K {
+                        entry = shares[i][k].neg_mul_add(taken[k].cross[j], entry);
+                    }
+                    p[first + i][j] = entry;
+                }
             }
         }
     }
@@ -491,6 +343,7 @@ impl<T: Real> ErrorState<T> {
     /// Forgets so much of the components that a scalar shows that the scalar's variance grows by `variance`.
     #[inline(always)]
     pub fn forget(&mut self, row: &Row<T>, variance: T) {
+        self.catch_up();
         let (h, square) = (&row.derivatives, row.square());
         let scale = variance / (square * square).max(variance.splat(f64::MIN_POSITIVE));
         for i in 0..STATES {
@@ -503,6 +356,7 @@ impl<T: Real> ErrorState<T> {
     /// The error found so far, which is none from then on.
     #[inline(always)]
     pub fn take(&mut self) -> Components<T> {
+        self.catch_up();
         let none = [self.error[0].zero(); STATES];
         std::mem::replace(&mut self.error, none)
     }

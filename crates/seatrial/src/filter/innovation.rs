@@ -3,17 +3,23 @@
 //! A sample is refused where `ν²/s` exceeds [`Gate::threshold`]: a wild point must not move the estimate. A sensor that
 //! is refused without a break for longer than [`Gate::patience`], and at least [`FEWEST`] times, may be right and the filter wrong, after a jump of the
 //! vehicle or a bad start. Then the filter forgets what that sensor shows, as far as the sample asks for, and takes it.
+//! A sensor that falls silent in between is not refused meanwhile: of the time between two samples no more counts than
+//! [`PAUSE`] times the time between the two before.
 //!
 //! Consistency: over n samples the mean of `ν²/s` lies within `1 ± 1.96 √(2/n)` in 95 % of runs of a consistent filter.
 //!
 //! Source: Bar-Shalom, Li & Kirubarajan, *Estimation with Applications to Tracking and Navigation* (2001), sections 5.4
 //! and 3.7.4. Tests: `tests/filter/innovation.rs`.
 
-use super::error_state::{ErrorState, Row};
+use super::error_state::ErrorState;
+use super::row::Row;
 use crate::number::real::Real;
 
 /// Refusals without a break before a sensor is believed again: two wild points of a slow sensor are not enough.
 pub const FEWEST: u32 = 4;
+
+/// A time between samples that is longer than so many of the one before is silence.
+pub const PAUSE: f64 = 2.0;
 
 /// When a sample is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,8 +59,11 @@ pub struct Watch<T = f64> {
     pub recovered: T,
     /// Sum of the normalised innovations squared of the samples that were taken in the ordinary way.
     pub sum: T,
-    /// Time of the first refusal since the last sample that was taken, s; infinite without one.
+    /// Time of the first refusal since the last sample that was taken, s, later by the silence since; infinite without one.
     since: T,
+    /// Time of the last sample, and between it and the one before, s.
+    last: T,
+    gap: T,
     /// Refusals since then.
     in_a_row: T,
 }
@@ -83,7 +92,8 @@ impl<T: Real> Watch<T> {
     #[inline(always)]
     pub fn new(unit: T) -> Self {
         let (zero, never) = (unit.zero(), unit.splat(f64::INFINITY));
-        Self { taken: zero, refused: zero, recovered: zero, sum: zero, since: never, in_a_row: zero }
+        let (since, last, gap) = (never, -never, never);
+        Self { taken: zero, refused: zero, recovered: zero, sum: zero, since, last, gap, in_a_row: zero }
     }
 
     /// Takes or refuses a scalar at a time, s, where the mask holds; elsewhere the row is to be none.
@@ -100,9 +110,14 @@ impl<T: Real> Watch<T> {
         let (zero, one) = (variance.zero(), variance.splat(1.0));
         let (never, none) = (zero.splat(f64::INFINITY), zero.lt(zero));
         let taken = T::both(here, normalised.lt(zero.splat(gate.threshold)));
-        state.update(row, &innovation, variance, taken);
+        state.update(&innovation, taken);
         self.taken += T::select(taken, one, zero);
         self.sum += T::select(taken, normalised, zero);
+        let (gap, usual) = (zero.splat(time) - self.last, self.gap * PAUSE);
+        let silent = T::both(here, usual.lt(gap));
+        self.since += T::select(silent, gap - usual, zero);
+        self.last = T::select(here, zero.splat(time), self.last);
+        self.gap = T::select(here, gap, self.gap);
         self.since = T::select(taken, never, self.since);
         self.in_a_row = T::select(taken, zero, self.in_a_row);
         let wild = T::select(taken, zero, T::select(here, one, zero));
@@ -122,7 +137,7 @@ impl<T: Real> Watch<T> {
             let missed = T::select(recovered, innovation.value, zero);
             state.forget(row, missed * missed);
             let innovation = state.innovation(row, residual, variance);
-            state.update(row, &innovation, variance, recovered);
+            state.update(&innovation, recovered);
             self.recovered += T::select(recovered, one, zero);
             self.since = T::select(recovered, never, self.since);
             self.in_a_row = T::select(recovered, zero, self.in_a_row);

@@ -19,8 +19,8 @@
 //! Source: Farrell (2008), chapter 11 (aiding); Solà (2017), section 6.1. Tests: `tests/filter/observation.rs` (every
 //! row against difference quotients).
 
-use super::error_state::Row;
 use super::estimate::{ATTITUDE, CURRENT, Estimate, GYRO_BIAS, POSITION, VELOCITY};
+use super::row::Row;
 use crate::model::kinematics::{Quaternion, cosine_of_pitch, euler_angle, quaternion_product, rotation};
 use crate::number::algebra::{Vec3, cross, dot, each, product, transposed_product};
 use crate::number::real::Real;

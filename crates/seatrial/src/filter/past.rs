@@ -10,9 +10,10 @@
 //! Source: Larsen et al., *Incorporation of time delayed measurements in a discrete-time Kalman filter* (1998), with the
 //! transition in place of the gain. Tests: `tests/filter/tracker.rs`.
 
-use super::error_state::{Return, Row};
 use super::estimate::{Components, Estimate, STATES};
 use super::observation::{Expected, Observation};
+use super::row::Row;
+use super::transition::Return;
 use crate::number::real::Real;
 
 /// The end of one step.
@@ -21,7 +22,7 @@ struct Moment<T> {
     time: f64,
     estimate: Estimate<T>,
     /// From this moment to the one before.
-    back: Return<T>,
+    back: Box<Return<T>>,
     /// The correction that its samples made.
     moved: Components<T>,
 }
@@ -55,7 +56,7 @@ impl<T: Real> Past<T> {
         let moment = Moment {
             time: 0.0,
             estimate: Estimate::at_rest_in(unit),
-            back: Return::identity(unit),
+            back: Box::new(Return::identity(unit)),
             moved: [unit.zero(); STATES],
         };
         let since = unit.splat(f64::INFINITY);
@@ -76,8 +77,8 @@ impl<T: Real> Past<T> {
             return;
         }
         if self.count == 0 || self.at(0).time != time {
-            let (back, moved) = (self.at(0).back.clone(), self.at(0).moved);
-            self.keep(time, estimate, &back, &moved);
+            // Nothing goes back beyond it.
+            self.keep(time, estimate, None, &self.ring[self.newest].moved.clone());
         }
         let newest = &mut self.ring[self.newest];
         newest.estimate = Estimate::select(mask, estimate, &newest.estimate);
@@ -90,13 +91,14 @@ impl<T: Real> Past<T> {
         &self.ring[if place < self.ring.len() { place } else { place - self.ring.len() }]
     }
 
-    /// Keeps the end of a step, after the correction `moved` of this moment.
+    /// Keeps the end of a step, after the correction `moved` of this moment; what `back` leads to is exchanged for what is
+    /// forgotten.
     #[inline(always)]
     pub(super) fn keep(
         &mut self,
         time: f64,
         estimate: &Estimate<T>,
-        back: &Return<T>,
+        back: Option<&mut Box<Return<T>>>,
         moved: &Components<T>,
     ) {
         self.last = None;
@@ -107,7 +109,9 @@ impl<T: Real> Past<T> {
         self.count = (self.count + 1).min(self.ring.len());
         let moment = &mut self.ring[self.newest];
         (moment.time, moment.estimate, moment.moved) = (time, *estimate, *moved);
-        moment.back.copy_from(back);
+        if let Some(back) = back {
+            std::mem::swap(&mut moment.back, back);
+        }
     }
 
     /// Finds the estimate at a time, while `present` is that of now; nothing where the time is not kept.
@@ -155,16 +159,13 @@ impl<T: Real> Past<T> {
         }
         // The estimate between two moments has its share of the later one's correction.
         let mut corrected = measured.zero();
-        let meet = |row: &Row<T>, moment: usize| {
-            let weight = if moment + 1 == back { 1.0 - share } else { 1.0 };
-            row.times(&self.at(moment).moved) * weight
-        };
         if nearest == back {
-            corrected += meet(&row, back - 1);
+            corrected += row.times(&self.at(back - 1).moved) * (1.0 - share);
         }
         for later in (1..nearest).rev() {
             row = self.at(later - 1).back.carry(&row);
-            corrected += meet(&row, later - 1);
+            let weight = if later == back { 1.0 - share } else { 1.0 };
+            corrected += row.times(&self.at(later - 1).moved) * weight;
         }
         Some((step.carry(&row), residual - corrected, seen))
     }

@@ -1,24 +1,21 @@
 //! The process model: the identified vehicle over one step, and its exact Jacobian.
 //!
 //! `[p, q, ν_r] ← RK4(p, q, ν_r; τ + τ_u)`, then `p ← p + v_c h`: the equation of motion in the velocity through the
-//! water, which a constant current leaves as it is. The derivatives by attitude, velocity and force are carried through
-//! the stages of the step itself, so that they are those of the discrete step and not of a series. The equation of motion
-//! is differentiated once per stage and by the velocity alone ([`Jet`]): by force and by the vertical in the body frame,
-//! `e = Rᵀ e_z`, it is linear, `∂ν'/∂τ = M⁻¹`, `∂ν'/∂e = M⁻¹ [(W − B) I; S(r_g W − r_b B)]`. The motion goes first, and
-//! every column of derivatives then goes through its four stages by itself. The attitude is perturbed in the body frame:
-//! `q = q̂ ⊗ [1, ½ δ]` before, `δ = 2 vec(q̂⁻¹ ⊗ ∂q)` after.
+//! water, which a constant current leaves as it is. The motion goes first; what its stages show goes into the derivatives
+//! ([`super::tangent`]). The equation of motion is differentiated once per stage and by the velocity alone ([`Jet`]). What
+//! the inflow does to a thrust is linear in the velocity, `F = F_0 + F_V u_a`: its derivative is that of an instant.
 //!
-//! Source: Fossen (2011), section 8.3 and equation 7.9; Solà (2017), section 5.4.
+//! Source: Fossen (2011), section 8.3 and equation 7.9.
 //! Tests: `tests/filter/process.rs` (difference quotients of the plain step; a current changes nothing but the track).
 
-use super::error_state::{Block, COLUMNS};
-use super::estimate::{ATTITUDE, Estimate, FORCE};
-use crate::actuator::characteristic::Thrust;
+use super::estimate::Estimate;
+use super::tangent::{Length, Tangent, weighed};
+use super::transition::Block;
 use crate::description::Description;
 use crate::model::integrate::{STAGES, State};
-use crate::model::kinematics::{Quaternion, quaternion_product, quaternion_rate, rotation};
+use crate::model::kinematics::{quaternion_rate, rotation};
 use crate::model::vehicle::{Instant, Vehicle};
-use crate::number::algebra::{Mat3, Mat6, Vec3, Vec6, dot, each, product, restricted_inverse};
+use crate::number::algebra::{Mat3, Mat6, Vec3, Vec6, each, product, restricted_inverse};
 use crate::number::jet::Jet;
 use crate::number::real::Real;
 
@@ -41,27 +38,31 @@ pub fn linear_parts(description: &Description) -> (Mat6<f64>, [Vec3<f64>; 6]) {
     (by_force, by_vertical)
 }
 
+/// A thruster whose thrust the inflow changes.
+struct Flowing {
+    thruster: usize,
+    /// Acceleration per newton of thrust and per newton metre of reaction torque.
+    per_force: Vec6<f64>,
+    per_torque: Vec6<f64>,
+    /// Inflow per velocity.
+    inflow: Vec6<f64>,
+}
+
+/// What the actuators do at an instant of a step, and the unmodelled force.
+struct Acting<T> {
+    /// Without the thrusters that the inflow changes.
+    instant: Instant<Carried<T>>,
+    /// The acceleration by these without inflow, and its derivatives by the velocity.
+    acceleration: Vec6<T>,
+    by_velocity: Mat6<T>,
+}
+
 /// The vehicle as the filter's process model; of several vehicles abreast the same.
 pub struct Process<T = f64> {
     vehicle: Vehicle<Carried<T>>,
-    instants: [Instant<Carried<T>>; 3],
-    stages: [Stage<T>; 4],
-    /// Derivatives of the acceleration by force and by the vertical in the body frame, which are constant.
-    by_force: Mat6<f64>,
-    by_vertical: [Vec3<f64>; 6],
-}
-
-/// What the derivatives read of a stage of a step.
-#[derive(Clone, Copy)]
-struct Stage<T> {
-    attitude: Quaternion<T>,
-    rates: Vec3<T>,
-    rotation: Mat3<T>,
-    /// `∂(R(q) v)/∂q`.
-    track: [[T; 4]; 3],
-    /// Derivatives of the acceleration by q and by the velocity.
-    by_attitude: [[T; 4]; 6],
-    by_velocity: Mat6<T>,
+    flowing: Vec<Flowing>,
+    instants: [Acting<T>; 3],
+    tangent: Tangent<T>,
 }
 
 impl Process {
@@ -76,22 +77,20 @@ impl<T: Real> Process<T> {
     pub fn new_in(description: &Description, unit: T) -> Self {
         let zero = unit.zero();
         let vehicle = Vehicle::nominal_in(description, Jet::constant(zero));
-        let (thrusters, fins) = (vehicle.actuators.len(), vehicle.fins.len());
-        let instants = std::array::from_fn(|_| Instant {
-            thrusts: Vec::with_capacity(thrusters),
-            deflections: Vec::with_capacity(fins),
-            ..Instant::default()
-        });
-        let none = Stage {
-            attitude: [zero; 4],
-            rates: [zero; 3],
-            rotation: [[zero; 3]; 3],
-            track: [[zero; 4]; 3],
-            by_attitude: [[zero; 4]; 6],
+        let instants = std::array::from_fn(|_| Acting {
+            instant: Instant { deflections: Vec::with_capacity(vehicle.fins.len()), ..Instant::default() },
+            acceleration: [zero; 6],
             by_velocity: [[zero; 6]; 6],
-        };
-        let (by_force, by_vertical) = linear_parts(description);
-        Self { vehicle, instants, stages: [none; 4], by_force, by_vertical }
+        });
+        let (plain, linear) = (Vehicle::nominal(description), linear_parts(description));
+        let flowing = plain.actuators.iter().enumerate().filter(|(_, a)| a.characteristic.has_inflow());
+        let flowing = flowing.map(|(thruster, actuator)| Flowing {
+            thruster,
+            per_force: product(&linear.0, &actuator.wrench),
+            per_torque: product(&linear.0, &actuator.torque.unwrap_or([0.0; 6])),
+            inflow: actuator.inflow,
+        });
+        Self { vehicle, flowing: flowing.collect(), instants, tangent: Tangent::new(linear, zero) }
     }
 
     /// Moves an estimate by steps of `h` seconds and writes the Jacobian of its motion.
@@ -106,33 +105,15 @@ impl<T: Real> Process<T> {
         h: f64,
         block: &mut Block<T>,
     ) {
-        let zero = estimate.force[0].zero();
-        let mut columns = [[zero; 13]; COLUMNS];
-        for (k, column) in columns.iter_mut().enumerate() {
-            *column = seeded(&estimate.motion.attitude, k);
-        }
+        let mut start = Some(estimate.motion.attitude);
         for three in nodes.windows(3).step_by(2) {
             for k in 0..3 {
-                lift(&mut self.instants[k], &three[k], &estimate.force);
+                self.instants[k].see(&self.flowing, &three[k], &estimate.force);
             }
             let length = self.step(&mut estimate.motion, h);
-            for (k, column) in columns.iter_mut().enumerate() {
-                self.carry(column, k.checked_sub(FORCE - ATTITUDE), h);
-                length.divide(column);
-            }
+            self.tangent.carry(start.take().as_ref(), h, &length);
         }
-        let [w, x, y, z] = estimate.motion.attitude;
-        for k in 0..COLUMNS {
-            let end = &columns[k];
-            let turned = quaternion_product(&[w, -x, -y, -z], &[end[3], end[4], end[5], end[6]]);
-            for i in 0..3 {
-                block[i][k] = end[i];
-                block[3 + i][k] = turned[1 + i] * 2.0;
-            }
-            for i in 0..6 {
-                block[6 + i][k] = end[7 + i];
-            }
-        }
+        self.tangent.write(&estimate.motion.attitude, block);
         let time = h * (nodes.len() / 2) as f64;
         for i in 0..3 {
             estimate.motion.position[i] += estimate.current[i] * time;
@@ -154,208 +135,94 @@ impl<T: Real> Process<T> {
             let [x, y, z, a, b, c, d, nu @ ..] = at;
             let (attitude, [u, v, w, p, q, s]) = ([a, b, c, d], nu);
             let r = rotation(&attitude);
-            let (acceleration, by_velocity) = self.accelerate((&[x, y, z], &r), &nu, instant);
+            let by_velocity = self.tangent.see(stage, (&attitude, &r), &nu);
+            let acting = (&self.vehicle, &self.instants[instant]);
+            let acceleration = accelerate(acting, (&[x, y, z], &r), &nu, by_velocity);
             slope[..3].copy_from_slice(&product(&r, &[u, v, w]));
             slope[3..7].copy_from_slice(&quaternion_rate(&attitude, &[p, q, s]));
             slope[7..].copy_from_slice(&acceleration);
             for i in 0..13 {
                 end[i] = slope[i].mul_add(weight, end[i]);
             }
-            let by_attitude = heavy(&self.by_vertical, &attitude);
-            let track = track_by_attitude(&attitude, &[u, v, w]);
-            self.stages[stage] =
-                Stage { attitude, rates: [p, q, s], rotation: r, track, by_attitude, by_velocity };
         }
         let [x, y, z, a, b, c, d, nu @ ..] = each(&end, Real::flush);
         let length = Length::of([a, b, c, d]);
         *motion = State { position: [x, y, z], attitude: each(&[a, b, c, d], |q| q * length.scale), nu };
         length
     }
+}
 
-    /// The acceleration at an instant, and its derivatives by the velocity.
-    #[inline(always)]
-    fn accelerate(
-        &self,
-        (place, r): (&Vec3<T>, &Mat3<T>),
-        nu: &Vec6<T>,
-        instant: usize,
-    ) -> (Vec6<T>, Mat6<T>) {
-        // Keeps the compiler from lifting a hundred constants out of the loop over the stages, only to spill them.
-        let vehicle = std::hint::black_box(&self.vehicle);
-        let zero = nu[0].zero();
-        let one = zero.splat(1.0);
-        let none = Jet::constant(zero);
-        let mut turned = [[none; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                turned[i][j].value = r[i][j];
+/// The acceleration, and its derivatives by the velocity.
+#[inline(always)]
+fn accelerate<T: Real>(
+    (vehicle, acting): (&Vehicle<Carried<T>>, &Acting<T>),
+    (place, r): (&Vec3<T>, &Mat3<T>),
+    nu: &Vec6<T>,
+    by_velocity: &mut Mat6<T>,
+) -> Vec6<T> {
+    // Keeps the compiler from lifting a hundred constants out of the loop over the stages, only to spill them.
+    let vehicle = std::hint::black_box(vehicle);
+    let zero = nu[0].zero();
+    let one = zero.splat(1.0);
+    let none = Jet::constant(zero);
+    let mut turned = [[none; 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            turned[i][j].value = r[i][j];
+        }
+    }
+    let mut placed = [none; 3];
+    for i in 0..3 {
+        placed[i].value = place[i];
+    }
+    let mut value = weighed(&acting.by_velocity, nu, &acting.acceleration);
+    for first in (0..6).step_by(ABREAST) {
+        let mut moving = [none; 6];
+        for i in 0..6 {
+            moving[i].value = nu[i];
+            for k in 0..ABREAST {
+                moving[i].slopes[k] = if first + k == i { one } else { zero };
             }
         }
-        let mut placed = [none; 3];
-        for i in 0..3 {
-            placed[i].value = place[i];
+        let found = vehicle.acceleration((Some(&placed), &turned), &moving, &acting.instant);
+        for i in 0..6 {
+            if first == 0 {
+                value[i] += found[i].value;
+            }
+            for k in 0..ABREAST {
+                by_velocity[i][first + k] = acting.by_velocity[i][first + k] + found[i].slopes[k];
+            }
         }
-        let (mut value, mut slopes) = ([zero; 6], [[zero; 6]; 6]);
-        for first in (0..6).step_by(ABREAST) {
-            let mut moving = [none; 6];
+    }
+    value
+}
+
+impl<T: Real> Acting<T> {
+    /// Sees what the actuators do at an instant, beside the unmodelled force.
+    #[inline(always)]
+    fn see(&mut self, flowing: &[Flowing], node: &Instant<T>, force: &Vec6<T>) {
+        let zero = force[0].zero();
+        let mut sum = [Jet::constant(zero); 6];
+        for i in 0..6 {
+            sum[i].value = node.inflow_free.map_or(force[i], |known| force[i] + known[i]);
+        }
+        self.instant.inflow_free = Some(sum);
+        self.instant.deflections.clear();
+        for &(sine, cosine) in &node.deflections {
+            self.instant.deflections.push((Jet::constant(sine), Jet::constant(cosine)));
+        }
+        (self.acceleration, self.by_velocity) = ([zero; 6], [[zero; 6]; 6]);
+        for Flowing { thruster, per_force, per_torque, inflow } in flowing {
+            let thrust = &node.thrusts[*thruster];
             for i in 0..6 {
-                moving[i].value = nu[i];
-                for k in 0..ABREAST {
-                    moving[i].slopes[k] = if first + k == i { one } else { zero };
+                let (a, b) = (zero.splat(per_force[i]), zero.splat(per_torque[i]));
+                let still = &mut self.acceleration[i];
+                *still = thrust.force.mul_add(a, thrust.torque.mul_add(b, *still));
+                let slope = thrust.force_per_inflow.mul_add(a, thrust.torque_per_inflow * b);
+                for j in 0..6 {
+                    self.by_velocity[i][j] = slope.mul_add(zero.splat(inflow[j]), self.by_velocity[i][j]);
                 }
             }
-            let found = vehicle.acceleration((Some(&placed), &turned), &moving, &self.instants[instant]);
-            for i in 0..6 {
-                value[i] = found[i].value;
-                slopes[i][first..first + ABREAST].copy_from_slice(&found[i].slopes);
-            }
-        }
-        (value, slopes)
-    }
-
-    /// One column of derivatives over a step whose stages are known: rows as [`State::row`] has them, `force` is the
-    /// component of the force that it is by. The kinematics are differentiated by hand, because the derivatives of R
-    /// itself are not asked for.
-    #[inline(always)]
-    fn carry(&self, column: &mut [T; 13], force: Option<usize>, h: f64) {
-        let zero = column[0].zero();
-        let (start, mut slope) = (*column, [zero; 13]);
-        let mut pushed = [zero; 6];
-        if let Some(force) = force {
-            for i in 0..6 {
-                pushed[i] = zero.splat(self.by_force[i][force]);
-            }
-        }
-        for (stage, (node, weight, _)) in self.stages.iter().zip(STAGES) {
-            let (node, weight) = (zero.splat(node * h), zero.splat(weight * h));
-            let mut near = start;
-            // Nothing depends on the place.
-            for i in 3..13 {
-                near[i] = slope[i].mul_add(node, start[i]);
-            }
-            let [_, _, _, dw, dx, dy, dz, moving @ ..] = near;
-            let ([du, dv, dr, dp, dq, ds], turned) = (moving, [dw, dx, dy, dz]);
-            let along = product(&stage.rotation, &[du, dv, dr]);
-            slope[..3].copy_from_slice(&weighed(&stage.track, &turned, &along));
-            let (spun, quarter) =
-                (quaternion_rate(&turned, &stage.rates), quaternion_rate(&stage.attitude, &[dp, dq, ds]));
-            for i in 0..4 {
-                slope[3 + i] = spun[i] + quarter[i];
-            }
-            let weighty = weighed(&stage.by_attitude, &turned, &pushed);
-            slope[7..].copy_from_slice(&weighed(&stage.by_velocity, &moving, &weighty));
-            for i in 0..13 {
-                column[i] = slope[i].mul_add(weight, column[i]);
-            }
         }
     }
-}
-
-/// What the actuators do at an instant of a step, and the unmodelled force, as constants.
-#[inline(always)]
-fn lift<T: Real>(lifted: &mut Instant<Carried<T>>, node: &Instant<T>, force: &Vec6<T>) {
-    let mut sum = [Jet::constant(force[0].zero()); 6];
-    for i in 0..6 {
-        sum[i].value = node.inflow_free.map_or(force[i], |known| force[i] + known[i]);
-    }
-    lifted.inflow_free = Some(sum);
-    lifted.thrusts.clear();
-    for thrust in &node.thrusts {
-        lifted.thrusts.push(Thrust {
-            force: Jet::constant(thrust.force),
-            force_per_inflow: Jet::constant(thrust.force_per_inflow),
-            torque: Jet::constant(thrust.torque),
-            torque_per_inflow: Jet::constant(thrust.torque_per_inflow),
-        });
-    }
-    lifted.deflections.clear();
-    for &(sine, cosine) in &node.deflections {
-        lifted.deflections.push((Jet::constant(sine), Jet::constant(cosine)));
-    }
-}
-
-/// What brings a quaternion back to the length 1 after a step, as [`crate::model::kinematics::renormalised`] does: the
-/// quaternion, the factor, and the derivative of the factor by half the square of the length.
-struct Length<T> {
-    q: Quaternion<T>,
-    scale: T,
-    slope: T,
-}
-
-impl<T: Real> Length<T> {
-    #[inline(always)]
-    fn of(q: Quaternion<T>) -> Self {
-        let half_square = dot(&q, &q) * 0.5;
-        let first = half_square.splat(1.5) - half_square;
-        let second = (half_square * first).neg_mul_add(first, first.splat(1.5));
-        // first' = −1, second' = −first² + 2 half_square first.
-        let slope = first * (half_square * 2.0 * first - first * first) - second;
-        Self { q, scale: first * second, slope }
-    }
-
-    /// The derivatives of a motion after it.
-    #[inline(always)]
-    fn divide(&self, column: &mut [T; 13]) {
-        let grown = dot(&self.q, &[column[3], column[4], column[5], column[6]]) * self.slope;
-        for i in 0..4 {
-            column[3 + i] = self.q[i].mul_add(grown, column[3 + i] * self.scale);
-        }
-    }
-}
-
-/// `A x + y`.
-#[inline(always)]
-fn weighed<T: Real, const N: usize, const M: usize>(a: &[[T; M]; N], x: &[T; M], y: &[T; N]) -> [T; N] {
-    let mut sum = *y;
-    for i in 0..N {
-        for j in 0..M {
-            sum[i] = a[i][j].mul_add(x[j], sum[i]);
-        }
-    }
-    sum
-}
-
-/// `∂(R(q) v)/∂q`.
-#[inline(always)]
-fn track_by_attitude<T: Real>(q: &Quaternion<T>, v: &Vec3<T>) -> [[T; 4]; 3] {
-    let ([w, x, y, z], [a, b, c]) = (each(q, |part| part * 2.0), *v);
-    [
-        [y * c - z * b, y * b + z * c, x * b + w * c - y * a * 2.0, x * c - w * b - z * a * 2.0],
-        [z * a - x * c, y * a - w * c - x * b * 2.0, x * a + z * c, w * a + y * c - z * b * 2.0],
-        [x * b - y * a, z * a + w * b - x * c * 2.0, z * b - w * a - y * c * 2.0, x * a + y * b],
-    ]
-}
-
-/// The derivative of the acceleration by q: through the vertical in the body frame, `e = R(q)ᵀ e_z`.
-#[inline(always)]
-fn heavy<T: Real>(by_vertical: &[Vec3<f64>; 6], q: &Quaternion<T>) -> [[T; 4]; 6] {
-    let [w, x, y, z] = each(q, |part| part * 2.0);
-    let vertical = [[-y, z, -w, x], [x, w, z, y], [w.zero(), x * -2.0, y * -2.0, w.zero()]];
-    let mut by_attitude = [[w.zero(); 4]; 6];
-    for i in 0..6 {
-        for j in 0..4 {
-            for k in 0..3 {
-                let factor = w.splat(by_vertical[i][k]);
-                by_attitude[i][j] = vertical[k][j].mul_add(factor, by_attitude[i][j]);
-            }
-        }
-    }
-    by_attitude
-}
-
-/// The derivatives of a motion by the component `k` of a small turn in the body frame, then of the velocity, then of the
-/// force: none yet.
-#[inline(always)]
-fn seeded<T: Real>(attitude: &Quaternion<T>, k: usize) -> [T; 13] {
-    let zero = attitude[0].zero();
-    let mut row = [zero; 13];
-    let mut unit = [zero; 9];
-    if k < unit.len() {
-        unit[k] = zero.splat(1.0);
-    }
-    let [x, y, z, moving @ ..] = unit;
-    // The turn [1, ½ δ].
-    row[3..7].copy_from_slice(&quaternion_rate(attitude, &[x, y, z]));
-    row[7..].copy_from_slice(&moving);
-    row
 }

@@ -8,7 +8,7 @@
 //! Source: Farrell (2008), sections 4.6 and 7.2; Fossen (2021), section 13.4 (bias of force and current).
 //! Tests: `tests/filter/tracker.rs`, `tests/fixed_memory.rs`.
 
-use super::error_state::{ErrorState, Return, Row, Transition};
+use super::error_state::ErrorState;
 use super::estimate::{
     ATTITUDE, CURRENT, Components, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY,
 };
@@ -16,6 +16,8 @@ use super::innovation::{Gate, Verdict, Watch};
 use super::observation::{Expected, Observation};
 use super::past::Past;
 use super::process::Process;
+use super::row::Row;
+use super::transition::{Return, Transition};
 use crate::model::vehicle::Instant;
 use crate::number::algebra::Vec6;
 use crate::number::real::Real;
@@ -222,11 +224,12 @@ impl<T: Real> Tracker<T> {
     pub fn settle(&mut self) -> T::Mask {
         let moved = self.state.take();
         self.estimate.inject(&moved);
-        self.past.keep(self.time, &self.estimate, &self.back, &moved);
-        let mut least = self.state.covariance[0][0];
+        self.past.keep(self.time, &self.estimate, Some(&mut self.back), &moved);
+        let mut least = self.state.covariance(0, 0);
         for i in 1..STATES {
             // A sum that is no number shows what the smaller of two numbers may hide.
-            least = least.min(self.state.covariance[i][i]) + self.state.covariance[i][i] * 0.0;
+            let variance = self.state.covariance(i, i);
+            least = least.min(variance) + variance * 0.0;
         }
         T::both(self.estimate.is_finite(), (-least).lt(least.splat(f64::MIN_POSITIVE)))
     }
@@ -244,8 +247,8 @@ impl<T: Real> Tracker<T> {
     /// Standard deviation of the horizontal position along its longest axis, m.
     #[inline(always)]
     pub fn position_deviation(&self) -> T {
-        let p = &self.state.covariance;
-        let (a, b, d) = (p[POSITION][POSITION], p[POSITION][POSITION + 1], p[POSITION + 1][POSITION + 1]);
+        let p = |i: usize, j: usize| self.state.covariance(POSITION + i, POSITION + j);
+        let (a, b, d) = (p(0, 0), p(0, 1), p(1, 1));
         let spread = ((a - d) * (a - d) * 0.25 + b * b).sqrt();
         ((a + d) * 0.5 + spread).max(a.zero()).sqrt()
     }

@@ -2,11 +2,12 @@
 
 use crate::vehicles::load;
 use seatrial::description::Description;
-use seatrial::filter::error_state::{ErrorState, Transition};
+use seatrial::filter::error_state::ErrorState;
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
 use seatrial::filter::innovation::{Gate, Watch};
 use seatrial::filter::observation::Observation;
 use seatrial::filter::process::Process;
+use seatrial::filter::transition::Transition;
 use seatrial::model::drive::act;
 use seatrial::model::vehicle::{Instant, Vehicle};
 use seatrial::number::random::gaussian;

@@ -1,7 +1,9 @@
 //! Prediction and scalar update against dense matrix algebra, and a covariance that stays one for days.
 
-use seatrial::filter::error_state::{COLUMNS, ErrorState, MOTION, Row, Transition};
+use seatrial::filter::error_state::ErrorState;
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, GYRO_BIAS, POSITION, STATES, VELOCITY};
+use seatrial::filter::row::Row;
+use seatrial::filter::transition::{COLUMNS, MOTION, Transition};
 
 type Matrix = Vec<Vec<f64>>;
 
@@ -58,8 +60,7 @@ fn apart(a: &Matrix, b: &Matrix) -> f64 {
 fn law_a_prediction_is_the_dense_product() {
     for seed in [1, 500, 9000] {
         let step = transition(seed);
-        let mut state = ErrorState::new(&[0.0; STATES]);
-        state.covariance = full(seed);
+        let mut state = ErrorState::of(full(seed));
         let f = of(&step.dense());
         let mut expected = times(&times(&f, &of(&state.dense())), &transposed(&f));
         for i in 0..STATES {
@@ -81,8 +82,7 @@ fn law_an_update_is_the_dense_joseph_form() {
     ]);
     let dense = vec![row.derivatives().to_vec()];
     for seed in [3, 77] {
-        let mut state = ErrorState::new(&[0.0; STATES]);
-        state.covariance = full(seed);
+        let mut state = ErrorState::of(full(seed));
         state.error = std::array::from_fn(|i| 0.1 * noise(seed + 5 * i));
         let (p, before) = (of(&state.dense()), state.error);
         let (residual, variance) = (0.7, 0.25);
@@ -103,7 +103,7 @@ fn law_an_update_is_the_dense_joseph_form() {
                 expected[i][j] += gain[i] * variance * gain[j];
             }
         }
-        state.update(&row, &innovation, variance, true);
+        state.update(&innovation, true);
         // Rounding of sums of 24 terms.
         assert!(apart(&expected, &of(&state.dense())) < 1e-14);
         for i in 0..STATES {
@@ -116,10 +116,9 @@ fn law_an_update_is_the_dense_joseph_form() {
 fn law_scalars_of_one_vector_add_up_to_its_normalised_innovation() {
     let rows = [Row::of([(POSITION, [1.0, 0.2, 0.0])]), Row::of([(POSITION, [0.3, 1.0, 0.5])])];
     let (residual, variance) = ([0.8, -0.4], [0.2, 0.3]);
-    let mut state = ErrorState::new(&[0.0; STATES]);
-    state.covariance = full(11);
-    let spread =
-        |a: &Row, b: &Row| (0..STATES).map(|i| a.derivatives()[i] * b.times(&state.dense()[i])).sum();
+    let mut state = ErrorState::of(full(11));
+    let p = state.dense();
+    let spread = |a: &Row, b: &Row| (0..STATES).map(|i| a.derivatives()[i] * b.times(&p[i])).sum();
     let s: [[f64; 2]; 2] = std::array::from_fn(|i| std::array::from_fn(|j| spread(&rows[i], &rows[j])));
     let (a, b, d) = (s[0][0] + variance[0], s[0][1], s[1][1] + variance[1]);
     let [x, y] = residual;
@@ -128,9 +127,33 @@ fn law_scalars_of_one_vector_add_up_to_its_normalised_innovation() {
     for i in 0..2 {
         let innovation = state.innovation(&rows[i], residual[i], variance[i]);
         sum += innovation.normalised_squared();
-        state.update(&rows[i], &innovation, variance[i], true);
+        state.update(&innovation, true);
     }
     assert!((sum / whole - 1.0).abs() < 1e-12, "{sum} {whole}");
+}
+
+#[test]
+fn law_updates_one_after_the_other_are_those_one_by_one() {
+    let mut waiting = ErrorState::of(full(23));
+    let mut dense = of(&waiting.dense());
+    for k in 0..11 {
+        let part = |seed: usize| std::array::from_fn(|i| noise(40 * k + seed + i));
+        let row = Row::of([(3 * (k % 4), part(0)), (CURRENT, part(3))]);
+        let variance = 0.1 + noise(7 * k).abs();
+        let h = vec![row.derivatives().to_vec()];
+        let cross = times(&dense, &transposed(&h));
+        let spread = times(&h, &cross)[0][0] + variance;
+        let innovation = waiting.innovation(&row, 0.3, variance);
+        assert!((innovation.variance / spread - 1.0).abs() < 1e-12, "scalar {k}");
+        // A scalar that is refused changes nothing.
+        waiting.update(&innovation, k != 4);
+        for i in (0..STATES).filter(|_| k != 4) {
+            for j in 0..STATES {
+                dense[i][j] -= cross[i][0] * cross[j][0] / spread;
+            }
+        }
+        assert!(apart(&dense, &of(&waiting.dense())) < 1e-13, "scalar {k}");
+    }
 }
 
 #[test]
@@ -154,7 +177,7 @@ fn law_the_covariance_stays_positive_over_days() {
         let (row, variance) = &rows[k % rows.len()];
         let innovation = state.innovation(row, 0.0, *variance);
         assert!(innovation.variance > 0.0, "step {k}");
-        state.update(row, &innovation, *variance, true);
+        state.update(&innovation, true);
     }
     // Cholesky with pivots relative to the diagonal.
     let (p, n) = (state.dense(), STATES);

@@ -1,8 +1,10 @@
 //! Wild samples are refused, and a filter that is wrong finds back.
 
-use seatrial::filter::error_state::{ErrorState, Row, Transition};
+use seatrial::filter::error_state::ErrorState;
 use seatrial::filter::estimate::{POSITION, STATES};
 use seatrial::filter::innovation::{FEWEST, Gate, Verdict, Watch};
+use seatrial::filter::row::Row;
+use seatrial::filter::transition::Transition;
 
 const NORTH: [(usize, [f64; 3]); 1] = [(POSITION, [1.0, 0.0, 0.0])];
 
@@ -13,7 +15,7 @@ fn law_an_outlier_moves_nothing() {
     for wild in [50.0, -1e300, f64::NAN, f64::INFINITY] {
         assert!(watch.judge(&mut state, &Gate::default(), (&row, wild, 0.01), (1.0, true)).refused);
     }
-    assert_eq!(state.covariance, before.covariance);
+    assert_eq!(state.dense(), before.dense());
     assert_eq!(state.error, before.error);
     assert_eq!((watch.taken, watch.refused), (0.0, 4.0));
     assert!(watch.judge(&mut state, &Gate::default(), (&row, 0.5, 0.01), (1.1, true)).taken);
@@ -60,4 +62,16 @@ fn a_slow_sensor_is_not_believed_after_two_wild_samples() {
     let mut judged = |k: u32| watch.judge(&mut state, &gate, (&row, 30.0, 0.01), (10.0 * f64::from(k), true));
     assert!((0..FEWEST).all(|k| judged(k).refused));
     assert!(judged(FEWEST).recovered);
+}
+
+#[test]
+fn silence_is_no_time_of_refusals() {
+    let mut state = ErrorState::new(&[0.1; STATES]);
+    let (mut watch, row, gate) = (Watch::default(), Row::of(NORTH), Gate::default());
+    let mut judged = |time: f64| watch.judge(&mut state, &gate, (&row, 30.0, 0.01), (time, true));
+    // A second of wild samples, a minute of nothing, and wild samples again: patience has four seconds left, less the two
+    // periods of the silence that count.
+    assert!((1..=10).all(|k| judged(0.1 * f64::from(k)).refused));
+    let recovered = (0..100).find(|k| judged(61.0 + 0.1 * f64::from(*k)).recovered);
+    assert_eq!(recovered, Some(39));
 }

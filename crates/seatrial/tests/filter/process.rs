@@ -2,9 +2,9 @@
 
 use crate::scalars::flights::{NAMES, vehicle};
 use seatrial::description::Description;
-use seatrial::filter::error_state::{Block, COLUMNS, MOTION, Transition};
 use seatrial::filter::estimate::{ATTITUDE, Estimate, STATES};
 use seatrial::filter::process::Process;
+use seatrial::filter::transition::{Block, COLUMNS, MOTION, Transition};
 use seatrial::model::current::Current;
 use seatrial::model::drive::act;
 use seatrial::model::integrate::{State, step};

@@ -3,12 +3,13 @@
 use super::error_state::noise;
 use crate::vehicles::load;
 use seatrial::description::Description;
-use seatrial::filter::error_state::{COLUMNS, MOTION, Return, Row, Transition};
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, POSITION, STATES, VELOCITY};
 use seatrial::filter::innovation::{Gate, Watch};
 use seatrial::filter::observation::Observation;
 use seatrial::filter::process::Process;
+use seatrial::filter::row::Row;
 use seatrial::filter::tracker::{Noise, Sample, Tracker};
+use seatrial::filter::transition::{COLUMNS, MOTION, Return, Transition};
 use seatrial::model::drive::act;
 use seatrial::model::vehicle::{Instant, Vehicle};
 use seatrial::number::random::gaussian;

@@ -182,6 +182,44 @@ impl Fitting {
         }
     }
 
+    /// What a channel observes, in the kind of `beam`; nothing where the vehicle has no such sensor. A sonar looks along
+    /// `beam`, rad.
+    #[inline(always)]
+    pub fn observed<T: Real>(&self, channel: usize, beam: T) -> Option<Observation<T>> {
+        let instrument = self.instruments[instrument_of(channel)]?;
+        let (zero, one) = (beam.zero(), beam.splat(1.0));
+        let (mut arm, mut mount, mut unit) = ([zero; 3], [zero; 4], [zero; 3]);
+        for i in 0..3 {
+            arm[i] = zero.splat(instrument.arm[i]);
+        }
+        for i in 0..4 {
+            mount[i] = zero.splat(instrument.mount[i]);
+        }
+        let axis = match channel {
+            13..16 => channel - 13,
+            16 | 17 => channel - 16,
+            _ => channel % 3,
+        };
+        unit[axis] = one;
+        let tilted = product(&rotation(&mount), &unit);
+        Some(match channel {
+            0..3 | 16..21 => Observation::Place { along: unit, arm },
+            3..6 => Observation::Angle { axis, mount },
+            6..9 => Observation::Velocity { along: tilted, arm, over_ground: true },
+            9..12 => Observation::Rate { about: tilted },
+            ALTITUDE => {
+                let down = product(&rotation(&mount), &[zero, zero, one]);
+                Observation::Echo { along: down, arm, surface: self.bottom? }
+            }
+            13..16 => Observation::Velocity { along: tilted, arm, over_ground: false },
+            _ => {
+                let mark = (channel - LANDMARKS) / 2;
+                let bearing = (channel - LANDMARKS) % 2 == 1;
+                self.landmarks[mark].1.observed(bearing, &instrument, beam)
+            }
+        })
+    }
+
     /// The names of all channels.
     pub fn channels(&self) -> Vec<String> {
         let own = CHANNEL_NAMES.iter().chain(&FIXES).map(|name| (*name).to_owned());

@@ -38,7 +38,9 @@ typedef struct
 typedef struct
 {
     FILTER_real sum; /* 1: normalised innovations squared of the samples that were taken */
-    FILTER_real since; /* s: when the first of the refusals without a break came */
+    FILTER_real since; /* s: when the first of the refusals without a break came, and the silence since */
+    FILTER_real last; /* s: when the last sample came */
+    FILTER_real gap; /* s: between it and the one before */
     unsigned long taken; /* samples */
     unsigned long refused; /* samples */
     unsigned long recovered; /* times that the filter had to forget */

@@ -8,9 +8,9 @@ use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS};
 use crate::control::navigation_filter::fitting::{DEPTH, GPS, POSITION_FIX, USBL, instrument_of};
 use crate::control::navigation_filter::{KINDS, LANDMARKS, Landmark};
 use crate::description::coefficients::FORCES;
-use crate::filter::error_state::{COLUMNS, MOTION};
 use crate::filter::estimate::STATES;
 use crate::filter::observation::Surface;
+use crate::filter::transition::{COLUMNS, MOTION};
 use crate::model::kinematics::to_euler;
 use std::fmt::Write;
 
@@ -127,7 +127,7 @@ impl FilterStep<'_> {
         all.extend((0..STATES).map(|i| (format!("covariance[{i}]"), STATES)));
         all.push(("error".to_owned(), STATES));
         all.extend(["first", "silent"].map(|name| (name.to_owned(), channels)));
-        let watch = ["sum", "since", "taken", "refused", "recovered", "in_a_row"];
+        let watch = ["sum", "since", "last", "gap", "taken", "refused", "recovered", "in_a_row"];
         all.extend((0..channels).flat_map(|c| watch.map(|name| (format!("watch[{c}].{name}"), 1))));
         if self.holds(false).contains(&"surface") {
             all.push(("beam".to_owned(), self.fitting.landmarks.len()));

@@ -49,6 +49,13 @@ static void judge(const FILTER_parameters *p, FILTER_state *s, FILTER_watch *wat
     real value;
     real spread_of;
     const real normalised = innovate(s, row, residual, variance, seen, &value, &spread_of);
+    const real silence = (s->time - watch->last) - (PAUSE * watch->gap);
+    if (silence > R(0.0))
+    {
+        watch->since += silence;
+    }
+    watch->gap = s->time - watch->last;
+    watch->last = s->time;
     if (normalised <= (p->gate * p->gate))
     {
         update(s, row, variance, seen, value, spread_of);

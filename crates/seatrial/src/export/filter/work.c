@@ -160,6 +160,8 @@ void FILTER_begin(FILTER_state *s, FILTER_input *in)
         s->silent[i] = R(INFINITY);
         s->watch[i].sum = R(0.0);
         s->watch[i].since = R(0.0);
+        s->watch[i].last = -LONG;
+        s->watch[i].gap = R(0.0);
         s->watch[i].taken = 0u;
         s->watch[i].refused = 0u;
         s->watch[i].recovered = 0u;
@@ -219,6 +221,7 @@ void FILTER_predict(const FILTER_parameters *p, const FILTER_constants *k, FILTE
         for (i = 0; i < FILTER_CHANNELS; i++)
         {
             s->watch[i].since -= LONG;
+            s->watch[i].last -= LONG;
         }
 //if past
         for (i = 0; i < KEPT; i++)
