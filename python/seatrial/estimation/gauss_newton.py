@@ -83,6 +83,7 @@ class GaussNewton:
         self.initial_places = [INITIALS.index(name) for name in joint.initials]
         self.evaluations = 0
         self.held: _Slopes | None = None
+        self._recent: list[tuple[bytes, list[Array]]] = []
         self.near = False  # whether the derivatives of the start hold all the way
 
     def round(self, values: Array, initial: Array, centre: Array) -> tuple[Array, Array, float]:
@@ -112,7 +113,7 @@ class GaussNewton:
         def reduced(z: Array) -> Array:
             """A vector of the cost's size whose derivative at the start is the factor, below it zero."""
             new, begun = moved(z)
-            residuals = self.joint.residuals(new, begun)
+            residuals = self.residuals(new, begun)
             self.evaluations += 1
             twice = 2.0 * self.cost(new, begun, centre, residuals)
             if not math.isfinite(twice):
@@ -143,6 +144,15 @@ class GaussNewton:
             self.held = None
         return new, begun, promised
 
+    def residuals(self, values: Array, initial: Array) -> list[Array]:
+        """Residuals (n, C) of every segment at a point; those of the last points are kept."""
+        key = values.tobytes() + initial.tobytes()
+        found = next((kept for known, kept in self._recent if known == key), None)
+        if found is None:
+            found = self.joint.residuals(values, initial)
+            self._recent = [(key, found), *self._recent[:_TRIALS]]
+        return found
+
     def differentiated(self, values: Array, initial: Array) -> tuple[list[_Local], Array, Array]:
         """Segments at a point, the information (m, m) and the downhill gradient (m,) of what they tell."""
         size = len(self.unknowns)
@@ -159,7 +169,7 @@ class GaussNewton:
         if self.held is None:
             self.held = self.joint.slopes(values, initial)
             return self.held
-        residuals = self.joint.residuals(values, initial)
+        residuals = self.residuals(values, initial)
         return [(error, *slopes[1:]) for error, slopes in zip(residuals, self.held, strict=True)]
 
     def _eliminated(
@@ -218,7 +228,7 @@ class GaussNewton:
         self, values: Array, initial: Array, centre: Array, residuals: Sequence[Array] | None = None
     ) -> float:
         """Half the robust sum of squares, priors included."""
-        found = self.joint.residuals(values, initial) if residuals is None else residuals
+        found = self.residuals(values, initial) if residuals is None else residuals
         return float(self._losses(found).sum()) + self._priors(values, initial, centre)
 
     def merit(self, values: Array, initial: Array, centre: Array, residuals: Sequence[Array]) -> float:
