@@ -15,11 +15,11 @@ use crate::error::Error;
 use crate::fit::batch::Batch;
 use crate::fit::observation::Shown;
 use crate::fit::open_loop::{Course, STEPS_BETWEEN_LOOKS};
-use crate::fit::sensitivities::{Group, Prepared, Work};
+use crate::fit::sensitivities::{ALL, Group, Prepared, Varied, Work};
 use crate::model::integrate::{STAGES, State};
 use crate::model::kinematics::{quaternion_rate, renormalised, rotation};
 use crate::model::vehicle::{Instant, Mode, Summed, Vehicle};
-use crate::number::algebra::{Mat3, Vec6, each, product};
+use crate::number::algebra::{Vec6, each, product};
 use crate::number::dual::Dual;
 use crate::number::lanes::LANES;
 use crate::number::real::Real;
@@ -29,18 +29,23 @@ use std::sync::atomic::Ordering;
 /// What ν' depends on: ν, the rows of the rotation matrix, the position.
 const SEEDS: usize = 18;
 
-/// One stage of a step: where it stands and heads, and the derivatives of ν' by the seeds, `[lanes][axis]`.
-struct Stage<P> {
+/// One stage of a step: where it stands and heads, and the derivative of where it heads by where it stands.
+struct Stage {
     row: [f64; 13],
     slope: [f64; 13],
-    slopes: [[P; 6]; SEEDS.div_ceil(LANES)],
+    jacobian: [[f64; 13]; 13],
 }
 
-/// The seeds of ν' in their order, eight to a linearisation.
+/// How a flight is linearised.
 struct Seeds<P> {
+    /// The seeds of ν' that count, in their order.
     which: Vec<usize>,
     /// Per eight of them the seeds of ν, rotation and position.
     units: Vec<[P; SEEDS]>,
+    /// Unit vectors of seven: the attitude, and a velocity.
+    motion: [P; 7],
+    /// Whether the position acts on the motion.
+    tether: bool,
 }
 
 /// The derivatives by up to eight unknowns along a flight.
@@ -87,24 +92,23 @@ impl<S: Simd> Seeds<f64x8<S>> {
             _ => tether,
         };
         let which: Vec<usize> = (0..SEEDS).filter(counts).collect();
-        let units = which.chunks(LANES).map(|some| {
-            std::array::from_fn(|seed| {
-                f64x8::from_fn(simd, |lane| if some.get(lane) == Some(&seed) { 1.0 } else { 0.0 })
-            })
-        });
-        Self { units: units.collect(), which }
+        let unit = |is: &dyn Fn(usize) -> bool| f64x8::from_fn(simd, |lane| if is(lane) { 1.0 } else { 0.0 });
+        let units = which
+            .chunks(LANES)
+            .map(|some| std::array::from_fn(|seed| unit(&|lane| some.get(lane) == Some(&seed))));
+        let motion = std::array::from_fn(|seed| unit(&|lane| lane == seed));
+        Self { units: units.collect(), which, motion, tether }
     }
 }
 
-impl<P: Real> Stage<P> {
+impl Stage {
     /// The stage at a row.
     #[inline(always)]
-    fn new(
-        frame: &Vehicle<Dual<P>>,
+    fn new<S: Simd>(
+        frame: &Vehicle<Dual<f64x8<S>>>,
         row: &[f64; 13],
-        seeds: &Seeds<P>,
-        instant: &Instant<Dual<P>>,
-        none: P,
+        seeds: &Seeds<f64x8<S>>,
+        instant: &Instant<Dual<f64x8<S>>>,
     ) -> Self {
         let mut at = State::from_row(row);
         for i in 0..6 {
@@ -112,32 +116,78 @@ impl<P: Real> Stage<P> {
                 at.nu[i] = instant.measured[0][i];
             }
         }
-        let r = rotation(&at.attitude);
-        let [u, v, w, p, q, s] = at.nu;
-        let position = product(&r, &[u, v, w]);
-        let attitude = quaternion_rate(&at.attitude, &[p, q, s]);
-        let mut rate = [0.0; 6];
-        let mut slopes = [[none; 6]; SEEDS.div_ceil(LANES)];
-        for (units, slopes) in seeds.units.iter().zip(&mut slopes) {
-            let seeded = |value: f64, seed: usize| Dual { value, partials: units[seed] };
-            let (mut nu, mut turn) = ([seeded(0.0, 0); 6], [[seeded(0.0, 0); 3]; 3]);
-            let mut place = [seeded(0.0, 0); 3];
+        let seeded = |value: f64, partials: f64x8<S>| Dual { value, partials };
+        let motion = &seeds.motion;
+        let mut attitude = [seeded(0.0, motion[0]); 4];
+        for i in 0..4 {
+            attitude[i] = seeded(at.attitude[i], motion[i]);
+        }
+        let (mut v, mut omega) = ([attitude[0]; 3], [attitude[0]; 3]);
+        for i in 0..3 {
+            v[i] = seeded(at.nu[i], motion[4 + i]);
+            omega[i] = seeded(at.nu[3 + i], motion[4 + i]);
+        }
+        let r = rotation(&attitude);
+        let mut jacobian = [[0.0; 13]; 13];
+        let mut slope = [0.0; 13];
+        let moved = product(&r, &v);
+        for i in 0..3 {
+            slope[i] = moved[i].value;
+            let by: [f64; LANES] = moved[i].partials.into();
+            jacobian[i][3..10].copy_from_slice(&by[..7]);
+        }
+        let turned = quaternion_rate(&attitude, &omega);
+        for i in 0..4 {
+            slope[3 + i] = turned[i].value;
+            let by: [f64; LANES] = turned[i].partials.into();
+            jacobian[3 + i][3..7].copy_from_slice(&by[..4]);
+            jacobian[3 + i][10..13].copy_from_slice(&by[4..7]);
+        }
+        // By the attitude through the rotation.
+        let mut through = [motion[0].zero(); 6];
+        for (units, some) in seeds.units.iter().zip(seeds.which.chunks(LANES)) {
+            let (mut nu, mut turn) = ([attitude[0]; 6], [[attitude[0]; 3]; 3]);
+            let mut place = [attitude[0]; 3];
             for i in 0..6 {
-                nu[i] = seeded(at.nu[i], i);
+                nu[i] = seeded(at.nu[i], units[i]);
             }
             for i in 0..3 {
-                place[i] = seeded(at.position[i], 15 + i);
+                place[i] = seeded(at.position[i], units[15 + i]);
                 for j in 0..3 {
-                    turn[i][j] = seeded(r[i][j], 6 + 3 * i + j);
+                    turn[i][j] = seeded(r[i][j].value, units[6 + 3 * i + j]);
                 }
             }
             let found = std::hint::black_box(frame).acceleration((Some(&place), &turn), &nu, instant);
             for i in 0..6 {
-                rate[i] = found[i].value;
-                slopes[i] = found[i].partials;
+                slope[7 + i] = found[i].value;
+                let by: [f64; LANES] = found[i].partials.into();
+                for (lane, &seed) in some.iter().enumerate() {
+                    match seed {
+                        0..6 => jacobian[7 + i][7 + seed] = by[lane],
+                        6..15 => {
+                            let turned = r[(seed - 6) / 3][(seed - 6) % 3].partials;
+                            through[i] = turned.mul_add(turned.splat(by[lane]), through[i]);
+                        }
+                        _ => jacobian[7 + i][seed - 15] = by[lane],
+                    }
+                }
             }
         }
-        Self { row: at.row(), slope: State { position, attitude, nu: rate }.row(), slopes }
+        for i in 0..6 {
+            let by: [f64; LANES] = through[i].into();
+            jacobian[7 + i][3..7].copy_from_slice(&by[..4]);
+        }
+        Self { row: at.row(), slope, jacobian }
+    }
+
+    /// The change `from..to` of the row, carried into the change `i` of the slope.
+    #[inline(always)]
+    fn carry<P: Real>(&self, i: usize, range: std::ops::Range<usize>, row: &[P; 13], sum: P) -> P {
+        let mut sum = sum;
+        for j in range {
+            sum = row[j].mul_add(row[j].splat(self.jacobian[i][j]), sum);
+        }
+        sum
     }
 }
 
@@ -147,82 +197,57 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
     fn slope_at(
         &self,
         plain: &Vehicle<f64>,
-        stage: &Stage<f64x8<S>>,
-        seeds: &Seeds<f64x8<S>>,
+        stage: &Stage,
+        tether: bool,
         row: &[f64x8<S>; 13],
         instant: &Instant<Dual<f64x8<S>>>,
     ) -> [f64x8<S>; 13] {
         let none = row[0].zero();
-        let mut at = paired(&stage.row, row);
+        let mut row = *row;
         for i in 0..6 {
             if plain.modes[i] == Mode::Measured {
-                at.nu[i].partials = none;
-            }
-        }
-        let r = rotation(&at.attitude);
-        let [u, v, w, p, q, s] = at.nu;
-        let position = product(&r, &[u, v, w]);
-        let attitude = quaternion_rate(&at.attitude, &[p, q, s]);
-        let mut rate = [none; 6];
-        for (some, slopes) in seeds.which.chunks(LANES).zip(&stage.slopes) {
-            let mut columns = [[0.0; LANES]; 6];
-            for i in 0..6 {
-                columns[i] = slopes[i].into();
-            }
-            for (lane, &seed) in some.iter().enumerate() {
-                let change = match seed {
-                    0..6 => at.nu[seed].partials,
-                    6..15 => r[(seed - 6) / 3][(seed - 6) % 3].partials,
-                    _ => at.position[seed - 15].partials,
-                };
-                for i in 0..6 {
-                    rate[i] = change.mul_add(change.splat(columns[i][lane]), rate[i]);
-                }
-            }
-        }
-        if self.of != Summed::default() {
-            let own = self.own_force(stage, &r, none, instant);
-            let own = plain.accelerated(&own);
-            for i in 0..6 {
-                rate[i] += own[i];
+                row[7 + i] = none;
             }
         }
         let mut slope = [none; 13];
-        for i in 0..3 {
-            slope[i] = position[i].partials;
+        if self.of != Summed::default() {
+            let own = plain.accelerated(&self.own_force(stage, none, instant));
+            for i in 0..6 {
+                slope[7 + i] = own[i];
+            }
         }
-        for i in 0..4 {
-            slope[3 + i] = attitude[i].partials;
+        for i in 0..3 {
+            slope[i] = stage.carry(i, 3..10, &row, slope[i]);
+        }
+        for i in 3..7 {
+            slope[i] = stage.carry(i, 10..13, &row, stage.carry(i, 3..7, &row, slope[i]));
         }
         for i in 0..6 {
-            slope[7 + i] = rate[i];
+            if plain.modes[i] == Mode::Free {
+                slope[7 + i] = stage.carry(7 + i, 3..13, &row, slope[7 + i]);
+                if tether {
+                    slope[7 + i] = stage.carry(7 + i, 0..3, &row, slope[7 + i]);
+                }
+            }
         }
         slope
     }
 
     /// `∂F/∂θ − (∂M/∂θ) ν'` at the state of a stage.
     #[inline(always)]
-    fn own_force(
-        &self,
-        stage: &Stage<f64x8<S>>,
-        turn: &Mat3<Dual<f64x8<S>>>,
-        none: f64x8<S>,
-        instant: &Instant<Dual<f64x8<S>>>,
-    ) -> Vec6<f64x8<S>> {
-        let still = |value: f64| Dual { value, partials: none };
-        let mut r = *turn;
-        for i in 0..3 {
-            r[i] = each(&turn[i], |x| still(x.value));
-        }
+    fn own_force(&self, stage: &Stage, none: f64x8<S>, instant: &Instant<Dual<f64x8<S>>>) -> Vec6<f64x8<S>> {
         let at = paired(&stage.row, &[none; 13]);
         let vehicle = std::hint::black_box(self.vehicle);
+        let turn = rotation(&State::from_row(&stage.row).attitude);
+        let mut r = [[Dual { value: 0.0, partials: none }; 3]; 3];
+        for i in 0..3 {
+            for j in 0..3 {
+                r[i][j].value = turn[i][j];
+            }
+        }
         let mut force = vehicle.force(self.of, (Some(&at.position), &r), &at.nu, instant);
         if self.of.mass {
-            let mut rate = [still(0.0); 6];
-            for i in 0..6 {
-                rate[i] = still(stage.slope[7 + i]);
-            }
-            let inertia = product(&vehicle.mass_matrix, &rate);
+            let inertia = vehicle.inertia(&paired(&stage.slope, &[none; 13]).nu);
             for i in 0..6 {
                 force[i] = force[i] - inertia[i];
             }
@@ -257,15 +282,16 @@ fn lift<P: Real>(from: &Instant<f64>, to: &mut Instant<Dual<P>>, unit: Dual<P>, 
 }
 
 impl Batch<'_> {
-    /// The derivatives of what segment `s` shows by every group of unknowns, `[sample, channel asked for][unknown]`.
+    /// What segment `s` shows where that is wanted, and its derivatives by every group of unknowns,
+    /// `[sample, channel asked for][unknown]`.
     #[inline(always)]
     pub(super) fn varied<S: Simd>(
         &self,
         simd: S,
         work: &Work<'_>,
-        groups: &[Group],
+        (groups, wanted): (&[Group], bool),
         s: usize,
-    ) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
+    ) -> Result<Varied, Error> {
         let none = simd.splat_f64x8(0.0);
         let unit = Dual { value: 0.0, partials: none };
         let segment = &self.segments[s];
@@ -286,6 +312,7 @@ impl Batch<'_> {
         let seeds = Seeds::new(simd, &self.modes, flowing, frame.tether.is_some());
         let inflow = !frame.fins.is_empty() || frame.actuators.iter().any(|a| a.characteristic.has_inflow());
         let mut state = plain.start.state;
+        let mut rows = wanted.then(|| plain.shown(&ALL, segment));
         let mut tangents: Vec<Tangent<'_, f64x8<S>>> = Vec::with_capacity(groups.len());
         for (group, one) in groups.iter().zip(&prepared) {
             let own = group.of.thrust || group.current;
@@ -324,6 +351,9 @@ impl Batch<'_> {
                             }
                         }
                     }
+                    if let Some(rows) = &mut rows {
+                        rows.add(&state);
+                    }
                     for tangent in &mut tangents {
                         tangent.shown.add(&paired(&state.row(), &tangent.change));
                     }
@@ -354,7 +384,7 @@ impl Batch<'_> {
             let shown = tangent.shown.finish(record.dt);
             found.push(shown.iter().map(|x| x.partials.into()).collect());
         }
-        Ok(found)
+        Ok((rows.map(|rows| rows.finish(record.dt).as_chunks().0.to_vec()), found))
     }
 
     /// The state a step later, [`crate::model::integrate::step`], with its derivatives.
@@ -370,7 +400,7 @@ impl Batch<'_> {
         seeds: &Seeds<f64x8<S>>,
         tangents: &mut [Tangent<'_, f64x8<S>>],
     ) -> State<f64> {
-        let none = seeds.units[0][0].zero();
+        let none = seeds.motion[0].zero();
         let start = state.row();
         let (mut sum, mut slope) = (start, [0.0; 13]);
         for tangent in tangents.iter_mut() {
@@ -383,7 +413,7 @@ impl Batch<'_> {
             for i in 0..13 {
                 row[i] = slope[i].mul_add(node, row[i]);
             }
-            let stage = Stage::new(frame, &row, seeds, &instants[instant], none);
+            let stage = Stage::new(frame, &row, seeds, &instants[instant]);
             slope = stage.slope;
             for i in 0..13 {
                 sum[i] = slope[i].mul_add(weight, sum[i]);
@@ -395,7 +425,7 @@ impl Batch<'_> {
                     row[i] = tangent.slope[i].mul_add(node, row[i]);
                 }
                 let acting = tangent.course.as_ref().map_or(instants, |course| &course.instants);
-                let slope = tangent.slope_at(plain, &stage, seeds, &row, &acting[instant]);
+                let slope = tangent.slope_at(plain, &stage, seeds.tether, &row, &acting[instant]);
                 tangent.slope = slope;
                 for i in 0..13 {
                     tangent.sum[i] = slope[i].mul_add(weight, tangent.sum[i]);

@@ -327,6 +327,21 @@ impl<T: Real> Vehicle<T> {
         add(&self.inverse.times(&rest), &given)
     }
 
+    /// `M ν'`, N and N m.
+    #[inline(always)]
+    pub(crate) fn inertia(&self, rate: &Vec6<T>) -> Vec6<T> {
+        match &self.inverse {
+            Inverse::Full(_) => product(&self.mass_matrix, rate),
+            Inverse::Diagonal(_) => {
+                let mut inertia = *rate;
+                for i in 0..6 {
+                    inertia[i] = self.mass_matrix[i][i] * rate[i];
+                }
+                inertia
+            }
+        }
+    }
+
     /// The motor or servo of actuator `i`, thrusters first.
     #[inline(always)]
     pub fn motor(&self, i: usize) -> &Motor<T> {
