@@ -208,7 +208,9 @@ def _units(pieces: Sequence[Piece], length: int) -> tuple[NDArray[np.intp], NDAr
     """
     counts = [piece.counted.any(axis=1) for piece in pieces]
     total = sum(int(counted.sum()) for counted in counts)
-    unit, place, parts = [], [], 0
+    unit: list[NDArray[np.intp]] = []
+    place: list[int] = []
+    parts = 0
     for counted in counts:
         inside = int(counted.sum())
         split = max(1, inside // length if len(pieces) > 1 else round(inside / length))

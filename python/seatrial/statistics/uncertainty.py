@@ -4,8 +4,8 @@ The estimate's covariance is the sandwich ``H^-1 M H^-1``: H the information, M 
 the scores, from blocks of them (`seatrial.statistics.blocks`). A prior is independent information
 and enters M with its own. Each block's score is multiplied by ``(I - H_b H^-1)^-1``, which undoes that the
 fit followed the very block that should test it. That is the jackknife over blocks: Künsch 1989, Ann. Stat.
-17:1217; MacKinnon, Nielsen and Webb 2023, J. Appl. Econometrics 38:671 (there CV3). It is the mean over several
-divisions into blocks, for a variance from few blocks depends on where they end.
+17:1217; MacKinnon, Nielsen and Webb 2023, J. Appl. Econometrics 38:671 (there CV3). It is the mean over
+several divisions into blocks, for a variance from few blocks depends on where they end.
 
 The 95 % interval has a Student factor with Satterthwaite's degrees of freedom for each unknown: the number of
 equally informative blocks, ``(sum a_b)^2 / sum a_b^2``, less one; ``a_b`` is the share of block b in the
@@ -17,8 +17,8 @@ Not in it: a wrong model structure, and how the model bends across the interval
 (`seatrial.diagnosis.resampling`). An unknown at a bound is treated as free, which widens the intervals of the
 others.
 
-Measured with one division: AR(1) errors, two channels correlated by 0.4, inputs stepped, periodic, drifting and white, a bias
-per trial, 500 seeds; cover of the 95 % intervals, mean over the unknowns. CR1: plain block scores, t(B - 1).
+Measured with one division: AR(1) errors, two channels correlated by 0.4, inputs stepped, periodic, drifting
+and white, a bias per trial, 500 seeds; cover of the 95 % intervals, mean over the unknowns. CR1: plain block scores, t(B - 1).
 HAC: Bartlett kernel of the same length, normal factor. Width: median over 1.96 true standard deviations.
 `tests/statistics/test_uncertainty.py` repeats a part.
 
