@@ -18,7 +18,8 @@ Not in it: a wrong model structure, and how the model bends across the interval
 others.
 
 Measured with one division: AR(1) errors, two channels correlated by 0.4, inputs stepped, periodic, drifting
-and white, a bias per trial, 500 seeds; cover of the 95 % intervals, mean over the unknowns. CR1: plain block scores, t(B - 1).
+and white, a bias per trial, 500 seeds; cover of the 95 % intervals, mean over the unknowns. CR1: plain block
+scores, t(B - 1).
 HAC: Bartlett kernel of the same length, normal factor. Width: median over 1.96 true standard deviations.
 `tests/statistics/test_uncertainty.py` repeats a part.
 

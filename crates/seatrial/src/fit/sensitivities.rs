@@ -128,7 +128,7 @@ type Differentiated = (Vec<Option<Vec<[f64; CHANNELS]>>>, Vec<Vec<[f64; LANES]>>
 pub(super) type Varied = (Option<Vec<[f64; CHANNELS]>>, Vec<Vec<[f64; LANES]>>);
 
 /// Groups to a task: they share the flight and its linearisation.
-const ABREAST: usize = 8;
+const ABREAST: usize = 16;
 
 pub(super) const ALL: [usize; CHANNELS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
 

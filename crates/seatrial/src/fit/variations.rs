@@ -29,16 +29,23 @@ use std::sync::atomic::Ordering;
 /// What ν' depends on: ν, the rows of the rotation matrix, the position.
 const SEEDS: usize = 18;
 
-/// One stage of a step: where it stands and heads, and the derivative of where it heads by where it stands.
+/// One stage of a step: where it stands and heads, and the derivatives of where it heads.
 struct Stage {
     row: [f64; 13],
     slope: [f64; 13],
-    jacobian: [[f64; 13]; 13],
+    /// Of the position's rate by attitude and linear velocity.
+    position: [[f64; LANES]; 3],
+    /// Of the attitude's rate by attitude and angular velocity.
+    attitude: [[f64; LANES]; 4],
+    /// Of ν' by [`Seeds::axes`], by the attitude, and by the position.
+    by: [[[f64; LANES]; 6]; 3],
 }
 
 /// How a flight is linearised.
 struct Seeds<P> {
-    /// The seeds of ν' that count, in their order.
+    /// The velocities that ν' depends on.
+    axes: Vec<usize>,
+    /// All seeds of ν' that count, these velocities first.
     which: Vec<usize>,
     /// Per eight of them the seeds of ν, rotation and position.
     units: Vec<[P; SEEDS]>,
@@ -97,25 +104,28 @@ impl<S: Simd> Seeds<f64x8<S>> {
             .chunks(LANES)
             .map(|some| std::array::from_fn(|seed| unit(&|lane| some.get(lane) == Some(&seed))));
         let motion = std::array::from_fn(|seed| unit(&|lane| lane == seed));
-        Self { units: units.collect(), which, motion, tether }
+        let axes = which.iter().copied().filter(|&seed| seed < 6).collect();
+        Self { units: units.collect(), axes, which, motion, tether }
     }
 }
 
 impl Stage {
-    /// The stage at a row.
+    /// Moves the stage to a row.
     #[inline(always)]
-    fn new<S: Simd>(
-        frame: &Vehicle<Dual<f64x8<S>>>,
+    fn take<S: Simd>(
+        &mut self,
+        (plain, frame): (&Vehicle<f64>, &Vehicle<Dual<f64x8<S>>>),
         row: &[f64; 13],
         seeds: &Seeds<f64x8<S>>,
         instant: &Instant<Dual<f64x8<S>>>,
-    ) -> Self {
+    ) {
         let mut at = State::from_row(row);
         for i in 0..6 {
-            if frame.modes[i] == Mode::Measured {
+            if plain.modes[i] == Mode::Measured {
                 at.nu[i] = instant.measured[0][i];
             }
         }
+        self.row = at.row();
         let seeded = |value: f64, partials: f64x8<S>| Dual { value, partials };
         let motion = &seeds.motion;
         let mut attitude = [seeded(0.0, motion[0]); 4];
@@ -128,24 +138,19 @@ impl Stage {
             omega[i] = seeded(at.nu[3 + i], motion[4 + i]);
         }
         let r = rotation(&attitude);
-        let mut jacobian = [[0.0; 13]; 13];
-        let mut slope = [0.0; 13];
         let moved = product(&r, &v);
         for i in 0..3 {
-            slope[i] = moved[i].value;
-            let by: [f64; LANES] = moved[i].partials.into();
-            jacobian[i][3..10].copy_from_slice(&by[..7]);
+            self.slope[i] = moved[i].value;
+            self.position[i] = moved[i].partials.into();
         }
         let turned = quaternion_rate(&attitude, &omega);
         for i in 0..4 {
-            slope[3 + i] = turned[i].value;
-            let by: [f64; LANES] = turned[i].partials.into();
-            jacobian[3 + i][3..7].copy_from_slice(&by[..4]);
-            jacobian[3 + i][10..13].copy_from_slice(&by[4..7]);
+            self.slope[3 + i] = turned[i].value;
+            self.attitude[i] = turned[i].partials.into();
         }
         // By the attitude through the rotation.
         let mut through = [motion[0].zero(); 6];
-        for (units, some) in seeds.units.iter().zip(seeds.which.chunks(LANES)) {
+        for (first, units) in seeds.units.iter().enumerate() {
             let (mut nu, mut turn) = ([attitude[0]; 6], [[attitude[0]; 3]; 3]);
             let mut place = [attitude[0]; 3];
             for i in 0..6 {
@@ -157,38 +162,49 @@ impl Stage {
                     turn[i][j] = seeded(r[i][j].value, units[6 + 3 * i + j]);
                 }
             }
-            let found = std::hint::black_box(frame).acceleration((Some(&place), &turn), &nu, instant);
+            let frame = std::hint::black_box(frame);
+            let force = frame.force(Summed::ALL, (Some(&place), &turn), &nu, instant);
+            let (mut values, mut slopes) = ([0.0; 6], [motion[0]; 6]);
             for i in 0..6 {
-                slope[7 + i] = found[i].value;
-                let by: [f64; LANES] = found[i].partials.into();
-                for (lane, &seed) in some.iter().enumerate() {
-                    match seed {
-                        0..6 => jacobian[7 + i][7 + seed] = by[lane],
-                        6..15 => {
-                            let turned = r[(seed - 6) / 3][(seed - 6) % 3].partials;
-                            through[i] = turned.mul_add(turned.splat(by[lane]), through[i]);
-                        }
-                        _ => jacobian[7 + i][seed - 15] = by[lane],
+                values[i] = force[i].value;
+                slopes[i] = force[i].partials;
+            }
+            let slopes = plain.accelerated(&slopes);
+            if first == 0 {
+                let rate = plain.solve(&values, &instant.measured[1]);
+                for i in 0..6 {
+                    self.slope[7 + i] = rate[i];
+                    self.by[0][i] = slopes[i].into();
+                }
+            }
+            let others = if first == 0 { seeds.axes.len() } else { 0 };
+            let some = &seeds.which[first * LANES..seeds.which.len().min((first + 1) * LANES)];
+            for (lane, &seed) in some.iter().enumerate().skip(others) {
+                for i in 0..6 {
+                    let by: [f64; LANES] = slopes[i].into();
+                    if seed < 15 {
+                        let turned = r[(seed - 6) / 3][(seed - 6) % 3].partials;
+                        through[i] = turned.mul_add(turned.splat(by[lane]), through[i]);
+                    } else {
+                        self.by[2][i][seed - 15] = by[lane];
                     }
                 }
             }
         }
         for i in 0..6 {
-            let by: [f64; LANES] = through[i].into();
-            jacobian[7 + i][3..7].copy_from_slice(&by[..4]);
+            self.by[1][i] = through[i].into();
         }
-        Self { row: at.row(), slope, jacobian }
     }
+}
 
-    /// The change `from..to` of the row, carried into the change `i` of the slope.
-    #[inline(always)]
-    fn carry<P: Real>(&self, i: usize, range: std::ops::Range<usize>, row: &[P; 13], sum: P) -> P {
-        let mut sum = sum;
-        for j in range {
-            sum = row[j].mul_add(row[j].splat(self.jacobian[i][j]), sum);
-        }
-        sum
+/// `sum` and the changes times their factors.
+#[inline(always)]
+fn carried<P: Real>(changes: &[P], factors: &[f64], sum: P) -> P {
+    let mut sum = sum;
+    for (change, &factor) in changes.iter().zip(factors) {
+        sum = change.mul_add(change.splat(factor), sum);
     }
+    sum
 }
 
 impl<S: Simd> Tangent<'_, f64x8<S>> {
@@ -198,7 +214,7 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
         &self,
         plain: &Vehicle<f64>,
         stage: &Stage,
-        tether: bool,
+        seeds: &Seeds<f64x8<S>>,
         row: &[f64x8<S>; 13],
         instant: &Instant<Dual<f64x8<S>>>,
     ) -> [f64x8<S>; 13] {
@@ -217,16 +233,22 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
             }
         }
         for i in 0..3 {
-            slope[i] = stage.carry(i, 3..10, &row, slope[i]);
+            slope[i] = carried(&row[3..10], &stage.position[i], slope[i]);
         }
-        for i in 3..7 {
-            slope[i] = stage.carry(i, 10..13, &row, stage.carry(i, 3..7, &row, slope[i]));
+        for i in 0..4 {
+            slope[3 + i] = carried(&row[3..7], &stage.attitude[i], slope[3 + i]);
+            slope[3 + i] = carried(&row[10..13], &stage.attitude[i][4..], slope[3 + i]);
+        }
+        let mut nu = [none; 6];
+        for (to, &axis) in nu.iter_mut().zip(&seeds.axes) {
+            *to = row[7 + axis];
         }
         for i in 0..6 {
             if plain.modes[i] == Mode::Free {
-                slope[7 + i] = stage.carry(7 + i, 3..13, &row, slope[7 + i]);
-                if tether {
-                    slope[7 + i] = stage.carry(7 + i, 0..3, &row, slope[7 + i]);
+                slope[7 + i] = carried(&row[3..7], &stage.by[1][i], slope[7 + i]);
+                slope[7 + i] = carried(&nu, &stage.by[0][i], slope[7 + i]);
+                if seeds.tether {
+                    slope[7 + i] = carried(&row[..3], &stage.by[2][i], slope[7 + i]);
                 }
             }
         }
@@ -328,6 +350,13 @@ impl Batch<'_> {
                 slope: [none; 13],
             });
         }
+        let mut stage = Stage {
+            row: [0.0; 13],
+            slope: [0.0; 13],
+            position: [[0.0; LANES]; 3],
+            attitude: [[0.0; LANES]; 4],
+            by: [[[0.0; LANES]; 6]; 3],
+        };
         let h = record.dt / self.substeps as f64;
         'flight: for k in segment.start..segment.stop {
             for step in 0..self.substeps {
@@ -370,7 +399,15 @@ impl Batch<'_> {
                         course.go_on(k, step);
                     }
                 }
-                state = self.varied_step(&plain.vehicle, &frame, &state, h, &lifted, &seeds, &mut tangents);
+                state = self.varied_step(
+                    (&plain.vehicle, &frame),
+                    &mut stage,
+                    &state,
+                    h,
+                    &lifted,
+                    &seeds,
+                    &mut tangents,
+                );
                 course.hand_on();
                 for tangent in &mut tangents {
                     if let Some(course) = &mut tangent.course {
@@ -392,8 +429,8 @@ impl Batch<'_> {
     #[expect(clippy::too_many_arguments, reason = "the step of one flight")]
     fn varied_step<S: Simd>(
         &self,
-        plain: &Vehicle<f64>,
-        frame: &Vehicle<Dual<f64x8<S>>>,
+        (plain, frame): (&Vehicle<f64>, &Vehicle<Dual<f64x8<S>>>),
+        stage: &mut Stage,
         state: &State<f64>,
         h: f64,
         instants: &[Instant<Dual<f64x8<S>>>; 3],
@@ -413,7 +450,7 @@ impl Batch<'_> {
             for i in 0..13 {
                 row[i] = slope[i].mul_add(node, row[i]);
             }
-            let stage = Stage::new(frame, &row, seeds, &instants[instant]);
+            stage.take((plain, frame), &row, seeds, &instants[instant]);
             slope = stage.slope;
             for i in 0..13 {
                 sum[i] = slope[i].mul_add(weight, sum[i]);
@@ -425,7 +462,7 @@ impl Batch<'_> {
                     row[i] = tangent.slope[i].mul_add(node, row[i]);
                 }
                 let acting = tangent.course.as_ref().map_or(instants, |course| &course.instants);
-                let slope = tangent.slope_at(plain, &stage, seeds.tether, &row, &acting[instant]);
+                let slope = tangent.slope_at(plain, stage, seeds, &row, &acting[instant]);
                 tangent.slope = slope;
                 for i in 0..13 {
                     tangent.sum[i] = slope[i].mul_add(weight, tangent.sum[i]);

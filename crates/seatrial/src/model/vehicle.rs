@@ -308,7 +308,7 @@ impl<T: Real> Vehicle<T> {
 
     /// `ν' = M⁻¹ f` on the free axes, zero on frozen and `nu_rate` on measured ones.
     #[inline(always)]
-    fn solve(&self, f: &Vec6<T>, nu_rate: &Vec6<f64>) -> Vec6<T> {
+    pub(crate) fn solve(&self, f: &Vec6<T>, nu_rate: &Vec6<f64>) -> Vec6<T> {
         if !self.replayed {
             return self.inverse.times(f);
         }
