@@ -83,7 +83,6 @@ pub struct Gradient {
     pub slopes: Vec<f64>,
 }
 
-#[derive(Clone)]
 pub(super) struct Work<'a> {
     pub point: Point<'a>,
     pub structure: Structure,
@@ -121,16 +120,10 @@ pub(super) struct Group {
     pub current: bool,
 }
 
-/// Rows of all channels per segment, partials per segment and group.
-type Differentiated = (Vec<Option<Vec<[f64; CHANNELS]>>>, Vec<Vec<[f64; LANES]>>);
-
-/// Rows of all channels, and partials per group.
-pub(super) type Varied = (Option<Vec<[f64; CHANNELS]>>, Vec<Vec<[f64; LANES]>>);
-
 /// Groups to a task: they share the flight and its linearisation.
 const ABREAST: usize = 16;
 
-pub(super) const ALL: [usize; CHANNELS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+const ALL: [usize; CHANNELS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
 
 impl Batch<'_> {
     /// What every segment shows, and the derivatives of the channels `asked` for.
@@ -144,21 +137,16 @@ impl Batch<'_> {
         asked: &[usize],
         stop: &AtomicBool,
     ) -> Result<Vec<Prediction>, Error> {
+        let rows = self.predictions(point, stop)?;
         let structure = Structure::new(self.description, point.sought);
         let coefficients_only = unknowns.iter().all(|unknown| matches!(unknown, Unknown::Direction(_)));
         let work = Work { point, structure, asked, coefficients_only, stop };
         let groups = self.groups(point, unknowns);
-        let (rows, partials) = self.differentiate(&work, &groups)?;
-        (0..self.segments.len())
+        let partials = self.differentiate(&work, &groups)?;
+        Ok((0..self.segments.len())
             .into_par_iter()
             .zip(rows)
             .map(|(s, rows)| {
-                let rows = match rows {
-                    Some(rows) => rows,
-                    None => {
-                        self.predicted(&Work { asked: &ALL, coefficients_only: true, ..work.clone() }, s)?
-                    }
-                };
                 let mut jacobian = vec![0.0; rows.len() * asked.len() * unknowns.len()];
                 for (place, row) in jacobian.chunks_exact_mut(unknowns.len().max(1)).enumerate() {
                     for (group, partials) in groups.iter().zip(&partials[s * groups.len()..]) {
@@ -167,9 +155,9 @@ impl Batch<'_> {
                         }
                     }
                 }
-                Ok(Prediction { rows, jacobian })
+                Prediction { rows, jacobian }
             })
-            .collect()
+            .collect())
     }
 
     /// The criterion of every segment on what its channels show, infinite where the model diverged, and its
@@ -223,17 +211,17 @@ impl Batch<'_> {
     ) -> Result<Vec<Vec<[f64; CHANNELS]>>, Error> {
         let structure = Structure::new(self.description, point.sought);
         let work = Work { point, structure, asked: &ALL, coefficients_only: true, stop };
-        (0..self.segments.len()).into_par_iter().map(|s| self.predicted(&work, s)).collect()
-    }
-
-    /// What segment `s` shows, in plain `f64`.
-    fn predicted(&self, work: &Work<'_>, s: usize) -> Result<Vec<[f64; CHANNELS]>, Error> {
-        let (segment, prepared) = (&self.segments[s], self.unseeded(work, s));
-        let mut observer = Observer::Shown(prepared.shown(work.asked, segment));
-        let record = &self.records[segment.record];
-        let start = &prepared.start;
-        fly(&prepared.vehicle, record, segment, (self.substeps, start), &mut observer, work.stop)?;
-        Ok(finished(observer, record.dt).as_chunks().0.to_vec())
+        (0..self.segments.len())
+            .into_par_iter()
+            .map(|s| {
+                let (segment, prepared) = (&self.segments[s], self.unseeded(&work, s));
+                let mut observer = Observer::Shown(prepared.shown(work.asked, segment));
+                let record = &self.records[segment.record];
+                let start = &prepared.start;
+                fly(&prepared.vehicle, record, segment, (self.substeps, start), &mut observer, stop)?;
+                Ok(finished(observer, record.dt).as_chunks().0.to_vec())
+            })
+            .collect()
     }
 
     /// The unknowns by eight, those of the same terms together.
@@ -260,39 +248,24 @@ impl Batch<'_> {
         places.chunks(LANES).map(group).collect()
     }
 
-    /// What the segments show, where the flight with derivatives says so, and the partials of every segment by every
-    /// group of unknowns, `[segment][group]` in one row, each `[sample, channel asked for][unknown of the group]`.
-    fn differentiate(&self, work: &Work<'_>, groups: &[Group]) -> Result<Differentiated, Error> {
+    /// The partials of every segment by every group of unknowns, `[segment][group]` in one row, each
+    /// `[sample, channel asked for][unknown of the group]`.
+    fn differentiate(&self, work: &Work<'_>, groups: &[Group]) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
         let (name, level) = level()?;
-        let tasks: Vec<(usize, usize)> = (0..self.segments.len())
-            .flat_map(|s| (0..groups.len()).step_by(ABREAST).map(move |first| (s, first)))
+        let tasks: Vec<(usize, &[Group])> = (0..self.segments.len())
+            .flat_map(|s| groups.chunks(ABREAST).map(move |some| (s, some)))
             .collect();
         let found = tasks
             .into_par_iter()
-            .map(|(s, first)| {
-                let some = &groups[first..groups.len().min(first + ABREAST)];
+            .map(|(s, some)| {
                 if name == "fallback" {
-                    let all = some.iter().map(|group| self.one_by_one(work, &group.unknowns, s));
-                    return Ok((s, None, all.collect::<Result<_, Error>>()?));
+                    some.iter().map(|group| self.one_by_one(work, &group.unknowns, s)).collect()
+                } else {
+                    on_level(level, self, work, some, s)
                 }
-                let rows = first == 0 && self.values_alike(work, s);
-                let (rows, partials) = on_level(level, self, work, (some, rows), s)?;
-                Ok((s, rows, partials))
             })
-            .collect::<Result<Vec<(usize, _, Vec<_>)>, Error>>()?;
-        let mut rows = vec![None; self.segments.len()];
-        let mut partials = Vec::with_capacity(self.segments.len() * groups.len());
-        for (s, own, some) in found {
-            rows[s] = own.or(rows[s].take());
-            partials.extend(some);
-        }
-        Ok((rows, partials))
-    }
-
-    /// Whether a flight with derivatives begins at the very state of one without.
-    fn values_alike(&self, work: &Work<'_>, s: usize) -> bool {
-        let disturbance = work.point.nuisance[self.segments[s].record].iter().chain(&work.point.initial[s]);
-        work.coefficients_only || disturbance.into_iter().any(|&x| x != 0.0)
+            .collect::<Result<Vec<Vec<_>>, Error>>()?;
+        Ok(found.into_iter().flatten().collect())
     }
 
     /// The derivatives by one unknown after the other: where there are no lanes.
@@ -433,9 +406,9 @@ fn on_level(
     level: Level,
     batch: &Batch<'_>,
     work: &Work<'_>,
-    groups: (&[Group], bool),
+    groups: &[Group],
     s: usize,
-) -> Result<Varied, Error> {
+) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     {
         if let Some(simd) = level.as_avx512() {
@@ -460,6 +433,5 @@ fn on_level(
     }
     // Older instruction sets have no fused product; plain numbers serve them as well.
     let _ = level;
-    let all = groups.0.iter().map(|group| batch.one_by_one(work, &group.unknowns, s));
-    Ok((None, all.collect::<Result<_, Error>>()?))
+    groups.iter().map(|group| batch.one_by_one(work, &group.unknowns, s)).collect()
 }

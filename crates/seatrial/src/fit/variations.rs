@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::fit::batch::Batch;
 use crate::fit::observation::Shown;
 use crate::fit::open_loop::{Course, STEPS_BETWEEN_LOOKS};
-use crate::fit::sensitivities::{ALL, Group, Prepared, Varied, Work};
+use crate::fit::sensitivities::{Group, Prepared, Work};
 use crate::model::integrate::{STAGES, State};
 use crate::model::kinematics::{quaternion_rate, renormalised, rotation};
 use crate::model::vehicle::{Instant, Mode, Summed, Vehicle};
@@ -304,16 +304,15 @@ fn lift<P: Real>(from: &Instant<f64>, to: &mut Instant<Dual<P>>, unit: Dual<P>, 
 }
 
 impl Batch<'_> {
-    /// What segment `s` shows where that is wanted, and its derivatives by every group of unknowns,
-    /// `[sample, channel asked for][unknown]`.
+    /// The derivatives of what segment `s` shows by every group of unknowns, `[sample, channel asked for][unknown]`.
     #[inline(always)]
     pub(super) fn varied<S: Simd>(
         &self,
         simd: S,
         work: &Work<'_>,
-        (groups, wanted): (&[Group], bool),
+        groups: &[Group],
         s: usize,
-    ) -> Result<Varied, Error> {
+    ) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
         let none = simd.splat_f64x8(0.0);
         let unit = Dual { value: 0.0, partials: none };
         let segment = &self.segments[s];
@@ -334,7 +333,6 @@ impl Batch<'_> {
         let seeds = Seeds::new(simd, &self.modes, flowing, frame.tether.is_some());
         let inflow = !frame.fins.is_empty() || frame.actuators.iter().any(|a| a.characteristic.has_inflow());
         let mut state = plain.start.state;
-        let mut rows = wanted.then(|| plain.shown(&ALL, segment));
         let mut tangents: Vec<Tangent<'_, f64x8<S>>> = Vec::with_capacity(groups.len());
         for (group, one) in groups.iter().zip(&prepared) {
             let own = group.of.thrust || group.current;
@@ -380,9 +378,6 @@ impl Batch<'_> {
                             }
                         }
                     }
-                    if let Some(rows) = &mut rows {
-                        rows.add(&state);
-                    }
                     for tangent in &mut tangents {
                         tangent.shown.add(&paired(&state.row(), &tangent.change));
                     }
@@ -421,7 +416,7 @@ impl Batch<'_> {
             let shown = tangent.shown.finish(record.dt);
             found.push(shown.iter().map(|x| x.partials.into()).collect());
         }
-        Ok((rows.map(|rows| rows.finish(record.dt).as_chunks().0.to_vec()), found))
+        Ok(found)
     }
 
     /// The state a step later, [`crate::model::integrate::step`], with its derivatives.
