@@ -228,9 +228,7 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
         let mut slope = [none; 13];
         if self.of != Summed::default() {
             let own = plain.accelerated(&self.own_force(stage, none, instant));
-            for i in 0..6 {
-                slope[7 + i] = own[i];
-            }
+            slope[7..].copy_from_slice(&own);
         }
         for i in 0..3 {
             slope[i] = carried(&row[3..10], &stage.position[i], slope[i]);
@@ -271,7 +269,7 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
         if self.of.mass {
             let inertia = vehicle.inertia(&paired(&stage.slope, &[none; 13]).nu);
             for i in 0..6 {
-                force[i] = force[i] - inertia[i];
+                force[i] -= inertia[i];
             }
         }
         let mut partials = [none; 6];
