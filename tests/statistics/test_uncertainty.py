@@ -68,6 +68,16 @@ def test_law_independent_samples_are_an_illusion(coloured: tuple[Array, list[Unc
     np.testing.assert_allclose(sigma, true, rtol=0.25)
 
 
+def test_law_deviations_do_not_hang_on_where_blocks_end() -> None:
+    design = trials([1500, 1500, 1500], inputs=12, seed=1)
+    lin = estimates(design, errors(design, 0.9, np.random.default_rng(0), 1), piece=30)[0]
+    length, found = block_length(lin), covariance(lin).sigma
+    for factor in (0.9, 0.95, 1.05, 1.1):
+        other = replace(length, samples=round(factor * length.samples))
+        # With a single division into blocks these lengths move single deviations by 22 to 32 %.
+        np.testing.assert_allclose(covariance(lin, length=other).sigma, found, rtol=0.12)
+
+
 def test_law_bootstrap_agrees_with_the_sandwich() -> None:
     lin = one(trials([6000, 6000], inputs=4, seed=2), 0.8)
     again = bootstrap(lin, draws=2000, seed=5)

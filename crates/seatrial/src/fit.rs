@@ -14,3 +14,4 @@ pub mod observation;
 pub mod open_loop;
 pub mod record;
 pub mod sensitivities;
+mod variations;

@@ -69,9 +69,9 @@ class Criterion:
         used = np.flatnonzero(self.data.weights > 0)
         found = self.problem.sensitivities(candidate, channels=[CHANNELS[c] for c in used])
         residuals, jacobians, shares = [], [], []
-        for index, (residual, (_, jacobian)) in enumerate(zip(self.residuals(candidate), found, strict=True)):
+        for index, (error, jacobian) in enumerate(found):
             counted = self.problem.counted(index)[:, used]
-            residuals.append(residual[:, used][counted])
+            residuals.append((error / self._scale)[:, used][counted])
             jacobians.append((jacobian / self._scale[used, None])[counted])
             shares.append(np.broadcast_to(self._share[used], counted.shape)[counted])
         stage = self.problem.stage

@@ -51,10 +51,15 @@ _Slopes = list[tuple[Array, Array, Array, NDArray[np.intp]]]
 
 @dataclass(frozen=True)
 class _Local:
-    """A segment at the point of a round; ``jacobian`` without what its initial conditions explain."""
+    """A segment at the point of a round: weights (n, C) and their roots.
+
+    ``jacobian`` is without what the initial conditions explain, in standard deviations of the channels times
+    the root of the weight.
+    """
 
     places: NDArray[np.intp]
     weight: Array
+    root: Array
     jacobian: Array
     toward: Array
     follow: Array
@@ -83,6 +88,7 @@ class GaussNewton:
         self.initial_places = [INITIALS.index(name) for name in joint.initials]
         self.evaluations = 0
         self.held: _Slopes | None = None
+        self._recent: list[tuple[bytes, list[Array]]] = []
         self.near = False  # whether the derivatives of the start hold all the way
 
     def round(self, values: Array, initial: Array, centre: Array) -> tuple[Array, Array, float]:
@@ -112,7 +118,7 @@ class GaussNewton:
         def reduced(z: Array) -> Array:
             """A vector of the cost's size whose derivative at the start is the factor, below it zero."""
             new, begun = moved(z)
-            residuals = self.joint.residuals(new, begun)
+            residuals = self.residuals(new, begun)
             self.evaluations += 1
             twice = 2.0 * self.cost(new, begun, centre, residuals)
             if not math.isfinite(twice):
@@ -143,6 +149,15 @@ class GaussNewton:
             self.held = None
         return new, begun, promised
 
+    def residuals(self, values: Array, initial: Array) -> list[Array]:
+        """Residuals (n, C) of every segment at a point; those of the last points are kept."""
+        key = values.tobytes() + initial.tobytes()
+        found = next((kept for known, kept in self._recent if known == key), None)
+        if found is None:
+            found = self.joint.residuals(values, initial)
+            self._recent = [(key, found), *self._recent[:_TRIALS]]
+        return found
+
     def differentiated(self, values: Array, initial: Array) -> tuple[list[_Local], Array, Array]:
         """Segments at a point, the information (m, m) and the downhill gradient (m,) of what they tell."""
         size = len(self.unknowns)
@@ -159,7 +174,7 @@ class GaussNewton:
         if self.held is None:
             self.held = self.joint.slopes(values, initial)
             return self.held
-        residuals = self.joint.residuals(values, initial)
+        residuals = self.residuals(values, initial)
         return [(error, *slopes[1:]) for error, slopes in zip(residuals, self.held, strict=True)]
 
     def _eliminated(
@@ -167,32 +182,33 @@ class GaussNewton:
     ) -> tuple[_Local, Array, Array]:
         """A segment without its initial conditions, its information and gradient."""
         residual = error / self.noise
-        weight = self.weight(residual).ravel()
-        flat = residual.ravel()
-        rows = (by_unknown / self.noise[:, None]).reshape(len(flat), -1)
-        own = (by_initial / self.noise[:, None]).reshape(len(flat), -1)
-        weighted = weight[:, None] * own
+        weight = self.weight(residual)
+        root = np.sqrt(weight)
+        flat = (root * residual).ravel()
+        scale = (root / self.noise)[:, :, None]
+        rows = (by_unknown * scale).reshape(len(flat), -1)
+        own = (by_initial * scale).reshape(len(flat), -1)
         # The block of the segment's own initial conditions, with their prior: small, and solved here.
         inside = initial[self.initial_places]
         precision = self.joint.initial_sd**-2.0
-        normal = own.T @ weighted + np.diag(precision)
+        normal, shared = own.T @ own + np.diag(precision), own.T @ rows
         # Initial conditions follow a step of the unknowns linearly, about where they move without one.
-        follow: Array = np.asarray(np.linalg.solve(normal, weighted.T @ rows), dtype=float)
-        toward: Array = np.asarray(
-            np.linalg.solve(normal, weighted.T @ flat - precision * inside), dtype=float
-        )
+        follow: Array = np.asarray(np.linalg.solve(normal, shared), dtype=float)
+        toward: Array = np.asarray(np.linalg.solve(normal, own.T @ flat - precision * inside), dtype=float)
         # Schur complement: what of the unknowns' columns the initial conditions cannot imitate. Information
         # and gradient of all segments then add up in the unknowns alone.
         left = rows - own @ follow
-        weighted_rows = weight[:, None] * rows
-        downhill = weighted_rows.T @ flat - (weighted_rows.T @ own) @ toward
-        return _Local(places, weight, left, toward, follow), left.T @ weighted_rows, downhill
+        return (
+            _Local(places, weight, root, left, toward, follow),
+            left.T @ rows,
+            rows.T @ flat - shared.T @ toward,
+        )
 
     def pull(self, locals_: Sequence[_Local], residuals: Sequence[Array]) -> Array:
         """Downhill gradient (m,) with derivatives and weights held."""
         total = np.zeros(len(self.unknowns))
         for local, error in zip(locals_, residuals, strict=True):
-            total[local.places] += local.jacobian.T @ (local.weight * (error / self.noise).ravel())
+            total[local.places] += local.jacobian.T @ (local.root * error / self.noise).ravel()
         return total
 
     def followed(self, locals_: Sequence[_Local], initial: Array, step: Array) -> Array:
@@ -218,7 +234,7 @@ class GaussNewton:
         self, values: Array, initial: Array, centre: Array, residuals: Sequence[Array] | None = None
     ) -> float:
         """Half the robust sum of squares, priors included."""
-        found = self.joint.residuals(values, initial) if residuals is None else residuals
+        found = self.residuals(values, initial) if residuals is None else residuals
         return float(self._losses(found).sum()) + self._priors(values, initial, centre)
 
     def merit(self, values: Array, initial: Array, centre: Array, residuals: Sequence[Array]) -> float:
@@ -283,14 +299,14 @@ class GaussNewton:
             local, _, _ = self._eliminated(error, by_unknown, by_initial, places, initial[index])
             trial = joint.data.trials[segment.record]
             full = np.zeros((*error.shape, size))
-            full[:, :, places] = local.jacobian.reshape(*error.shape, -1)
+            full[:, :, places] = local.jacobian.reshape(*error.shape, -1) / local.root[:, :, None]
             pieces.append(
                 Piece(
                     trial=joint.data.names[segment.record],
                     t=trial.t[segment.start : segment.stop],
                     residual=error / self.noise,
                     counted=counted,
-                    weight=local.weight.reshape(error.shape),
+                    weight=local.weight,
                     jacobian=full,
                     nu=trial.smooth_nu(trial.t[segment.start : segment.stop])[0],
                 )

@@ -428,7 +428,9 @@ class Joint:
             places = [*range(inside), *owner.values(), *range(last, last + len(extra))]
             result.append((
                 np.take(error, self.used, axis=1),
-                jacobian[:, :, columns],
+                jacobian[:, :, : len(columns)]
+                if columns == [*range(len(columns))]
+                else jacobian[:, :, columns],
                 jacobian[:, :, before + len(keys) :],
                 np.array(places, dtype=np.intp),
             ))

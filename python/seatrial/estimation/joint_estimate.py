@@ -214,7 +214,7 @@ def linearise(
         initial = np.zeros((len(joint.data.segments), 12))
         for _ in range(_SETTLE if joint.initials else 1):
             if noise is None:
-                search.estimate_noise(joint.residuals(values, initial))
+                search.estimate_noise(search.residuals(values, initial))
             initial = initial + search.settled(values, initial)
     return search.linearisation(values, initial, extra)
 
@@ -324,14 +324,14 @@ class _Descent:
         joint, rounds = self.joint, self.rounds
         rounds.noise, rounds.held = joint.noise.copy(), None
         initial = np.zeros((len(joint.data.segments), len(INITIALS)))
-        rounds.estimate_noise(joint.residuals(values, initial))
+        rounds.estimate_noise(rounds.residuals(values, initial))
         if joint.initials:
             initial = initial + rounds.settled(values, initial)
         return self._placed(values, initial, centre)
 
     def _placed(self, values: Array, initial: Array, centre: Array) -> _Place:
         """A point with the noise of its own residuals."""
-        residuals = self.joint.residuals(values, initial)
+        residuals = self.rounds.residuals(values, initial)
         self.rounds.estimate_noise(residuals)
         noise = self.rounds.noise.copy()
         cost = self.rounds.cost(values, initial, centre, residuals)
@@ -341,8 +341,8 @@ class _Descent:
         """The first point on the way to new values that lies lower; the old one where none does."""
         for part in _PARTS:
             found = self._placed(
-                here.values + part * (values - here.values),
-                here.initial + part * (initial - here.initial),
+                values + (1.0 - part) * (here.values - values),
+                initial + (1.0 - part) * (here.initial - initial),
                 centre,
             )
             if found.merit < here.merit:

@@ -30,11 +30,23 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.statistics.linearisation import Linearisation, Piece
 
-__all__ = ["BlockLength", "autocorrelation", "block_length", "blocks", "determined", "whitened"]
+__all__ = [
+    "BlockLength",
+    "autocorrelation",
+    "block_length",
+    "blocks",
+    "determined",
+    "divided",
+    "views",
+    "whitened",
+]
 
 _LONGER = 1.25
 
 _SHORTEST = 1.3
+
+_SHIFTS = 4
+"""Divisions into blocks over which a covariance is the mean."""
 
 
 @dataclass(frozen=True)
@@ -145,48 +157,72 @@ def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
     independent. A block's information is ``sum J' psi' J`` with the mean slope ``psi'`` of the robust score,
     not its weight: they differ for all but squared errors.
     """
+    return divided(lin, length)[0]
+
+
+def divided(lin: Linearisation, length: BlockLength) -> tuple[Blocks, ...]:
+    """Divisions of the data into `blocks`, each a quarter of a block further than the one before.
+
+    What a trial has left before its first block and after its last one is one block (Politis & Romano 1992).
+    """
     slope_ratio, unknowns = _score_slope(lin), len(lin.unknowns)
     square = np.sum([((p.weight * p.residual * p.counted) ** 2).sum(axis=0) for p in lin.pieces], axis=0)
     counts = np.maximum(np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0), 1)
     colour = length.memory * square / counts
-    score, information, coloured = [], [], np.zeros((unknowns, unknowns))
+    coloured = np.zeros((unknowns, unknowns))
+    score: list[list[Array]] = [[] for _ in range(_SHIFTS)]
+    information: list[list[Array]] = [[] for _ in range(_SHIFTS)]
     for pieces, grid, rows in _on_grid(lin):
-        covered = np.unique(grid[rows])
-        if not len(covered):
+        if not len(np.unique(grid[rows])):
             continue
-        block = _block_of_rows(pieces, length.samples)
-        number = int(block[-1]) + 1
-        scores, matrices = np.zeros((number, unknowns)), np.zeros((number, unknowns, unknowns))
+        unit, owners, number = _units(pieces, length.samples)
+        scores = np.zeros((owners.shape[1], unknowns))
+        matrices = np.zeros((owners.shape[1], unknowns, unknowns))
         first = 0
         for piece in pieces:
-            owner = np.minimum(block[first : first + len(piece.t)], number - 1)
+            own = unit[first : first + len(piece.t)]
             first += len(piece.t)
-            for index in np.unique(owner):
-                part = owner == index
+            for index in np.unique(own):
+                part = own == index
                 slope, weight = piece.jacobian[part], piece.weight[part]
                 matrix = slope.reshape(-1, unknowns)
                 # Score, information, and what the score's covariance would be with the channel's memory.
                 scores[index] += matrix.T @ (weight * piece.residual[part]).ravel()
                 matrices[index] += matrix.T @ ((slope_ratio * weight).reshape(-1, 1) * matrix)
                 coloured += matrix.T @ (np.broadcast_to(colour, weight.shape).reshape(-1, 1) * matrix)
-        score.append(scores)
-        information.append(matrices)
-    return Blocks(np.concatenate(score), np.concatenate(information), coloured)
+        for shift, owner in enumerate(owners):
+            for into, units in ((score, scores), (information, matrices)):
+                summed = np.zeros((number, *units.shape[1:]))
+                np.add.at(summed, owner, units)
+                into[shift].append(summed)
+    return tuple(
+        Blocks(np.concatenate(one), np.concatenate(other), coloured)
+        for one, other in zip(score, information, strict=True)
+    )
 
 
-def _block_of_rows(pieces: Sequence[Piece], length: int) -> NDArray[np.intp]:
-    """Block of each row of a trial's segments, from 0 on."""
+def _units(pieces: Sequence[Piece], length: int) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
+    """Unit of each row of a trial's segments, block of each unit at every shift, number of blocks.
+
+    A unit is a segment or, where segments are divided, a quarter of a block.
+    """
     counts = [piece.counted.any(axis=1) for piece in pieces]
     total = sum(int(counted.sum()) for counted in counts)
-    part, parts = [], 0
+    unit: list[NDArray[np.intp]] = []
+    place: list[int] = []
+    parts = 0
     for counted in counts:
         inside = int(counted.sum())
         split = max(1, inside // length if len(pieces) > 1 else round(inside / length))
+        finer = _SHIFTS if split > 1 else 1
         done = np.minimum(np.cumsum(counted), max(inside - 1, 0))
-        part.append(parts + done * split // max(inside, 1))
+        unit.append(len(place) + done * (split * finer) // max(inside, 1))
+        place += [parts * _SHIFTS + i * _SHIFTS // finer for i in range(split * finer)]
         parts += split
     number = max(1, min(parts, round(total / length)))
-    return np.asarray(np.concatenate(part) * number // parts)
+    shifts = np.arange(_SHIFTS)[:, None]
+    owners = (np.array(place) * number + shifts * parts) // (_SHIFTS * parts) % number
+    return np.concatenate(unit), owners, number
 
 
 def _on_grid(lin: Linearisation) -> Iterator[tuple[list[Piece], NDArray[np.intp], NDArray[np.bool_]]]:
@@ -288,24 +324,35 @@ def whitened(lin: Linearisation, length: BlockLength | None = None) -> Whitened:
     CampaignError
         No sample counts.
     """
+    return views(lin, length)[0]
+
+
+def views(lin: Linearisation, length: BlockLength | None = None) -> tuple[Whitened, ...]:
+    """The divisions of `divided` in the coordinates of `whitened`, which they share."""
     length = block_length(lin) if length is None else length
-    data = blocks(lin, length)
+    divisions = divided(lin, length)
     precision = np.array([unknown.prior_sd**-2.0 for unknown in lin.unknowns])
     centre = np.array([unknown.prior for unknown in lin.unknowns])
-    transform, undetermined = determined(data.information.sum(axis=0) + np.diag(precision))
-    score = data.score @ transform
-    information = transform.T @ data.information @ transform
-    # Newton's step to the optimum of the linearised problem; scores are taken there, not at a bound.
-    step = score.sum(axis=0) - transform.T @ (precision * (lin.values - centre))
-    return Whitened(
-        length=length,
-        transform=transform,
-        undetermined=undetermined,
-        score=score - information @ step,
-        information=information,
-        coloured=transform.T @ data.coloured @ transform,
-        prior=transform.T @ (precision[:, None] * transform),
-    )
+    transform, undetermined = determined(divisions[0].information.sum(axis=0) + np.diag(precision))
+    coloured = transform.T @ divisions[0].coloured @ transform
+    found = []
+    for data in divisions:
+        score = data.score @ transform
+        information = transform.T @ data.information @ transform
+        # Newton's step to the optimum of the linearised problem; scores are taken there, not at a bound.
+        step = score.sum(axis=0) - transform.T @ (precision * (lin.values - centre))
+        found.append(
+            Whitened(
+                length=length,
+                transform=transform,
+                undetermined=undetermined,
+                score=score - information @ step,
+                information=information,
+                coloured=coloured,
+                prior=transform.T @ (precision[:, None] * transform),
+            )
+        )
+    return tuple(found)
 
 
 def determined(information: Array) -> tuple[Array, NDArray[np.bool_]]:

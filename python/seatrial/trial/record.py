@@ -221,9 +221,10 @@ class Replay:
             nuisance=nuisance,
             initial=initial,
         )
+        counted = [self.counted(index)[:, columns] for index in range(len(found))]
         return [
-            (self._error(index, shown), np.where(self.counted(index)[:, columns, None], slopes, 0.0))
-            for index, (shown, slopes) in enumerate(found)
+            (self._error(index, shown), slopes if mask.all() else np.where(mask[:, :, None], slopes, 0.0))
+            for index, ((shown, slopes), mask) in enumerate(zip(found, counted, strict=True))
         ]
 
     def tangents(

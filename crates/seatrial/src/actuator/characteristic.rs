@@ -34,6 +34,19 @@ pub struct Thrust<T> {
     pub torque_per_inflow: T,
 }
 
+impl Thrust<f64> {
+    /// The same thrust in the kind of `unit`.
+    #[inline(always)]
+    pub(crate) fn in_kind_of<T: Real>(&self, unit: T) -> Thrust<T> {
+        Thrust {
+            force: unit.splat(self.force),
+            force_per_inflow: unit.splat(self.force_per_inflow),
+            torque: unit.splat(self.torque),
+            torque_per_inflow: unit.splat(self.torque_per_inflow),
+        }
+    }
+}
+
 impl<T: Real> Thrust<T> {
     /// Thrust and torque times a factor.
     #[inline(always)]

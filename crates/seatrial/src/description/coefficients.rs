@@ -34,8 +34,10 @@ pub const CENTRE_OF_GRAVITY: usize = 7;
 pub const CENTRE_OF_BUOYANCY: usize = 10;
 /// Index of the buoyancy.
 pub const BUOYANCY: usize = 13;
-const ADDED_MASS: usize = 14;
-const LINEAR: usize = 35;
+/// Index of `X_udot`; the upper triangle of the added mass follows.
+pub const ADDED_MASS: usize = 14;
+/// Index of `X_u`; the linear damping follows.
+pub const LINEAR: usize = 35;
 const QUADRATIC: usize = 71;
 /// Index of `Y_uv`; seven more follow.
 pub const LIFT: usize = 107;

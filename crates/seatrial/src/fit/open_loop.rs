@@ -14,11 +14,12 @@ use crate::fit::record::{MotorMemory, Record, Segment, Start};
 use crate::model::integrate::{State, step};
 use crate::model::kinematics::rotation;
 use crate::model::vehicle::{Instant, Vehicle};
+use crate::number::algebra::Vec3;
 use crate::number::real::Real;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// After so many steps within a sample the caller may stop the run.
-const STEPS_BETWEEN_LOOKS: usize = 4096;
+pub(super) const STEPS_BETWEEN_LOOKS: usize = 4096;
 
 /// What is kept of a run.
 pub enum Observer<'a, T> {
@@ -63,59 +64,107 @@ pub fn fly<T: Real>(
     stop: &AtomicBool,
 ) -> Result<(), Error> {
     let mut state = start.state;
-    let unit = state.nu[0].zero();
     let h = record.dt / substeps as f64;
-    let mut motors = Motors::new(vehicle, record, segment, substeps, unit);
-    let mut instants: [Instant<T>; 3] = Default::default();
+    let mut course = Course::new(vehicle, record, segment, substeps, start.current, state.nu[0].zero());
     for k in segment.start..segment.stop {
         if stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
-        }
-        let tau = record.tau.get(k).copied().unwrap_or_default();
-        for instant in &mut instants {
-            instant.tau = tau;
         }
         for s in 0..substeps {
             // Between two samples there may be a day.
             if s % STEPS_BETWEEN_LOOKS == STEPS_BETWEEN_LOOKS - 1 && stop.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
-            motors.begin(k, s);
-            // At a sample wrench and voltage change; an ideal motor's signal jumps at any step.
-            if s == 0 || motors.any_ideal {
-                motors.thrust(k, &mut instants[0]);
-            }
-            for (i, instant) in instants.iter_mut().enumerate() {
-                let fraction = (s as f64 + 0.5 * i as f64) / substeps as f64;
-                instant.current = record.current(k, fraction, unit, start.current.as_ref());
-                let node = (2 * (k * substeps + s) + i).min(record.measured.len().saturating_sub(1));
-                if let Some(measured) = record.measured.get(node) {
-                    instant.measured = *measured;
-                }
-            }
+            course.begin(k, s);
             if s == 0 {
                 if k == segment.start {
-                    state.replay(vehicle, &instants[0]);
+                    state.replay(vehicle, &course.instants[0]);
                 }
-                observe(observer, k, segment.start, (vehicle, &state), (&motors, &instants[0]));
+                observe(observer, k, segment.start, (vehicle, &state), &course);
                 if k + 1 == segment.stop {
                     if let Observer::Track(track) = observer {
-                        track.motors = motors.memory(k);
+                        track.motors = course.motors.memory(k);
                     }
                     return Ok(());
                 }
             }
-            for half in 1..3 {
-                motors.go_on(k, s, half);
-                motors.thrust(k, &mut instants[half]);
-            }
-            state = step(vehicle, &state, h, &instants);
-            let (first, rest) = instants.split_at_mut(1);
-            std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
-            first[0].inflow_free = rest[1].inflow_free;
+            course.go_on(k, s);
+            state = step(vehicle, &state, h, &course.instants);
+            course.hand_on();
         }
     }
     Ok(())
+}
+
+/// What acts on a vehicle along a record, step by step.
+pub(super) struct Course<'a, T> {
+    /// The vehicle's motors.
+    pub motors: Motors<'a, T>,
+    /// The start, the middle and the end of the step.
+    pub instants: [Instant<T>; 3],
+    record: &'a Record,
+    substeps: usize,
+    /// A current besides the record's, NED, m/s.
+    current: Option<Vec3<T>>,
+    unit: T,
+}
+
+impl<'a, T: Real> Course<'a, T> {
+    /// The course as a segment meets it.
+    #[inline(always)]
+    pub fn new(
+        vehicle: &'a Vehicle<T>,
+        record: &'a Record,
+        segment: &Segment,
+        substeps: usize,
+        current: Option<Vec3<T>>,
+        unit: T,
+    ) -> Self {
+        let motors = Motors::new(vehicle, record, segment, substeps, unit);
+        Self { motors, instants: Default::default(), record, substeps, current, unit }
+    }
+
+    /// Step `s` of sample `k` begins: all that acts but the thrusts of its middle and its end.
+    #[inline(always)]
+    pub fn begin(&mut self, k: usize, s: usize) {
+        let record = self.record;
+        if s == 0 {
+            let tau = record.tau.get(k).copied().unwrap_or_default();
+            for instant in &mut self.instants {
+                instant.tau = tau;
+            }
+        }
+        self.motors.begin(k, s);
+        // At a sample wrench and voltage change; an ideal motor's signal jumps at any step.
+        if s == 0 || self.motors.any_ideal {
+            self.motors.thrust(k, &mut self.instants[0]);
+        }
+        for (i, instant) in self.instants.iter_mut().enumerate() {
+            let fraction = (s as f64 + 0.5 * i as f64) / self.substeps as f64;
+            instant.current = record.current(k, fraction, self.unit, self.current.as_ref());
+            let node = (2 * (k * self.substeps + s) + i).min(record.measured.len().saturating_sub(1));
+            if let Some(measured) = record.measured.get(node) {
+                instant.measured = *measured;
+            }
+        }
+    }
+
+    /// The thrusts in the middle and at the end of step `s` of sample `k`.
+    #[inline(always)]
+    pub fn go_on(&mut self, k: usize, s: usize) {
+        for half in 1..3 {
+            self.motors.go_on(k, s, half);
+            self.motors.thrust(k, &mut self.instants[half]);
+        }
+    }
+
+    /// The end of the step is the start of the next one.
+    #[inline(always)]
+    pub fn hand_on(&mut self) {
+        let (first, rest) = self.instants.split_at_mut(1);
+        std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
+        first[0].inflow_free = rest[1].inflow_free;
+    }
 }
 
 #[inline(always)]
@@ -124,7 +173,7 @@ fn observe<T: Real>(
     k: usize,
     start: usize,
     (vehicle, state): (&Vehicle<T>, &State<T>),
-    (motors, instant): (&Motors<'_, T>, &Instant<T>),
+    course: &Course<'_, T>,
 ) {
     match observer {
         Observer::Criterion(criterion) => {
@@ -134,13 +183,14 @@ fn observe<T: Real>(
         }
         Observer::Shown(shown) => shown.add(state),
         Observer::Track(track) => {
+            let instant = &course.instants[0];
             let nu_r = match &instant.current {
                 Some(current) => current.relative(&rotation(&state.attitude), &state.nu).nu,
                 None => state.nu,
             };
             track.states.push(*state);
             track.tau.push(vehicle.wrench(instant, &nu_r));
-            track.signals.push(motors.signals.clone());
+            track.signals.push(course.motors.signals.clone());
         }
     }
 }

@@ -1,7 +1,9 @@
 //! What the channels of every segment show, and its exact derivatives by any coefficient, nuisance
-//! parameter and initial condition: eight unknowns to a flight.
+//! parameter and initial condition.
 //!
-//! Every (segment, eight unknowns) pair is a task of its own, so that threads never change a result.
+//! In lanes eight unknowns go abreast, by the variational equations ([`super::variations`]); without lanes every
+//! unknown has a flight of its own in dual numbers. Every (segment, some unknowns) pair is a task, so that threads
+//! never change a result.
 //!
 //! The model has corners, where one of the derivatives beside them counts: a dead time or a latency of whole
 //! steps, knots of a measured table, the ends of a rate limit; |x| at zero has derivative zero. Behind a rate
@@ -12,13 +14,14 @@
 //! `tests/core/test_casadi_derivatives.py`.
 
 use crate::description::assembly::Structure;
+use crate::description::coefficients as names;
 use crate::error::Error;
 use crate::fit::batch::Batch;
 use crate::fit::criterion::{CHANNELS, Criterion, Loss};
-use crate::fit::observation::{INITIALS, NUISANCES, Nuisance, Shown};
+use crate::fit::observation::{FORCE, INITIALS, NUISANCES, Nuisance, Shown};
 use crate::fit::open_loop::{Observer, fly};
 use crate::fit::record::{Segment, Start};
-use crate::model::vehicle::Vehicle;
+use crate::model::vehicle::{Summed, Vehicle};
 use crate::number::dual::{Dual, Valued};
 use crate::number::lanes::{LANES, level};
 use crate::number::real::Real;
@@ -80,15 +83,45 @@ pub struct Gradient {
     pub slopes: Vec<f64>,
 }
 
-struct Work<'a> {
-    point: Point<'a>,
-    structure: Structure,
-    asked: &'a [usize],
+pub(super) struct Work<'a> {
+    pub point: Point<'a>,
+    pub structure: Structure,
+    pub asked: &'a [usize],
     /// No unknown of the whole request lies between motion and channels or in the start: all its groups
     /// of eight take the same way, so that grouping never changes a bit.
     coefficients_only: bool,
-    stop: &'a AtomicBool,
+    pub stop: &'a AtomicBool,
 }
+
+/// A segment's vehicle, and what stands between motion and channels.
+pub(super) struct Prepared<T> {
+    pub vehicle: Vehicle<T>,
+    pub start: Start<T>,
+    shows: Nuisance<T>,
+    plain: bool,
+}
+
+impl<T: Real> Prepared<T> {
+    /// Nothing yet of what a segment shows.
+    #[inline(always)]
+    pub fn shown<'a>(&'a self, asked: &'a [usize], segment: &Segment) -> Shown<'a, T> {
+        Shown::new((!self.plain).then_some(&self.shows), asked, segment.stop - segment.start)
+    }
+}
+
+/// Up to eight unknowns that go abreast.
+pub(super) struct Group {
+    /// Their places among all.
+    pub places: Vec<usize>,
+    pub unknowns: Vec<Unknown>,
+    /// The terms of the equation of motion that they stand in themselves.
+    pub of: Summed,
+    /// Whether the current is among them.
+    pub current: bool,
+}
+
+/// Groups to a task: they share the flight and its linearisation.
+const ABREAST: usize = 16;
 
 const ALL: [usize; CHANNELS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
 
@@ -108,16 +141,18 @@ impl Batch<'_> {
         let structure = Structure::new(self.description, point.sought);
         let coefficients_only = unknowns.iter().all(|unknown| matches!(unknown, Unknown::Direction(_)));
         let work = Work { point, structure, asked, coefficients_only, stop };
-        let partials = self.differentiate(&work, unknowns)?;
-        let groups = unknowns.len().div_ceil(LANES);
+        let groups = self.groups(point, unknowns);
+        let partials = self.differentiate(&work, &groups)?;
         Ok((0..self.segments.len())
             .into_par_iter()
             .zip(rows)
             .map(|(s, rows)| {
                 let mut jacobian = vec![0.0; rows.len() * asked.len() * unknowns.len()];
                 for (place, row) in jacobian.chunks_exact_mut(unknowns.len().max(1)).enumerate() {
-                    for (group, chunk) in partials[s * groups..].iter().zip(row.chunks_mut(LANES)) {
-                        chunk.copy_from_slice(&group[place][..chunk.len()]);
+                    for (group, partials) in groups.iter().zip(&partials[s * groups.len()..]) {
+                        for (&to, from) in group.places.iter().zip(&partials[place]) {
+                            row[to] = from + 0.0; // no zero is negative for its neighbours' sake
+                        }
                     }
                 }
                 Prediction { rows, jacobian }
@@ -176,36 +211,61 @@ impl Batch<'_> {
     ) -> Result<Vec<Vec<[f64; CHANNELS]>>, Error> {
         let structure = Structure::new(self.description, point.sought);
         let work = Work { point, structure, asked: &ALL, coefficients_only: true, stop };
-        let mut values = self.description.coefficients.clone();
-        for (&index, &value) in point.sought.iter().zip(point.values) {
-            values[index] = value;
-        }
         (0..self.segments.len())
             .into_par_iter()
             .map(|s| {
-                let nuisance = point.nuisance[self.segments[s].record];
-                let shown = self.observe(&work, &values, &nuisance, &point.initial[s], s)?;
-                Ok(shown.as_chunks().0.to_vec())
+                let (segment, prepared) = (&self.segments[s], self.unseeded(&work, s));
+                let mut observer = Observer::Shown(prepared.shown(work.asked, segment));
+                let record = &self.records[segment.record];
+                let start = &prepared.start;
+                fly(&prepared.vehicle, record, segment, (self.substeps, start), &mut observer, stop)?;
+                Ok(finished(observer, record.dt).as_chunks().0.to_vec())
             })
             .collect()
     }
 
-    /// The partials of every segment by every eight unknowns, `[segment][group]` in one row, each
+    /// The unknowns by eight, those of the same terms together.
+    fn groups(&self, point: Point<'_>, unknowns: &[Unknown]) -> Vec<Group> {
+        let current = |unknown| matches!(unknown, Unknown::Nuisance(0..3));
+        let of = |&place: &usize| match unknowns[place] {
+            Unknown::Direction(_) => {
+                point.sought.iter().enumerate().fold(Summed::default(), |all, (i, &index)| {
+                    if point.along(unknowns[place], i) == 0.0 { all } else { all.and(summed(index)) }
+                })
+            }
+            Unknown::Nuisance(0..3) => Summed::ALL,
+            Unknown::Nuisance(FORCE..) => Summed { bias: true, ..Summed::default() },
+            Unknown::Nuisance(_) | Unknown::Initial(_) => Summed::default(),
+        };
+        let mut places: Vec<usize> = (0..unknowns.len()).collect();
+        places.sort_by_cached_key(of);
+        let group = |places: &[usize]| Group {
+            places: places.to_vec(),
+            unknowns: places.iter().map(|&place| unknowns[place]).collect(),
+            of: places.iter().fold(Summed::default(), |all, place| all.and(of(place))),
+            current: places.iter().any(|&place| current(unknowns[place])),
+        };
+        places.chunks(LANES).map(group).collect()
+    }
+
+    /// The partials of every segment by every group of unknowns, `[segment][group]` in one row, each
     /// `[sample, channel asked for][unknown of the group]`.
-    fn differentiate(&self, work: &Work<'_>, unknowns: &[Unknown]) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
+    fn differentiate(&self, work: &Work<'_>, groups: &[Group]) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
         let (name, level) = level()?;
-        let groups: Vec<&[Unknown]> = unknowns.chunks(LANES).collect();
-        (0..self.segments.len() * groups.len())
+        let tasks: Vec<(usize, &[Group])> = (0..self.segments.len())
+            .flat_map(|s| groups.chunks(ABREAST).map(move |some| (s, some)))
+            .collect();
+        let found = tasks
             .into_par_iter()
-            .map(|task| {
-                let (s, group) = (task / groups.len(), groups[task % groups.len()]);
+            .map(|(s, some)| {
                 if name == "fallback" {
-                    self.one_by_one(work, group, s)
+                    some.iter().map(|group| self.one_by_one(work, &group.unknowns, s)).collect()
                 } else {
-                    on_level(level, self, work, group, s)
+                    on_level(level, self, work, some, s)
                 }
             })
-            .collect()
+            .collect::<Result<Vec<Vec<_>>, Error>>()?;
+        Ok(found.into_iter().flatten().collect())
     }
 
     /// The derivatives by one unknown after the other: where there are no lanes.
@@ -219,7 +279,12 @@ impl Batch<'_> {
         for lane in 0..unknowns.len() {
             let unit = |wanted: Unknown| if unknowns[lane] == wanted { 1.0 } else { 0.0 };
             let along = |i: usize| work.point.along(unknowns[lane], i);
-            let shown = self.seeded(work, 0.0, (unit, along), unknowns, s)?;
+            let seeded = self.seeded(work, 0.0, (unit, along), unknowns, s);
+            let (segment, mut observer) =
+                (&self.segments[s], Observer::Shown(seeded.shown(work.asked, &self.segments[s])));
+            let record = &self.records[segment.record];
+            fly(&seeded.vehicle, record, segment, (self.substeps, &seeded.start), &mut observer, work.stop)?;
+            let shown = finished(observer, record.dt);
             all.resize(shown.len(), [0.0; LANES]);
             for (to, from) in all.iter_mut().zip(&shown) {
                 to[lane] = from.partials;
@@ -228,15 +293,15 @@ impl Batch<'_> {
         Ok(all)
     }
 
-    /// The derivatives by up to eight unknowns at once.
+    /// Segment `s` with up to eight unknowns, each in a lane of its own.
     #[inline(always)]
-    fn eight_unknowns<S: Simd>(
+    pub(super) fn seeded_in_lanes<S: Simd>(
         &self,
         simd: S,
         work: &Work<'_>,
         unknowns: &[Unknown],
         s: usize,
-    ) -> Result<Vec<[f64; LANES]>, Error> {
+    ) -> Prepared<Dual<f64x8<S>>> {
         let unit = |wanted: Unknown| {
             f64x8::from_fn(simd, |lane| if unknowns.get(lane) == Some(&wanted) { 1.0 } else { 0.0 })
         };
@@ -245,12 +310,10 @@ impl Batch<'_> {
                 unknowns.get(lane).map_or(0.0, |&unknown| work.point.along(unknown, i))
             })
         };
-        let shown = self.seeded(work, simd.splat_f64x8(0.0), (unit, along), unknowns, s)?;
-        Ok(shown.iter().map(|x| x.partials.into()).collect())
+        self.seeded(work, simd.splat_f64x8(0.0), (unit, along), unknowns, s)
     }
 
-    /// What segment `s` shows, every unknown seeded with its `unit`; `along(i)` is the seed of the sought
-    /// coefficient `i`.
+    /// Segment `s`, every unknown seeded with its `unit`; `along(i)` is the seed of the sought coefficient `i`.
     #[inline(always)]
     fn seeded<P: Real>(
         &self,
@@ -259,7 +322,7 @@ impl Batch<'_> {
         (unit, along): (impl Fn(Unknown) -> P, impl Fn(usize) -> P),
         unknowns: &[Unknown],
         s: usize,
-    ) -> Result<Vec<Dual<P>>, Error> {
+    ) -> Prepared<Dual<P>> {
         let constant = |value: f64| Dual { value, partials: none };
         let mut values: Vec<Dual<P>> = self.description.coefficients.iter().map(|&x| constant(x)).collect();
         for (i, (&index, &value)) in work.point.sought.iter().zip(work.point.values).enumerate() {
@@ -274,19 +337,30 @@ impl Batch<'_> {
                 Unknown::Initial(i) => initial[i].partials = unit(unknown),
             }
         }
-        self.observe(work, &values, &nuisance, &initial, s)
+        self.prepared(work, &values, &nuisance, &initial, s)
     }
 
-    /// What segment `s` shows in the channels asked for, sample by sample.
+    /// Segment `s` at the point itself.
     #[inline(always)]
-    fn observe<T: Valued>(
+    pub(super) fn unseeded(&self, work: &Work<'_>, s: usize) -> Prepared<f64> {
+        let mut values = self.description.coefficients.clone();
+        for (&index, &value) in work.point.sought.iter().zip(work.point.values) {
+            values[index] = value;
+        }
+        let nuisance = &work.point.nuisance[self.segments[s].record];
+        self.prepared(work, &values, nuisance, &work.point.initial[s], s)
+    }
+
+    /// Segment `s` with these coefficients, nuisance parameters and initial conditions.
+    #[inline(always)]
+    fn prepared<T: Valued>(
         &self,
         work: &Work<'_>,
         values: &[T],
         nuisance: &[T; NUISANCES],
         initial: &[T; INITIALS],
         s: usize,
-    ) -> Result<Vec<T>, Error> {
+    ) -> Prepared<T> {
         let segment = &self.segments[s];
         let record = &self.records[segment.record];
         let mut vehicle =
@@ -298,11 +372,32 @@ impl Batch<'_> {
         if !plain {
             vehicle.push(&shows.force);
         }
-        let start = if plain { Start::of(segment, none) } else { shows.start(&segment.state, initial) };
-        let shown = Shown::new((!plain).then_some(&shows), work.asked, segment.stop - segment.start);
-        let mut observer = Observer::Shown(shown);
-        fly(&vehicle, record, segment, (self.substeps, &start), &mut observer, work.stop)?;
-        Ok(if let Observer::Shown(shown) = observer { shown.finish(record.dt) } else { Vec::new() })
+        let mut start = if plain { Start::of(segment, none) } else { shows.start(&segment.state, initial) };
+        // Still water stays still water.
+        start.current = start.current.filter(|current| !current.iter().all(|x| x.equals(none)));
+        Prepared { vehicle, start, shows, plain }
+    }
+}
+
+/// What was shown, sample by sample.
+#[inline(always)]
+fn finished<T: Valued>(observer: Observer<'_, T>, dt: f64) -> Vec<T> {
+    if let Observer::Shown(shown) = observer { shown.finish(dt) } else { Vec::new() }
+}
+
+/// The terms of the equation of motion that a coefficient stands in.
+fn summed(index: usize) -> Summed {
+    let none = Summed::default();
+    match index {
+        ..names::CENTRE_OF_BUOYANCY => Summed { mass: true, restoring: true, ..none },
+        names::CENTRE_OF_BUOYANCY..=names::BUOYANCY => Summed { restoring: true, ..none },
+        names::ADDED_MASS..names::LINEAR => Summed { mass: true, ..none },
+        names::LINEAR..names::LIFT => Summed { damping: true, ..none },
+        names::LIFT..names::BIAS => Summed { lift: true, ..none },
+        names::BIAS..names::CROSS_FLOW => Summed { bias: true, ..none },
+        names::CROSS_FLOW..names::TETHER => Summed { cross_flow: true, ..none },
+        names::TETHER..names::HULL => Summed { tether: true, ..none },
+        _ => Summed { thrust: true, ..none },
     }
 }
 
@@ -311,21 +406,21 @@ fn on_level(
     level: Level,
     batch: &Batch<'_>,
     work: &Work<'_>,
-    unknowns: &[Unknown],
+    groups: &[Group],
     s: usize,
-) -> Result<Vec<[f64; LANES]>, Error> {
+) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     {
         if let Some(simd) = level.as_avx512() {
             return simd.vectorize(
                 #[inline(always)]
-                || batch.eight_unknowns(simd, work, unknowns, s),
+                || batch.varied(simd, work, groups, s),
             );
         }
         if let Some(simd) = level.as_avx2() {
             return simd.vectorize(
                 #[inline(always)]
-                || batch.eight_unknowns(simd, work, unknowns, s),
+                || batch.varied(simd, work, groups, s),
             );
         }
     }
@@ -333,10 +428,10 @@ fn on_level(
     if let Some(simd) = level.as_neon() {
         return simd.vectorize(
             #[inline(always)]
-            || batch.eight_unknowns(simd, work, unknowns, s),
+            || batch.varied(simd, work, groups, s),
         );
     }
     // Older instruction sets have no fused product; plain numbers serve them as well.
     let _ = level;
-    batch.one_by_one(work, unknowns, s)
+    groups.iter().map(|group| batch.one_by_one(work, &group.unknowns, s)).collect()
 }

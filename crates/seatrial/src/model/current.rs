@@ -33,6 +33,16 @@ pub struct Relative<T> {
     pub pressed: Option<Vec3<T>>,
 }
 
+impl Current<f64> {
+    /// The same water in the kind of `unit`.
+    #[inline(always)]
+    pub(crate) fn in_kind_of<T: Real>(&self, unit: T) -> Current<T> {
+        let lifted = |v: &Vec3<f64>| [unit.splat(v[0]), unit.splat(v[1]), unit.splat(v[2])];
+        let pressed = self.pressed.as_ref().map(lifted);
+        Current { velocity: lifted(&self.velocity), rate: lifted(&self.rate), pressed }
+    }
+}
+
 impl<T: Real> Current<T> {
     /// The water as a vehicle with velocity `nu` at the rotation `r` (body → NED) meets it.
     #[inline(always)]

@@ -33,8 +33,9 @@ impl<T: Real> State<T> {
         [x, y, z, a, b, c, d, u, v, w, p, q, r]
     }
 
+    /// The state of a row.
     #[inline(always)]
-    fn from_row(row: &[T; 13]) -> Self {
+    pub(crate) fn from_row(row: &[T; 13]) -> Self {
         let [x, y, z, a, b, c, d, u, v, w, p, q, r] = *row;
         Self { position: [x, y, z], attitude: [a, b, c, d], nu: [u, v, w, p, q, r] }
     }

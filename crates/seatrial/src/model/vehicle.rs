@@ -143,6 +143,55 @@ pub struct Forces<T> {
     pub restoring: Vec6<T>,
 }
 
+/// Which terms of the equation of motion are summed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Summed {
+    /// Thrusters and fins, and the wrench from outside.
+    pub thrust: bool,
+    /// Rigid body and added mass.
+    pub mass: bool,
+    /// Linear and quadratic damping.
+    pub damping: bool,
+    /// Cross-flow drag by strips.
+    pub cross_flow: bool,
+    /// Drag and pull of a tether.
+    pub tether: bool,
+    /// Lift of hull and fixed fins.
+    pub lift: bool,
+    /// Weight and buoyancy.
+    pub restoring: bool,
+    /// Constant wrench in the body frame.
+    pub bias: bool,
+}
+
+impl Summed {
+    /// All of them.
+    pub(crate) const ALL: Self = Self {
+        thrust: true,
+        mass: true,
+        damping: true,
+        cross_flow: true,
+        tether: true,
+        lift: true,
+        restoring: true,
+        bias: true,
+    };
+
+    /// The terms of either.
+    pub(crate) fn and(self, other: Self) -> Self {
+        Self {
+            thrust: self.thrust || other.thrust,
+            mass: self.mass || other.mass,
+            damping: self.damping || other.damping,
+            cross_flow: self.cross_flow || other.cross_flow,
+            tether: self.tether || other.tether,
+            lift: self.lift || other.lift,
+            restoring: self.restoring || other.restoring,
+            bias: self.bias || other.bias,
+        }
+    }
+}
+
 impl<T: Real> Vehicle<T> {
     /// The vehicle made of these terms: `M = M_RB + M_A`, factored once for the axes that are free.
     #[inline(always)]
@@ -201,7 +250,20 @@ impl<T: Real> Vehicle<T> {
         nu: &Vec6<T>,
         instant: &Instant<T>,
     ) -> Vec6<T> {
+        self.solve(&self.force(Summed::ALL, (position, r), nu, instant), &instant.measured[1])
+    }
+
+    /// The force of some terms where and when [`Vehicle::acceleration`] sums them all, N and N m.
+    #[inline(always)]
+    pub(crate) fn force(
+        &self,
+        of: Summed,
+        (position, r): (Option<&Vec3<T>>, &Mat3<T>),
+        nu: &Vec6<T>,
+        instant: &Instant<T>,
+    ) -> Vec6<T> {
         let mut f = match &instant.inflow_free {
+            _ if !of.thrust => [nu[0].zero(); 6],
             Some(wrench) => *wrench,
             None => self.inflow_free(instant, nu[0].zero()),
         };
@@ -209,34 +271,44 @@ impl<T: Real> Vehicle<T> {
         if let Some(current) = &instant.current {
             let relative = current.relative(r, nu);
             nu_r = relative.nu;
-            f = add(&f, &self.added_mass.momentum(&relative.current_rate));
-            if let Some(pressed) = &relative.pressed {
+            if of.mass {
+                f = add(&f, &self.added_mass.momentum(&relative.current_rate));
+            }
+            if let Some(pressed) = relative.pressed.as_ref().filter(|_| of.restoring) {
                 f = self.restoring.add_pressure(pressed, &f);
             }
         }
-        f = self.inflow(instant, &nu_r, &f);
-        f = self.rigid_body.add_coriolis(nu, &f);
-        f = self.added_mass.add_coriolis(&nu_r, &f);
-        f = self.damping.add(&nu_r, &f);
-        if let Some(cross_flow) = &self.cross_flow {
+        if of.thrust {
+            f = self.inflow(instant, &nu_r, &f);
+        }
+        if of.mass {
+            f = self.rigid_body.add_coriolis(nu, &f);
+            f = self.added_mass.add_coriolis(&nu_r, &f);
+        }
+        if of.damping {
+            f = self.damping.add(&nu_r, &f);
+        }
+        if let Some(cross_flow) = self.cross_flow.as_ref().filter(|_| of.cross_flow) {
             f = cross_flow.add(&nu_r, &f);
         }
-        if let Some(tether) = &self.tether {
+        if let Some(tether) = self.tether.as_ref().filter(|_| of.tether) {
             f = tether.add((position, r), &nu_r, &f);
         }
-        if let Some(lift) = &self.lift {
+        if let Some(lift) = self.lift.as_ref().filter(|_| of.lift) {
             f = lift.add(&nu_r, &f);
         }
-        f = self.restoring.add(r, &f);
-        if let Some(bias) = &self.bias {
+        if of.restoring {
+            f = self.restoring.add(r, &f);
+        }
+        if let Some(bias) = self.bias.as_ref().filter(|_| of.bias) {
             f = add(&f, bias);
         }
-        self.solve(&f, &instant.measured[1])
+        f
     }
 
     /// `ν' = M⁻¹ f` on the free axes, zero on frozen and `nu_rate` on measured ones.
     #[inline(always)]
-    fn solve(&self, f: &Vec6<T>, nu_rate: &Vec6<f64>) -> Vec6<T> {
+    pub(crate) fn solve(&self, f: &Vec6<T>, nu_rate: &Vec6<f64>) -> Vec6<T> {
         if !self.replayed {
             return self.inverse.times(f);
         }
@@ -253,6 +325,21 @@ impl<T: Real> Vehicle<T> {
             rest[i] -= share[i];
         }
         add(&self.inverse.times(&rest), &given)
+    }
+
+    /// `M ν'`, N and N m.
+    #[inline(always)]
+    pub(crate) fn inertia(&self, rate: &Vec6<T>) -> Vec6<T> {
+        match &self.inverse {
+            Inverse::Full(_) => product(&self.mass_matrix, rate),
+            Inverse::Diagonal(_) => {
+                let mut inertia = *rate;
+                for i in 0..6 {
+                    inertia[i] = self.mass_matrix[i][i] * rate[i];
+                }
+                inertia
+            }
+        }
     }
 
     /// The motor or servo of actuator `i`, thrusters first.
@@ -325,6 +412,31 @@ impl<T: Real> Vehicle<T> {
                 .restoring
                 .add(r, &pressed.map_or(none, |a| self.restoring.add_pressure(&a, &none))),
         }
+    }
+}
+
+impl Vehicle<f64> {
+    /// `M⁻¹ f` on the free axes, of a force in any number type.
+    #[inline(always)]
+    pub(crate) fn accelerated<P: Real>(&self, f: &Vec6<P>) -> Vec6<P> {
+        let mut rate = [f[0].zero(); 6];
+        match &self.inverse {
+            Inverse::Diagonal(d) => {
+                for i in 0..6 {
+                    rate[i] = f[i] * d[i];
+                }
+            }
+            Inverse::Full(matrix) => {
+                for i in 0..6 {
+                    if self.modes[i] == Mode::Free {
+                        for j in 0..6 {
+                            rate[i] = f[j].mul_add(f[j].splat(matrix[i][j]), rate[i]);
+                        }
+                    }
+                }
+            }
+        }
+        rate
     }
 }
 
