@@ -54,11 +54,11 @@ __all__ = [
     "untold",
 ]
 
-TOLD = 0.5
+TOLD = 0.45
 """Share of the velocity's variance from which the exogenous command tells the vehicle.
 
-Straight missions in waves of 5 to 14 s show 0.28 at most. Dithers that drove 0.6 and more and depth steps that
-drove 0.4 to 0.7 told the planes' gain within 3 %, small dithers of 0.4 were up to 15 % wrong.
+Straight missions in waves of 5 to 14 s show 0.28 at most. Dithers that drove 0.6 and more and depth steps
+that drove 0.4 to 0.7 told the planes' gain within 3 %, small dithers of 0.4 were up to 15 % wrong.
 """
 
 REPLAYED = 0.7
@@ -149,8 +149,9 @@ class Verdict:
             waves = "" if math.isfinite(self.wave_period_s) else ", and no waves were seen"
             return f"{who} is closed and informative: what no measurement foretells drives {told}{waves}"
         by = f"by waves of {self.wave_period_s:.1f} s" if math.isfinite(self.wave_period_s) else "itself"
+        verb = "follows" if len(self.commands) == 1 else "follow"
         return (
-            f"{who} is dominated by feedback: {', '.join(self.commands)} follow the motion {by}, and what no"
+            f"{who} is dominated by feedback: {', '.join(self.commands)} {verb} the motion {by}, and what no"
             f" measurement foretells drives only {told}; this log cannot tell how the axis answers them"
         )
 
