@@ -16,7 +16,7 @@ The information about the gain and the axis' own damping, both unknown, gives th
 *System Identification* (1999), section 9.4). The amplitude is all that the actuators have left beside the
 autopilot: what is expected rests on the model before the trial and on waves that are told from the motion
 that the autopilot left of them, and half of it, for which a share of 0.9 was promised, left the gain of stern
-planes 5 to 20 % wrong in waves of 10 s and longer (``docs/how-to/plan_a_trial.md``). Held by
+planes 11 to 15 % low in waves of 9 s and longer (``docs/how-to/plan_a_trial.md``). Held by
 ``tests/experiment/test_dither.py``.
 """
 
