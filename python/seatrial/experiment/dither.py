@@ -120,9 +120,9 @@ class Dither:
         parts = []
         for name, a in self.amplitude.items():
             angle = self.units[name] == "rad"
-            parts.append(
-                f"{name} ±{abs(a) / DEGREE if angle else abs(a):.2g} {'deg' if angle else self.units[name]}"
-            )
+            size = abs(a) / DEGREE if angle else abs(a)
+            digits = f"{size:.0f}" if size >= 100.0 else f"{size:.2g}"
+            parts.append(f"{name} ±{digits} {'deg' if angle else self.units[name]}")
         how = (
             f"{MOTIONS[self.axis]} ({self.axis}): add {', '.join(parts)} to the autopilot's output from"
             f" {self.begin_s:.0f} s on for {self.duration_s:.0f} s, each level held for"
@@ -130,6 +130,8 @@ class Dither:
         )
         if math.isfinite(self.wave_period_s):
             how += f", which adds nothing at the waves' {self.wave_period_s:.1f} s"
+        if self.axis in "ZM":
+            how += "; it moves the depth: fly it in the simulator first, and keep surface and bottom clear"
         expected = (
             f"expected: the gain to {100.0 * self.deviation:.1f} % at best (standard deviation), with"
             f" {100.0 * self.share:.0f} % of the motion driven by the dither"
