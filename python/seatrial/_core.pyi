@@ -473,7 +473,7 @@ class OpenLoop:
         values (names,); directions (d, names): rows of changes of the coefficients, one per name when missing;
         nuisances and initials: names of further unknowns. The m columns are directions, nuisances, initials.
         channels: names of those to differentiate, all when missing. nuisance (records, 38) and initial
-        (segments, 12): values, zero when missing. Derivatives by dual numbers, exact to rounding; where a
+        (segments, 12): values, zero when missing. Derivatives by the variational equations, exact to rounding; where a
         function has a corner (|x| at 0, a latency or dead time of whole steps), that of one side or zero.
         """
 
