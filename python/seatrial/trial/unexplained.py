@@ -31,6 +31,8 @@ __all__ = ["BROAD", "Spectra", "peak", "spectra", "unexplained"]
 BROAD = 2.0
 """Least prominence of waves on what nothing explains; calm water and basins show at most 1.6."""
 
+_STILL, _TINY = 1e-9, 1e-100  # of a signal's size, and of all sizes: a spread below is rounding
+
 _BAND_HZ = (0.05, 0.5)  # of waves
 _FEWEST_PERIODS = 10.0  # in a recording
 _WINDOW_S = 100.0  # of a spectrum
@@ -92,7 +94,7 @@ def unexplained(trial: Trial) -> tuple[str, Spectra] | None:
     parts.append(np.abs(pushed) * pushed)
     regressors = np.ones((len(trial), 1))
     for part in parts:
-        moving = part[:, part.std(axis=0) > 0.0]
+        moving = part[:, part.std(axis=0) > _STILL * np.abs(part).max(axis=0, initial=_TINY)]
         if regressors.shape[1] + moving.shape[1] > len(trial) * trial.dt / _APART_S:
             break
         regressors = np.column_stack([regressors, (moving - moving.mean(axis=0)) / moving.std(axis=0)])
@@ -150,5 +152,5 @@ def _centroid(motion: Spectra, at: float) -> float:
     above = np.maximum(power[around] - np.exp(low + place[:, None] * (high - low)), 0.0)
     near = np.log(power[(hz > _NEAR[0] * at) & (hz < _NEAR[1] * at)].mean(axis=0))
     weight = np.maximum(near - 0.5 * (low + high), 0.0)  # channels vote with their prominence
-    energy = (weight * above / above.sum(axis=0)).sum(axis=1)
+    energy = (weight * above / np.maximum(above.sum(axis=0), np.finfo(float).tiny)).sum(axis=1)
     return float(hz[around] @ energy / energy.sum())
