@@ -13,7 +13,7 @@ least. It is looked for in the samples of the sensor itself; between two of them
 base has less, ``(1 - f)^2 + f^2`` of it. Coloured noise and the noise of a rate that was differentiated from
 angles are underestimated: the figure is an upper limit.
 
-The variance by waves is the power of the wave peak above the smooth spectrum (`seatrial.trial.waves`), none
+The variance by waves is the power that they have in their band (`seatrial.trial.waves`), none
 where open-loop commands oscillate alike. Where there is such a peak, a score is split in two bands at the
 frequency below it: the cosine transform (DCT-II, orthonormal) of a window's errors and of its measured
 deviations parts both sums of squares exactly.
