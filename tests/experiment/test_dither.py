@@ -153,3 +153,17 @@ def test_a_table_that_cannot_be_added_is_refused(
         read_dither(path, VEHICLE, "field.toml: sailed, key dither")
     with pytest.raises(TrialError, match=r"field.toml: sailed, key dither: .*none.csv cannot be read"):
         read_dither(tmp_path / "none.csv", VEHICLE, "field.toml: sailed, key dither")
+
+
+def test_an_axis_that_feedback_dominates_without_waves_gets_a_dither_by_its_own_motion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("seatrial.trial.verdict.waves", lambda trial: None)
+    plain = Trial.read(Recipe.load(mission(tmp_path)).table(), align=False, name="plain")
+    verdicts = judge_trial(plain, VEHICLE)
+    assert verdicts["N"].dominated
+    planned = {dither.axis: dither for dither in dithers([plain], VEHICLE, verdicts)}["N"]
+    assert 2.0 < planned.hold_s < 60.0
+    assert np.isnan(planned.wave_period_s)
+    assert "waves'" not in planned.sentence
+    assert "waves'" in some().sentence
