@@ -138,8 +138,8 @@ class Assessment:
                 lines.append(
                     f"{name} is not identified: predictions {horizon.ahead_s:g} s ahead say"
                     f" {horizon.values[place]:.3g}, the fit {self.uncertainty.estimate[place]:.3g}, apart by"
-                    f" {abs(horizon.away[place]):.1f} standard deviations of the difference; fix it, or sail"
-                    " steps on top of the autopilot (seatrial plan)"
+                    f" {abs(horizon.away[place]):.1f} standard deviations of the difference; hold it at a"
+                    " value that you trust, or sail steps on top of the autopilot (seatrial plan)"
                 )
         return lines
 
