@@ -102,7 +102,8 @@ def test_scalar_textbook_matrices(name: str) -> None:
     close(v.allocation_matrix(), np.column_stack(columns), AGREEMENT)
 
 
-@VEHICLES
+# None of the torpedoes' servos obeys at once: their fins turn within every step.
+@pytest.mark.parametrize("name", ["cwolf", "beluga", "every_term", "remus100", "lauv"])
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_scalar_textbook_simulation_of_the_whole_chain(name: str, substeps: int) -> None:
     v, dt = vehicle(name), 0.06

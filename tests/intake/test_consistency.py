@@ -234,6 +234,18 @@ def test_law_a_current_is_told_by_legs_at_a_held_thrust() -> None:
     assert found.velocity.mean(axis=0) == pytest.approx([north, east], abs=0.02)
 
 
+def test_a_start_from_rest_is_not_taken_for_a_current() -> None:
+    t = np.arange(0.0, 600.0)
+    yaw = np.cumsum(np.where(t % 60.0 < 15.0, 0.5 * np.pi / 15.0, 0.0))
+    north, east = 0.1, -0.2
+    noise = 1e-2 * np.random.default_rng(1).standard_normal((2, len(t)))
+    u = 1.7 * (1.0 - np.exp(-t / 8.0)) + north * np.cos(yaw) + east * np.sin(yaw) + noise[0]
+    v = -north * np.sin(yaw) + east * np.cos(yaw) + noise[1]
+    found = consistency({n: Series(t, x) for n, x in {"u": u, "v": v, "yaw": yaw, "pitch": 0.0 * t}.items()})
+    assert found.current is not None
+    assert np.abs(found.current.velocity - [north, east]).max() < 0.02
+
+
 def test_the_report_says_what_to_paste() -> None:
     text = several().report().text()
     assert "scale.velocity = 0.001" in text

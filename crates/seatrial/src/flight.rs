@@ -36,7 +36,7 @@ use crate::control::allocation::Allocator;
 use crate::control::autopilot::Autopilot;
 use crate::control::navigation::{Navigation, truth};
 use crate::error::Error;
-use crate::model::vehicle::{Instant, Vehicle};
+use crate::model::vehicle::{Instant, Vehicle, hand_on};
 use aboard::{Aboard, Split};
 pub use case::{Flight, Setting, whole_steps};
 use energy::Energy;
@@ -115,10 +115,7 @@ pub fn fly<T: Split>(
             let anew = s == 0 || motors.any_ideal;
             let around = (&setting.faults, flight.voltage);
             state = motors.substep(vehicle, &state, &mut instants, (anew, time, h), around);
-            let (first, rest) = instants.split_at_mut(1);
-            std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
-            std::mem::swap(&mut first[0].deflections, &mut rest[1].deflections);
-            first[0].inflow_free = rest[1].inflow_free;
+            hand_on(&mut instants);
         }
         energy.use_up(power, dt);
     }

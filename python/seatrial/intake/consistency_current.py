@@ -9,6 +9,7 @@ the sensor's own sway, and f and g sums of the yaw rate through first-order lags
 that the speed over ground does not follow is zero for a propeller alone and towards one under a speed
 control over ground. Current and coefficients are linear least squares with a random walk between knots; its
 intensity, k and the noises of straight and turning parts are those of the greatest marginal likelihood.
+Parts without way or where it is gained are left out: there a hull is slower than its thrust says.
 Held by ``tests/intake/test_consistency.py``.
 """
 
@@ -35,6 +36,10 @@ _SETTLED_S = 15.0  # a leg is straight so long after a turn
 _STRAIGHT = 1.0 * DEGREE  # per s: faster is a turn
 
 _STEADY = 0.02  # relative change of the propeller's command within the time to settle
+
+_NO_WAY, _UNDER_WAY, _AHEAD_S = 0.5, 0.95, 60.0
+"""A hull without way is slower than such a part of the median speed; it is under way from such a part of the
+median over so long from then on."""
 
 _LAGS_S = (0.0, 2.0, 6.0)  # of the hull behind its yaw rate
 
@@ -77,7 +82,9 @@ def slow_current(channels: Channels) -> SlowCurrent | str:
         return _told(legs, "velocity over ground less that through the water")
     rate = _rate(t, yaw)
     held, n, source = _held(channels, t)
-    known &= held
+    known &= held & ~_gains_way(np.hypot(ground[:, 0], ground[:, 1]), known, t)
+    if not known.any():
+        return "no straight leg under a held command: the current is not told"
     turning = _recently(np.abs(rate) > _STRAIGHT, t)
     if (known & ~turning).sum() * grid.step < 2.0 * _SETTLED_S:
         return "no straight leg under a held command: the current is not told"
@@ -99,6 +106,20 @@ def _rate(t: Array, yaw: Array) -> Array:
 
     step = float(t[1] - t[0])
     return np.asarray(gaussian_filter1d(yaw, 0.5 / step, order=1) / step)
+
+
+def _gains_way(speed: Array, known: Mask, t: Array) -> Mask:
+    """Where the hull lies still, or gains way and does not yet move as its thrust says, (n,)."""
+    from scipy.ndimage import uniform_filter1d
+
+    step = float(t[1] - t[0])
+    speed = uniform_filter1d(speed, max(1, round(10.0 / step)))
+    still = known & (speed < _NO_WAY * np.median(speed[known])) if known.any() else ~known
+    found, ahead = still.copy(), round(_AHEAD_S / step)
+    for end in np.flatnonzero(still[:-1] & ~still[1:]) + 1:
+        later = speed[end:] >= _UNDER_WAY * np.median(speed[end : end + ahead])
+        found[end : end + int(np.argmax(later))] = True
+    return _recently(found, t)
 
 
 def _recently(here: Mask, t: Array) -> Mask:

@@ -13,7 +13,7 @@ use crate::fit::observation::Shown;
 use crate::fit::record::{MotorMemory, Record, Segment, Start};
 use crate::model::integrate::{State, step};
 use crate::model::kinematics::rotation;
-use crate::model::vehicle::{Instant, Vehicle};
+use crate::model::vehicle::{Instant, Vehicle, hand_on};
 use crate::number::algebra::Vec3;
 use crate::number::real::Real;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -90,7 +90,7 @@ pub fn fly<T: Real>(
             }
             course.go_on(k, s);
             state = step(vehicle, &state, h, &course.instants);
-            course.hand_on();
+            hand_on(&mut course.instants);
         }
     }
     Ok(())
@@ -156,14 +156,6 @@ impl<'a, T: Real> Course<'a, T> {
             self.motors.go_on(k, s, half);
             self.motors.thrust(k, &mut self.instants[half]);
         }
-    }
-
-    /// The end of the step is the start of the next one.
-    #[inline(always)]
-    pub fn hand_on(&mut self) {
-        let (first, rest) = self.instants.split_at_mut(1);
-        std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
-        first[0].inflow_free = rest[1].inflow_free;
     }
 }
 

@@ -18,7 +18,7 @@ use crate::fit::open_loop::{Course, STEPS_BETWEEN_LOOKS};
 use crate::fit::sensitivities::{Group, Prepared, Work};
 use crate::model::integrate::{STAGES, State};
 use crate::model::kinematics::{quaternion_rate, renormalised, rotation};
-use crate::model::vehicle::{Instant, Mode, Summed, Vehicle};
+use crate::model::vehicle::{Instant, Mode, Summed, Vehicle, hand_on};
 use crate::number::algebra::{Vec6, each, product};
 use crate::number::dual::Dual;
 use crate::number::lanes::LANES;
@@ -401,10 +401,10 @@ impl Batch<'_> {
                     &seeds,
                     &mut tangents,
                 );
-                course.hand_on();
+                hand_on(&mut course.instants);
                 for tangent in &mut tangents {
                     if let Some(course) = &mut tangent.course {
-                        course.hand_on();
+                        hand_on(&mut course.instants);
                     }
                 }
             }

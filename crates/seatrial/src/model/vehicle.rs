@@ -115,6 +115,15 @@ pub struct Instant<T> {
     pub measured: [Vec6<f64>; 2],
 }
 
+/// The end of a step is the start of the next one: hands on what the actuators do there.
+#[inline(always)]
+pub fn hand_on<T: Copy>(instants: &mut [Instant<T>; 3]) {
+    let (first, rest) = instants.split_at_mut(1);
+    std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
+    std::mem::swap(&mut first[0].deflections, &mut rest[1].deflections);
+    first[0].inflow_free = rest[1].inflow_free;
+}
+
 impl<T> Default for Instant<T> {
     fn default() -> Self {
         Self {
