@@ -11,7 +11,7 @@ import pytest
 from seatrial._core import LinearModel
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
-from seatrial.estimation.kalman import Filters, broadened
+from seatrial.estimation.kalman import Filters, shaped
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.one_step import Motion, Span
 
@@ -205,18 +205,22 @@ def test_water_of_waves_carries_the_vehicle_and_its_noises_are_found() -> None:
 
 
 @pytest.mark.parametrize("damping", [0.02, 0.2])
-def test_waves_are_as_broad_as_the_sea(damping: float) -> None:
-    span, _ = adrift(damping)
+@pytest.mark.parametrize("hz", [0.2, 0.17, 0.24])
+def test_waves_are_as_fast_and_as_broad_as_the_sea(damping: float, hz: float) -> None:
+    span, _ = adrift(damping)  # waves of 0.2 Hz
     process = np.array([1e-4, 1e-6, 0.0, 1e-5, 0.0, 1e-4, 1e-8, 1e-8])
-    noise = NoiseModel(process, np.array([1e-3]), 0.2, (0,), (0,), 0.05)
+    noise = NoiseModel(process, np.array([1e-3]), hz, (0,), (0,), 0.05)
     noise, _ = Filters([span], noise, 0.1, [0]).likeliest(noise, 40)
-    found = broadened([span], noise, 0.1, [0], 8, None)
+    found = shaped([span], noise, 0.1, [0], 8, None)
     # Candidates lie a factor of 1.7 apart, and five minutes have some fifty waves.
     assert found.damping == pytest.approx(damping, rel=0.75)
-    assert broadened([span], replace(noise, wave_hz=None), 0.1, [0], 8, None).damping == noise.damping
+    # Candidates lie 6 % apart; the broader the sea, the less its frequency is told.
+    assert found.wave_hz == pytest.approx(0.2, rel=0.03 + 0.5 * damping)
+    still = shaped([span], replace(noise, wave_hz=None), 0.1, [0], 8, None)
+    assert still.damping == noise.damping
 
 
-def test_broader_waves_keep_their_variance() -> None:
+def test_faster_and_broader_waves_keep_their_variance() -> None:
     noise = NoiseModel(np.arange(1.0, 9.0), np.ones(1), 0.2, (0,), (0,), 0.05)
-    broad = noise.broadened(0.1)
-    np.testing.assert_array_equal(broad.process / noise.process, [1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 1.0, 1.0])
+    other = noise.shaped(0.3, 0.1)
+    np.testing.assert_allclose(other.process / noise.process, [1.0, 1.0, 3.0, 3.0, 3.0, 3.0, 1.0, 1.0])

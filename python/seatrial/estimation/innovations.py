@@ -49,8 +49,8 @@ __all__ = ["Horizon", "Innovations", "Outcome"]
 _FIRST, _EACH = (10, 10, 30), (8,)
 """Evaluations of the likelihood of the noises before the first round, and in each; the motion follows."""
 
-_BROAD = 8
-"""Evaluations of the likelihood for each breadth of the waves that is tried."""
+_SHAPE = 8
+"""Evaluations of the likelihood for each frequency and breadth of the waves that is tried."""
 
 _CLOSE = 0.5  # standard deviations of the largest step that ends the rounds
 
@@ -194,9 +194,9 @@ class Innovations:
                 spans = self._spans(at, _EACH)
                 if converged and not settled:
                     # The waves are told apart from the errors of a right vehicle only.
-                    damping, settled = self._damping(), True
-                    spans = self._broadened(spans, at)
-                    converged = self._damping() == damping
+                    waves, settled = self._waves(), True
+                    spans = self._shaped(spans, at)
+                    converged = self._waves() == waves
                 errors = self._errors(spans, ahead)
                 noise = self._noise(errors)
             if rounds:
@@ -357,13 +357,13 @@ class Innovations:
             )
             self.steps.follow(motion)
             spans = self.steps.linearised(values, extra)
-        return self._broadened(spans, values, extra) if new else spans
+        return self._shaped(spans, values, extra) if new else spans
 
-    def _broadened(self, spans: Sequence[Span], values: Array, extra: Sequence[str] = ()) -> list[Span]:
-        """The spans at a point, the waves of the noise model as broad as the log says."""
+    def _shaped(self, spans: Sequence[Span], values: Array, extra: Sequence[str] = ()) -> list[Span]:
+        """The spans at a point, the waves of the noise model as fast and as broad as the log says."""
         assert self.joint.noise_model is not None
-        self.joint.noise_model = kalman.broadened(
-            spans, self.joint.noise_model, self.dt, self.seen, _BROAD, self.joint.threads
+        self.joint.noise_model = kalman.shaped(
+            spans, self.joint.noise_model, self.dt, self.seen, _SHAPE, self.joint.threads
         )
         self.steps.follow(self._filters(spans).motion(self.joint.noise_model))
         return self.steps.linearised(values, extra)
@@ -384,10 +384,10 @@ class Innovations:
             self.steps.follow(motion)
         return self._spans(values, (), extra)
 
-    def _damping(self) -> float:
-        """Damping ratio of the waves, as the filter has them."""
+    def _waves(self) -> tuple[float | None, float]:
+        """Frequency, Hz, and damping ratio of the waves, as the filter has them."""
         assert self.joint.noise_model is not None
-        return self.joint.noise_model.damping
+        return self.joint.noise_model.wave_hz, self.joint.noise_model.damping
 
     def _filters(self, spans: Sequence[Span]) -> kalman.Filters:
         assert self.joint.noise_model is not None

@@ -43,7 +43,7 @@ from seatrial.trial.unexplained import BROAD, peak, spectra
 if TYPE_CHECKING:
     from seatrial._core import LinearModel
 
-__all__ = ["Filters", "begin", "broadened", "wave_frequency"]
+__all__ = ["Filters", "begin", "shaped", "wave_frequency"]
 
 _T = TypeVar("_T")
 
@@ -55,6 +55,11 @@ DAMPING = 0.05
 
 _BROADER, _BROADEST = 1.7, (0.01, 0.4)
 """Factor between the damping ratios that are compared, and the least and largest of them."""
+
+_FASTER = 1.06  # between the frequencies that are compared
+
+_WORTH, _TURNS = 1.0, 3
+"""Logarithm of the likelihood by which a value must be better, and how often both are sought in turn."""
 
 _CURRENT_SD, _WALK = 0.3, 1e-4  # m/s, and m/s per sample to begin with
 
@@ -122,7 +127,7 @@ def begin(spans: Sequence[Span], velocities: int, dt: float) -> NoiseModel:
     return NoiseModel(process, sensors, wave_hz, waved, water, DAMPING)
 
 
-def broadened(
+def shaped(
     spans: Sequence[Span],
     noise: NoiseModel,
     dt: float,
@@ -130,12 +135,12 @@ def broadened(
     evaluations: int,
     threads: int | None,
 ) -> NoiseModel:
-    """The noise model with the damping ratio of the waves of largest likelihood.
+    """The noise model with the frequency and the damping ratio of the waves of largest likelihood.
 
-    A sea is broader or narrower than the ratio that the filter begins with. The autopilot answers what of its
-    waves the filter does not foresee, so that a model that is too narrow or too broad bends the gains. Ratios
-    a factor apart are compared, upwards first, each with so many evaluations of the likelihood for its
-    intensities.
+    The peak of a spectrum is not the frequency that foretells best, and a sea is broader or narrower than
+    the ratio that the filter begins with. The autopilot answers what of its waves the filter does not
+    foresee, so that a wrong model of them bends the gains. Values a factor apart are compared in turn,
+    upwards first, each with so many evaluations of the likelihood for its intensities.
     """
     if noise.wave_hz is None:
         return noise
@@ -145,15 +150,25 @@ def broadened(
         found, _ = filters.likeliest(model, evaluations)
         return filters.likelihood(found), found
 
+    def towards(best: tuple[float, NoiseModel], broader: float, faster: float) -> tuple[float, NoiseModel]:
+        """The best along one line, or the same."""
+        while True:
+            assert best[1].wave_hz is not None
+            ratio, wave_hz = best[1].damping * broader, best[1].wave_hz * faster
+            if not _BROADEST[0] <= ratio <= _BROADEST[1]:
+                return best
+            other = improved(best[1].shaped(wave_hz, ratio))
+            if not other[0] > best[0] + _WORTH:
+                return best
+            best = other
+
     best = improved(noise)
-    for factor in (_BROADER, 1.0 / _BROADER):
-        moved = False
-        while _BROADEST[0] <= (ratio := best[1].damping * factor) <= _BROADEST[1]:
-            other = improved(best[1].broadened(ratio))
-            if not other[0] > best[0]:
-                break
-            best, moved = other, True
-        if moved:
+    for _ in range(_TURNS):
+        before = best[0]
+        for broader, faster in ((_BROADER, 1.0), (1.0, _FASTER)):
+            along = towards(best, broader, faster)
+            best = towards(best, 1.0 / broader, 1.0 / faster) if along is best else along
+        if best[0] == before:
             break
     return best[1]
 

@@ -26,9 +26,10 @@ class NoiseModel:
     water: tuple[int, ...]
     damping: float
 
-    def broadened(self, damping: float) -> NoiseModel:
-        """The same waves with another damping ratio, their variances as they were."""
+    def shaped(self, wave_hz: float, damping: float) -> NoiseModel:
+        """The same waves with another frequency and damping ratio, their rates' variances as they were."""
+        assert self.wave_hz is not None
         first, last = len(self.process) - 2 - 2 * (len(self.waved) + len(self.water)), len(self.process) - 2
         process = self.process.copy()
-        process[first:last] *= damping / self.damping
-        return replace(self, process=process, damping=damping)
+        process[first:last] *= damping * wave_hz / (self.damping * self.wave_hz)
+        return replace(self, process=process, wave_hz=wave_hz, damping=damping)
