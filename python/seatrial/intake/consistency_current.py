@@ -35,6 +35,8 @@ _SETTLED_S = 15.0  # a leg is straight so long after a turn
 
 _STRAIGHT = 1.0 * DEGREE  # per s: faster is a turn
 
+_WAVES_S = 3.0  # the yaw rate is averaged over, lest waves count as turns
+
 _STEADY = 0.02  # relative change of the propeller's command within the time to settle
 
 _NO_WAY, _UNDER_WAY, _AHEAD_S = 0.5, 0.95, 60.0
@@ -52,6 +54,8 @@ _START, _WALK = 1.0, 3e-3  # m/s: prior deviations of the current, and of its ch
 _SWAY = 0.05  # m/s: prior deviation of the sensor's own sway, a degree at three m/s
 
 _HELD_S, _FOLDS = 60.0, 5  # blocks of time that are predicted from the others, by turns
+
+_HULL_S = 6.0  # by which the speed of a hull follows its propeller
 
 _SHARE = 0.3  # prior deviation of the share k
 
@@ -80,12 +84,12 @@ def slow_current(channels: Channels) -> SlowCurrent | str:
         design[:, 0, 0] = design[:, 1, 1] = 1.0
         legs = _Legs(t, known, np.zeros(len(t), bool), measured, design, np.zeros((len(t), 2, 0)), False)
         return _told(legs, "velocity over ground less that through the water")
-    rate = _rate(t, yaw)
+    rate, course_rate = _rate(t, yaw, 0.5), _rate(t, yaw, _WAVES_S)
     held, n, source = _held(channels, t)
     known &= held & ~_gains_way(np.hypot(ground[:, 0], ground[:, 1]), known, t)
     if not known.any():
         return "no straight leg under a held command: the current is not told"
-    turning = _recently(np.abs(rate) > _STRAIGHT, t)
+    turning = _recently(np.abs(course_rate) > _STRAIGHT, t)
     if (known & ~turning).sum() * grid.step < 2.0 * _SETTLED_S:
         return "no straight leg under a held command: the current is not told"
     if 1.0 - np.abs(np.mean(np.exp(1j * yaw[known]))) < 0.3:
@@ -101,11 +105,12 @@ def slow_current(channels: Channels) -> SlowCurrent | str:
     return _told(_Legs(t, known, turning, ground[:, :2], design, own, True), source)
 
 
-def _rate(t: Array, yaw: Array) -> Array:
+def _rate(t: Array, yaw: Array, over_s: float) -> Array:
+    """Yaw rate (n,), smoothed by a Gaussian of this deviation."""
     from scipy.ndimage import gaussian_filter1d
 
     step = float(t[1] - t[0])
-    return np.asarray(gaussian_filter1d(yaw, 0.5 / step, order=1) / step)
+    return np.asarray(gaussian_filter1d(yaw, over_s / step, order=1) / step)
 
 
 def _gains_way(speed: Array, known: Mask, t: Array) -> Mask:
@@ -148,17 +153,22 @@ def _held(channels: Channels, t: Array) -> tuple[Mask, Array, str]:
     }
     if "tau.X_n" in channels.curves:
         inputs["thrust"] = (channels.curves["tau.X_n"], 0.5)
+    steered: tuple[Mask, Array, str] | None = None
     for name, (curve, power) in inputs.items():
         index = np.clip(np.searchsorted(curve.t, t, side="right") - 1, 0, len(curve.t) - 1)
         values = np.abs(curve.values[index]) ** power
         level = float(np.median(values))
-        if not level > 0.0:
+        # A propeller is never near zero for long; a rudder is.
+        if not level > 0.0 or np.std(values) >= 0.5 * level:
             continue
         changed = np.abs(np.gradient(values, t)) * _SETTLED_S > _STEADY * level
         still = ~_recently(changed, t)
-        # A propeller is held for most of the time and never near zero; a rudder is not.
-        if np.mean(still) > 0.5 and np.std(values) < 0.5 * level:
+        if np.mean(still) > 0.5:
             return still, values / level, f"legs and turns at held {name}"
+        late = _lagged(values, _HULL_S, float(t[1] - t[0]))
+        steered = steered or (np.ones(len(t), bool), late / level, f"legs, turns and the command of {name}")
+    if steered is not None:
+        return steered
     return np.ones(len(t), bool), np.ones(len(t)), "legs and turns, taken to be sailed at one thrust"
 
 
