@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
@@ -244,6 +245,30 @@ def test_a_start_from_rest_is_not_taken_for_a_current() -> None:
     found = consistency({n: Series(t, x) for n, x in {"u": u, "v": v, "yaw": yaw, "pitch": 0.0 * t}.items()})
     assert found.current is not None
     assert np.abs(found.current.velocity - [north, east]).max() < 0.02
+
+
+def test_a_current_is_told_where_an_autopilot_answers_waves_with_the_propeller() -> None:
+    t = np.arange(0.0, 600.0, 0.5)
+    course = np.cumsum(np.where(t % 60.0 < 15.0, 0.25 * np.pi / 15.0, 0.0))
+    yaw = course + 0.06 * np.sin(2.0 * np.pi * t / 7.0)  # 3 deg/s
+    north, east = 0.1, -0.2
+    along = north * np.cos(course) + east * np.sin(course)
+    # A speed control over ground: the speed over ground tells nothing, the propeller does.
+    rpm = 1000.0 * (1.7 - along) * (1.0 + 0.2 * np.sin(2.0 * np.pi * t / 7.0))
+    speed = lfilter([1.0 - np.exp(-0.5 / 6.0)], [1.0, -np.exp(-0.5 / 6.0)], rpm - rpm[0])
+    noise = 1e-2 * np.random.default_rng(2).standard_normal((2, len(t)))
+    motion = {
+        "u": 1e-3 * (rpm[0] + speed) + along + noise[0],
+        "v": -north * np.sin(yaw) + east * np.cos(yaw) + noise[1],
+        "yaw": yaw,
+        "pitch": 0.0 * t,
+        "cmd.propeller": rpm,
+        "cmd.rudder": 0.1 * np.sin(2.0 * np.pi * t / 7.0),
+    }
+    found = consistency({name: Series(t, value) for name, value in motion.items()}).current
+    assert found is not None
+    assert found.source == "legs, turns and the command of propeller"
+    assert np.abs(found.velocity - [north, east]).max() < 0.03
 
 
 def test_the_report_says_what_to_paste() -> None:
