@@ -262,6 +262,7 @@ def test_a_current_is_told_where_an_autopilot_answers_waves_with_the_propeller()
         "v": -north * np.sin(yaw) + east * np.cos(yaw) + noise[1],
         "yaw": yaw,
         "pitch": 0.0 * t,
+        "cmd.plane": np.full(len(t), -0.2) + 0.05 * np.sin(t),  # never at rest, never near zero
         "cmd.propeller": rpm,
         "cmd.rudder": 0.1 * np.sin(2.0 * np.pi * t / 7.0),
     }

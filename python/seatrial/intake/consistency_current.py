@@ -153,23 +153,25 @@ def _held(channels: Channels, t: Array) -> tuple[Mask, Array, str]:
     }
     if "tau.X_n" in channels.curves:
         inputs["thrust"] = (channels.curves["tau.X_n"], 0.5)
-    steered: tuple[Mask, Array, str] | None = None
+    step, everywhere = float(t[1] - t[0]), np.ones(len(t), bool)
+    found: list[tuple[float, str, Array]] = []
     for name, (curve, power) in inputs.items():
         index = np.clip(np.searchsorted(curve.t, t, side="right") - 1, 0, len(curve.t) - 1)
         values = np.abs(curve.values[index]) ** power
         level = float(np.median(values))
         # A propeller is never near zero for long; a rudder is.
-        if not level > 0.0 or np.std(values) >= 0.5 * level:
-            continue
-        changed = np.abs(np.gradient(values, t)) * _SETTLED_S > _STEADY * level
-        still = ~_recently(changed, t)
+        if level > 0.0 and np.std(values) < 0.5 * level:
+            found.append((level, name, values / level))
+    # Revolutions and pulses are larger numbers than angles of a plane that is held up or down.
+    found.sort(key=lambda one: -one[0])
+    for _, name, n in found:
+        still = ~_recently(np.abs(np.gradient(n, t)) * _SETTLED_S > _STEADY, t)
         if np.mean(still) > 0.5:
-            return still, values / level, f"legs and turns at held {name}"
-        late = _lagged(values, _HULL_S, float(t[1] - t[0]))
-        steered = steered or (np.ones(len(t), bool), late / level, f"legs, turns and the command of {name}")
-    if steered is not None:
-        return steered
-    return np.ones(len(t), bool), np.ones(len(t)), "legs and turns, taken to be sailed at one thrust"
+            return still, n, f"legs and turns at held {name}"
+    if found:
+        _, name, n = found[0]
+        return everywhere, _lagged(n, _HULL_S, step), f"legs, turns and the command of {name}"
+    return everywhere, np.ones(len(t)), "legs and turns, taken to be sailed at one thrust"
 
 
 @dataclass(frozen=True)
