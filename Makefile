@@ -34,8 +34,8 @@ help: ## list the verbs
 
 setup: $(SET_UP) ## Python environment in .venv with the pinned dependencies
 $(SET_UP): constraints.txt
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
-	  f"seatrial needs Python 3.11 or later, found {sys.version.split()[0]}: make PYTHON=python3.11 ...")'
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11, 5) and \
+	  f"the pinned packages need Python 3.11.5 or later, found {sys.version.split()[0]}: make PYTHON=python3.11 ...")'
 	test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --no-compile --requirement constraints.txt
 	@touch $@
