@@ -40,8 +40,8 @@ _WAVES_S = 3.0  # the yaw rate is averaged over, lest waves count as turns
 _STEADY = 0.02  # relative change of the propeller's command within the time to settle
 
 _NO_WAY, _UNDER_WAY, _AHEAD_S = 0.5, 0.95, 60.0
-"""A hull without way is slower than such a part of the median speed; it is under way from such a part of the
-median over so long from then on."""
+"""Below the first part of the median speed a hull has no way. It is under way once it reaches the second part
+of the median speed of the seconds that follow."""
 
 _LAGS_S = (0.0, 2.0, 6.0)  # of the hull behind its yaw rate
 
@@ -87,8 +87,6 @@ def slow_current(channels: Channels) -> SlowCurrent | str:
     rate, course_rate = _rate(t, yaw, 0.5), _rate(t, yaw, _WAVES_S)
     held, n, source = _held(channels, t)
     known &= held & ~_gains_way(np.hypot(ground[:, 0], ground[:, 1]), known, t)
-    if not known.any():
-        return "no straight leg under a held command: the current is not told"
     turning = _recently(np.abs(course_rate) > _STRAIGHT, t)
     if (known & ~turning).sum() * grid.step < 2.0 * _SETTLED_S:
         return "no straight leg under a held command: the current is not told"
