@@ -289,13 +289,14 @@ class LinearModel:
     """
     A linear model along a motion of n samples with N states, the first S of the vehicle, Y channels and M unknowns.
 
-    transition (n - 1, S, N): the rows of the vehicle's states; driven (N - S, N): those of what drives it; shown
-    (n, Y, N), measured (n, Y) and valid (n, Y), not zero where a sample counts; drift (n - 1, N); slopes (n - 1, S, M),
+    transition (n - 1, S, N): the rows of the vehicle's states; driven (n - 1, E): the E entries of the other rows, of
+    what drives it, that are not zero, and places, E of row and column (row 0 is that of state S), in the order of the
+    rows; shown (n, Y, N), measured (n, Y) and valid (n, Y), not zero where a sample counts; drift (n - 1, N); slopes (n - 1, S, M),
     derivatives of a step by the unknowns; start (N,), the expected first state.
 
     Koopman (1993), Biometrika 80, 117; Maine and Iliff, NASA RP-1168 (1986).
     """
-    def __new__(cls, /, *, transition: ArrayLike, driven: ArrayLike, shown: ArrayLike, measured: ArrayLike, valid: ArrayLike, drift: ArrayLike, slopes: ArrayLike, start: ArrayLike) -> LinearModel: ...
+    def __new__(cls, /, *, transition: ArrayLike, places: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex]], driven: ArrayLike, shown: ArrayLike, measured: ArrayLike, valid: ArrayLike, drift: ArrayLike, slopes: ArrayLike, start: ArrayLike) -> LinearModel: ...
     def judge(self, /, process: ArrayLike, sensors: ArrayLike, start: ArrayLike, kept: SupportsGetItem[int, SupportsIndex]) -> tuple[float, NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
         """
         Logarithm of the likelihood of variances, without its constant, its slopes by process (N,) and sensors (Y,),

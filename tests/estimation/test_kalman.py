@@ -21,12 +21,20 @@ N, S, Y, M, SAMPLES = 6, 3, 2, 2, 40
 def parts(seed: int = 0) -> dict[str, Any]:
     """A model of three states, driven by three more, seen through two channels that miss samples."""
     draw = np.random.default_rng(seed)
-    driven = np.zeros((N - S, N))
-    driven[0, 3], driven[1:, 4:] = 0.9, [[0.9, 0.2], [-0.2, 0.9]]
+    # The last two turn, at another rate on every step.
+    places, turned = [(0, 3), (1, 4), (1, 5), (2, 4), (2, 5)], draw.uniform(0.1, 0.4, SAMPLES - 1)
+    driven = 0.9 * np.array([
+        np.ones_like(turned),
+        np.cos(turned),
+        np.sin(turned),
+        -np.sin(turned),
+        np.cos(turned),
+    ])
     return {
         "transition": np.hstack([np.eye(S), np.zeros((S, N - S))])
         + 0.3 * draw.normal(size=(SAMPLES - 1, S, N)),
-        "driven": driven,
+        "places": places,
+        "driven": driven.T,
         "shown": np.repeat(draw.normal(size=(1, Y, N)), SAMPLES, axis=0),
         "measured": draw.normal(size=(SAMPLES, Y)),
         "valid": draw.uniform(size=(SAMPLES, Y)) > 0.3,
@@ -44,7 +52,9 @@ def dense(given: dict[str, Any]) -> tuple[Array, Array]:
     mean, spread = [given["start"]], np.zeros((SAMPLES * N, SAMPLES * N))
     spread[:N, :N] = np.diag(START)
     for k in range(SAMPLES - 1):
-        a = np.vstack([given["transition"][k], given["driven"]])
+        a = np.vstack([given["transition"][k], np.zeros((N - S, N))])
+        for (row, column), value in zip(given["places"], given["driven"][k], strict=True):
+            a[S + row, column] = value
         mean.append(a @ mean[-1] + given["drift"][k])
         here, then = slice(k * N, (k + 1) * N), slice((k + 1) * N, (k + 2) * N)
         spread[then, : (k + 1) * N] = a @ spread[here, : (k + 1) * N]
@@ -149,7 +159,7 @@ class Bounded(Filters):
 def test_noises_with_which_the_filter_has_no_numbers_do_not_end_the_search() -> None:
     """All variances were tried at their bounds first, and what came back ended the search where it began."""
     one = np.ones((2, 2))
-    span = Span(0, 0, 1, one, one > 0.0, one, one, one, one, one, one)
+    span = Span(0, 0, 1, one, one > 0.0, one, one, one, one, one, one, one)
     noise = NoiseModel(np.ones(5), np.ones(2), None, (), (), 0.05)
     bounded = Bounded.__new__(Bounded)
     bounded.spans = [span]
@@ -158,13 +168,20 @@ def test_noises_with_which_the_filter_has_no_numbers_do_not_end_the_search() -> 
     np.testing.assert_allclose(np.log(found.sensors), -2.0, atol=0.05)
 
 
-def adrift(damping: float, hz: float = 0.2, count: int = 3000) -> tuple[Span, Array]:
-    """A point adrift in waves, seen over ground by a noisy log, and the velocity of the water."""
+def adrift(
+    damping: float, hz: float = 0.2, count: int = 3000, through: Array | None = None, toward: float = 0.0
+) -> tuple[Span, Array]:
+    """A point in waves, seen over ground by a noisy log, and the velocity of the water.
+
+    It is adrift, or sails ``through`` (count, 2) and meets the waves that go ``toward`` at another frequency.
+    """
     draw = np.random.default_rng(3)
-    omega = 2.0 * np.pi * hz
+    through = np.zeros((count, 2)) if through is None else through
+    still = 2.0 * np.pi * hz
+    met = still - still**2 / 9.81 * (through @ [np.cos(toward), np.sin(toward)])
     place = rate = 0.0
     water = np.empty(count)
-    for k in range(count):
+    for k, omega in enumerate(met):
         for _ in range(10):
             rate += -0.01 * (omega**2 * place + 2.0 * damping * omega * rate)
             rate += 0.1 * np.sqrt(4.0 * damping * omega * 0.01) * draw.normal()
@@ -184,6 +201,7 @@ def adrift(damping: float, hz: float = 0.2, count: int = 3000) -> tuple[Span, Ar
         missed=np.zeros((count - 1, 1)),
         water=np.zeros((count, 2)),
         afloat=afloat,
+        through=through,
     )
     return seen, water
 
@@ -218,6 +236,31 @@ def test_waves_are_as_fast_and_as_broad_as_the_sea(damping: float, hz: float) ->
     assert found.wave_hz == pytest.approx(0.2, rel=0.03 + 0.5 * damping)
     still = shaped([span], replace(noise, wave_hz=None), 0.1, [0], 8, None)
     assert still.damping == noise.damping
+
+
+def test_courses_tell_where_the_waves_go() -> None:
+    """On a square they are met at frequencies from 0.16 to 0.24 Hz; on one course at one."""
+    sides = 1.7 * np.repeat([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]], 750, axis=0)
+    process = np.array([1e-4, 1e-6, 0.0, 1e-5, 0.0, 1e-4, 1e-8, 1e-8])
+    found = []
+    for through in (sides, sides[:1] + np.zeros((3000, 1))):
+        span, _ = adrift(0.03, through=through, toward=np.radians(200.0))
+        noise = NoiseModel(process, np.array([1e-3]), 0.2, (0,), (0,), 0.05)
+        noise, _ = Filters([span], noise, 0.1, [0]).likeliest(noise, 40)
+        found.append((
+            Filters([span], noise, 0.1, [0]).likelihood(noise),
+            shaped([span], noise, 0.1, [0], 8, None),
+        ))
+        assert Filters([span], found[-1][1], 0.1, [0]).likelihood(found[-1][1]) > found[-1][0]
+    square, straight = (model for _, model in found)
+    assert straight.toward is None
+    assert square.toward is not None
+    assert np.degrees(square.toward) % 360.0 == pytest.approx(200.0, abs=20.0)
+    assert square.wave_hz == pytest.approx(0.2, rel=0.04)
+    # The rates' variance does not hang on the course.
+    damping, omega = square.damping, 2.0 * np.pi * (square.wave_hz or 0.0)
+    rate = np.sqrt(square.process[5] / (4.0 * damping * omega * 0.1))
+    assert rate == pytest.approx(0.1, rel=0.3)
 
 
 def test_faster_and_broader_waves_keep_their_variance() -> None:

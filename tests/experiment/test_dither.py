@@ -167,3 +167,23 @@ def test_an_axis_that_feedback_dominates_without_waves_gets_a_dither_by_its_own_
     assert np.isnan(planned.wave_period_s)
     assert "waves'" not in planned.sentence
     assert "waves'" in some().sentence
+
+
+def test_a_propeller_that_only_runs_ahead_has_what_lies_between_its_speed_and_the_ends(
+    tmp_path: Path,
+) -> None:
+    """Its limit astern is zero: the dither was one of nothing, and not a number."""
+    path = mission(tmp_path)
+    for file in (path, tmp_path / "truth.toml"):
+        file.write_text(file.read_text().replace("remus100", "lauv"))
+    vehicle = st.Vehicle.load("lauv")
+    limits = vehicle.actuator_info()["propeller"]
+    assert limits["maximum_astern"] == 0.0
+    plain = Trial.read(Recipe.load(path).table(), align=False, name="plain")
+    verdicts = judge_trial(plain, vehicle)
+    assert verdicts["X"].dominated
+    planned = {dither.axis: dither for dither in dithers([plain], vehicle, verdicts)}["X"]
+    middle = float(np.median(plain.commands["propeller"]))
+    room = min(middle, limits["maximum_ahead"] - middle)
+    assert 0.5 * room < planned.amplitude["propeller"] <= room
+    assert np.isfinite([planned.deviation, planned.share, planned.hold_s]).all()

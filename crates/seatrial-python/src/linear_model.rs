@@ -8,8 +8,9 @@ use seatrial::fit::innovations::{Judged, Model, Noise, Sizes};
 
 /// A linear model along a motion of n samples with N states, the first S of the vehicle, Y channels and M unknowns.
 ///
-/// transition (n - 1, S, N): the rows of the vehicle's states; driven (N - S, N): those of what drives it; shown
-/// (n, Y, N), measured (n, Y) and valid (n, Y), not zero where a sample counts; drift (n - 1, N); slopes (n - 1, S, M),
+/// transition (n - 1, S, N): the rows of the vehicle's states; driven (n - 1, E): the E entries of the other rows, of
+/// what drives it, that are not zero, and places, E of row and column (row 0 is that of state S), in the order of the
+/// rows; shown (n, Y, N), measured (n, Y) and valid (n, Y), not zero where a sample counts; drift (n - 1, N); slopes (n - 1, S, M),
 /// derivatives of a step by the unknowns; start (N,), the expected first state.
 ///
 /// Koopman (1993), Biometrika 80, 117; Maine and Iliff, NASA RP-1168 (1986).
@@ -21,10 +22,11 @@ pub struct LinearModel {
 #[pymethods]
 impl LinearModel {
     #[new]
-    #[pyo3(signature = (*, transition, driven, shown, measured, valid, drift, slopes, start))]
+    #[pyo3(signature = (*, transition, places, driven, shown, measured, valid, drift, slopes, start))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
     fn new(
         transition: Numbers,
+        places: Vec<(usize, usize)>,
         driven: Numbers,
         shown: Numbers,
         measured: Numbers,
@@ -36,23 +38,24 @@ impl LinearModel {
         let start = start.vector("start")?;
         let width = start.len();
         let (_, states, transition) = transition.cube("transition", width)?;
-        let (rest, rows) = driven.matrix("driven", width)?;
+        let (_, driven) = driven.matrix("driven", places.len())?;
         let (samples, channels, shown) = shown.cube("shown", width)?;
         let (_, measured) = measured.matrix("measured", channels)?;
         let (_, valid) = valid.matrix("valid", channels)?;
         let (_, drift) = drift.matrix("drift", width)?;
         let (_, unknowns, slopes) = slopes.block("slopes", states)?;
-        if rest + states != width {
-            return Err(refused(format!(
-                "driven: expected {} rows, found {rest}",
-                width - states.min(width)
-            )));
+        let mut columns = vec![Vec::new(); width.saturating_sub(states)];
+        if !places.is_sorted_by_key(|&(row, _)| row)
+            || places.last().is_some_and(|&(row, _)| row >= columns.len())
+        {
+            return Err(refused(format!("places: expected rows that ascend, below {}", columns.len())));
         }
-        let entries = |row: &[f64]| row.iter().copied().enumerate().filter(|&(_, a)| a != 0.0).collect();
+        places.into_iter().for_each(|(row, column)| columns[row].push(column));
         let model = Model {
             sizes: Sizes { samples, states, width, channels, unknowns },
             transition,
-            driven: rows.chunks_exact(width.max(1)).map(entries).collect(),
+            places: columns,
+            driven,
             shown,
             measured,
             valid: valid.iter().map(|&x| x != 0.0).collect(),

@@ -126,6 +126,8 @@ class Assessment:
             "joint estimate by innovations: prediction errors of a filter with a model of waves, slow forces"
             f" and current, because {self.polished.method_reason}"
         ]
+        if waves := self.polished.waves:
+            lines.append(f"waves of that model: {waves['period_s']:.3g} s")
         return lines + self.refused()
 
     def refused(self) -> list[str]:

@@ -21,7 +21,7 @@ Tests: ``tests/estimation/test_polish.py``.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -68,7 +68,8 @@ class Polished:
     by how much its negative log-likelihood lies above where that is more: it never lies below ``cost``.
     ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
     ``method_reason`` says why the method is what it is, "" where nothing speaks against output error.
-    ``horizons`` are what predictions over other horizons say, with the method "innovations".
+    ``horizons`` are what predictions over other horizons say, with the method "innovations", and ``waves``
+    the waves of its noise model (`NoiseModel.waves`).
     """
 
     values: Array
@@ -87,6 +88,7 @@ class Polished:
     method: Method = "output"
     method_reason: str = ""
     horizons: tuple[Horizon, ...] = ()
+    waves: Mapping[str, float | None] | None = None
 
     def rms(self, cost: float) -> float:
         """Root mean square residual in its standard deviation, outliers bounded, that a cost stands for."""
@@ -100,6 +102,7 @@ class Polished:
             "method": self.method,
             "method_reason": self.method_reason,
             "horizons": [one.to_dict(names) for one in self.horizons],
+            "waves": None if self.waves is None else dict(self.waves),
             "values": dict(zip(names, self.values.tolist(), strict=True)),
             "noise": self.noise.tolist(),
             "starts": [
@@ -248,6 +251,7 @@ def _with_noise_model(
         method="innovations",
         method_reason=joint.method_reason,
         horizons=found.horizons,
+        waves=None if joint.noise_model is None else joint.noise_model.waves(),
     )
 
 

@@ -8,7 +8,9 @@ taken at, and what drives it besides the model:
 - a slow velocity of the water, north and east, a random walk;
 - where the log shows waves, at the frequency of its peak, the velocity of the water in them, north, east and
   down, and per axis an acceleration: what a wave pushes besides. Each is the rate of a shaping filter
-  ``s'' + 2 zeta omega s' + omega^2 s = noise`` (Fossen 2021, section 10.2).
+  ``s'' + 2 zeta omega s' + omega^2 s = noise`` (Fossen 2021, section 10.2). A vehicle that sails through
+  waves of omega_0 meets them at ``omega = |omega_0 - omega_0^2 / g (v . d)|``, with v its velocity through
+  the water and d where they go, so that omega changes from leg to leg; the bandwidth ``zeta omega`` stays.
 
 Water that moves as a whole carries a vehicle with it that displaces its own mass: the pressure gradient that
 drives the water drives the vehicle. Beside this water the vehicle moves as in still water. A velocity of the
@@ -31,7 +33,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -57,6 +59,14 @@ _BROADER, _BROADEST = 1.7, (0.01, 0.4)
 """Factor between the damping ratios that are compared, and the least and largest of them."""
 
 _FASTER = 1.06  # between the frequencies that are compared
+
+_COURSES, _TURNED = 8, math.pi / 16.0
+"""Directions of the waves that are compared first, and the turn between those that follow, rad."""
+
+_GRAVITY = 9.81  # m/s2
+
+_ENCOUNTERS, _SLOWEST = 0.01, 0.5
+"""Least spread of the frequencies of encounter, of their own, that tells a direction; the slowest taken."""
 
 _WORTH, _TURNS = 1.0, 3
 """Logarithm of the likelihood by which a value must be better, and how often both are sought in turn."""
@@ -135,12 +145,13 @@ def shaped(
     evaluations: int,
     threads: int | None,
 ) -> NoiseModel:
-    """The noise model with the frequency and the damping ratio of the waves of largest likelihood.
+    """The noise model with the direction, frequency and damping ratio of the waves of largest likelihood.
 
-    The peak of a spectrum is not the frequency that foretells best, and a sea is broader or narrower than
-    the ratio that the filter begins with. The autopilot answers what of its waves the filter does not
-    foresee, so that a wrong model of them bends the gains. Values a factor apart are compared in turn,
-    upwards first, each with so many evaluations of the likelihood for its intensities.
+    The peak of a spectrum is not the frequency that foretells best, a sea is broader or narrower than the
+    ratio that the filter begins with, and it is met at another frequency on every course. The autopilot
+    answers what of its waves the filter does not foresee, so that a wrong model of them bends the gains.
+    Values a step apart are compared in turn, upwards first, each with so many evaluations of the likelihood
+    for its intensities.
     """
     if noise.wave_hz is None:
         return noise
@@ -150,27 +161,61 @@ def shaped(
         found, _ = filters.likeliest(model, evaluations)
         return filters.likelihood(found), found
 
-    def towards(best: tuple[float, NoiseModel], broader: float, faster: float) -> tuple[float, NoiseModel]:
+    def towards(best: tuple[float, NoiseModel], step: _Step) -> tuple[float, NoiseModel]:
         """The best along one line, or the same."""
         while True:
-            assert best[1].wave_hz is not None
-            ratio, wave_hz = best[1].damping * broader, best[1].wave_hz * faster
-            if not _BROADEST[0] <= ratio <= _BROADEST[1]:
+            moved = step.of(best[1])
+            if not _BROADEST[0] <= moved.damping <= _BROADEST[1]:
                 return best
-            other = improved(best[1].shaped(wave_hz, ratio))
+            other = improved(moved)
             if not other[0] > best[0] + _WORTH:
                 return best
             best = other
 
     best = improved(noise)
+    if noise.toward is None:
+        courses = [_towards(spans, best[1], 2.0 * math.pi * k / _COURSES) for k in range(_COURSES)]
+        tried = [(Filters(spans, one, dt, seen, threads).likelihood(one), one) for one in courses if one]
+        if tried:
+            other = improved(max(tried, key=lambda one: one[0])[1])
+            best = other if other[0] > best[0] + _WORTH else best
+    steps = [_Step(broader=_BROADER), _Step(faster=_FASTER)]
+    if best[1].toward is not None:
+        steps.insert(0, _Step(turned=_TURNED))
     for _ in range(_TURNS):
         before = best[0]
-        for broader, faster in ((_BROADER, 1.0), (1.0, _FASTER)):
-            along = towards(best, broader, faster)
-            best = towards(best, 1.0 / broader, 1.0 / faster) if along is best else along
+        for step in steps:
+            along = towards(best, step)
+            best = towards(best, step.back()) if along is best else along
         if best[0] == before:
             break
     return best[1]
+
+
+class _Step(NamedTuple):
+    """From one model of the waves to the next: factors of damping ratio and frequency, and a turn, rad."""
+
+    broader: float = 1.0
+    faster: float = 1.0
+    turned: float = 0.0
+
+    def of(self, noise: NoiseModel) -> NoiseModel:
+        assert noise.wave_hz is not None
+        model = noise.shaped(noise.wave_hz * self.faster, noise.damping * self.broader)
+        return model if model.toward is None else replace(model, toward=model.toward + self.turned)
+
+    def back(self) -> _Step:
+        return _Step(1.0 / self.broader, 1.0 / self.faster, -self.turned)
+
+
+def _towards(spans: Sequence[Span], noise: NoiseModel, toward: float) -> NoiseModel | None:
+    """The same waves, going somewhere and met at the same frequency on average; None on one course only."""
+    assert noise.wave_hz is not None
+    along = np.concatenate([span.through for span in spans]) @ [math.cos(toward), math.sin(toward)]
+    slower = 2.0 * math.pi * noise.wave_hz / _GRAVITY * along
+    if slower.std() < _ENCOUNTERS:
+        return None
+    return replace(noise.shaped(noise.wave_hz * (1.0 + float(slower.mean())), noise.damping), toward=toward)
 
 
 class Filters:
@@ -302,28 +347,34 @@ def _pairs(noise: NoiseModel, states: int) -> range:
 
 def _model(span: Span, noise: NoiseModel, dt: float, seen: Sequence[int]) -> LinearModel:
     """The model of a span and of what drives it, as the core reads it."""
-    from scipy.linalg import expm
-
     from seatrial._core import LinearModel
 
     steps, states = span.missed.shape
     width, pairs = len(noise.process), _pairs(noise, states)
     velocities = pairs.start - states
-    transition, driven = np.zeros((steps, states, width)), np.zeros((width - states, width))
+    transition = np.zeros((steps, states, width))
     transition[:, :, :states] = span.transition
     transition[:, :, -2:] = span.current
     # An acceleration acts throughout the step, on the angles too: the mean of what it does at both ends.
     push = 0.5 * dt * (np.eye(states) + span.transition)[:, :, :velocities]
     slow = math.exp(-dt / SLOW_S)
-    omega = 2.0 * math.pi * (noise.wave_hz or 0.0)
-    turn = expm(np.array([[0.0, 1.0], [-(omega**2), -2.0 * noise.damping * omega]]) * dt)
-    mean = 0.5 * (turn[1] + np.array([0.0, 1.0]))
+    turn = _turns(span, noise, dt)
+    mean = 0.5 * (turn[:, 1] + np.array([0.0, 1.0]))[:, None]
+    places: list[tuple[int, int]] = []
+    driven: list[Array] = []
+
+    def drive(row: int, column: int, values: Array | float) -> None:
+        places.append((row - states, column))
+        driven.append(np.broadcast_to(values, steps))
+
     for axis in range(velocities):
-        driven[axis, states + axis] = slow
+        drive(states + axis, states + axis, slow)
         transition[:, :, states + axis] = 0.5 * (1.0 + slow) * push[:, :, axis]
     for at in pairs:
-        driven[at - states : at - states + 2, at : at + 2] = turn
-    driven[-2:, -2:] = np.eye(2)
+        for row, column in np.ndindex(2, 2):
+            drive(at + row, at + column, turn[:, row, column])
+    for at in (width - 2, width - 1):
+        drive(at, at, 1.0)
     shown = np.zeros((steps + 1, states, width))
     shown[:, :, :states] = np.eye(states)
     for at, axis in zip(pairs, noise.waved, strict=False):
@@ -341,7 +392,8 @@ def _model(span: Span, noise: NoiseModel, dt: float, seen: Sequence[int]) -> Lin
     start[-2:] = -span.water[0]
     return LinearModel(
         transition=transition,
-        driven=driven,
+        places=places,
+        driven=np.stack(driven, axis=1),
         shown=shown[:, list(seen)],
         measured=span.measured,
         valid=span.valid,
@@ -349,3 +401,17 @@ def _model(span: Span, noise: NoiseModel, dt: float, seen: Sequence[int]) -> Lin
         slopes=span.unknowns,
         start=start,
     )
+
+
+def _turns(span: Span, noise: NoiseModel, dt: float) -> Array:
+    """Transition (n - 1, 2, 2) of a wave's shaping filter over each step of a span."""
+    omega_0 = 2.0 * math.pi * (noise.wave_hz or 1.0)
+    met = np.full(len(span.missed), omega_0)
+    if noise.toward is not None:
+        along = span.through[:-1] @ [math.cos(noise.toward), math.sin(noise.toward)]
+        met = np.maximum(np.abs(omega_0 - omega_0**2 / _GRAVITY * along), _SLOWEST * omega_0)
+    decay = noise.damping * omega_0
+    damped = np.sqrt(met**2 - decay**2)
+    cosine, sine = np.cos(damped * dt), np.sin(damped * dt) / damped
+    rows = [[cosine + decay * sine, sine], [-(met**2) * sine, cosine - decay * sine]]
+    return np.asarray(math.exp(-decay * dt) * np.moveaxis(np.array(rows), 2, 0))

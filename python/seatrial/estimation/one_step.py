@@ -49,7 +49,8 @@ class Span:
     which of them count. ``transition`` (n-1, S, S), ``current`` (n-1, S, 2), ``unknowns`` (n-1, S, m) and
     ``missed`` (n-1, S) are F, C, T and g. ``water`` (n, 2) is the velocity of the water that the derivatives
     are taken at. ``afloat`` (n, S, 3) is what a velocity of the water (north, east, down) adds to the states'
-    velocities over ground, and to the rates of their places.
+    velocities over ground, and to the rates of their places. ``through`` (n, 2) is the velocity through that
+    water, north and east, m/s.
     """
 
     record: int
@@ -63,6 +64,7 @@ class Span:
     missed: Array
     water: Array
     afloat: Array
+    through: Array
 
 
 class Motion(NamedTuple):
@@ -186,6 +188,7 @@ class OneStep:
                     missed,
                     self._smoothed.water[record][rows, :2],
                     self._afloat(record, first, last),
+                    self._through(record, first, last),
                 )
             )
         return spans
@@ -268,6 +271,14 @@ class OneStep:
             elif name in "xyz":
                 found[:, column, "xyz".index(name)] = 1.0
         return found
+
+    def _through(self, record: int, first: int, last: int) -> Array:
+        """Horizontal velocity (n, 2) through the water, of the smoothed log in the water as it is known."""
+        trial, rows = self.joint.data.trials[record], slice(first, last + 1)
+        _, attitude, nu = trial.state(rows)
+        over_ground = np.einsum("nij,nj->ni", matrix(attitude), nu[:, :3])[:, :2]
+        recorded = 0.0 if trial.current is None else trial.current[rows, :2]
+        return np.asarray(over_ground - recorded - self._smoothed.water[record][rows, :2])
 
     def _replay(self, extra: tuple[str, ...], path: _Path) -> Replay:
         joint = self.joint

@@ -219,11 +219,12 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
     pushes = pushed_by(vehicle)[axis]
     largest = {}
     for name in verdict.commands:
-        limit = min(facts[name]["maximum_ahead"], facts[name]["maximum_astern"])
+        ahead, astern = facts[name]["maximum_ahead"], facts[name]["maximum_astern"]
         command = trial.commands[name] - facts[name]["neutral"]
+        middle, swing = float(np.median(command)), float(np.std(command[round(_SETTLED_S / trial.dt) :]))
         # The waves may take the sum of both to the limit now and then: about one sample in six.
-        left = limit - abs(float(np.median(command))) - float(np.std(command[round(_SETTLED_S / trial.dt) :]))
-        largest[name] = max(left, _LEAST * limit) * math.copysign(1.0, pushes[name])
+        left = min(ahead - middle, astern + middle) - swing
+        largest[name] = max(left, _LEAST * 0.5 * (ahead + astern)) * math.copysign(1.0, pushes[name])
     y = trial.filled(VELOCITIES[AXES.index(axis)])
     assert y is not None
     # The commands of the log as one signal, in shares of the largest dither.

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The first rows of A are those of the vehicle's states and full; the others, of what drives it (slow forces, waves,
-//! current), are sparse and the same at each sample. Samples of the channels of y are taken one after the other, which
+//! current), are sparse. They may change along the motion: a vehicle that turns meets the waves at another frequency. Samples of the channels of y are taken one after the other, which
 //! is the same as together because their noises are independent, and needs no inverse.
 //!
 //! The slopes of the likelihood by q and r come from the backward recursion of the disturbance smoother, with the
@@ -34,8 +34,10 @@ pub struct Model {
     pub sizes: Sizes,
     /// The first S rows of A, (n - 1, S, N).
     pub transition: Vec<f64>,
-    /// The other rows, their entries that are not zero.
-    pub driven: Vec<Vec<(usize, f64)>>,
+    /// The columns of the other rows' entries that are not zero, (N - S).
+    pub places: Vec<Vec<usize>>,
+    /// These entries, row after row, (n - 1, all of them).
+    pub driven: Vec<f64>,
     /// H, (n, Y, N).
     pub shown: Vec<f64>,
     /// y, (n, Y).
@@ -112,7 +114,8 @@ impl Model {
         let steps = n.saturating_sub(1);
         let parts = [
             ("transition", self.transition.len(), steps * s * w),
-            ("driven", self.driven.len(), w.saturating_sub(s)),
+            ("places", self.places.len(), w.saturating_sub(s)),
+            ("driven", self.driven.len(), steps * self.entries()),
             ("shown", self.shown.len(), n * y * w),
             ("measured", self.measured.len(), n * y),
             ("valid", self.valid.len(), n * y),
@@ -130,8 +133,8 @@ impl Model {
                 return Err(Error::simulation(format!("{name}: expected {expected} numbers, found {found}")));
             }
         }
-        if self.driven.iter().flatten().any(|&(column, _)| column >= w) {
-            return Err(Error::simulation(format!("driven: expected columns below {w}")));
+        if self.places.iter().flatten().any(|&column| column >= w) {
+            return Err(Error::simulation(format!("places: expected columns below {w}")));
         }
         Ok(self)
     }
@@ -193,6 +196,23 @@ impl Model {
         &self.transition[(k * states + i) * width..][..width]
     }
 
+    /// Entries of the other rows of A that are not zero.
+    fn entries(&self) -> usize {
+        self.places.iter().map(Vec::len).sum()
+    }
+
+    /// The other rows of A at step `k`: of each its number, and columns and values of what is not zero.
+    #[inline(always)]
+    fn drives(&self, k: usize) -> impl Iterator<Item = (usize, impl Iterator<Item = (usize, f64)>)> {
+        let entries = self.driven.len() / self.sizes.samples.saturating_sub(1).max(1);
+        let mut rest = &self.driven[k * entries..][..entries];
+        self.places.iter().enumerate().map(move |(row, columns)| {
+            let (here, after) = rest.split_at(columns.len());
+            rest = after;
+            (row, columns.iter().copied().zip(here.iter().copied()))
+        })
+    }
+
     /// Row `c` of H at sample `k`: columns and values that are not zero.
     #[inline(always)]
     fn shows(&self, k: usize, c: usize) -> impl Iterator<Item = (usize, f64)> {
@@ -214,13 +234,12 @@ impl Model {
     fn moved(&self, k: usize, x: &[f64], columns: usize, into: &mut [f64]) {
         let Sizes { states, width, .. } = self.sizes;
         into.fill(0.0);
-        for (i, row) in into.chunks_exact_mut(columns).enumerate() {
-            let mut add = |l: usize, a: f64| axpy(row, a, &x[l * columns..][..columns]);
-            if i < states {
-                (0..width).for_each(|l| add(l, self.row(k, i)[l]));
-            } else {
-                self.driven[i - states].iter().for_each(|&(l, a)| add(l, a));
-            }
+        let (own, driven) = into.split_at_mut(states * columns);
+        for (i, row) in own.chunks_exact_mut(columns).enumerate() {
+            (0..width).for_each(|l| axpy(row, self.row(k, i)[l], &x[l * columns..][..columns]));
+        }
+        for (row, (_, entries)) in driven.chunks_exact_mut(columns).zip(self.drives(k)) {
+            entries.for_each(|(l, a)| axpy(row, a, &x[l * columns..][..columns]));
         }
     }
 
@@ -258,8 +277,8 @@ impl Model {
             for j in 0..states.min(i + 1) {
                 spread[i * width + j] = dot(half, self.row(k, j));
             }
-            for j in states..(i + 1).max(states) {
-                spread[i * width + j] = self.driven[j - states].iter().map(|&(l, a)| half[l] * a).sum();
+            for (j, entries) in self.drives(k).take((i + 1).saturating_sub(states)) {
+                spread[i * width + states + j] = entries.map(|(l, a)| half[l] * a).sum();
             }
         }
         for i in 0..width {
@@ -280,9 +299,9 @@ impl Model {
             for l in 0..states {
                 axpy(row, spread[i * width + l], self.row(k, l));
             }
-            for (l, entries) in self.driven.iter().enumerate() {
+            for (l, entries) in self.drives(k) {
                 let factor = spread[i * width + states + l];
-                entries.iter().for_each(|&(j, a)| row[j] += factor * a);
+                entries.for_each(|(j, a)| row[j] += factor * a);
             }
         }
         spread.fill(0.0);
@@ -293,8 +312,8 @@ impl Model {
                 }
             }
         }
-        for (l, entries) in self.driven.iter().enumerate() {
-            for &(j, a) in entries {
+        for (l, entries) in self.drives(k) {
+            for (j, a) in entries {
                 axpy(&mut spread[j * width..][..width], a, &work[(states + l) * width..][..width]);
             }
         }
@@ -314,8 +333,8 @@ impl Model {
         for l in 0..states {
             axpy(work, adjoint[l], self.row(k, l));
         }
-        for (l, entries) in self.driven.iter().enumerate() {
-            entries.iter().for_each(|&(j, a)| work[j] += adjoint[states + l] * a);
+        for (l, entries) in self.drives(k) {
+            entries.for_each(|(j, a)| work[j] += adjoint[states + l] * a);
         }
         adjoint.copy_from_slice(work);
     }
