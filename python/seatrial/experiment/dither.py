@@ -13,10 +13,12 @@ much of the motion it is:
   spectrum ``a^2 T (sin(pi f T) / (pi f T))^2`` is zero at the waves' frequency; nine tenths of it lie below.
 
 The information about the gain and the axis' own damping, both unknown, gives the gain's deviation (Ljung,
-*System Identification* (1999), section 9.4). The amplitude is all that the actuators have left beside the
-autopilot: what is expected rests on the model before the trial and on waves that are told from the motion
-that the autopilot left of them, and half of it, for which a share of 0.9 was promised, left the gain of stern
-planes 11 to 15 % low in waves of 9 s and longer (``docs/how-to/plan_a_trial.md``). Held by
+*System Identification* (1999), section 9.4). What is expected rests on the model before the trial and on
+waves that are told from the motion that the autopilot left of them: of promised odds of 50 to 300 between the
+motion by the dither and the rest, 1 to 3 were seen, and half the amplitude left the gain of stern planes 5 to
+20 % low in waves of 10 s and longer (``docs/how-to/plan_a_trial.md``). The dither therefore takes all that
+the actuators have left beside the autopilot, or what promises odds of `_ENOUGH`: the planes of a vehicle that
+waves hardly move would throw it out of the water. Held by
 ``tests/experiment/test_dither.py``.
 """
 
@@ -50,6 +52,9 @@ DEVIATION = 0.05
 """Relative standard deviation of the gain that a dither is to reach."""
 
 _LEAST = 0.02  # of an actuator's range
+
+_ENOUGH, _PART = 1000.0, 0.1
+"""Odds of the motion by the dither that are enough, and the least part of what the actuators have left."""
 _HOLDS = (1.0, 2.0, 3.0)  # periods of the waves
 _SHORTEST_S, _LONGEST_S = 540.0, 3600.0
 _SETTLED_S = 60.0
@@ -132,8 +137,9 @@ class Dither:
             how += f", which adds nothing at the waves' {self.wave_period_s:.1f} s"
         if self.axis in "ZM":
             how += "; it moves the depth: fly it in the simulator first, and keep surface and bottom clear"
+        best = f"{100.0 * self.deviation:.1f} %" if self.deviation >= 5e-4 else "less than 0.1 %"
         expected = (
-            f"expected: the gain to {100.0 * self.deviation:.1f} % at best (standard deviation), with"
+            f"expected: the gain to {best} at best (standard deviation), with"
             f" {100.0 * self.share:.0f} % of the motion driven by the dither"
         )
         if self.tells:
@@ -211,7 +217,7 @@ def dithers(
 
 
 def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, voltage_v: float) -> Dither:
-    """A dither as large as the actuators allow, as long as the wanted deviation takes."""
+    """A dither as large as actuators allow and odds need, as long as the wanted deviation takes."""
     from scipy.signal import csd, welch
 
     axis = verdict.axis
@@ -251,8 +257,8 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
     waves = np.maximum(waves, _FLOOR * whole)
     step = f[1] - f[0]
 
-    def of(hold: float, duration: float) -> Dither:
-        power = 2.0 * hold * np.sinc(f * hold) ** 2  # one-sided
+    def of(hold: float, duration: float, part: float = 1.0) -> Dither:
+        power = 2.0 * part**2 * hold * np.sinc(f * hold) ** 2  # one-sided
         weight = 2.0 * duration * step * power / waves
         sides = [gain, slower]
         matrix = np.array([[float((weight * (a * b.conj()).real).sum()) for b in sides] for a in sides])
@@ -261,7 +267,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
         share = float(added.sum() / (added.sum() + np.var(y)))
         return Dither(
             axis=axis,
-            amplitude=largest,
+            amplitude={name: part * a for name, a in largest.items()},
             units={name: str(facts[name]["unit"]) for name in largest},
             hold_s=round(hold, 1),
             begin_s=_SETTLED_S,
@@ -274,10 +280,13 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
         )
 
     best = max((of(k * period, _SHORTEST_S) for k in _HOLDS), key=lambda d: d.share)
+    odds = best.share / max(1.0 - best.share, 1e-12)
+    part = min(max(math.sqrt(_ENOUGH / max(odds, 1e-12)), _PART), 1.0)
+    best = of(best.hold_s, _SHORTEST_S, part)
     # The deviation falls with the root of the time.
     needed = _SHORTEST_S * (best.deviation / wanted) ** 2
     duration = float(min(max(60.0 * math.ceil(needed / 60.0), _SHORTEST_S), _LONGEST_S))
-    return of(best.hold_s, duration)
+    return of(best.hold_s, duration, part)
 
 
 def _response(
