@@ -10,6 +10,7 @@ import polars as pl
 from seatrial._core import State, Vehicle
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.plausibility import implausible
+from seatrial.diagnosis.assessment import assess
 from seatrial.diagnosis.identifiability import warnings_before
 from seatrial.diagnosis.residual_analysis import analyse_joint
 from seatrial.estimation.joint import Joint
@@ -140,3 +141,33 @@ def test_the_drag_area_of_a_tether_is_found_again(tmp_path: Path) -> None:
     joint = towed(tmp_path, "A_tether = [0.0, 1.0]\n")
     values = dict(zip([one.name for one in joint.unknowns], polish(joint).values, strict=True))
     assert abs(values["A_tether"] / 0.15 - 1.0) < 0.03, values
+
+
+def test_the_stiffness_of_a_taut_tether_is_found_again(tmp_path: Path) -> None:
+    """A hull on a spring from its middle to a place 4 m ahead, pushed about there; its place was recorded."""
+    head, _, rest = Vehicle.load("cwolf").to_toml().partition("[coefficients]")
+    spring = "[tether]\nposition_m = [0.0, 0.0, 0.0]\nanchor_m = [4.0, 0.0, 0.0]\nslack_m = 3.5\n\n"
+    text = f"{head}{spring}[coefficients]{rest}"
+    (tmp_path / "model.toml").write_text(text)
+    truth = Vehicle.from_toml(text).with_coefficients({"k_tether": 12.0})
+    plain = pushed(truth, seed=3)
+    t = plain["t_s"].to_numpy()
+    tau = plain.select("^tau\\..*$").to_numpy()
+    run = truth.simulate(t, {}, State(), tau=tau, free="YN", max_step_s=0.05)
+    noise = np.random.default_rng(5).normal(size=(len(t), 3))
+    place = run.position + 0.02 * noise
+    assert np.ptp(run.position[:, 1]) > 1.0
+    trial = plain.with_columns(
+        pl.Series("x_m", place[:, 0]),
+        pl.Series("y_m", place[:, 1]),
+        pl.Series("yaw_deg", np.rad2deg(run.euler[:, 2]) + 0.2 * noise[:, 2]),
+    )
+    campaign = Campaign.from_toml(
+        CAMPAIGN + "k_tether = [0.0, 60.0]\n" + POLISH, folder=tmp_path, trials={"drift": trial}
+    )
+    joint = Joint(campaign, threads=1)
+    found = assess(joint, polish(joint))
+    place_of = list(found.uncertainty.names).index("k_tether")
+    estimate, sigma = found.uncertainty.estimate[place_of], found.uncertainty.sigma[place_of]
+    assert abs(estimate - 12.0) < 3.0 * sigma
+    assert sigma < 0.1 * 12.0
