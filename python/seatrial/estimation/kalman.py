@@ -175,9 +175,11 @@ def shaped(
     best = improved(noise)
     if noise.toward is None:
         courses = [_towards(spans, best[1], 2.0 * math.pi * k / _COURSES) for k in range(_COURSES)]
-        tried = [(Filters(spans, one, dt, seen, threads).likelihood(one), one) for one in courses if one]
-        if tried:
-            other = improved(max(tried, key=lambda one: one[0])[1])
+        told = [one for one in courses if one is not None]
+        if told:
+            other = improved(
+                max(told, key=lambda one: Filters(spans, one, dt, seen, threads).likelihood(one))
+            )
             best = other if other[0] > best[0] + _WORTH else best
     steps = [_Step(broader=_BROADER), _Step(faster=_FASTER)]
     if best[1].toward is not None:
@@ -213,7 +215,7 @@ def _towards(spans: Sequence[Span], noise: NoiseModel, toward: float) -> NoiseMo
     assert noise.wave_hz is not None
     along = np.concatenate([span.through for span in spans]) @ [math.cos(toward), math.sin(toward)]
     slower = 2.0 * math.pi * noise.wave_hz / _GRAVITY * along
-    if slower.std() < _ENCOUNTERS:
+    if not slower.std() >= _ENCOUNTERS:  # nor where the velocity is not a number
         return None
     return replace(noise.shaped(noise.wave_hz * (1.0 + float(slower.mean())), noise.damping), toward=toward)
 
