@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.report import Report, Section, Table
@@ -28,6 +28,7 @@ from seatrial.statistics.failure_boundary import BoundarySurface
 from seatrial.statistics.proportions import share
 from seatrial.verification.boundary_survey import BoundarySurvey, coefficients_at, flights_at, variables_of
 from seatrial.verification.campaign import check_table, verified_campaign
+from seatrial.verification.requirement import named
 from seatrial.verification.verification import WITHOUT_FILE, input_files
 
 if TYPE_CHECKING:
@@ -119,10 +120,7 @@ class FailureBoundary(RunResult):
         CampaignError
             There is none.
         """
-        known = {one.requirement.name: one for one in self.requirements}
-        if name not in known:
-            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
-        return known[name]
+        return named([name], {one.requirement.name: one for one in self.requirements})[0]
 
     def value(self, axis: int, x: float) -> float:
         """Value of a variable at a share of its range.
@@ -385,10 +383,7 @@ def run_boundary(
 ) -> FailureBoundary:
     """Boundary of a campaign that is ready to fly. See `failure_boundary` for the parameters."""
     known = {one.name: one for one in prepared.requirements}
-    for name in names:
-        if name not in known:
-            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
-    chosen = [known[name] for name in names] if names else list(prepared.requirements)
+    chosen = named(names or list(known), known)
     asked = variables_of(variables, prepared.flights)
     for end in (0.0, 1.0):
         corner = np.full(len(asked), end)

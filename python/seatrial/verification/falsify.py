@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.report import Report, Section
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
@@ -27,6 +27,7 @@ from seatrial.campaign.campaign import input_hashes
 from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.regression import case_text
+from seatrial.verification.requirement import named
 from seatrial.verification.robustness import robustness, unusable
 from seatrial.verification.verification import input_files
 
@@ -155,13 +156,11 @@ class Falsification(RunResult):
         CampaignError
             There is no such requirement, or none of its missions failed.
         """
-        found = {one.requirement.name: one for one in self.requirements}
-        if name not in found:
-            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, found)}')
-        if not found[name].falsified:
+        [found] = named([name], {one.requirement.name: one for one in self.requirements})
+        if not found.falsified:
             raise CampaignError(f'requirement "{name}": no mission failed, there is none to fly again')
         space = MissionSpace(self.prepared.flights)
-        return space.draws(np.array([found[name].sample]), np.array([_SEED]))
+        return space.draws(np.array([found.sample]), np.array([_SEED]))
 
     def replay(self, name: str) -> Flight:
         """Flight of that mission, with its log.
@@ -315,10 +314,7 @@ def run_falsification(
     if budget < 100:
         raise CampaignError(f"budget: expected at least 100 missions, found {budget}")
     known = {one.name: one for one in prepared.requirements}
-    for name in names:
-        if name not in known:
-            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
-    chosen = [known[name] for name in names] if names else list(prepared.requirements)
+    chosen = named(names or list(known), known)
     clock, found, interrupted = Clock(), [], False
     with RunDirectory(run_dir, resume=False) as run:
         try:

@@ -18,7 +18,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
-from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.report import Report, Section, Table
@@ -28,6 +28,7 @@ from seatrial.statistics.draws import generator
 from seatrial.statistics.subset_simulation import Population, RareEvent, importance, population, rare_event
 from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.mission_space import MissionSpace
+from seatrial.verification.requirement import named
 from seatrial.verification.robustness import robustness, unusable
 from seatrial.verification.verification import input_files
 
@@ -163,13 +164,11 @@ class RareFailures(RunResult):
         CampaignError
             There is no such requirement, or it did not fail.
         """
-        found = {one.requirement.name: one for one in self.requirements}
-        if name not in found:
-            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, found)}')
-        if not found[name].sample:
+        [found] = named([name], {one.requirement.name: one for one in self.requirements})
+        if not found.sample:
             raise CampaignError(f'requirement "{name}": no mission failed, there is none to fly again')
         space = MissionSpace(self.prepared.flights)
-        drawn = space.draws(np.array([found[name].sample]), np.array([found[name].seed]))
+        drawn = space.draws(np.array([found.sample]), np.array([found.seed]))
         return self.prepared.flights.replay_drawn(drawn)
 
     def to_dict(self) -> dict[str, Any]:
@@ -411,10 +410,7 @@ def run_rare(
     if populations < 2:
         raise CampaignError(f"populations: expected at least 2, found {populations}")
     known = {one.name: one for one in prepared.requirements}
-    for name in names:
-        if name not in known:
-            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
-    chosen = [known[name] for name in names] if names else list(prepared.requirements)
+    chosen = named(names or list(known), known)
     clock, found, interrupted = Clock(), [], False
     threads = threads_of(threads, executor)
     with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:

@@ -29,13 +29,13 @@ import ast
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import CampaignError
+from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.verification_table import Obstacle, VerificationTable
 from seatrial.flight.metrics import OFF_PROMISE
 from seatrial.verification.expression import KNOWN, Metric, check, names_in, parse, unit_of
@@ -43,9 +43,11 @@ from seatrial.verification.expression import KNOWN, Metric, check, names_in, par
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
 
-__all__ = ["Circle", "Judgement", "Requirement", "default_requirements", "obstacles"]
+__all__ = ["Circle", "Judgement", "Requirement", "default_requirements", "named", "obstacles"]
 
 Values = NDArray[Any]
+
+_T = TypeVar("_T")
 
 _SHARE = "of the threshold"
 
@@ -352,6 +354,20 @@ def obstacles(entries: Sequence[Obstacle]) -> list[Circle]:
 _DEFAULT_SHARE = 0.95
 
 _SURE = 1.96  # normal quantile of 95 % on two sides
+
+
+def named(names: Sequence[str], known: Mapping[str, _T]) -> list[_T]:
+    """Those of these names, of all that are known by the names of their requirements.
+
+    Raises
+    ------
+    CampaignError
+        There is no requirement of such a name.
+    """
+    for name in names:
+        if name not in known:
+            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
+    return [known[name] for name in names]
 
 
 def default_requirements(
