@@ -11,6 +11,7 @@ Source: Triggs et al., *Bundle Adjustment: A Modern Synthesis* (2000), section 6
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,6 +31,11 @@ INITIALS: tuple[str, ...] = tuple(initial_names())
 """Initial conditions of a segment in the core's order."""
 
 _TRIALS = 6
+"""Flights of a round at most."""
+
+_LITTLE = 0.02
+"""A step that gains less than this part of what its round has gained is the round's last: the derivatives of
+the next one tell more."""
 
 _NOISE_FLOOR = 1e-3
 
@@ -47,6 +53,21 @@ def ran_away(joint: Joint, error: Array) -> bool:
 
 
 _Slopes = list[tuple[Array, Array, Array, NDArray[np.intp]]]
+
+
+class _Ended(Exception):
+    """A round has gained what its derivatives can tell."""
+
+
+def _at_its_end(twice: Sequence[float], renewed: bool) -> bool:
+    """Whether a round ends that tried points of these costs: after a step that gained little, or none.
+
+    Derivatives that were not renewed for the round promise nothing for a shorter step than the first.
+    """
+    if len(twice) < 3:
+        return len(twice) == 2 and not renewed and twice[1] >= twice[0]
+    gained, last = twice[0] - min(twice[:-1]), min(twice[:-1]) - twice[-1]
+    return gained > 0.0 and last < _LITTLE * gained
 
 
 @dataclass(frozen=True)
@@ -97,6 +118,7 @@ class GaussNewton:
         from scipy.optimize import least_squares
 
         # One differentiated flight per round; the steps within it reuse derivatives and weights.
+        renewed = self.held is None
         locals_, information, gradient = self.differentiated(values, initial)
         precision = self.prior_sd**-2.0
         information = information + np.diag(precision)
@@ -115,12 +137,17 @@ class GaussNewton:
             new[free] = z * self.scale[free]
             return new, self.followed(locals_, initial, new - at)
 
+        tried: list[tuple[float, Array]] = []
+
         def reduced(z: Array) -> Array:
             """A vector of the cost's size whose derivative at the start is the factor, below it zero."""
+            if _at_its_end([cost for cost, _ in tried], renewed):
+                raise _Ended
             new, begun = moved(z)
             residuals = self.residuals(new, begun)
             self.evaluations += 1
             twice = 2.0 * self.cost(new, begun, centre, residuals)
+            tried.append((twice, z.copy()))
             if not math.isfinite(twice):
                 return np.full(len(free) + 1, np.inf)
             # The head has the model's gradient, the last entry fills up to the true cost: the solver accepts
@@ -132,17 +159,18 @@ class GaussNewton:
         held = np.vstack([factor, np.zeros(len(free))])
         z = at[free] / self.scale[free]
         lower, upper = self.lower[free] / self.scale[free], self.upper[free] / self.scale[free]
-        found = least_squares(
-            reduced,
-            np.clip(z, lower, upper),
-            jac=lambda _: held,
-            bounds=(lower, upper),
-            max_nfev=_TRIALS,
-            ftol=1e-10,
-            xtol=1e-10,
-            gtol=1e-12,
-        )
-        new, begun = moved(found.x)
+        with contextlib.suppress(_Ended):
+            least_squares(
+                reduced,
+                np.clip(z, lower, upper),
+                jac=lambda _: held,
+                bounds=(lower, upper),
+                max_nfev=_TRIALS,
+                ftol=1e-10,
+                xtol=1e-10,
+                gtol=1e-12,
+            )
+        new, begun = moved(min(tried, key=lambda one: one[0])[1])
         step = (new - at)[free]
         promised = float(step @ information[np.ix_(free, free)] @ step)
         if promised > _NEAR and not self.near:
@@ -172,7 +200,7 @@ class GaussNewton:
     def _slopes(self, values: Array, initial: Array) -> _Slopes:
         """Residuals and derivatives of every segment, the derivatives perhaps those of the round before."""
         if self.held is None:
-            self.held = self.joint.slopes(values, initial)
+            self.held = self.joint.slopes(values, initial, residuals=self.residuals(values, initial))
             return self.held
         residuals = self.residuals(values, initial)
         return [(error, *slopes[1:]) for error, slopes in zip(residuals, self.held, strict=True)]
@@ -220,7 +248,8 @@ class GaussNewton:
 
     def settled(self, values: Array, initial: Array) -> Array:
         """Change (segments, 12) towards better initial conditions at fixed values."""
-        slopes = self.joint.slopes(values, initial, starts_only=True)
+        residuals = self.residuals(values, initial)
+        slopes = self.joint.slopes(values, initial, starts_only=True, residuals=residuals)
         locals_ = [self._eliminated(*found, initial[index])[0] for index, found in enumerate(slopes)]
         return self.followed(locals_, np.zeros_like(initial), np.zeros(len(self.unknowns)))
 
@@ -288,7 +317,8 @@ class GaussNewton:
         info = joint.vehicle.coefficient_info()
         present = joint.vehicle.coefficients()
         size = len(self.unknowns) + len(extra)
-        slopes = joint.slopes(values, initial, extra=extra)
+        residuals = self.residuals(values, initial)
+        slopes = joint.slopes(values, initial, extra=extra, judging=True, residuals=residuals)
         for index, (error, by_unknown, by_initial, places) in enumerate(slopes):
             segment = joint.data.segments[index]
             counted = joint.counted(index)
