@@ -138,8 +138,8 @@ def _prior(key: str) -> tuple[float, str, bool]:
 _HIDDEN_SD = 0.25
 
 _NEAR = 0.05
-"""Difference of two flights, in standard deviations of the channel, up to which the derivatives of the coarser
-one serve; with steps of h|lambda| <= 1 they differ by less than a hundredth there."""
+"""Difference of two flights, in standard deviations of the channel, up to which the derivatives of the
+coarser one serve; at h|lambda| <= 1 they differ by about a hundredth."""
 
 """Prior standard deviation of a hidden coefficient, over the width of its bounds."""
 

@@ -64,10 +64,9 @@ _DIFFERENCE = 1e-4
 class StageStep:
     """Substeps per sample of the log and the bound that asked for them, rad/s.
 
-    ``search`` are the substeps of the global search and ``slopes`` those of derivatives that judge, at most as
-    many. ``fast`` names what admits vehicles
-    that they do not follow: coefficient, its bound, and the bound that leaves none; the coefficient is empty
-    where the vehicle itself is one of them.
+    ``search`` are the substeps of the global search and ``slopes`` those of derivatives that judge, at most
+    as many. ``fast`` names what admits vehicles that they do not follow: coefficient, its bound, and the
+    bound that leaves none; the coefficient is empty where the vehicle itself is one of them.
     """
 
     substeps: int

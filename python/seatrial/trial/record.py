@@ -116,9 +116,12 @@ def cut_spans(
 
 def restarted(trial: Trial, spans: Sequence[tuple[int, int]], record: int = 0) -> list[Segment]:
     """Segments of spans (start, stop), each from the smoothed measured state at its start."""
+    if not spans:
+        return []
+    states = (part.tolist() for part in trial.state(np.array([start for start, _ in spans])))
     return [
-        Segment(record, start, stop, *(tuple(map(float, part)) for part in trial.state(start)))
-        for start, stop in spans
+        Segment(record, start, stop, *map(tuple, state))
+        for (start, stop), *state in zip(spans, *states, strict=True)
     ]
 
 
