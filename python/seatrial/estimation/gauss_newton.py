@@ -15,6 +15,7 @@ import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +53,7 @@ def ran_away(joint: Joint, error: Array) -> bool:
     return not np.all(np.abs(error) < _DIVERGED * joint.data.scale[joint.used])
 
 
-_Slopes = list[tuple[Array, Array, Array, NDArray[np.intp]]]
+_Slopes = list[tuple[Array, Array, NDArray[np.intp]]]
 
 
 class _Ended(Exception):
@@ -72,18 +73,21 @@ def _at_its_end(twice: Sequence[float], renewed: bool) -> bool:
 
 @dataclass(frozen=True)
 class _Local:
-    """A segment at the point of a round: weights (n, C) and their roots.
-
-    ``jacobian`` is without what the initial conditions explain, in standard deviations of the channels times
-    the root of the weight.
+    """A segment at the point of a round: weights (n, C), derivatives (n, C, k + s) by unknowns and by initial
+    conditions, SI. The latter move by ``toward`` (s,), and by ``follow`` (s, k) with a step of the unknowns.
     """
 
     places: NDArray[np.intp]
     weight: Array
-    root: Array
     jacobian: Array
     toward: Array
     follow: Array
+
+    @property
+    def alone(self) -> Array:
+        """Derivatives (n, C, k) by the unknowns without what the initial conditions imitate, SI."""
+        count = len(self.places)
+        return self.jacobian[:, :, :count] - self.jacobian[:, :, count:] @ self.follow
 
 
 class GaussNewton:
@@ -177,6 +181,11 @@ class GaussNewton:
             self.held = None
         return new, begun, promised
 
+    @cached_property
+    def _counted(self) -> NDArray[np.bool_]:
+        """Mask (samples, C) of what counts, all segments one after the other."""
+        return np.concatenate([self.joint.counted(i) for i in range(len(self.joint.data.segments))])
+
     def residuals(self, values: Array, initial: Array) -> list[Array]:
         """Residuals (n, C) of every segment at a point; those of the last points are kept."""
         key = values.tobytes() + initial.tobytes()
@@ -190,8 +199,8 @@ class GaussNewton:
         """Segments at a point, the information (m, m) and the downhill gradient (m,) of what they tell."""
         size = len(self.unknowns)
         information, gradient, locals_ = np.zeros((size, size)), np.zeros(size), []
-        for index, (error, by_unknown, by_initial, places) in enumerate(self._slopes(values, initial)):
-            local, one, downhill = self._eliminated(error, by_unknown, by_initial, places, initial[index])
+        for index, (error, jacobian, places) in enumerate(self._slopes(values, initial)):
+            local, one, downhill = self._eliminated(error, jacobian, places, initial[index])
             information[np.ix_(places, places)] += one
             gradient[places] += downhill
             locals_.append(local)
@@ -206,37 +215,38 @@ class GaussNewton:
         return [(error, *slopes[1:]) for error, slopes in zip(residuals, self.held, strict=True)]
 
     def _eliminated(
-        self, error: Array, by_unknown: Array, by_initial: Array, places: NDArray[np.intp], initial: Array
+        self, error: Array, jacobian: Array, places: NDArray[np.intp], initial: Array
     ) -> tuple[_Local, Array, Array]:
         """A segment without its initial conditions, its information and gradient."""
         residual = error / self.noise
         weight = self.weight(residual)
         root = np.sqrt(weight)
-        flat = (root * residual).ravel()
-        scale = (root / self.noise)[:, :, None]
-        rows = (by_unknown * scale).reshape(len(flat), -1)
-        own = (by_initial * scale).reshape(len(flat), -1)
+        rows = (jacobian * (root / self.noise)[:, :, None]).reshape(root.size, -1)
+        square, downhill = rows.T @ rows, rows.T @ (root * residual).ravel()
         # The block of the segment's own initial conditions, with their prior: small, and solved here.
-        inside = initial[self.initial_places]
+        count, inside = len(places), initial[self.initial_places]
         precision = self.joint.initial_sd**-2.0
-        normal, shared = own.T @ own + np.diag(precision), own.T @ rows
+        normal, shared = square[count:, count:] + np.diag(precision), square[count:, :count]
+        own = downhill[count:] - precision * inside
         # Initial conditions follow a step of the unknowns linearly, about where they move without one.
-        follow: Array = np.asarray(np.linalg.solve(normal, shared), dtype=float)
-        toward: Array = np.asarray(np.linalg.solve(normal, own.T @ flat - precision * inside), dtype=float)
+        solved = np.asarray(np.linalg.solve(normal, np.column_stack([shared, own])), dtype=float)
+        follow, toward = solved[:, :count], solved[:, count]
         # Schur complement: what of the unknowns' columns the initial conditions cannot imitate. Information
         # and gradient of all segments then add up in the unknowns alone.
-        left = rows - own @ follow
         return (
-            _Local(places, weight, root, left, toward, follow),
-            left.T @ rows,
-            rows.T @ flat - shared.T @ toward,
+            _Local(places, weight, jacobian, toward, follow),
+            square[:count, :count] - shared.T @ follow,
+            downhill[:count] - shared.T @ toward,
         )
 
     def pull(self, locals_: Sequence[_Local], residuals: Sequence[Array]) -> Array:
         """Downhill gradient (m,) with derivatives and weights held."""
         total = np.zeros(len(self.unknowns))
         for local, error in zip(locals_, residuals, strict=True):
-            total[local.places] += local.jacobian.T @ (local.root * error / self.noise).ravel()
+            weighted = (local.weight / self.noise**2 * error).ravel()
+            downhill = local.jacobian.reshape(len(weighted), -1).T @ weighted
+            count = len(local.places)
+            total[local.places] += downhill[:count] - local.follow.T @ downhill[count:]
         return total
 
     def followed(self, locals_: Sequence[_Local], initial: Array, step: Array) -> Array:
@@ -283,12 +293,9 @@ class GaussNewton:
     def _losses(self, residuals: Sequence[Array]) -> Array:
         """Sum (C,) of the robust losses of each channel's residuals, in its noise."""
         knee = math.inf if self.joint.polish.loss == "squared" else self.joint.polish.knee
-        total = np.zeros(len(self.noise))
-        for error in residuals:
-            size = np.abs(error / self.noise)
-            inner = np.minimum(size, knee)
-            total += (inner * (size - 0.5 * inner)).sum(axis=0)
-        return total
+        size = np.abs(np.concatenate(residuals) / self.noise)
+        inner = np.minimum(size, knee)
+        return np.asarray((inner * (size - 0.5 * inner)).sum(axis=0))
 
     def _priors(self, values: Array, initial: Array, centre: Array) -> float:
         """Half the squared distances from the priors' centres, in their standard deviations."""
@@ -298,9 +305,9 @@ class GaussNewton:
     def estimate_noise(self, residuals: Sequence[Array]) -> None:
         """Set the noise to the residuals' standard deviation, with Huber's loss by their median size."""
         data, squared = self.joint.data, self.joint.polish.loss == "squared"
+        every = np.abs(np.concatenate(residuals))
         for column, channel in enumerate(self.joint.used):
-            counted = [self.joint.counted(i)[:, column] for i in range(len(residuals))]
-            sizes = np.concatenate([np.abs(r[c, column]) for r, c in zip(residuals, counted, strict=True)])
+            sizes = every[self._counted[:, column], column]
             sizes = sizes[np.isfinite(sizes)]
             if not len(sizes):
                 noise = math.inf
@@ -319,17 +326,17 @@ class GaussNewton:
         size = len(self.unknowns) + len(extra)
         residuals = self.residuals(values, initial)
         slopes = joint.slopes(values, initial, extra=extra, judging=True, residuals=residuals)
-        for index, (error, by_unknown, by_initial, places) in enumerate(slopes):
+        for index, (error, jacobian, places) in enumerate(slopes):
             segment = joint.data.segments[index]
             counted = joint.counted(index)
             if ran_away(joint, error):
                 # A simulation that ran away tells nothing of its coefficients, here.
-                error, by_unknown, by_initial = (np.zeros_like(x) for x in (error, by_unknown, by_initial))
+                error, jacobian = np.zeros_like(error), np.zeros_like(jacobian)
                 counted = np.zeros_like(counted)
-            local, _, _ = self._eliminated(error, by_unknown, by_initial, places, initial[index])
+            local, _, _ = self._eliminated(error, jacobian, places, initial[index])
             trial = joint.data.trials[segment.record]
             full = np.zeros((*error.shape, size))
-            full[:, :, places] = local.jacobian.reshape(*error.shape, -1) / local.root[:, :, None]
+            full[:, :, places] = local.alone / self.noise[:, None]
             pieces.append(
                 Piece(
                     trial=joint.data.names[segment.record],

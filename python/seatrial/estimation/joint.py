@@ -338,6 +338,12 @@ class Joint:
         part.coarser = tuple(replace(one, data=part.data) for one in self.coarser)
         return part, places
 
+    def at_search_step(self) -> Joint:
+        """The same estimate with all flights at the step of the global search, to come near its optimum."""
+        rough = copy.copy(self)
+        rough.problem, rough.noise = self.coarser[0], self.noise.copy()
+        return rough
+
     def steps(
         self, *, held_out: bool | None = False
     ) -> tuple[tuple[tuple[int, int, int], ...], tuple[Segment, ...]]:
@@ -414,10 +420,10 @@ class Joint:
         starts_only: bool = False,
         judging: bool = False,
         residuals: Sequence[Array] | None = None,
-    ) -> list[tuple[Array, Array, Array, NDArray[np.intp]]]:
-        """Per segment: residuals (n, C), derivatives (n, C, k) by unknowns and by initial conditions, SI.
+    ) -> list[tuple[Array, Array, NDArray[np.intp]]]:
+        """Per segment: residuals (n, C), derivatives (n, C, k + s) by unknowns and initial conditions, SI.
 
-        The fourth entry holds the places (k,) of those unknowns among all; coefficients that are ``extra``
+        The third entry holds the places (k,) of those unknowns among all; coefficients that are ``extra``
         come last. With ``starts_only`` there are none (k = 0), which saves most of the work. ``residuals``
         are those of the same point where they are known.
 
@@ -448,18 +454,18 @@ class Joint:
         if not self._near(errors, [error for error, _ in found]):
             found = flown(self.problem)
         last, before = len(self.unknowns), inside + len(extra)
+        starts = range(before + len(keys), before + len(keys) + len(self.initials))
         result = []
         for segment, error, (_, jacobian) in zip(self.data.segments, errors, found, strict=True):
             # The core differentiates by every kind of nuisance; of each kind one unknown is this trial's own.
             owner = {n.key: count + at for at, n in enumerate(sought) if segment.record in n.trials}
             columns = [*range(inside), *(before + keys.index(key) for key in owner), *range(inside, before)]
             places = [*range(inside), *owner.values(), *range(last, last + len(extra))]
+            order = [*columns, *starts]
+            whole = order == [*range(jacobian.shape[2])]
             result.append((
                 error,
-                jacobian[:, :, : len(columns)]
-                if columns == [*range(len(columns))]
-                else jacobian[:, :, columns],
-                jacobian[:, :, before + len(keys) :],
+                jacobian if whole else jacobian[:, :, order],
                 np.array(places, dtype=np.intp),
             ))
         return result

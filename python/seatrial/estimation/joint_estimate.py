@@ -12,8 +12,8 @@ them helps.
 A campaign may free coefficients here that no stage freed. The larger set may not end above the smaller one:
 it starts from the optimum of the staged coefficients too.
 
-The way from the starts is found on a part of the segments where there are many: every descent runs on the
-part, and the last one goes on from the lowest end on all of them.
+The way from the starts is found on a part of the segments where there are many, at the step of the global
+search: every descent runs on the part, and the last one goes on from the lowest end on all of them.
 
 Tests: ``tests/estimation/test_polish.py``.
 """
@@ -144,7 +144,7 @@ def polish(
     if joint.method == "innovations":
         return _with_noise_model(joint, first, limit, fixed, watch)
     whole = near or len(joint.data.segments) < _MANY * _PART
-    searched = joint if whole or not limit else joint.thinned(_PART)[0]
+    searched = joint if whole or not limit else joint.thinned(_PART)[0].at_search_step()
     search = _Descent(searched, frozenset(fixed), limit, watch)
     search.rounds.near = near
     found = [search.run(first)]

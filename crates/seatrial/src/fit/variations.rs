@@ -19,7 +19,7 @@ use crate::fit::sensitivities::{Group, Prepared, Work};
 use crate::model::integrate::{STAGES, State};
 use crate::model::kinematics::{quaternion_rate, renormalised, rotation};
 use crate::model::vehicle::{Instant, Mode, Summed, Vehicle, hand_on};
-use crate::number::algebra::{Vec6, each, product};
+use crate::number::algebra::{Mat3, Vec6, each, product};
 use crate::number::dual::Dual;
 use crate::number::lanes::LANES;
 use crate::number::real::Real;
@@ -32,6 +32,7 @@ const SEEDS: usize = 18;
 /// One stage of a step: where it stands and heads, and the derivatives of where it heads.
 struct Stage {
     row: [f64; 13],
+    rotation: Mat3<f64>,
     slope: [f64; 13],
     /// Of the position's rate by attitude and linear velocity.
     position: [[f64; LANES]; 3],
@@ -138,6 +139,7 @@ impl Stage {
             omega[i] = seeded(at.nu[3 + i], motion[4 + i]);
         }
         let r = rotation(&attitude);
+        self.rotation = r.map(|row| row.map(|x| x.value));
         let moved = product(&r, &v);
         for i in 0..3 {
             self.slope[i] = moved[i].value;
@@ -258,11 +260,10 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
     fn own_force(&self, stage: &Stage, none: f64x8<S>, instant: &Instant<Dual<f64x8<S>>>) -> Vec6<f64x8<S>> {
         let at = paired(&stage.row, &[none; 13]);
         let vehicle = std::hint::black_box(self.vehicle);
-        let turn = rotation(&State::from_row(&stage.row).attitude);
         let mut r = [[Dual { value: 0.0, partials: none }; 3]; 3];
         for i in 0..3 {
             for j in 0..3 {
-                r[i][j].value = turn[i][j];
+                r[i][j].value = stage.rotation[i][j];
             }
         }
         let mut force = vehicle.force(self.of, (Some(&at.position), &r), &at.nu, instant);
@@ -348,6 +349,7 @@ impl Batch<'_> {
         }
         let mut stage = Stage {
             row: [0.0; 13],
+            rotation: [[0.0; 3]; 3],
             slope: [0.0; 13],
             position: [[0.0; LANES]; 3],
             attitude: [[0.0; LANES]; 4],
