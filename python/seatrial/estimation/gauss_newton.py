@@ -44,6 +44,11 @@ _NEAR = 30.0
 """Promise of a step, in twice the log-likelihood, up to which the derivatives are held for the next one: five
 to six standard deviations in all unknowns together. The residuals are always those of the step."""
 
+_FAR = 1e3
+"""Promise, in the same units, up to which derivatives take half the step of the global search, and not all of
+it: an error of some thousandths in them is nothing beside the way that is left, and 0.06 standard deviations
+of a coefficient of the fastest motion at its end."""
+
 _DIVERGED = 1e3
 """Error, in standard deviations of the channel, from which a simulation counts as diverged."""
 
@@ -102,7 +107,6 @@ class GaussNewton:
 
     def __init__(self, joint: Joint, fixed: frozenset[int] = frozenset()) -> None:
         self.joint = joint
-        self.noise = joint.noise.copy()
         self.unknowns = joint.unknowns
         self.free = np.array([i for i in range(len(self.unknowns)) if i not in fixed], dtype=np.intp)
         self.lower = np.array([u.lower for u in self.unknowns])
@@ -115,6 +119,18 @@ class GaussNewton:
         self.held: _Slopes | None = None
         self._recent: list[tuple[bytes, list[Array]]] = []
         self.near = False  # whether the derivatives of the start hold all the way
+        self.begin()
+
+    def begin(self) -> None:
+        """A descent begins: nothing is held of the one before."""
+        coarse, fine = self.joint.coarser
+        self.held, self.judging = None, coarse.substeps == fine.substeps
+        self.noise = self.joint.noise.copy()
+
+    def judge(self) -> None:
+        """From here on derivatives are those that judge an estimate."""
+        if not self.judging:
+            self.held, self.judging = None, True
 
     def round(self, values: Array, initial: Array, centre: Array) -> tuple[Array, Array, float]:
         """Better values and initial conditions, and the promised gain in twice the log-likelihood."""
@@ -179,6 +195,8 @@ class GaussNewton:
         promised = float(step @ information[np.ix_(free, free)] @ step)
         if promised > _NEAR and not self.near:
             self.held = None
+        if promised <= _FAR:
+            self.judge()
         return new, begun, promised
 
     @cached_property
@@ -209,7 +227,8 @@ class GaussNewton:
     def _slopes(self, values: Array, initial: Array) -> _Slopes:
         """Residuals and derivatives of every segment, the derivatives perhaps those of the round before."""
         if self.held is None:
-            self.held = self.joint.slopes(values, initial, residuals=self.residuals(values, initial))
+            residuals = self.residuals(values, initial)
+            self.held = self.joint.slopes(values, initial, judging=self.judging, residuals=residuals)
             return self.held
         residuals = self.residuals(values, initial)
         return [(error, *slopes[1:]) for error, slopes in zip(residuals, self.held, strict=True)]

@@ -342,6 +342,7 @@ class Joint:
         """The same estimate with all flights at the step of the global search, to come near its optimum."""
         rough = copy.copy(self)
         rough.problem, rough.noise = self.coarser[0], self.noise.copy()
+        rough.coarser = (self.coarser[0], self.coarser[0])
         return rough
 
     def steps(

@@ -284,9 +284,12 @@ class _Descent:
         try:
             while count < limit and not converged:
                 count += 1
-                rounds.noise = here.noise.copy()
+                rounds.noise, judged = here.noise.copy(), rounds.judging
                 values, begun, promised = rounds.round(here.values, here.initial, centre)
                 before, here = here, self._lower(here, values, begun, centre)
+                if here is before and not judged:
+                    rounds.judge()
+                    continue
                 if here is before:
                     # Not even a short step along the round's direction lowers the likelihood's cost: the
                     # noise that follows takes back what is left to gain.
@@ -295,7 +298,7 @@ class _Descent:
                 settled = bool(np.all(np.abs(here.noise / before.noise - 1) < _SPREAD))
                 whole = np.array_equal(here.values, values)
                 gained = 2.0 * (before.merit - here.merit) if whole else np.inf
-                converged = settled and min(promised, gained) < _CLOSE
+                converged = judged and settled and min(promised, gained) < _CLOSE
                 self._show(count, here)
         except KeyboardInterrupt:
             interrupted = True
@@ -322,7 +325,7 @@ class _Descent:
     def _begun(self, values: Array, centre: Array) -> _Place:
         """A point with initial conditions at their best for it."""
         joint, rounds = self.joint, self.rounds
-        rounds.noise, rounds.held = joint.noise.copy(), None
+        rounds.begin()
         initial = np.zeros((len(joint.data.segments), len(INITIALS)))
         rounds.estimate_noise(rounds.residuals(values, initial))
         if joint.initials:

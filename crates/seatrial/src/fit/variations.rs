@@ -62,6 +62,8 @@ struct Tangent<'a, P> {
     vehicle: &'a Vehicle<Dual<P>>,
     /// What acts, where it depends on the unknowns.
     course: Option<Course<'a, Dual<P>>>,
+    /// Whether the motors' signals depend on them too.
+    motor: bool,
     shown: Shown<'a, Dual<P>>,
     change: [P; 13],
     sum: [P; 13],
@@ -339,8 +341,15 @@ impl Batch<'_> {
             tangents.push(Tangent {
                 of: group.of,
                 vehicle: &one.vehicle,
-                course: own
-                    .then(|| Course::new(&one.vehicle, record, segment, self.substeps, start.current, unit)),
+                course: own.then(|| {
+                    let (vehicle, current) = (&one.vehicle, start.current);
+                    if group.motor {
+                        Course::new(vehicle, record, segment, self.substeps, current, unit)
+                    } else {
+                        Course::following(vehicle, record, segment, self.substeps, current, unit)
+                    }
+                }),
+                motor: group.motor,
                 shown: one.shown(work.asked, segment),
                 change: partials(&start.state),
                 sum: [none; 13],
@@ -363,8 +372,10 @@ impl Batch<'_> {
                 }
                 course.begin(k, step);
                 for tangent in &mut tangents {
-                    if let Some(course) = &mut tangent.course {
-                        course.begin(k, step);
+                    match &mut tangent.course {
+                        Some(own) if tangent.motor => own.begin(k, step),
+                        Some(own) => own.begin_with(&course, k, step),
+                        None => {}
                     }
                 }
                 if step == 0 {
@@ -385,14 +396,18 @@ impl Batch<'_> {
                         break 'flight;
                     }
                 }
-                course.go_on(k, step);
+                for half in 1..3 {
+                    course.half(k, step, half);
+                    for tangent in &mut tangents {
+                        match &mut tangent.course {
+                            Some(own) if tangent.motor => own.half(k, step, half),
+                            Some(own) => own.half_with(&course, k, half),
+                            None => {}
+                        }
+                    }
+                }
                 for (from, to) in course.instants.iter().zip(&mut lifted) {
                     lift(from, to, unit, inflow);
-                }
-                for tangent in &mut tangents {
-                    if let Some(course) = &mut tangent.course {
-                        course.go_on(k, step);
-                    }
                 }
                 state = self.varied_step(
                     (&plain.vehicle, &frame),
