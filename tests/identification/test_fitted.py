@@ -260,3 +260,15 @@ def test_numbers_of_draws_are_checked() -> None:
     for wrong in (-1, [1.5], [-3], True, "many", [[1], [2, 3]]):
         with pytest.raises(SimulationError, match="whole and from 0 on"):
             checked_numbers(cast(Any, wrong))
+
+
+def test_a_coefficient_that_stays_at_its_bound_is_drawn_there_to_the_last_bit() -> None:
+    vehicle = Vehicle.load("cwolf").with_coefficients({"Z_ww": -3e-16})
+    names = ("X_u", "X_uu", "Y_v", "Y_vv", "Z_w", "Z_ww", "K_p", "K_pp", "M_q", "M_qq", "N_r", "N_rr")
+    own = np.array([vehicle.coefficients()[name] for name in names])
+    mixed = np.random.default_rng(1).normal(size=(12, 12)) * 0.01 * own
+    covariance = mixed.T @ mixed
+    covariance[5] = covariance[:, 5] = 0.0
+    drawn = Fitted(vehicle, names, covariance, ()).drawn(200, 0)
+    assert set(drawn.coefficients["Z_ww"].tolist()) == {vehicle.coefficients()["Z_ww"]}
+    assert drawn.impossible == 0.0

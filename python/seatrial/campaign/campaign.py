@@ -312,7 +312,7 @@ class Campaign:
             progress=self.progress,
         )
         other.trials = self.trials
-        other._verdicts = self._verdicts
+        other._verdicts, other._limits = self._verdicts, self._limits
         return other
 
     @property
@@ -421,9 +421,8 @@ class Campaign:
         key = trial, held_out
         if key not in self._parts:
             whole, mask = self.trials[trial], self.held_out(trial) == held_out
-            self._parts[key] = (
-                dataclasses.replace(whole, valid=whole.valid & mask[:, None]) if mask.any() else None
-            )
+            part = dataclasses.replace(whole, valid=whole.valid & mask[:, None]) if mask.any() else None
+            self._parts[key] = whole if mask.all() else part
         return self._parts[key]
 
     def verdicts(self, trial: str) -> dict[str, Verdict]:

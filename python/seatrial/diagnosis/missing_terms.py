@@ -341,6 +341,7 @@ def missing_terms(
     *,
     block: Sequence[NDArray[np.intp]],
     info: Mapping[str, Mapping[str, Any]] | None = None,
+    tests: ScoreTests | None = None,
     tested: int | None = None,
     level: float = 0.05,
     least_gain: float = 0.25,
@@ -357,6 +358,8 @@ def missing_terms(
         Block of each sample of each segment, of `independent_blocks`.
     info : mapping, optional
         ``Vehicle.coefficient_info()``: descriptions for the words.
+    tests : ScoreTests, optional
+        Those of the candidates in these blocks, where they are known.
     tested : int, optional
         Number of coefficients tried in all, if more than are given here.
     level : float
@@ -369,7 +372,8 @@ def missing_terms(
     if not tried:
         return ()
     columns, fitted = columns_of(lin, tried), fitted_places(lin, tried)
-    tests = score_tests(lin, columns, fitted=fitted, block=block)
+    if tests is None:
+        tests = score_tests(lin, columns, fitted=fitted, block=block)
     count = max(tested or 0, int(tests.testable.sum()))
     open_ = tests.testable.copy()
     place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}

@@ -41,7 +41,7 @@ from seatrial.diagnosis.residual_signals import (
 )
 from seatrial.estimation.joint_estimate import linearise
 from seatrial.statistics.linearisation import Linearisation
-from seatrial.statistics.score_test import score_tests
+from seatrial.statistics.score_test import ScoreTests, score_tests
 
 if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint
@@ -289,11 +289,12 @@ def _first(
     block, length = independent_blocks(lin, tried)
     fitted = fitted_places(lin, tried)
     alike: tuple[str, ...] = ()
+    tests: ScoreTests | None = None
     if tried:
-        testable = score_tests(lin, columns_of(lin, tried), fitted=fitted, block=block).testable
-        alike = tuple(one.name for one, good in zip(tried, testable, strict=True) if not good)
+        tests = score_tests(lin, columns_of(lin, tried), fitted=fitted, block=block)
+        alike = tuple(one.name for one, good in zip(tried, tests.testable, strict=True) if not good)
     count = max(tested or 0, len(tried)) - len(alike)
-    suggestions = missing_terms(lin, tried, block=block, info=info, tested=count, level=level)
+    suggestions = missing_terms(lin, tried, block=block, info=info, tests=tests, tested=count, level=level)
     return _First(suggestions, tuple(fitted), block, length, count, alike)
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.statistics.linearisation import Linearisation, Piece
-from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests
+from seatrial.statistics.score_test import ScoreTests, SingleTests, false_discovery, score_tests, single_tests
 
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
@@ -112,7 +112,7 @@ def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[st
 
     Zero where it is not recorded.
     """
-    raw: dict[str, list[Array]] = {}
+    raw: dict[str, dict[int, Array]] = {}
     for index, piece in enumerate(lin.pieces):
         trial = trials[piece.trial]
         at = _samples(piece, trials)
@@ -127,9 +127,10 @@ def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[st
             own["voltage"] = trial.voltage_v
         own["time"] = trial.t - trial.t.mean()
         for name, signal in own.items():
-            raw.setdefault(name, [np.full(len(p.t), np.nan) for p in lin.pieces])[index] = signal[at]
+            raw.setdefault(name, {})[index] = signal[at]
     found = {}
-    for name, signals in raw.items():
+    for name, recorded in raw.items():
+        signals = [recorded.get(index, np.full(len(p.t), np.nan)) for index, p in enumerate(lin.pieces)]
         level = float(np.nanmean(np.concatenate(signals)))
         found[name] = [np.nan_to_num(signal - level) for signal in signals]
     return found
@@ -166,32 +167,38 @@ def followed_signals(
     most : int
         Signals per channel at most.
     """
-    tests: dict[str, tuple[list[tuple[str, float]], ScoreTests]] = {}
+    tests: dict[str, SingleTests | ScoreTests] = {}
+    labels = [(name, lag) for lag in LAGS_S for name in signals]
+    columns: dict[str, list[Array]] = {}
     for channel in (channel for channel in lin.channels if channel in VELOCITIES):
-        labels, columns = _columns(lin, signals, channel)
-        tests[channel] = (
-            labels,
-            score_tests(lin, columns, fitted=fitted, block=block, channel=lin.channels.index(channel)),
-        )
-    count = sum(int(one.testable.sum()) for _, one in tests.values())
+        place = lin.channels.index(channel)
+        alike = (c for c in columns if _counted_alike(lin, place, lin.channels.index(c)))
+        like = next(alike, None)
+        columns[channel] = _columns(lin, signals, place) if like is None else columns[like]
+        tests[channel] = single_tests(lin, columns[channel], fitted=fitted, block=block, channel=place)
+    count = sum(int(one.testable.sum()) for one in tests.values())
     power = _power(lin)
     estimated = {lin.unknowns[i].name for i in fitted}
     found: list[FollowedSignal] = []
-    open_ = {channel: one.testable.copy() for channel, (_, one) in tests.items()}
+    open_ = {channel: one.testable.copy() for channel, one in tests.items()}
     for _ in range(most):
         leaders = _leaders(tests, open_, power=power, count=count, level=level, least_r2=least_r2)
         for channel, (place, r2, p) in leaders.items():
-            labels, test = tests[channel]
+            test = tests[channel]
+            if isinstance(test, SingleTests):
+                test = score_tests(
+                    lin, columns[channel], fitted=fitted, block=block, channel=lin.channels.index(channel)
+                )
             name, lag = labels[place]
             sentence = _sentence(channel, name, lag, r2=r2, estimated=estimated, known=known)
             found.append(FollowedSignal(channel, name, lag, r2, p, sentence))
             open_[channel] &= np.array([label[0] != name for label in labels])
-            tests[channel] = labels, test.beside(place)
+            tests[channel] = test.beside(place)
     return tuple(sorted(found, key=lambda one: -one.r2))
 
 
 def _leaders(
-    tests: Mapping[str, tuple[list[tuple[str, float]], ScoreTests]],
+    tests: Mapping[str, SingleTests | ScoreTests],
     open_: Mapping[str, NDArray[np.bool_]],
     *,
     power: Mapping[str, float],
@@ -200,11 +207,11 @@ def _leaders(
     least_r2: float,
 ) -> dict[str, tuple[int, float, float]]:
     """Per channel the place, R2 and adjusted p of the significant column that explains most."""
-    results = {channel: one.results() for channel, (_, one) in tests.items()}
+    results = {channel: one.results() for channel, one in tests.items()}
     joined = np.concatenate([results[channel].p[open_[channel]] for channel in tests] or [np.zeros(0)])
     adjusted, at = false_discovery(joined, count), 0
     found = {}
-    for channel, (_, one) in tests.items():
+    for channel, one in tests.items():
         p = np.ones(len(open_[channel]))
         size = int(open_[channel].sum())
         p[open_[channel]], at = adjusted[at : at + size], at + size
@@ -216,18 +223,20 @@ def _leaders(
     return found
 
 
-def _columns(
-    lin: Linearisation, signals: Mapping[str, Sequence[Array]], channel: str
-) -> tuple[list[tuple[str, float]], list[Array]]:
-    """Signals and lags (k,) and what the channel would show of them, (n, 1, k) per segment."""
-    place, labels = lin.channels.index(channel), [(name, lag) for lag in LAGS_S for name in signals]
+def _counted_alike(lin: Linearisation, one: int, other: int) -> bool:
+    """Whether the same samples count in two channels, so that both would show the same of a signal."""
+    return all(np.array_equal(piece.counted[:, one], piece.counted[:, other]) for piece in lin.pieces)
+
+
+def _columns(lin: Linearisation, signals: Mapping[str, Sequence[Array]], place: int) -> list[Array]:
+    """What a channel would show (n, 1, k) of the signals behind each of `LAGS_S`, per segment."""
     found = []
     for index, piece in enumerate(lin.pieces):
         counted = piece.counted[:, place]
         values = np.stack([np.asarray(of[index], dtype=float) for of in signals.values()], axis=1)
         shown = [_lagged(values, lag, lin.dt, counted) if lag > 0.0 else values for lag in LAGS_S]
         found.append(np.where(counted[:, None], np.concatenate(shown, axis=1), 0.0)[:, None, :])
-    return labels, found
+    return found
 
 
 def _lagged(signal: Array, lag: float, dt: float, counted: NDArray[np.bool_]) -> Array:

@@ -11,9 +11,11 @@ Source: Triggs et al., *Bundle Adjustment: A Modern Synthesis* (2000), section 6
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +32,22 @@ INITIALS: tuple[str, ...] = tuple(initial_names())
 """Initial conditions of a segment in the core's order."""
 
 _TRIALS = 6
+"""Flights of a round at most."""
+
+_LITTLE = 0.02
+"""A step that gains less than this part of what its round has gained is the round's last: the derivatives of
+the next one tell more."""
 
 _NOISE_FLOOR = 1e-3
 
 _NEAR = 30.0
 """Promise of a step, in twice the log-likelihood, up to which the derivatives are held for the next one: five
 to six standard deviations in all unknowns together. The residuals are always those of the step."""
+
+_FAR = 1e3
+"""Promise, in the same units, up to which derivatives take half the step of the global search, and not all of
+it: an error of some thousandths in them is nothing beside the way that is left, and 0.06 standard deviations
+of a coefficient of the fastest motion at its end."""
 
 _DIVERGED = 1e3
 """Error, in standard deviations of the channel, from which a simulation counts as diverged."""
@@ -46,23 +58,41 @@ def ran_away(joint: Joint, error: Array) -> bool:
     return not np.all(np.abs(error) < _DIVERGED * joint.data.scale[joint.used])
 
 
-_Slopes = list[tuple[Array, Array, Array, NDArray[np.intp]]]
+_Slopes = list[tuple[Array, Array, NDArray[np.intp]]]
+
+
+class _Ended(Exception):
+    """A round has gained what its derivatives can tell."""
+
+
+def _at_its_end(twice: Sequence[float], renewed: bool) -> bool:
+    """Whether a round ends that tried points of these costs: after a step that gained little, or none.
+
+    Derivatives that were not renewed for the round promise nothing for a shorter step than the first.
+    """
+    if len(twice) < 3:
+        return len(twice) == 2 and not renewed and twice[1] >= twice[0]
+    gained, last = twice[0] - min(twice[:-1]), min(twice[:-1]) - twice[-1]
+    return gained > 0.0 and last < _LITTLE * gained
 
 
 @dataclass(frozen=True)
 class _Local:
-    """A segment at the point of a round: weights (n, C) and their roots.
-
-    ``jacobian`` is without what the initial conditions explain, in standard deviations of the channels times
-    the root of the weight.
+    """A segment at the point of a round: weights (n, C), derivatives (n, C, k + s) by unknowns and by initial
+    conditions, SI. The latter move by ``toward`` (s,), and by ``follow`` (s, k) with a step of the unknowns.
     """
 
     places: NDArray[np.intp]
     weight: Array
-    root: Array
     jacobian: Array
     toward: Array
     follow: Array
+
+    @property
+    def alone(self) -> Array:
+        """Derivatives (n, C, k) by the unknowns without what the initial conditions imitate, SI."""
+        count = len(self.places)
+        return self.jacobian[:, :, :count] - self.jacobian[:, :, count:] @ self.follow
 
 
 class GaussNewton:
@@ -77,7 +107,6 @@ class GaussNewton:
 
     def __init__(self, joint: Joint, fixed: frozenset[int] = frozenset()) -> None:
         self.joint = joint
-        self.noise = joint.noise.copy()
         self.unknowns = joint.unknowns
         self.free = np.array([i for i in range(len(self.unknowns)) if i not in fixed], dtype=np.intp)
         self.lower = np.array([u.lower for u in self.unknowns])
@@ -90,6 +119,18 @@ class GaussNewton:
         self.held: _Slopes | None = None
         self._recent: list[tuple[bytes, list[Array]]] = []
         self.near = False  # whether the derivatives of the start hold all the way
+        self.begin()
+
+    def begin(self) -> None:
+        """A descent begins: nothing is held of the one before."""
+        coarse, fine = self.joint.coarser
+        self.held, self.judging = None, coarse.substeps == fine.substeps
+        self.noise = self.joint.noise.copy()
+
+    def judge(self) -> None:
+        """From here on derivatives are those that judge an estimate."""
+        if not self.judging:
+            self.held, self.judging = None, True
 
     def round(self, values: Array, initial: Array, centre: Array) -> tuple[Array, Array, float]:
         """Better values and initial conditions, and the promised gain in twice the log-likelihood."""
@@ -97,6 +138,7 @@ class GaussNewton:
         from scipy.optimize import least_squares
 
         # One differentiated flight per round; the steps within it reuse derivatives and weights.
+        renewed = self.held is None
         locals_, information, gradient = self.differentiated(values, initial)
         precision = self.prior_sd**-2.0
         information = information + np.diag(precision)
@@ -115,12 +157,17 @@ class GaussNewton:
             new[free] = z * self.scale[free]
             return new, self.followed(locals_, initial, new - at)
 
+        tried: list[tuple[float, Array]] = []
+
         def reduced(z: Array) -> Array:
             """A vector of the cost's size whose derivative at the start is the factor, below it zero."""
+            if _at_its_end([cost for cost, _ in tried], renewed):
+                raise _Ended
             new, begun = moved(z)
             residuals = self.residuals(new, begun)
             self.evaluations += 1
             twice = 2.0 * self.cost(new, begun, centre, residuals)
+            tried.append((twice, z.copy()))
             if not math.isfinite(twice):
                 return np.full(len(free) + 1, np.inf)
             # The head has the model's gradient, the last entry fills up to the true cost: the solver accepts
@@ -132,22 +179,30 @@ class GaussNewton:
         held = np.vstack([factor, np.zeros(len(free))])
         z = at[free] / self.scale[free]
         lower, upper = self.lower[free] / self.scale[free], self.upper[free] / self.scale[free]
-        found = least_squares(
-            reduced,
-            np.clip(z, lower, upper),
-            jac=lambda _: held,
-            bounds=(lower, upper),
-            max_nfev=_TRIALS,
-            ftol=1e-10,
-            xtol=1e-10,
-            gtol=1e-12,
-        )
-        new, begun = moved(found.x)
+        with contextlib.suppress(_Ended):
+            least_squares(
+                reduced,
+                np.clip(z, lower, upper),
+                jac=lambda _: held,
+                bounds=(lower, upper),
+                max_nfev=_TRIALS,
+                ftol=1e-10,
+                xtol=1e-10,
+                gtol=1e-12,
+            )
+        new, begun = moved(min(tried, key=lambda one: one[0])[1])
         step = (new - at)[free]
         promised = float(step @ information[np.ix_(free, free)] @ step)
         if promised > _NEAR and not self.near:
             self.held = None
+        if promised <= _FAR:
+            self.judge()
         return new, begun, promised
+
+    @cached_property
+    def _counted(self) -> NDArray[np.bool_]:
+        """Mask (samples, C) of what counts, all segments one after the other."""
+        return np.concatenate([self.joint.counted(i) for i in range(len(self.joint.data.segments))])
 
     def residuals(self, values: Array, initial: Array) -> list[Array]:
         """Residuals (n, C) of every segment at a point; those of the last points are kept."""
@@ -162,8 +217,8 @@ class GaussNewton:
         """Segments at a point, the information (m, m) and the downhill gradient (m,) of what they tell."""
         size = len(self.unknowns)
         information, gradient, locals_ = np.zeros((size, size)), np.zeros(size), []
-        for index, (error, by_unknown, by_initial, places) in enumerate(self._slopes(values, initial)):
-            local, one, downhill = self._eliminated(error, by_unknown, by_initial, places, initial[index])
+        for index, (error, jacobian, places) in enumerate(self._slopes(values, initial)):
+            local, one, downhill = self._eliminated(error, jacobian, places, initial[index])
             information[np.ix_(places, places)] += one
             gradient[places] += downhill
             locals_.append(local)
@@ -172,43 +227,45 @@ class GaussNewton:
     def _slopes(self, values: Array, initial: Array) -> _Slopes:
         """Residuals and derivatives of every segment, the derivatives perhaps those of the round before."""
         if self.held is None:
-            self.held = self.joint.slopes(values, initial)
+            residuals = self.residuals(values, initial)
+            self.held = self.joint.slopes(values, initial, judging=self.judging, residuals=residuals)
             return self.held
         residuals = self.residuals(values, initial)
         return [(error, *slopes[1:]) for error, slopes in zip(residuals, self.held, strict=True)]
 
     def _eliminated(
-        self, error: Array, by_unknown: Array, by_initial: Array, places: NDArray[np.intp], initial: Array
+        self, error: Array, jacobian: Array, places: NDArray[np.intp], initial: Array
     ) -> tuple[_Local, Array, Array]:
         """A segment without its initial conditions, its information and gradient."""
         residual = error / self.noise
         weight = self.weight(residual)
         root = np.sqrt(weight)
-        flat = (root * residual).ravel()
-        scale = (root / self.noise)[:, :, None]
-        rows = (by_unknown * scale).reshape(len(flat), -1)
-        own = (by_initial * scale).reshape(len(flat), -1)
+        rows = (jacobian * (root / self.noise)[:, :, None]).reshape(root.size, -1)
+        square, downhill = rows.T @ rows, rows.T @ (root * residual).ravel()
         # The block of the segment's own initial conditions, with their prior: small, and solved here.
-        inside = initial[self.initial_places]
+        count, inside = len(places), initial[self.initial_places]
         precision = self.joint.initial_sd**-2.0
-        normal, shared = own.T @ own + np.diag(precision), own.T @ rows
+        normal, shared = square[count:, count:] + np.diag(precision), square[count:, :count]
+        own = downhill[count:] - precision * inside
         # Initial conditions follow a step of the unknowns linearly, about where they move without one.
-        follow: Array = np.asarray(np.linalg.solve(normal, shared), dtype=float)
-        toward: Array = np.asarray(np.linalg.solve(normal, own.T @ flat - precision * inside), dtype=float)
+        solved = np.asarray(np.linalg.solve(normal, np.column_stack([shared, own])), dtype=float)
+        follow, toward = solved[:, :count], solved[:, count]
         # Schur complement: what of the unknowns' columns the initial conditions cannot imitate. Information
         # and gradient of all segments then add up in the unknowns alone.
-        left = rows - own @ follow
         return (
-            _Local(places, weight, root, left, toward, follow),
-            left.T @ rows,
-            rows.T @ flat - shared.T @ toward,
+            _Local(places, weight, jacobian, toward, follow),
+            square[:count, :count] - shared.T @ follow,
+            downhill[:count] - shared.T @ toward,
         )
 
     def pull(self, locals_: Sequence[_Local], residuals: Sequence[Array]) -> Array:
         """Downhill gradient (m,) with derivatives and weights held."""
         total = np.zeros(len(self.unknowns))
         for local, error in zip(locals_, residuals, strict=True):
-            total[local.places] += local.jacobian.T @ (local.root * error / self.noise).ravel()
+            weighted = (local.weight / self.noise**2 * error).ravel()
+            downhill = local.jacobian.reshape(len(weighted), -1).T @ weighted
+            count = len(local.places)
+            total[local.places] += downhill[:count] - local.follow.T @ downhill[count:]
         return total
 
     def followed(self, locals_: Sequence[_Local], initial: Array, step: Array) -> Array:
@@ -220,7 +277,8 @@ class GaussNewton:
 
     def settled(self, values: Array, initial: Array) -> Array:
         """Change (segments, 12) towards better initial conditions at fixed values."""
-        slopes = self.joint.slopes(values, initial, starts_only=True)
+        residuals = self.residuals(values, initial)
+        slopes = self.joint.slopes(values, initial, starts_only=True, residuals=residuals)
         locals_ = [self._eliminated(*found, initial[index])[0] for index, found in enumerate(slopes)]
         return self.followed(locals_, np.zeros_like(initial), np.zeros(len(self.unknowns)))
 
@@ -254,12 +312,9 @@ class GaussNewton:
     def _losses(self, residuals: Sequence[Array]) -> Array:
         """Sum (C,) of the robust losses of each channel's residuals, in its noise."""
         knee = math.inf if self.joint.polish.loss == "squared" else self.joint.polish.knee
-        total = np.zeros(len(self.noise))
-        for error in residuals:
-            size = np.abs(error / self.noise)
-            inner = np.minimum(size, knee)
-            total += (inner * (size - 0.5 * inner)).sum(axis=0)
-        return total
+        size = np.abs(np.concatenate(residuals) / self.noise)
+        inner = np.minimum(size, knee)
+        return np.asarray((inner * (size - 0.5 * inner)).sum(axis=0))
 
     def _priors(self, values: Array, initial: Array, centre: Array) -> float:
         """Half the squared distances from the priors' centres, in their standard deviations."""
@@ -269,9 +324,9 @@ class GaussNewton:
     def estimate_noise(self, residuals: Sequence[Array]) -> None:
         """Set the noise to the residuals' standard deviation, with Huber's loss by their median size."""
         data, squared = self.joint.data, self.joint.polish.loss == "squared"
+        every = np.abs(np.concatenate(residuals))
         for column, channel in enumerate(self.joint.used):
-            counted = [self.joint.counted(i)[:, column] for i in range(len(residuals))]
-            sizes = np.concatenate([np.abs(r[c, column]) for r, c in zip(residuals, counted, strict=True)])
+            sizes = every[self._counted[:, column], column]
             sizes = sizes[np.isfinite(sizes)]
             if not len(sizes):
                 noise = math.inf
@@ -288,18 +343,19 @@ class GaussNewton:
         info = joint.vehicle.coefficient_info()
         present = joint.vehicle.coefficients()
         size = len(self.unknowns) + len(extra)
-        slopes = joint.slopes(values, initial, extra=extra)
-        for index, (error, by_unknown, by_initial, places) in enumerate(slopes):
+        residuals = self.residuals(values, initial)
+        slopes = joint.slopes(values, initial, extra=extra, judging=True, residuals=residuals)
+        for index, (error, jacobian, places) in enumerate(slopes):
             segment = joint.data.segments[index]
             counted = joint.counted(index)
             if ran_away(joint, error):
                 # A simulation that ran away tells nothing of its coefficients, here.
-                error, by_unknown, by_initial = (np.zeros_like(x) for x in (error, by_unknown, by_initial))
+                error, jacobian = np.zeros_like(error), np.zeros_like(jacobian)
                 counted = np.zeros_like(counted)
-            local, _, _ = self._eliminated(error, by_unknown, by_initial, places, initial[index])
+            local, _, _ = self._eliminated(error, jacobian, places, initial[index])
             trial = joint.data.trials[segment.record]
             full = np.zeros((*error.shape, size))
-            full[:, :, places] = local.jacobian.reshape(*error.shape, -1) / local.root[:, :, None]
+            full[:, :, places] = local.alone / self.noise[:, None]
             pieces.append(
                 Piece(
                     trial=joint.data.names[segment.record],

@@ -136,6 +136,11 @@ def _prior(key: str) -> tuple[float, str, bool]:
 
 
 _HIDDEN_SD = 0.25
+
+_NEAR = 0.05
+"""Difference of two flights, in standard deviations of the channel, up to which the derivatives of the
+coarser one serve; at h|lambda| <= 1 they differ by about a hundredth."""
+
 """Prior standard deviation of a hidden coefficient, over the width of its bounds."""
 
 VELOCITY_NOISES = 3.0
@@ -292,9 +297,10 @@ class Joint:
         self.channels = tuple(CHANNELS[i] for i in self.used)
         self.noise = 0.1 * self.data.scale[self.used]
         started = self.vehicle.with_coefficients(self.coefficients(self.start))
-        self.substeps = stage_step(
+        step = stage_step(
             started, (), free=self.stage.axes.free, speeds=self.data.largest_speeds(), dt=self.data.dt
-        ).substeps
+        )
+        self.substeps = step.substeps
         self.initials, self.initial_sd = self._initial_conditions()
         self.problem = Problem(
             self.vehicle,
@@ -305,6 +311,7 @@ class Joint:
             threads,
             starts_count=bool(self.initials),
         )
+        self.coarser = tuple(replace(self.problem, substeps=n) for n in (step.search, step.slopes))
 
     def sentences(self) -> list[str]:
         """Which trials are left out and which coefficients have no standard deviation for it."""
@@ -328,7 +335,15 @@ class Joint:
         part = copy.copy(self)
         part.data, part.noise = self.data.of_segments(places.tolist()), self.noise.copy()
         part.problem = replace(self.problem, data=part.data)
+        part.coarser = tuple(replace(one, data=part.data) for one in self.coarser)
         return part, places
+
+    def at_search_step(self) -> Joint:
+        """The same estimate with all flights at the step of the global search, to come near its optimum."""
+        rough = copy.copy(self)
+        rough.problem, rough.noise = self.coarser[0], self.noise.copy()
+        rough.coarser = (self.coarser[0], self.coarser[0])
+        return rough
 
     def steps(
         self, *, held_out: bool | None = False
@@ -398,43 +413,73 @@ class Joint:
         return [np.take(error, self.used, axis=1) for error in found]
 
     def slopes(
-        self, values: Array, initial: Array, *, extra: Sequence[str] = (), starts_only: bool = False
-    ) -> list[tuple[Array, Array, Array, NDArray[np.intp]]]:
-        """Per segment: residuals (n, C), derivatives (n, C, k) by unknowns and by initial conditions, SI.
+        self,
+        values: Array,
+        initial: Array,
+        *,
+        extra: Sequence[str] = (),
+        starts_only: bool = False,
+        judging: bool = False,
+        residuals: Sequence[Array] | None = None,
+    ) -> list[tuple[Array, Array, NDArray[np.intp]]]:
+        """Per segment: residuals (n, C), derivatives (n, C, k + s) by unknowns and initial conditions, SI.
 
-        The fourth entry holds the places (k,) of those unknowns among all; coefficients that are ``extra``
-        come last. With ``starts_only`` there are none (k = 0), which saves most of the work.
+        The third entry holds the places (k,) of those unknowns among all; coefficients that are ``extra``
+        come last. With ``starts_only`` there are none (k = 0), which saves most of the work. ``residuals``
+        are those of the same point where they are known.
+
+        Residuals are those of the fine step. Derivatives are those of a flight at the step of the global
+        search, where it stays near the fine one: an error of some thousandths in them moves an estimate by as
+        much of its standard deviation. Those that are ``judging`` an estimate, or terms that are nearly
+        collinear with it, take half that step.
         """
         count = len(self.parameters)
         inside = 0 if starts_only else count
         sought = () if starts_only else self.nuisances
         keys = tuple(dict.fromkeys(nuisance.key for nuisance in sought))
-        found = self.problem.sensitivities(
-            values[:count],
-            extra=extra,
-            held=starts_only,
-            nuisances=keys,
-            initials=self.initials,
-            channels=self.channels,
-            nuisance=self._nuisance(values),
-            initial=initial,
-        )
+        errors = self.residuals(values, initial) if residuals is None else residuals
+
+        def flown(problem: Problem) -> list[tuple[Array, Array]]:
+            return problem.sensitivities(
+                values[:count],
+                extra=extra,
+                held=starts_only,
+                nuisances=keys,
+                initials=self.initials,
+                channels=self.channels,
+                nuisance=self._nuisance(values),
+                initial=initial,
+            )
+
+        found = flown(self.coarser[judging])
+        if not self._near(errors, [error for error, _ in found]):
+            found = flown(self.problem)
         last, before = len(self.unknowns), inside + len(extra)
+        starts = range(before + len(keys), before + len(keys) + len(self.initials))
         result = []
-        for segment, (error, jacobian) in zip(self.data.segments, found, strict=True):
+        for segment, error, (_, jacobian) in zip(self.data.segments, errors, found, strict=True):
             # The core differentiates by every kind of nuisance; of each kind one unknown is this trial's own.
             owner = {n.key: count + at for at, n in enumerate(sought) if segment.record in n.trials}
             columns = [*range(inside), *(before + keys.index(key) for key in owner), *range(inside, before)]
             places = [*range(inside), *owner.values(), *range(last, last + len(extra))]
+            order = [*columns, *starts]
+            whole = order == [*range(jacobian.shape[2])]
             result.append((
-                np.take(error, self.used, axis=1),
-                jacobian[:, :, : len(columns)]
-                if columns == [*range(len(columns))]
-                else jacobian[:, :, columns],
-                jacobian[:, :, before + len(keys) :],
+                error,
+                jacobian if whole else jacobian[:, :, order],
                 np.array(places, dtype=np.intp),
             ))
         return result
+
+    def _near(self, fine: Sequence[Array], coarse: Sequence[Array]) -> bool:
+        """Whether residuals (n, 12) of the coarser step are those of the fine one (n, C), or as lost."""
+        most = _NEAR * self.data.scale[self.used]
+        with np.errstate(invalid="ignore", over="ignore"):  # a simulation that diverged
+            return all(
+                np.all(np.abs(np.take(rough, self.used, axis=1) - error) <= most)
+                or not np.isfinite(error).all()
+                for rough, error in zip(coarse, fine, strict=True)
+            )
 
     def counted(self, index: int) -> NDArray[np.bool_]:
         """Mask (n, C) of the samples of a segment that count."""

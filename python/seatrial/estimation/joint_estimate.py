@@ -12,8 +12,8 @@ them helps.
 A campaign may free coefficients here that no stage freed. The larger set may not end above the smaller one:
 it starts from the optimum of the staged coefficients too.
 
-The way from the starts is found on a part of the segments where there are many: every descent runs on the
-part, and the last one goes on from the lowest end on all of them.
+The way from the starts is found on a part of the segments where there are many, at the step of the global
+search: every descent runs on the part, and the last one goes on from the lowest end on all of them.
 
 Tests: ``tests/estimation/test_polish.py``.
 """
@@ -147,7 +147,7 @@ def polish(
     if joint.method == "innovations":
         return _with_noise_model(joint, first, limit, fixed, watch)
     whole = near or len(joint.data.segments) < _MANY * _PART
-    searched = joint if whole or not limit else joint.thinned(_PART)[0]
+    searched = joint if whole or not limit else joint.thinned(_PART)[0].at_search_step()
     search = _Descent(searched, frozenset(fixed), limit, watch)
     search.rounds.near = near
     found = [search.run(first)]
@@ -288,9 +288,12 @@ class _Descent:
         try:
             while count < limit and not converged:
                 count += 1
-                rounds.noise = here.noise.copy()
+                rounds.noise, judged = here.noise.copy(), rounds.judging
                 values, begun, promised = rounds.round(here.values, here.initial, centre)
                 before, here = here, self._lower(here, values, begun, centre)
+                if here is before and not judged:
+                    rounds.judge()
+                    continue
                 if here is before:
                     # Not even a short step along the round's direction lowers the likelihood's cost: the
                     # noise that follows takes back what is left to gain.
@@ -299,7 +302,7 @@ class _Descent:
                 settled = bool(np.all(np.abs(here.noise / before.noise - 1) < _SPREAD))
                 whole = np.array_equal(here.values, values)
                 gained = 2.0 * (before.merit - here.merit) if whole else np.inf
-                converged = settled and min(promised, gained) < _CLOSE
+                converged = judged and settled and min(promised, gained) < _CLOSE
                 self._show(count, here)
         except KeyboardInterrupt:
             interrupted = True
@@ -326,7 +329,7 @@ class _Descent:
     def _begun(self, values: Array, centre: Array) -> _Place:
         """A point with initial conditions at their best for it."""
         joint, rounds = self.joint, self.rounds
-        rounds.noise, rounds.held = joint.noise.copy(), None
+        rounds.begin()
         initial = np.zeros((len(joint.data.segments), len(INITIALS)))
         rounds.estimate_noise(rounds.residuals(values, initial))
         if joint.initials:

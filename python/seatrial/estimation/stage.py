@@ -276,7 +276,7 @@ def run_stage(
 def refitted_stage(
     campaign: Campaign, plan: StagePlan, optimum: StageResult, *, vehicle: Vehicle, threads: int | None = None
 ) -> dict[str, float]:
-    """Coefficients of a stage on other data, by a descent from its optimum.
+    """Coefficients of a stage on other data, by a descent from its optimum at the step of the global search.
 
     Parameters
     ----------
@@ -292,8 +292,8 @@ def refitted_stage(
         Threads of the core.
     """
     start = np.array([optimum.estimates[parameter.name] for parameter in plan.parameters])
-    step = _fine_step(plan, vehicle, start[None, :])
-    problem = Problem(vehicle, plan.stage, plan.data, plan.parameters, step.substeps, threads)
+    substeps = _fine_step(plan, vehicle, start[None, :]).search
+    problem = Problem(vehicle, plan.stage, plan.data, plan.parameters, substeps, threads)
     criterion = Criterion(problem)
     if plan.stage.start == "estimated":
         criterion = with_initial_velocities(criterion, start, criterion.nu)

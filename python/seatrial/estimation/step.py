@@ -34,13 +34,16 @@ from seatrial.campaign.parameters import Parameter
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["RATE_LIMIT", "SEARCH_RATE_LIMIT", "StageStep", "around", "stage_step"]
+__all__ = ["RATE_LIMIT", "SEARCH_RATE_LIMIT", "SLOPE_RATE_LIMIT", "StageStep", "around", "stage_step"]
 
 RATE_LIMIT = 0.25
 """Largest h|lambda|."""
 
 SEARCH_RATE_LIMIT = 1.0
 """Largest h|lambda| in the global search."""
+
+SLOPE_RATE_LIMIT = 0.5
+"""Largest h|lambda| of derivatives that judge an estimate: an error of a thousandth in them."""
 
 _NEAR = 0.1
 
@@ -61,14 +64,15 @@ _DIFFERENCE = 1e-4
 class StageStep:
     """Substeps per sample of the log and the bound that asked for them, rad/s.
 
-    ``search`` are the substeps of the global search, at most as many. ``fast`` names what admits vehicles
-    that they do not follow: coefficient, its bound, and the bound that leaves none; the coefficient is empty
-    where the vehicle itself is one of them.
+    ``search`` are the substeps of the global search and ``slopes`` those of derivatives that judge, at most
+    as many. ``fast`` names what admits vehicles that they do not follow: coefficient, its bound, and the
+    bound that leaves none; the coefficient is empty where the vehicle itself is one of them.
     """
 
     substeps: int
     rate: float
     search: int
+    slopes: int
     fast: tuple[tuple[str, float, float], ...] = ()
 
     def sentence(self, dt: float) -> str:
@@ -129,12 +133,15 @@ def stage_step(
         corner[parameter.name] = ends[int(np.argmax(found))]
     rates.append(rate(_values(parameters, corner)))
     bound = _MARGIN * max(rates)
-    fine, search = (max(math.ceil(dt * bound / limit), 1) for limit in (RATE_LIMIT, SEARCH_RATE_LIMIT))
+    limits = (RATE_LIMIT, SLOPE_RATE_LIMIT, SEARCH_RATE_LIMIT)
+    fine, slopes, search = (max(math.ceil(dt * bound / limit), 1) for limit in limits)
     fast: tuple[tuple[str, float, float], ...] = ()
     if search > _MOST_SEARCH:
         limit = _MOST_SEARCH * SEARCH_RATE_LIMIT / (dt * _MARGIN)
         fast = _too_fast(parameters, corner, rate, limit)
-    return StageStep(min(fine, _MOST_SUBSTEPS), bound, min(search, _MOST_SEARCH), fast)
+    return StageStep(
+        min(fine, _MOST_SUBSTEPS), bound, min(search, _MOST_SEARCH), min(slopes, _MOST_SUBSTEPS), fast
+    )
 
 
 def _values(parameters: Sequence[Parameter], chosen: Mapping[str, float]) -> dict[str, float]:

@@ -436,7 +436,8 @@ def _refitted(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Errors of both on the last part of every trial after fits without it; empty where that cannot be.
 
-    Both fits go on from the optimum on all data, which lies near their own.
+    Both fits go on from the optimum on all data, which lies near their own, and take the steps of the global
+    search: what an estimate moves by is no matter for a prediction.
     """
     try:
         shorter = _without_ends(campaign)
@@ -445,7 +446,7 @@ def _refitted(
         for one in plan(shorter):
             found = refitted_stage(shorter, one, optima[one.stage.name], vehicle=vehicle, threads=threads)
             vehicle = vehicle.with_coefficients(found)
-        joint = Joint(shorter, vehicle, threads=threads)
+        joint = Joint(shorter, vehicle, threads=threads).at_search_step()
         start = [
             optimum.get(one.name, own) for one, own in zip(joint.unknowns, joint.start.tolist(), strict=True)
         ]

@@ -203,6 +203,8 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     if not cut.any() and not silent.shape[1]:
         return width[:, None] * scaled * width, said
     bounded = (vectors * np.clip(values, 0.0, _UNIFORM)) @ vectors.T + _UNIFORM * silent @ silent.T
+    # What stays has no rounding either: at its bound half of the vehicles would be beyond it.
+    bounded[stays] = bounded[:, stays] = 0.0
     along = absent | (np.abs(vectors[:, cut]).max(axis=1, initial=0.0) > 0.5)
     weak = [name for name, one in zip(known, along, strict=True) if one]
     if weak:

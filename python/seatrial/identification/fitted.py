@@ -334,9 +334,9 @@ def _with(vehicle: Vehicle, known: CoefficientCovariance | None, source: str) ->
 
 def _root(covariance: Array) -> Array:
     """Matrix S (n, n) with ``S' S`` the covariance; what is rounding beside the largest part is zero."""
-    size = np.sqrt(np.diag(covariance))
-    size = np.where(size > 0.0, size, 1.0)
+    own = np.sqrt(np.diag(covariance))
+    size = np.where(own > 0.0, own, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     values = np.where(values > len(size) * np.finfo(float).eps * values.max(initial=0.0), values, 0.0)
     root = (vectors * np.sqrt(values)) @ vectors.T
-    return np.asarray(root * size)
+    return np.asarray(root * own)  # what has no variance keeps its value to the last bit

@@ -9,7 +9,7 @@ simulated axis.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.trial.baselines import Baselines, fit_baselines
 from seatrial.trial.ceiling import Unpredictable
 from seatrial.trial.instability import judged_s
-from seatrial.trial.score import Score, score
+from seatrial.trial.score import Score, pooled, score
 from seatrial.trial.trial import Trial
 from seatrial.trial.verdict import blind
 
@@ -292,33 +292,36 @@ def _scores(
     simple: Baselines | None,
     limits: Mapping[str, Unpredictable],
 ) -> dict[str, Score]:
-    free = freed(campaign)
+    free, measured = freed(campaign), replayed(campaign)
 
-    def scored(names: list[str], axes: str) -> Score:
-        chosen = [trials[name] for name in names]
-        judged = [channel for i, channel in enumerate(CHANNELS) if AXES[i % 6] in axes]
-        return score(
-            vehicle,
-            chosen,
-            ahead_s=ahead_s,
-            channels=[c for c in judged if any(c in trial.channels for trial in chosen)],
-            free_run=free_run,
-            input=campaign.input_of(names[0]),
-            free=free,
-            measured=replayed(campaign),
-            nuisances=nuisances,
-            training=simple,
-            limits=limits,
-        )
+    def judged(names: Iterable[str], axes: str) -> list[str]:
+        own = [channel for i, channel in enumerate(CHANNELS) if AXES[i % 6] in axes]
+        return [c for c in own if any(c in trials[name].channels for name in names)]
 
     found: dict[str, Score] = {}
-    for name in trials:
+    for name, trial in trials.items():
         try:
-            found[name] = scored([name], freed(campaign, name) or free)
+            found[name] = score(
+                vehicle,
+                trial,
+                ahead_s=ahead_s,
+                channels=judged([name], freed(campaign, name) or free),
+                free_run=free_run,
+                input=campaign.input_of(name),
+                free=free,
+                measured=measured,
+                nuisances=nuisances,
+                training=simple,
+                limits=limits,
+            )
         except TrialError as error:
             missing.append(f"not scored: {error}")
-    alike = len({campaign.input_of(name) for name in found}) == 1
-    return found | {POOLED: scored(list(found), free)} if len(found) > 1 and alike else found
+    if len(found) < 2 or len({campaign.input_of(name) for name in found}) > 1:
+        return found
+    everything = pooled(
+        list(found.values()), channels=judged(found, free), measured=measured, training=simple, limits=limits
+    )
+    return found | {POOLED: everything}
 
 
 def replayed(campaign: Campaign) -> str:

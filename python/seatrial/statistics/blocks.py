@@ -201,6 +201,16 @@ def divided(lin: Linearisation, length: BlockLength) -> tuple[Blocks, ...]:
     )
 
 
+def information_of(lin: Linearisation) -> Array:
+    """Information (m, m) of all `blocks` together, whatever their length."""
+    slope_ratio, unknowns = _score_slope(lin), len(lin.unknowns)
+    total = np.zeros((unknowns, unknowns))
+    for piece in lin.pieces:
+        matrix = piece.jacobian.reshape(-1, unknowns)
+        total += matrix.T @ ((slope_ratio * piece.weight).reshape(-1, 1) * matrix)
+    return total
+
+
 def _units(pieces: Sequence[Piece], length: int) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
     """Unit of each row of a trial's segments, block of each unit at every shift, number of blocks.
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
-from seatrial.statistics.blocks import block_length, whitened
+from seatrial.statistics.blocks import block_length, determined, information_of
 from seatrial.statistics.linearisation import Linearisation
 
 __all__ = [
@@ -177,7 +177,9 @@ def information_criteria(lin: Linearisation, *, effective: ArrayLike | None = No
     )
     size = np.where(samples > 0, squares / counts, 1.0) * lin.noise**2
     twice = float(samples @ np.log(np.where(samples > 0, np.maximum(size, 1e-300), 1.0)))
-    parameters = float(np.trace(whitened(lin, length).information.sum(axis=0)))
+    information = information_of(lin)
+    transform, _ = determined(information + np.diag([unknown.prior_sd**-2.0 for unknown in lin.unknowns]))
+    parameters = float(np.trace(transform.T @ information @ transform))
     return InformationCriteria(
         aic=twice + 2.0 * parameters,
         bic=twice + float(np.log(samples.sum())) * parameters,

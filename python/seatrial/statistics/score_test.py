@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["ScoreTests", "false_discovery", "score_tests", "unexplained"]
+__all__ = ["ScoreTests", "SingleTests", "false_discovery", "score_tests", "single_tests", "unexplained"]
 
 _ALIKE = 1e-6
 """A candidate of which less than this is left after projection is collinear with the fitted columns."""
@@ -39,19 +39,69 @@ _SAMPLES = 3000
 
 
 @dataclass(frozen=True)
-class ScoreTests:
+class SingleTests:
     """Sums over all blocks (row 0) and without each block, after the fitted columns are projected out.
 
     Attributes
     ----------
-    reduced
-        Products (1 + B, k + 1, k + 1) of the k candidates and, last, the residual.
+    squares, aims
+        Products (1 + B, k) of each of the k candidates with itself and with the residual.
     own
         Squares (k,) of the candidates before the projection.
+    left
+        Weighted sum of squares of the residual after the projection.
     cost
-        Weighted sum of squares of the residual.
+        The same before it.
     samples
         Sum of the weights.
+    """
+
+    squares: Array
+    aims: Array
+    own: Array
+    left: float
+    cost: float
+    samples: float
+
+    @property
+    def testable(self) -> NDArray[np.bool_]:
+        """Mask (k,) of the candidates that are not collinear with the fitted columns."""
+        return np.asarray((self.squares[0] > _ALIKE * self.own) & (len(self.squares) > _FEWEST))
+
+    def results(self) -> ScoreResults:
+        """Step, sigma, gain and p-value of every candidate alone."""
+        from scipy.stats import t as student
+
+        testable = self.testable
+        full = np.where(testable, self.squares[0], 1.0)
+        step = np.where(testable, self.aims[0] / full, 0.0)
+        left = np.maximum(self.squares[1:], _ALIKE * full)
+        away = self.aims[1:] / left - step
+        count = len(away)
+        scatter = (count - 1) / max(count, 1) * (away**2).sum(axis=0)
+        gain = step**2 * full
+        white = max(self.left, 0.0) / max(self.samples, 1.0) / full
+        sigma = np.sqrt(np.maximum(scatter, white))
+        share = np.maximum(full - self.squares[1:], 0.0)
+        df = share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-300) - 1.0
+        known = testable & (df >= 1.0) & (sigma > 0.0)
+        statistic = np.where(known, step / np.where(known, sigma, 1.0), 0.0)
+        p = np.where(known, 2.0 * student.sf(np.abs(statistic), np.where(known, df, 1.0)), 1.0)
+        return ScoreResults(
+            step, sigma, gain / self.cost if self.cost > 0.0 else 0.0 * gain, statistic, df, p
+        )
+
+
+@dataclass(frozen=True)
+class ScoreTests:
+    """Tests that know the candidates' products with each other: what one is beside another.
+
+    Attributes
+    ----------
+    reduced
+        Products (1 + B, k + 1, k + 1) of the k candidates and, last, the residual, as of `SingleTests`.
+    own, cost, samples
+        Of `SingleTests`.
     """
 
     reduced: Array
@@ -60,34 +110,26 @@ class ScoreTests:
     samples: float
 
     @property
+    def alone(self) -> SingleTests:
+        """Every candidate by itself."""
+        squares = np.diagonal(self.reduced, axis1=1, axis2=2)
+        return SingleTests(
+            squares[:, :-1],
+            self.reduced[:, :-1, -1],
+            self.own,
+            float(squares[0, -1]),
+            self.cost,
+            self.samples,
+        )
+
+    @property
     def testable(self) -> NDArray[np.bool_]:
         """Mask (k,) of the candidates that are not collinear with the fitted columns."""
-        left = np.diagonal(self.reduced[0])[:-1]
-        return np.asarray((left > _ALIKE * self.own) & (len(self.reduced) > _FEWEST))
+        return self.alone.testable
 
     def results(self) -> ScoreResults:
         """Step, sigma, gain and p-value of every candidate alone."""
-        from scipy.stats import t as student
-
-        squares = np.diagonal(self.reduced, axis1=1, axis2=2)[:, :-1]
-        testable = self.testable
-        full = np.where(testable, squares[0], 1.0)
-        step = np.where(testable, self.reduced[0, :-1, -1] / full, 0.0)
-        left = np.maximum(squares[1:], _ALIKE * full)
-        away = self.reduced[1:, :-1, -1] / left - step
-        count = len(away)
-        scatter = (count - 1) / max(count, 1) * (away**2).sum(axis=0)
-        gain = step**2 * full
-        white = max(self.reduced[0, -1, -1], 0.0) / max(self.samples, 1.0) / full
-        sigma = np.sqrt(np.maximum(scatter, white))
-        share = np.maximum(full - squares[1:], 0.0)
-        df = share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-300) - 1.0
-        known = testable & (df >= 1.0) & (sigma > 0.0)
-        statistic = np.where(known, step / np.where(known, sigma, 1.0), 0.0)
-        p = np.where(known, 2.0 * student.sf(np.abs(statistic), np.where(known, df, 1.0)), 1.0)
-        return ScoreResults(
-            step, sigma, gain / self.cost if self.cost > 0.0 else 0.0 * gain, statistic, df, p
-        )
+        return self.alone.results()
 
     def among(self, candidates: Sequence[int]) -> ScoreTests:
         """The tests of some of the candidates alone."""
@@ -161,57 +203,114 @@ def score_tests(
     channel : int, optional
         Place of the only channel that shows anything of the candidates.
     """
+    sums = _sums(lin, columns, fitted=fitted, block=block, channel=channel, pairs=True)
+    tried = np.concatenate([sums.tried, sums.aims[:, None, :]], axis=1)
+    last = np.concatenate([sums.aims, sums.residual[:, None]], axis=1)
+    whole = np.concatenate([tried, last[:, :, None]], axis=2)
+    cross = np.concatenate([sums.cross, sums.pull[:, :, None]], axis=2)
+    reduced = whole - cross.swapaxes(1, 2) @ sums.solved
+    return ScoreTests(reduced, np.diagonal(sums.tried[0]).copy(), float(sums.residual[0]), sums.samples)
+
+
+def single_tests(
+    lin: Linearisation,
+    columns: Sequence[Array],
+    *,
+    fitted: Sequence[int],
+    block: Sequence[NDArray[np.intp]],
+    channel: int | None = None,
+) -> SingleTests:
+    """The same tests of every candidate alone, in a part of the time where candidates are many.
+
+    Parameters are those of `score_tests`.
+    """
+    sums = _sums(lin, columns, fitted=fitted, block=block, channel=channel, pairs=False)
+    found = sums.solved
+    return SingleTests(
+        sums.tried - np.einsum("bik,bik->bk", sums.cross, found[:, :, :-1]),
+        sums.aims - np.einsum("bi,bik->bk", sums.pull, found[:, :, :-1]),
+        sums.tried[0].copy(),
+        float(sums.residual[0] - sums.pull[0] @ found[0, :, -1]),
+        float(sums.residual[0]),
+        sums.samples,
+    )
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Products over all blocks (row 0) and without each: of the candidates, with each other (1 + B, k, k) or
+    each with itself (1 + B, k), theirs with the residual (1 + B, k), and of the residual (1 + B,).
+
+    ``cross`` (1 + B, i, k) and ``pull`` (1 + B, i) are those of the fitted columns with both, ``solved``
+    (1 + B, i, k + 1) what these columns explain of them.
+    """
+
+    tried: Array
+    aims: Array
+    residual: Array
+    cross: Array
+    pull: Array
+    solved: Array
+    samples: float
+
+
+def _sums(
+    lin: Linearisation,
+    columns: Sequence[Array],
+    *,
+    fitted: Sequence[int],
+    block: Sequence[NDArray[np.intp]],
+    channel: int | None,
+    pairs: bool,
+) -> _Sums:
     indices = list(fitted)
     inside, count = len(indices), 1 + max((int(b[-1]) for b in block), default=-1)
-    width = inside + columns[0].shape[2] + 1 if columns else inside + 1
-    products = np.zeros((count, width, width))
-    at_fitted, at_tried = slice(None, inside), slice(inside, -1)
+    width = columns[0].shape[2] if columns else 0
+    normal, beside = np.zeros((count, inside + 1, inside + 1)), np.zeros((count, inside + 1, width))
+    tried = np.zeros((count, width, width) if pairs else (count, width))
     samples = 0.0
     every = slice(None, None, max(1, sum(len(piece.t) for piece in lin.pieces) // _SAMPLES))
+    shown = slice(None) if channel is None else slice(channel, channel + 1)
     for piece, own, dense in zip(lin.pieces, columns, block, strict=True):
         root, number = (np.sqrt(piece.weight) * piece.counted)[every], dense[every]
         samples += float((root**2).sum())
-        shown = slice(None) if channel is None else slice(channel, channel + 1)
         known = np.concatenate(
             [piece.jacobian[every][:, :, indices], piece.residual[every][:, :, None]], axis=2
         )
         known *= root[:, :, None]
-        tried = own[every] * root[:, shown, None]
+        acting = own[every] * root[:, shown, None]
         edges = np.flatnonzero(np.diff(number)) + 1
         starts = number[np.concatenate([[0], edges])]
-        for part, of, at in zip(np.split(known, edges), np.split(tried, edges), starts, strict=True):
+        for part, of, at in zip(np.split(known, edges), np.split(acting, edges), starts, strict=True):
             # Candidates meet the fitted columns and the residual in the channels alone that show them.
-            every_channel, beside = part.reshape(-1, inside + 1), part[:, shown].reshape(-1, inside + 1)
-            flat = of.reshape(-1, width - inside - 1)
-            own_sum, square, cross = products[at], every_channel.T @ every_channel, beside.T @ flat
-            own_sum[at_fitted, at_fitted] += square[:-1, :-1]
-            own_sum[at_fitted, -1] += square[:-1, -1]
-            own_sum[-1, -1] += square[-1, -1]
-            own_sum[at_fitted, at_tried] += cross[:-1]
-            own_sum[at_tried, -1] += cross[-1]
-            own_sum[at_tried, at_tried] += flat.T @ flat
-    products[:, at_tried, at_fitted] = products[:, at_fitted, at_tried].swapaxes(1, 2)
-    products[:, -1, :-1] = products[:, :-1, -1]
-    total = products.sum(axis=0)
-    own_squares, cost = np.diag(total)[inside:-1].copy(), float(total[-1, -1])
-    sums = np.concatenate([total[None], total - products])
-    reduced = sums[:, inside:, inside:]
+            every_channel, among = part.reshape(-1, inside + 1), part[:, shown].reshape(-1, inside + 1)
+            flat = of.reshape(-1, width)
+            normal[at] += every_channel.T @ every_channel
+            beside[at] += among.T @ flat
+            tried[at] += flat.T @ flat if pairs else np.einsum("nk,nk->k", flat, flat)
+
+    def without(one: Array) -> Array:
+        total = one.sum(axis=0)
+        return np.concatenate([total[None], total - one])
+
+    normal, beside, tried = without(normal), without(beside), without(tried)
+    cross, pull = beside[:, :inside], normal[:, :inside, inside].copy()
+    solved = np.zeros((count + 1, inside, width + 1))
     if inside:
         unknowns = [lin.unknowns[i] for i in indices]
         # The width of the bounds is the prior of what the data cannot determine, as in the fit.
         precision = np.array([min(u.prior_sd, u.scale) ** -2.0 for u in unknowns])
-        centre = np.array([
+        pull += np.array([
             (u.prior - x) * u.prior_sd**-2.0
             for u, x in zip(unknowns, np.asarray(lin.values)[indices], strict=True)
         ])
-        normal = sums[:, :inside, :inside] + np.diag(precision)
-        size = np.sqrt(np.maximum(np.diagonal(normal[0]), 1e-300))
-        normal = normal / np.outer(size, size) + _JITTER * np.eye(inside)
-        cross = sums[:, :inside, inside:].copy()
-        cross[:, :, -1] += centre
-        cross /= size[:, None]
-        reduced = reduced - cross.swapaxes(1, 2) @ np.linalg.solve(normal, cross)
-    return ScoreTests(reduced, own_squares, cost, samples)
+        square = normal[:, :inside, :inside] + np.diag(precision)
+        size = np.sqrt(np.maximum(np.diagonal(square[0]), 1e-300))
+        square = square / np.outer(size, size) + _JITTER * np.eye(inside)
+        # In units of these sizes from here on.
+        cross, pull = cross / size[:, None], pull / size
+        solved = np.linalg.solve(square, np.concatenate([cross, pull[:, :, None]], axis=2))
+    return _Sums(tried, beside[:, inside], normal[:, inside, inside], cross, pull, solved, samples)
 
 
 def unexplained(lin: Linearisation, explaining: Sequence[Array], target: Sequence[Array]) -> list[Array]:

@@ -24,9 +24,10 @@ Tests: ``tests/trial/test_baselines.py``.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,9 +71,12 @@ class FirstOrder:
     lag_s: float
     dead_time_s: float
 
-    def predicted(self, times: Array, start: float, s: Array, dt: float, place: int) -> Array:
-        """Velocity (n,) at `times` s after sample `place` of the input s (m,), from its value `start`."""
-        f = _delayed(_lagged(s, self.lag_s, dt), self.dead_time_s / dt)[place : place + len(times)]
+    def filtered(self, s: Array, dt: float) -> Array:
+        """The input s (m,) behind lag and dead time."""
+        return _delayed(_lagged(s, self.lag_s, dt), self.dead_time_s / dt)
+
+    def predicted(self, times: Array, start: float, f: Array) -> Array:
+        """Velocity (n,) at `times` s after its value `start`, under the `filtered` input f (n,)."""
         a = np.exp(-times / self.lag_s)
         shown: Array = self.offset * (1.0 - a) + self.gain * (f - a * f[0]) + a * start
         return shown
@@ -145,6 +149,7 @@ class Baselines:
     free: str
     measured: str
     _read: dict[int, _Driven] = field(default_factory=dict, init=False, repr=False)
+    _shown: dict[Any, list[Window]] = field(default_factory=dict, init=False, repr=False)
 
     def read(self, trial: Trial) -> _Driven:
         """What the baselines read of a trial, kept for the next score of it."""
@@ -169,7 +174,10 @@ class Baselines:
         spans : sequence of (int, int)
             In samples, as `seatrial.trial.windows.windows` gives them.
         """
-        return _predicted(self, name, self.read(trial), spans)
+        own, key = self.read(trial), (name, id(trial), tuple(spans))
+        if key not in self._shown:
+            self._shown[key] = _predicted(self, name, own, spans)
+        return self._shown[key]
 
     def r2(
         self,
@@ -191,12 +199,11 @@ class Baselines:
         wanted = [c for c in channels if c in VELOCITIES and AXES[VELOCITIES.index(c)] in self.free]
         parts = {id(window.trial): [w for w in judged if w.trial is window.trial] for window in judged}
         found: dict[str, dict[str, float]] = {}
-        driven = [self.read(own[0].trial) for own in parts.values()]
         for name in self.names:
             shown = [
                 Window(one.trial, one.start, one.stop, one.simulated, judged[0].own_stamps)
-                for own, part in zip(driven, parts.values(), strict=True)
-                for one in _predicted(self, name, own, [(w.start, w.stop) for w in part])
+                for part in parts.values()
+                for one in self.predict(name, part[0].trial, [(w.start, w.stop) for w in part])
             ]
             rows = {c: _r2(c, judging(c, shown, limits or {})) for c in wanted}
             found[name] = {c: value for c, value in rows.items() if value == value}
@@ -255,10 +262,11 @@ def fit_baselines(
     )
     driven = [known.read(trial) for trial, _ in usable]
     spans = [own_spans for _, own_spans in usable]
+    filtered: _Filtered = {}
     first_order = {
         VELOCITIES[i]: found
         for i in range(6)
-        if AXES[i] in free and (found := _fit_first_order(i, driven, spans)) is not None
+        if AXES[i] in free and (found := _fit_first_order(i, driven, spans, filtered)) is not None
     }
     known = Baselines(known.trials, mean, first_order, None, vehicle, input, free, measured)
     linear = _fit_linear(known, driven, spans)
@@ -382,9 +390,10 @@ def _predicted(known: Baselines, name: str, own: _Driven, spans: Sequence[tuple[
         s = own.named(response.signal) if response.signal else np.zeros(len(trial))
         if s is None:
             continue
+        f = response.filtered(s, trial.dt)
         for track, (start, stop) in zip(shown, spans, strict=True):
             times = trial.t[start:stop] - trial.t[start]
-            track[:, i] = response.predicted(times, own.nu[start, i], s, trial.dt, start)
+            track[:, i] = response.predicted(times, own.nu[start, i], f[start:stop])
     for i in range(6) if name in ("hold last", "mean") else ():
         for track, (start, _) in zip(shown, spans, strict=True):
             track[:, i] = own.nu[start, i] if name == "hold last" else known.mean[i]
@@ -440,8 +449,12 @@ def _varying(name: str, driven: Sequence[_Driven]) -> bool:
     return bool(np.ptp(values) > 1e-9 * max(1.0, float(np.abs(values).max())))
 
 
+_Filtered = dict[tuple[str, float, int], Array]
+"""Signals behind a lag, by name, lag and trial: every axis tries the same ones."""
+
+
 def _fit_first_order(
-    i: int, driven: Sequence[_Driven], spans: Sequence[Sequence[tuple[int, int]]]
+    i: int, driven: Sequence[_Driven], spans: Sequence[Sequence[tuple[int, int]]], filtered: _Filtered
 ) -> FirstOrder | None:
     """Response of one axis on the training windows; None where the velocity is not recorded."""
     kept = [k for k, own in enumerate(driven) if VELOCITIES[i] in own.trial.channels]
@@ -460,17 +473,24 @@ def _fit_first_order(
     dt = min(one.trial.dt for one in own)
     lags = np.geomspace(min(dt, 0.5 * _LONGEST_LAG_S), _LONGEST_LAG_S, _LAGS)
     dead = np.linspace(0.0, _LONGEST_DEAD_TIME_S, _DEAD_TIMES)
-    coarse = {name: _search([one.named(name) for one in own], samples, lags, dead) for name in names}
+
+    def behind(name: str, lag: float) -> list[Array]:
+        for one in own:
+            if (key := (name, lag, id(one))) not in filtered:
+                s = one.named(name) if name else None
+                filtered[key] = np.zeros(len(one.trial)) if s is None else _lagged(s, lag, one.trial.dt)
+        return [filtered[name, lag, id(one)] for one in own]
+
+    coarse = {name: _search(partial(behind, name), samples, lags, dead) for name in names}
     # The decay alone, for an axis that nothing drives.
-    coarse[""] = _search([np.zeros(len(one.trial)) for one in own], samples, lags, dead[:1])
+    coarse[""] = _search(partial(behind, ""), samples, lags, dead[:1])
     best = min(coarse, key=lambda name: coarse[name][0])
     found = coarse[best]
-    signals = [one.named(best) if best else np.zeros(len(one.trial)) for one in own]
     ratio, step = lags[1] / lags[0], dead[1]
     for _ in range(3):
         around = found[3] * ratio ** np.linspace(-1.0, 1.0, 7)
         near = np.clip(found[4] + step * np.linspace(-1.0, 1.0, 7), 0.0, _LONGEST_DEAD_TIME_S)
-        finer = _search(signals, samples, around, np.unique(near) if best else dead[:1])
+        finer = _search(partial(behind, best), samples, around, np.unique(near) if best else dead[:1])
         found = min(found, finer)
         ratio, step = ratio ** (1.0 / 3.0), step / 3.0
     _, gain, offset, lag, dead_time = found
@@ -503,24 +523,29 @@ class _Samples:
 
 
 def _search(
-    signals: Sequence[Array | None], samples: Sequence[_Samples], lags: Array, dead: Array
+    behind: Callable[[float], Sequence[Array]], samples: Sequence[_Samples], lags: Array, dead: Array
 ) -> tuple[float, float, float, float, float]:
-    """Least sum of squares over lags and dead times: the sum, gain, offset, lag in s, dead time in s."""
+    """Least sum of squares over lags and dead times: the sum, gain, offset, lag in s, dead time in s.
+
+    ``behind`` gives the signals (n,) of all trials behind a lag.
+    """
     y = np.concatenate([one.y for one in samples])
     start = np.concatenate([one.start for one in samples])
     elapsed = np.concatenate([(one.at - one.begin) * one.dt for one in samples])
     best = (np.inf, 0.0, 0.0, float(lags[0]), 0.0)
+    first = np.cumsum([0, *(len(s) for s in behind(float(lags[0])))])[:-1].tolist()
+    at, begin = [one.at for one in samples], [one.begin for one in samples]
+    earlier = []
+    for dead_time in dead.tolist():
+        by = [dead_time / one.dt for one in samples]
+        earlier.append((dead_time, _Earlier.of(at, first, by), _Earlier.of(begin, first, by)))
     for lag in lags.tolist():
         a = np.exp(-elapsed / lag)
         target, rest = y - a * start, 1.0 - a
         rr, rt, tt = float(rest @ rest), float(rest @ target), float(target @ target)
-        filtered = [_lagged(s, lag, one.dt) for s, one in zip(signals, samples, strict=True) if s is not None]
-        for dead_time in dead.tolist():
-            f = np.concatenate([
-                _earlier(own, one.at, dead_time / one.dt)
-                - a[at] * _earlier(own, one.begin, dead_time / one.dt)
-                for own, one, at in zip(filtered, samples, _slices(samples), strict=True)
-            ])
+        signal = np.concatenate(behind(lag))
+        for dead_time, now, begun in earlier:
+            f = now.read(signal) - a * begun.read(signal)
             ff, fr, ft = float(f @ f), float(f @ rest), float(f @ target)
             determinant = ff * rr - fr * fr
             driven = determinant > 1e-9 * ff * rr
@@ -530,18 +555,38 @@ def _search(
     return best
 
 
-def _earlier(f: Array, places: NDArray[np.intp], samples: float) -> Array:
-    """Signal (n,) some samples before each place (m,), linear between samples, constant before its first."""
-    whole = int(samples)
-    part = samples - whole
-    near: Array = f[np.maximum(places - whole, 0)]
-    return near if part == 0.0 else (1.0 - part) * near + part * f[np.maximum(places - whole - 1, 0)]
+@dataclass(frozen=True, eq=False)
+class _Earlier:
+    """Where signals of several trials, one behind the other, are read some samples before given places.
 
+    Linear between the samples ``near`` and ``far`` (m,) by the part (m,), constant before a trial's first.
+    """
 
-def _slices(samples: Sequence[_Samples]) -> list[slice]:
-    """Places of each part in the concatenated samples."""
-    ends = np.cumsum([0, *(len(one.y) for one in samples)])
-    return [slice(a, b) for a, b in itertools.pairwise(ends.tolist())]
+    near: NDArray[np.intp]
+    far: NDArray[np.intp]
+    part: Array
+
+    @classmethod
+    def of(
+        cls, places: Sequence[NDArray[np.intp]], first: Sequence[int], samples: Sequence[float]
+    ) -> _Earlier:
+        """So many samples before the places of each trial, whose own first sample lies at ``first``."""
+        near, far = (
+            np.concatenate([
+                np.maximum(at - int(by) - further, 0) + start
+                for at, start, by in zip(places, first, samples, strict=True)
+            ])
+            for further in (0, 1)
+        )
+        part = [np.full(len(at), by - int(by)) for at, by in zip(places, samples, strict=True)]
+        return cls(near, far, np.concatenate(part))
+
+    def read(self, signal: Array) -> Array:
+        """The signals at these places (m,)."""
+        near = signal[self.near]
+        if not self.part.any():
+            return np.asarray(near)
+        return np.asarray((1.0 - self.part) * near + self.part * signal[self.far])
 
 
 def _fit_linear(
@@ -558,13 +603,12 @@ def _fit_linear(
     commands = [name for name in driven[0].signals if name not in _FORCES and _varying(name, driven)]
     dead_times = [one.dead_time_s for one in known.first_order.values() if one.signal]
     typical = {0.0, float(np.median(dead_times)) if dead_times else 0.0}
+    judged = [one for own, of in zip(driven, spans, strict=True) for one in _Judged.of(own, of, states)]
     best: tuple[float, Linear | None] = (np.inf, None)
     for pushing in [one for one in (forces, commands) if one] or [[]]:
         for dead_time, horizon in itertools.product(sorted(typical), _HORIZONS_S):
             for tried in _regressions(tuple(states), (*replayed, *pushing), driven, dead_time, horizon):
-                best = min(
-                    best, (_training_error(known, tried, driven, spans), tried), key=lambda one: one[0]
-                )
+                best = min(best, (_training_error(tried, judged), tried), key=lambda one: one[0])
     return best[1]
 
 
@@ -623,22 +667,54 @@ def _regressions(
     return found
 
 
-def _training_error(
-    known: Baselines, linear: Linear, driven: Sequence[_Driven], spans: Sequence[Sequence[tuple[int, int]]]
-) -> float:
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """Training windows of one length that judge linear models: their places (w,), states (w, n) at the start,
+    measured states (samples, w, n) after it, and those of them that count.
+    """
+
+    own: _Driven
+    places: NDArray[np.intp]
+    start: Array
+    seen: Array
+    counted: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, own: _Driven, spans: Sequence[tuple[int, int]], states: Sequence[str]) -> list[_Judged]:
+        """Some of a trial's windows, by their length."""
+        chosen = spans[:: max(1, len(spans) // _MOST_WINDOWS)]
+        columns = [CHANNELS.index(name) for name in states]
+        seen, counted = own.trial.observed[:, columns], own.trial.valid[:, columns]
+        start = np.column_stack([one for name in states if (one := own.named(name)) is not None])
+        found = []
+        for length in dict.fromkeys(stop - first for first, stop in chosen):
+            places = np.array([first for first, stop in chosen if stop - first == length], dtype=np.intp)
+            rows = places + np.arange(1, length)[:, None]
+            found.append(cls(own, places, start[places], seen[rows], counted[rows]))
+        return found
+
+
+def _training_error(linear: Linear, judged: Sequence[_Judged]) -> float:
     """Mean over the velocities of ln(SSE / SST) on the training windows; infinite where one diverges.
 
     The logarithm lets no single channel decide that nothing predicts well.
     """
-    from dataclasses import replace
-
-    trial_of = replace(known, linear=linear)
-    shown = [
-        window
-        for own, parts in zip(driven, spans, strict=True)
-        for window in _predicted(trial_of, "linear", own, parts[:: max(1, len(parts) // _MOST_WINDOWS)])
-    ]
-    errors = [1.0 - value for c in linear.states if c in VELOCITIES and (value := _r2(c, shown)) == value]
+    shown = []
+    for one in judged:
+        driven = _exogenous(linear, one.own)
+        if driven is None:
+            return float("inf")
+        rows = one.places + np.arange(len(one.seen) + 1)[:, None]
+        shown.append(linear.predicted(one.start, driven[rows], one.own.trial.dt)[1:])
+    errors = []
+    for column in (i for i, name in enumerate(linear.states) if name in VELOCITIES):
+        kept = [one.counted[:, :, column] for one in judged]
+        seen = np.concatenate([one.seen[:, :, column][own] for one, own in zip(judged, kept, strict=True)])
+        found = np.concatenate([one[:, :, column][own] for one, own in zip(shown, kept, strict=True)])
+        sst = float(np.sum((seen - seen.mean()) ** 2)) if len(seen) else 0.0
+        if sst > 0.0:
+            with np.errstate(over="ignore"):
+                errors.append(float(np.sum((found - seen) ** 2)) / sst)
     return float(np.mean(np.log(np.maximum(errors, 1e-12)))) if errors else float("inf")
 
 

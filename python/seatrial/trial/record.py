@@ -42,6 +42,7 @@ class Record:
     input: Input
     counted: Mask
     water: Array | None = None
+    _packed: dict[tuple[int, bool], CoreRecord] = field(default_factory=dict, init=False, repr=False)
 
     def packed(
         self, *, substeps: int = 1, motion: bool = False, weight: ArrayLike | None = None
@@ -62,10 +63,20 @@ class Record:
         TrialError
             If the input was not recorded.
         """
-        weights = np.where(self.counted, 1.0 if weight is None else np.asarray(weight), 0.0)
+        if weight is None:  # as every simulation asks for it
+            if (substeps, motion) not in self._packed:
+                self._packed[substeps, motion] = self._core(self.counted.astype(float), substeps, motion)
+            return self._packed[substeps, motion]
+        return self._core(np.where(self.counted, np.asarray(weight), 0.0), substeps, motion)
+
+    def _core(self, weights: Array, substeps: int, motion: bool) -> CoreRecord:
         return self.trial.record(
             weight=weights, substeps=substeps, input=self.input, motion=motion, water=self.water
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What the core reads is packed again where it is needed."""
+        return self.__dict__ | {"_packed": {}}
 
 
 @dataclass(frozen=True)
@@ -116,9 +127,12 @@ def cut_spans(
 
 def restarted(trial: Trial, spans: Sequence[tuple[int, int]], record: int = 0) -> list[Segment]:
     """Segments of spans (start, stop), each from the smoothed measured state at its start."""
+    if not spans:
+        return []
+    states = (part.tolist() for part in trial.state(np.array([start for start, _ in spans])))
     return [
-        Segment(record, start, stop, *(tuple(map(float, part)) for part in trial.state(start)))
-        for start, stop in spans
+        Segment(record, start, stop, *map(tuple, state))
+        for (start, stop), *state in zip(spans, *states, strict=True)
     ]
 
 
@@ -273,7 +287,8 @@ class Replay:
         observed = self.records[segment.record].trial.observed[segment.start : segment.stop]
         with np.errstate(invalid="ignore", over="ignore"):  # a simulation that diverged
             error = np.where(self.counted(index), observed - shown, 0.0)
-            error[:, 9:] = shorter(error[:, 9:])
+            if not np.abs(error[:, 9:]).max(initial=0.0) < np.pi:
+                error[:, 9:] = shorter(error[:, 9:])
         return error
 
     def _loop(self, weight: Array | None = None, loss: str = "absolute", knee: float = 1.0) -> OpenLoop:

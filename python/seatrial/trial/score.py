@@ -45,6 +45,7 @@ __all__ = [
     "kind",
     "limit_text",
     "limits_of",
+    "pooled",
     "score",
     "score_text",
 ]
@@ -422,13 +423,8 @@ def score(
     if limits is None:
         model = None if isinstance(vehicle, Predictions) else vehicle
         limits = {} if training is None else limits_of(trials, model)
-    table = {
-        name: replace(
-            _channel_score(name, simulated, limits), replayed=AXES[CHANNELS.index(name) % 6] in measured
-        )
-        for name in names
-    }
     judged = tuple(one.name for one in trials)
+    table = _table(names, simulated, limits, measured)
     found = Score(table, judged, ahead, shifted, skipped, tuple(simulated), limits=limits)
     if isinstance(vehicle, Predictions):
         predicted = [name for name in names if name in vehicle.channels]
@@ -440,6 +436,51 @@ def score(
         learnt = [training] if isinstance(training, Trial) else training
         training = fit_baselines(learnt, vehicle=model, input=input, free=free, measured=measured)
     return replace(found, baselines=training.r2(found.windows, found.evidence, limits))
+
+
+def pooled(
+    scores: Sequence[Score],
+    *,
+    channels: Sequence[str],
+    measured: str = "",
+    training: Baselines | None = None,
+    limits: Mapping[str, Unpredictable],
+) -> Score:
+    """Score of a vehicle over all windows of several scores of it, each on trials of its own.
+
+    Parameters
+    ----------
+    scores
+        As far ahead as each other.
+    channels, measured, training, limits
+        As of `score`.
+    """
+    simulated = tuple(window for one in scores for window in one.windows)
+    trials = list({id(window.trial): window.trial for window in simulated}.values())
+    found = Score(
+        _table(_scored(trials, channels), simulated, limits, measured),
+        tuple(name for one in scores for name in one.trials),
+        scores[0].ahead_s,
+        sum(one.shifted for one in scores),
+        sum(one.skipped for one in scores),
+        simulated,
+        limits=limits,
+    )
+    if training is None:
+        return found
+    return replace(found, baselines=training.r2(found.windows, found.evidence, limits))
+
+
+def _table(
+    names: Sequence[str], simulated: Sequence[Window], limits: Mapping[str, Unpredictable], measured: str
+) -> dict[str, ChannelScore]:
+    """Score per channel."""
+    return {
+        name: replace(
+            _channel_score(name, simulated, limits), replayed=AXES[CHANNELS.index(name) % 6] in measured
+        )
+        for name in names
+    }
 
 
 def limits_of(trials: Sequence[Trial], vehicle: Vehicle | None) -> dict[str, Unpredictable]:

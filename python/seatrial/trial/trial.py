@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.atomic_write import write_table
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
     from seatrial._core import Record
+    from seatrial.trial.waves import Waves
 
 __all__ = ["Input", "Trial"]
 
@@ -260,8 +261,12 @@ class Trial:
     @property
     def channels(self) -> list[str]:
         """Those of `CHANNELS` that are recorded or derived."""
+        return list(self._present)
+
+    @cached_property
+    def _present(self) -> tuple[str, ...]:
         absent = np.logical_and.reduce(np.isnan(self.observed), axis=0)
-        return [channel for channel, gone in zip(CHANNELS, absent, strict=True) if not gone]
+        return tuple(channel for channel, gone in zip(CHANNELS, absent, strict=True) if not gone)
 
     def channel(self, name: str) -> Array:
         """Samples of one channel in SI, shape (n,); NaN where absent.
@@ -308,10 +313,17 @@ class Trial:
         width = 2 * max(1, round(_STEADY_S / self.dt)) + 1
         return np.asarray(minimum_filter1d(good, width, mode="nearest")).astype(bool)
 
-    def state(self, i: int | slice) -> tuple[Array, Array, Array]:
+    @cached_property
+    def swell(self) -> Waves | None:
+        """Waves in the recording (`seatrial.trial.waves.waves`), sought once; None where there are none."""
+        from seatrial.trial.waves import waves
+
+        return waves(self)
+
+    def state(self, i: int | slice | NDArray[np.intp]) -> tuple[Array, Array, Array]:
         """Smoothed position NED in m (3,), attitude quaternion (4,), nu in m/s, rad/s (6,) at sample `i`.
 
-        Those of a filter where the trial has them (``states``). A row per sample where `i` is a slice.
+        Those of a filter where the trial has them (``states``). A row per sample where `i` means several.
         """
         if self.states is not None:
             known = self.states

@@ -28,11 +28,16 @@ const WARM_UP_S: f64 = 4.0;
 /// The offsets of the motor's coefficients among an actuator's: K_v, T_1, T_t and the rate limits.
 const MOTOR: std::ops::Range<usize> = 14..19;
 
+/// Whether a coefficient is a motor's.
+pub(super) fn of_a_motor(index: usize) -> bool {
+    index >= HULL && MOTOR.contains(&((index - HULL) % PER_ACTUATOR))
+}
+
 impl Record {
     /// Runs the motors once for all candidates, where none of the coefficients `sought` belongs to a motor.
     pub fn play(&mut self, description: &Description, sought: &[usize], substeps: usize) {
         self.played = None;
-        if sought.iter().any(|&i| i >= HULL && MOTOR.contains(&((i - HULL) % PER_ACTUATOR))) {
+        if sought.iter().copied().any(of_a_motor) {
             return;
         }
         let structure = Structure::new(description, &[]);
@@ -115,6 +120,27 @@ impl<'a, T: Real> Motors<'a, T> {
             }
         }
         motors
+    }
+
+    /// Motors that do not run themselves but [follow](Self::follow) others.
+    #[inline(always)]
+    pub fn following(
+        vehicle: &'a Vehicle<T>,
+        record: &'a Record,
+        segment: &Segment,
+        substeps: usize,
+        unit: T,
+    ) -> Self {
+        Self::at_rest(vehicle, record, &segment.motors, substeps, unit)
+    }
+
+    /// Sets the signals to those of the same motors in plain numbers.
+    #[inline(always)]
+    pub fn follow(&mut self, plain: &Motors<'a, f64>) {
+        self.now = plain.now;
+        for (to, from) in self.signals.iter_mut().zip(&plain.signals) {
+            *to = self.unit.splat(*from);
+        }
     }
 
     #[inline(always)]

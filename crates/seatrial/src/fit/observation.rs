@@ -18,7 +18,9 @@ use crate::description::coefficients::FORCES;
 use crate::fit::criterion::{CHANNEL_NAMES, CHANNELS, ROLL};
 use crate::fit::record::Start;
 use crate::model::integrate::State;
-use crate::model::kinematics::{Quaternion, from_euler, normalised, quaternion_product, rotation, to_euler};
+use crate::model::kinematics::{
+    Quaternion, euler_angle, from_euler, normalised, quaternion_product, rotation, to_euler,
+};
 use crate::number::algebra::{Vec3, Vec6, cross, product, transposed_product};
 use crate::number::dual::Valued;
 use crate::number::real::Real;
@@ -148,6 +150,8 @@ impl<T: Real> Nuisance<T> {
 pub struct Shown<'a, T> {
     /// Between motion and channels; nothing when absent.
     nuisance: Option<&'a Nuisance<T>>,
+    /// Whether it is more than offsets and delays: where it is not, the motion itself is shown.
+    turned: bool,
     asked: &'a [usize],
     angles: bool,
     /// `[sample][channel among those asked for]`.
@@ -159,33 +163,45 @@ impl<'a, T: Real> Shown<'a, T> {
     #[inline(always)]
     pub fn new(nuisance: Option<&'a Nuisance<T>>, asked: &'a [usize], samples: usize) -> Self {
         let angles = asked.iter().any(|&c| c >= ROLL);
-        Self { nuisance, asked, angles, rows: Vec::with_capacity(samples * asked.len()) }
+        let turned = nuisance.is_some_and(|one| {
+            let [_, x, y, z] = one.tilt;
+            [x, y, z].iter().chain(&one.lever).any(|part| !part.equals(part.zero()))
+        });
+        Self { nuisance, turned, asked, angles, rows: Vec::with_capacity(samples * asked.len()) }
     }
 
     /// The next sample.
     #[inline(always)]
     pub fn add(&mut self, state: &State<T>) {
         let state = match self.nuisance {
-            Some(nuisance) => nuisance.prompt(state),
-            None => *state,
+            Some(nuisance) if self.turned => nuisance.prompt(state),
+            _ => *state,
         };
-        let euler = if self.angles { to_euler(&state.attitude) } else { [state.nu[0]; 3] };
+        let turn = self.angles.then(|| rotation(&state.attitude));
         for &c in self.asked {
             self.rows.push(match c {
                 0..6 => state.nu[c],
                 6..ROLL => state.position[c - 6],
-                _ => euler[c - ROLL],
+                _ => turn.as_ref().map_or(state.nu[0], |turn| euler_angle(turn, c - ROLL)),
             });
         }
     }
 
     /// `[sample][channel among those asked for]`, samples `dt` seconds apart.
     #[inline(always)]
-    pub fn finish(self, dt: f64) -> Vec<T>
+    pub fn finish(mut self, dt: f64) -> Vec<T>
     where
         T: Valued,
     {
         let Some(nuisance) = self.nuisance else { return self.rows };
+        if self.asked.iter().all(|&c| nuisance.latency[c].equals(nuisance.latency[c].zero())) {
+            for row in self.rows.chunks_exact_mut(self.asked.len().max(1)) {
+                for (shown, &c) in row.iter_mut().zip(self.asked) {
+                    *shown += nuisance.bias[c];
+                }
+            }
+            return self.rows;
+        }
         let (prompt, width) = (&self.rows, self.asked.len());
         let samples = prompt.len() / width.max(1);
         let mut rows = Vec::with_capacity(prompt.len());

@@ -124,9 +124,37 @@ impl<'a, T: Real> Course<'a, T> {
         Self { motors, instants: Default::default(), record, substeps, current, unit }
     }
 
+    /// The same with motors that follow those of a course in plain numbers.
+    #[inline(always)]
+    pub fn following(
+        vehicle: &'a Vehicle<T>,
+        record: &'a Record,
+        segment: &Segment,
+        substeps: usize,
+        current: Option<Vec3<T>>,
+        unit: T,
+    ) -> Self {
+        let motors = Motors::following(vehicle, record, segment, substeps, unit);
+        Self { motors, instants: Default::default(), record, substeps, current, unit }
+    }
+
     /// Step `s` of sample `k` begins: all that acts but the thrusts of its middle and its end.
     #[inline(always)]
     pub fn begin(&mut self, k: usize, s: usize) {
+        self.motors.begin(k, s);
+        self.act(k, s);
+    }
+
+    /// The same with the motors of a course in plain numbers.
+    #[inline(always)]
+    pub fn begin_with(&mut self, plain: &Course<'a, f64>, k: usize, s: usize) {
+        self.motors.follow(&plain.motors);
+        self.act(k, s);
+    }
+
+    /// What acts as step `s` of sample `k` begins, at the present signals.
+    #[inline(always)]
+    fn act(&mut self, k: usize, s: usize) {
         let record = self.record;
         if s == 0 {
             let tau = record.tau.get(k).copied().unwrap_or_default();
@@ -134,7 +162,6 @@ impl<'a, T: Real> Course<'a, T> {
                 instant.tau = tau;
             }
         }
-        self.motors.begin(k, s);
         // At a sample wrench and voltage change; an ideal motor's signal jumps at any step.
         if s == 0 || self.motors.any_ideal {
             self.motors.thrust(k, &mut self.instants[0]);
@@ -153,9 +180,22 @@ impl<'a, T: Real> Course<'a, T> {
     #[inline(always)]
     pub fn go_on(&mut self, k: usize, s: usize) {
         for half in 1..3 {
-            self.motors.go_on(k, s, half);
-            self.motors.thrust(k, &mut self.instants[half]);
+            self.half(k, s, half);
         }
+    }
+
+    /// The thrusts in the middle (`half` = 1) or at the end (2) of step `s` of sample `k`.
+    #[inline(always)]
+    pub fn half(&mut self, k: usize, s: usize, half: usize) {
+        self.motors.go_on(k, s, half);
+        self.motors.thrust(k, &mut self.instants[half]);
+    }
+
+    /// The same with the motors of a course in plain numbers.
+    #[inline(always)]
+    pub fn half_with(&mut self, plain: &Course<'a, f64>, k: usize, half: usize) {
+        self.motors.follow(&plain.motors);
+        self.motors.thrust(k, &mut self.instants[half]);
     }
 }
 

@@ -18,6 +18,7 @@ use crate::description::coefficients as names;
 use crate::error::Error;
 use crate::fit::batch::Batch;
 use crate::fit::criterion::{CHANNELS, Criterion, Loss};
+use crate::fit::motors::of_a_motor;
 use crate::fit::observation::{FORCE, INITIALS, NUISANCES, Nuisance, Shown};
 use crate::fit::open_loop::{Observer, fly};
 use crate::fit::record::{Segment, Start};
@@ -118,6 +119,8 @@ pub(super) struct Group {
     pub of: Summed,
     /// Whether the current is among them.
     pub current: bool,
+    /// Whether a motor's coefficient is among them.
+    pub motor: bool,
 }
 
 /// Groups to a task: they share the flight and its linearisation.
@@ -237,13 +240,18 @@ impl Batch<'_> {
             Unknown::Nuisance(FORCE..) => Summed { bias: true, ..Summed::default() },
             Unknown::Nuisance(_) | Unknown::Initial(_) => Summed::default(),
         };
+        let motor = |&place: &usize| {
+            let mut moved = point.sought.iter().enumerate();
+            moved.any(|(i, &index)| of_a_motor(index) && point.along(unknowns[place], i) != 0.0)
+        };
         let mut places: Vec<usize> = (0..unknowns.len()).collect();
-        places.sort_by_cached_key(of);
+        places.sort_by_cached_key(|place| (of(place), motor(place)));
         let group = |places: &[usize]| Group {
             places: places.to_vec(),
             unknowns: places.iter().map(|&place| unknowns[place]).collect(),
             of: places.iter().fold(Summed::default(), |all, place| all.and(of(place))),
             current: places.iter().any(|&place| current(unknowns[place])),
+            motor: places.iter().any(motor),
         };
         places.chunks(LANES).map(group).collect()
     }

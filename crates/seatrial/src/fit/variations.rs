@@ -19,7 +19,7 @@ use crate::fit::sensitivities::{Group, Prepared, Work};
 use crate::model::integrate::{STAGES, State};
 use crate::model::kinematics::{quaternion_rate, renormalised, rotation};
 use crate::model::vehicle::{Instant, Mode, Summed, Vehicle, hand_on};
-use crate::number::algebra::{Vec6, each, product};
+use crate::number::algebra::{Mat3, Vec6, each, product};
 use crate::number::dual::Dual;
 use crate::number::lanes::LANES;
 use crate::number::real::Real;
@@ -32,6 +32,7 @@ const SEEDS: usize = 18;
 /// One stage of a step: where it stands and heads, and the derivatives of where it heads.
 struct Stage {
     row: [f64; 13],
+    rotation: Mat3<f64>,
     slope: [f64; 13],
     /// Of the position's rate by attitude and linear velocity.
     position: [[f64; LANES]; 3],
@@ -61,6 +62,8 @@ struct Tangent<'a, P> {
     vehicle: &'a Vehicle<Dual<P>>,
     /// What acts, where it depends on the unknowns.
     course: Option<Course<'a, Dual<P>>>,
+    /// Whether the motors' signals depend on them too.
+    motor: bool,
     shown: Shown<'a, Dual<P>>,
     change: [P; 13],
     sum: [P; 13],
@@ -138,6 +141,7 @@ impl Stage {
             omega[i] = seeded(at.nu[3 + i], motion[4 + i]);
         }
         let r = rotation(&attitude);
+        self.rotation = r.map(|row| row.map(|x| x.value));
         let moved = product(&r, &v);
         for i in 0..3 {
             self.slope[i] = moved[i].value;
@@ -258,11 +262,10 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
     fn own_force(&self, stage: &Stage, none: f64x8<S>, instant: &Instant<Dual<f64x8<S>>>) -> Vec6<f64x8<S>> {
         let at = paired(&stage.row, &[none; 13]);
         let vehicle = std::hint::black_box(self.vehicle);
-        let turn = rotation(&State::from_row(&stage.row).attitude);
         let mut r = [[Dual { value: 0.0, partials: none }; 3]; 3];
         for i in 0..3 {
             for j in 0..3 {
-                r[i][j].value = turn[i][j];
+                r[i][j].value = stage.rotation[i][j];
             }
         }
         let mut force = vehicle.force(self.of, (Some(&at.position), &r), &at.nu, instant);
@@ -338,8 +341,15 @@ impl Batch<'_> {
             tangents.push(Tangent {
                 of: group.of,
                 vehicle: &one.vehicle,
-                course: own
-                    .then(|| Course::new(&one.vehicle, record, segment, self.substeps, start.current, unit)),
+                course: own.then(|| {
+                    let (vehicle, current) = (&one.vehicle, start.current);
+                    if group.motor {
+                        Course::new(vehicle, record, segment, self.substeps, current, unit)
+                    } else {
+                        Course::following(vehicle, record, segment, self.substeps, current, unit)
+                    }
+                }),
+                motor: group.motor,
                 shown: one.shown(work.asked, segment),
                 change: partials(&start.state),
                 sum: [none; 13],
@@ -348,6 +358,7 @@ impl Batch<'_> {
         }
         let mut stage = Stage {
             row: [0.0; 13],
+            rotation: [[0.0; 3]; 3],
             slope: [0.0; 13],
             position: [[0.0; LANES]; 3],
             attitude: [[0.0; LANES]; 4],
@@ -361,8 +372,10 @@ impl Batch<'_> {
                 }
                 course.begin(k, step);
                 for tangent in &mut tangents {
-                    if let Some(course) = &mut tangent.course {
-                        course.begin(k, step);
+                    match &mut tangent.course {
+                        Some(own) if tangent.motor => own.begin(k, step),
+                        Some(own) => own.begin_with(&course, k, step),
+                        None => {}
                     }
                 }
                 if step == 0 {
@@ -383,14 +396,18 @@ impl Batch<'_> {
                         break 'flight;
                     }
                 }
-                course.go_on(k, step);
+                for half in 1..3 {
+                    course.half(k, step, half);
+                    for tangent in &mut tangents {
+                        match &mut tangent.course {
+                            Some(own) if tangent.motor => own.half(k, step, half),
+                            Some(own) => own.half_with(&course, k, half),
+                            None => {}
+                        }
+                    }
+                }
                 for (from, to) in course.instants.iter().zip(&mut lifted) {
                     lift(from, to, unit, inflow);
-                }
-                for tangent in &mut tangents {
-                    if let Some(course) = &mut tangent.course {
-                        course.go_on(k, step);
-                    }
                 }
                 state = self.varied_step(
                     (&plain.vehicle, &frame),
