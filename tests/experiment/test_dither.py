@@ -158,7 +158,7 @@ def test_a_table_that_cannot_be_added_is_refused(
 def test_an_axis_that_feedback_dominates_without_waves_gets_a_dither_by_its_own_motion(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("seatrial.trial.waves.waves", lambda trial: None)
+    monkeypatch.setattr("seatrial.trial.verdict.waves", lambda trial: None)
     plain = Trial.read(Recipe.load(mission(tmp_path)).table(), align=False, name="plain")
     verdicts = judge_trial(plain, VEHICLE)
     assert verdicts["N"].dominated

@@ -72,7 +72,7 @@ def test_constant_set_points_in_waves_are_dominated_and_turns_are_not(seed: int)
 def test_a_command_that_tells_nothing_is_dominated_where_no_waves_are_seen(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("seatrial.trial.waves.waves", lambda trial: None)
+    monkeypatch.setattr("seatrial.trial.verdict.waves", lambda trial: None)
     found = yaw(sailed(3))
     assert found.kind == "feedback-dominated"
     assert "follow the motion itself" in found.sentence

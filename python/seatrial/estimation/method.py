@@ -20,6 +20,7 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import Polish
 from seatrial.trial.instability import runs_away
 from seatrial.trial.verdict import REPLAYED, Verdict, best
+from seatrial.trial.waves import waves
 
 __all__ = ["ByItself", "Method", "method_of"]
 
@@ -63,7 +64,7 @@ def _answered_waves(campaign: Campaign, trials: Sequence[str]) -> str:
     """Which commands answer measurements in a trial with waves; "" where none do."""
     for name in _commanded(campaign, trials):
         closed = [one for one in campaign.verdicts(name).values() if one.kind != "open"]
-        swell = campaign.trials[name].swell if closed else None
+        swell = waves(campaign.trials[name]) if closed else None
         if swell is not None:
             return (
                 f"in trial {name} {_commands(closed)} answer measurements, in waves of {swell.period_s:.1f} s"

@@ -15,7 +15,7 @@ from seatrial.intake.manoeuvres import Manoeuvre, counted, drives, manoeuvres
 from seatrial.intake.trial_windows import TrialWindows, windows
 from seatrial.trial.feedback import Feedback, feedback
 from seatrial.trial.verdict import Verdict, judge_trial
-from seatrial.trial.waves import Waves, commanded
+from seatrial.trial.waves import Waves, commanded, waves
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -115,7 +115,7 @@ def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
     driving = drives(trial, vehicle)
     found = manoeuvres(trial, vehicle)
     loops = tuple(one for one in feedback(trial) if one.closed)
-    swell = trial.swell
+    swell = waves(trial)
     if swell is not None and not loops and commanded(trial, swell):
         swell = None  # a row of preset steps has harmonics
     return KindOfData(

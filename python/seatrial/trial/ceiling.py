@@ -34,7 +34,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.trial.feedback import feedback
 from seatrial.trial.verdict import Verdict, blind
-from seatrial.trial.waves import commanded
+from seatrial.trial.waves import commanded, waves
 from seatrial.trial.windows import Window, channel_errors
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def unpredictable(trial: Trial, verdicts: Mapping[str, Verdict]) -> Unpredictabl
         Of `seatrial.trial.verdict.judge_trial` on it; empty without a vehicle.
     """
     noise = {c: _noise(trial, c) for c in trial.channels if c in VELOCITIES}
-    found = trial.swell
+    found = waves(trial)
     if found is not None and commanded(trial, found) and not any(one.closed for one in feedback(trial)):
         found = None
     if found is None:

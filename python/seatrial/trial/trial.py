@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
     from seatrial._core import Record
-    from seatrial.trial.waves import Waves
 
 __all__ = ["Input", "Trial"]
 
@@ -312,13 +311,6 @@ class Trial:
         good = self.valid[:, used].all(axis=1).astype(np.uint8)
         width = 2 * max(1, round(_STEADY_S / self.dt)) + 1
         return np.asarray(minimum_filter1d(good, width, mode="nearest")).astype(bool)
-
-    @cached_property
-    def swell(self) -> Waves | None:
-        """Waves in the recording (`seatrial.trial.waves.waves`), sought once; None where there are none."""
-        from seatrial.trial.waves import waves
-
-        return waves(self)
 
     def state(self, i: int | slice | NDArray[np.intp]) -> tuple[Array, Array, Array]:
         """Smoothed position NED in m (3,), attitude quaternion (4,), nu in m/s, rad/s (6,) at sample `i`.

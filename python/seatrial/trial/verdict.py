@@ -34,6 +34,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
 from seatrial.trial.feedback import explained, unforetold
 from seatrial.trial.mixer import WRENCH
+from seatrial.trial.waves import waves
 from seatrial.vehicle.actuators import actuator_groups, pushes
 
 if TYPE_CHECKING:
@@ -187,7 +188,7 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
     seen = {
         c: _mean(y, stride) for c in _SEEN_CHANNELS if (y := trial.filled(c)) is not None and y.std() > 0.0
     }
-    swell = trial.swell
+    swell = waves(trial)
     found = {}
     pushed = pushed_by(vehicle)
     recorded = any(name in trial.commands for name in vehicle.actuators)
