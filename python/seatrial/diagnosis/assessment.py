@@ -122,13 +122,13 @@ class Assessment:
         """Sentences on the method of a joint estimate with a noise model, and on what it refuses."""
         if self.polished.method == "output":
             return [self.polished.method_reason] if self.polished.method_reason else []
-        lines = [
-            "joint estimate by innovations: prediction errors of a filter with a model of waves, slow forces"
+        waves = self.polished.waves
+        seen = f"waves of {waves['period_s']:.3g} s, " if waves else ""
+        line = (
+            f"joint estimate by innovations: prediction errors of a filter with a model of {seen}slow forces"
             f" and current, because {self.polished.method_reason}"
-        ]
-        if waves := self.polished.waves:
-            lines.append(f"waves of that model: {waves['period_s']:.3g} s")
-        return lines + self.refused()
+        )
+        return [line, *self.refused()]
 
     def refused(self) -> list[str]:
         """Sentences on coefficients on which predictions over several horizons disagree."""
