@@ -9,12 +9,13 @@ import polars as pl
 import pytest
 
 import seatrial as st
+from seatrial._core import Vehicle
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.experiment.dither import Dither, dithers
 from seatrial.trial.generated import Recipe, files_of
 from seatrial.trial.sailed import DITHER, read_dither
 from seatrial.trial.trial import Trial
-from seatrial.trial.verdict import judge_trial
+from seatrial.trial.verdict import Verdict, judge_trial
 
 VEHICLE = st.Vehicle.load("remus100")
 
@@ -67,6 +68,16 @@ def mission(folder: Path, dither: str = "") -> Path:
         text = text.replace("[waves]", f'dither = "{dither}"\n[waves]').replace("300.0", "600.0")
     path.write_text(text)
     return path
+
+
+def of_lauv(folder: Path) -> tuple[Vehicle, Trial, dict[str, Verdict]]:
+    """The same mission of another vehicle, its trial and what it tells."""
+    path = mission(folder)
+    for file in (path, folder / "truth.toml"):
+        file.write_text(file.read_text().replace("remus100", "lauv"))
+    vehicle = st.Vehicle.load("lauv")
+    plain = Trial.read(Recipe.load(path).table(), align=False, name="plain")
+    return vehicle, plain, judge_trial(plain, vehicle)
 
 
 def some(**changes: float) -> Dither:
@@ -173,17 +184,22 @@ def test_a_propeller_that_only_runs_ahead_has_what_lies_between_its_speed_and_th
     tmp_path: Path,
 ) -> None:
     """Its limit astern is zero: the dither was one of nothing, and not a number."""
-    path = mission(tmp_path)
-    for file in (path, tmp_path / "truth.toml"):
-        file.write_text(file.read_text().replace("remus100", "lauv"))
-    vehicle = st.Vehicle.load("lauv")
+    vehicle, plain, verdicts = of_lauv(tmp_path)
     limits = vehicle.actuator_info()["propeller"]
     assert limits["maximum_astern"] == 0.0
-    plain = Trial.read(Recipe.load(path).table(), align=False, name="plain")
-    verdicts = judge_trial(plain, vehicle)
     assert verdicts["X"].dominated
     planned = {dither.axis: dither for dither in dithers([plain], vehicle, verdicts)}["X"]
     middle = float(np.median(plain.commands["propeller"]))
     room = min(middle, limits["maximum_ahead"] - middle)
     assert 0.5 * room < planned.amplitude["propeller"] <= room
     assert np.isfinite([planned.deviation, planned.share, planned.hold_s]).all()
+
+
+def test_a_vehicle_that_waves_hardly_move_gets_less_than_its_actuators_have(tmp_path: Path) -> None:
+    """All that its planes have would throw it out of the water."""
+    vehicle, plain, verdicts = of_lauv(tmp_path)
+    pitch = {dither.axis: dither for dither in dithers([plain], vehicle, verdicts)}["M"]
+    most = vehicle.actuator_info()["stern_plane_port"]["maximum_ahead"]
+    assert max(map(abs, pitch.amplitude.values())) < 0.2 * most
+    assert pitch.share > 0.99  # a tenth of what they have, or odds of a thousand
+    assert pitch.tells
