@@ -16,7 +16,8 @@ from seatrial import TrialError
 from seatrial.ardusub.flights import Rig, check_rig
 from seatrial.ardusub.from_log import tune_log
 from seatrial.ardusub.parameters import ParameterFile, changes, in_metres, of_generation
-from seatrial.ardusub.result import LogTuning
+from seatrial.ardusub.result import LogTuning, by_chance
+from seatrial.ardusub.tuning import Missions
 from seatrial.cli import app
 from seatrial.report.plot.ardusub import envelope_figure, steps_figure
 from tests.ardusub import flown_log, text_log
@@ -38,6 +39,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def found(folder: Path) -> LogTuning:
     return tune_log(RECORDED, out=folder, missions=120)
+
+
+@pytest.mark.parametrize(("lost", "chance"), [(0, True), (1, True), (2, True), (3, False), (12, False)])
+def test_a_mission_or_two_that_get_worse_decide_nothing(lost: int, chance: bool) -> None:
+    """Of 120, of a loop that nothing changed: a vehicle that no gain holds; three are more than chance."""
+    draw = np.random.default_rng(2)
+    before = np.sort(draw.exponential(0.3, 120))
+    after = before + draw.normal(0.0, 0.01, 120)
+    after[120 - lost :] += 2.3
+    missions = [Missions({"north": one}, {}, np.zeros(0)) for one in (before, after)]
+    assert by_chance(missions[0], missions[1], "north") == chance
 
 
 @pytest.mark.long

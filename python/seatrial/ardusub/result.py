@@ -21,8 +21,9 @@ from seatrial.ardusub.tuning import Missions, Spread, Tuned
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunResult, to_json
 
-__all__ = ["LogTuning"]
+__all__ = ["LogTuning", "by_chance"]
 
+_CHANCE = 1.645  # standard errors of a mean
 _NO_WORSE = 1.05  # violation after over before up to which a loop that nothing changed is no worse
 
 _WIDE = 3.0  # half-width over the rms of the log beyond which an envelope tells little
@@ -86,14 +87,14 @@ class LogTuning(RunResult):
         """Whether the loops that changed violate their corridors less, and no other loop more.
 
         Of a loop that changed the worst mission and the mean of the worst tenth are lower; of the others that
-        mean is no more than a twentieth higher. A single worst mission of a loop that nothing changed may be
-        a vehicle that no gain holds: it is told, and decides nothing.
+        mean is no more than a twentieth higher, or by no more than chance. A single mission of a loop that
+        nothing changed may be a vehicle that no gain holds: it is told, and decides nothing.
         """
         changed = self.changed_channels
         return bool(changed) and all(
             self.after.worst(name) < self.before.worst(name) and after < before
             if name in changed
-            else after <= _NO_WORSE * before + 0.01
+            else after <= _NO_WORSE * before + 0.01 or by_chance(self.before, self.after, name)
             for name in self.before.violations
             for before, after in [(_tail(self.before, name), _tail(self.after, name))]
         )
@@ -227,6 +228,20 @@ def _tail(missions: Missions, channel: str) -> float:
     """Mean violation of the worst tenth of the missions, s."""
     own = np.sort(missions.violations[channel])
     return float(own[-max(len(own) // 10, 1) :].mean())
+
+
+def by_chance(before: Missions, after: Missions, channel: str) -> bool:
+    """Whether the worst tenth of the missions, before or after, rises by no more than chance.
+
+    The same missions fly before and after: the mean of their rises is less than 1.645 of its standard errors
+    (Student's test, one-sided, 5 %), as of a single mission, or two, among twelve.
+    """
+    one, other = before.violations[channel], after.violations[channel]
+    worst = np.argsort(np.maximum(one, other))[-max(len(one) // 10, 1) :]
+    rises = (other - one)[worst]
+    if len(rises) < 2 or not np.isfinite(rises).all():
+        return False
+    return bool(rises.mean() <= _CHANCE * rises.std(ddof=1) / math.sqrt(len(rises)))
 
 
 def _harm(found: LogTuning) -> list[str]:
