@@ -437,7 +437,7 @@ def _refitted(
     """Errors of both on the last part of every trial after fits without it; empty where that cannot be.
 
     Both fits go on from the optimum on all data, which lies near their own, and take the steps of the global
-    search: what an estimate moves by is no matter for a prediction.
+    search, which move an estimate by too little to change a prediction.
     """
     try:
         shorter = _without_ends(campaign)
