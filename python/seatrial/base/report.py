@@ -225,12 +225,17 @@ def text_table(
     return "\n".join(line.rstrip() for line in lines)
 
 
+_SHORT_WORDS = ("as", "at", "by", "if", "in", "no", "of", "on", "to")
+"""Words of two letters that begin a sentence: no symbol of a quantity is called so."""
+
+
 def _sentence(text: str) -> str:
     """The text with a capital first letter of its first word and a full stop."""
     text = text.strip()
     first = text.partition(" ")[0]
     # A symbol such as K_p or u and a command keep their case; an ordinary word begins with a capital.
-    ordinary = first.isalpha() and len(first) > 2 and first.islower() and first != "seatrial"
+    word = len(first) > 2 or first in _SHORT_WORDS
+    ordinary = first.isalpha() and word and first.islower() and first != "seatrial"
     capital = text[:1].upper() + text[1:] if ordinary else text
     return capital if capital.endswith((".", "!", "?")) else f"{capital}."
 
