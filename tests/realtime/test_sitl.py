@@ -192,7 +192,7 @@ def test_silence_ends_a_session_and_says_so() -> None:
     session = st.sitl(VEHICLE, port=0, idle_s=0.05, voltage_v=16.0)
     assert (session.ended, session.frames) == ("idle", 0)
     good, _, following = session.report().lines()
-    assert "no packet of ArduPilot came" in good
+    assert "No packet of ArduPilot came" in good
     assert "--model JSON:127.0.0.1" in following
 
 

@@ -186,7 +186,7 @@ def test_contradictions_are_told(tmp_path: Path, change: dict[str, Any], words: 
 def test_a_good_model_has_no_contradiction_and_its_report_says_so(tmp_path: Path) -> None:
     good, worst, _ = _gz(tmp_path).report().lines()
     assert "0 contradictions" in good
-    assert "no contradiction was found" in worst
+    assert "No contradiction was found" in worst
 
 
 def test_products_of_velocities_and_other_plugins_are_said(tmp_path: Path) -> None:
