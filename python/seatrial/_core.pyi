@@ -747,6 +747,19 @@ class Vehicle:
 
         Raises VehicleError for an unknown name or an impossible mass matrix.
         """
+    def with_model_error(self, /, *, force: ArrayLike, force_time_s: SupportsFloat | SupportsIndex, acceleration: ArrayLike) -> Vehicle:
+        """
+        The same vehicle with the [model_error] of its file: what its model leaves unexplained, by which a
+        navigation filter on it goes unless it is told otherwise.
+
+        force (6,), standard deviation of the force and moment that the model does not know, N and N m;
+        force_time_s, its time constant; acceleration (6,), standard deviation of the velocities after a second
+        of white acceleration, m/s and rad/s. Raises VehicleError for a number beyond its range.
+        """
+    def without_model_error(self, /) -> Vehicle:
+        """
+        The same vehicle without [model_error] in its file.
+        """
 
 def _restored_autopilot(text: str) -> Autopilot:
     """

@@ -29,7 +29,12 @@ from tests.docs.pages import NAMES, ROOT, blocks, text
 INTERFACE = "docs/interface.md"
 ROW = re.compile(r"^\| `(\w+)` \|", re.MULTILINE)
 # A field of a Rust struct of the vehicle file, its serde name first where it has one.
-PARTS = ("vehicle_file/cross_flow_table.rs", "vehicle_file/fin_table.rs", "vehicle_file/tether_table.rs")
+PARTS = (
+    "vehicle_file/cross_flow_table.rs",
+    "vehicle_file/fin_table.rs",
+    "vehicle_file/model_error_table.rs",
+    "vehicle_file/tether_table.rs",
+)
 FIELD = re.compile(r"(?:rename = \"(\w+)\"[^\n]*\n\s*)?(?:pub )?(\w+): (?!Self)[A-Z\[fbu]")
 # A public Rust struct that is read from a file: its body.
 READ = re.compile(

@@ -325,7 +325,13 @@ def toured(tmp_path_factory: pytest.TempPathFactory) -> tuple[st.CExport, Array]
     shutil.copy(HERE / "navigate.h", folder)
     made = ready(st.export_c("cwolf", "cwolf", mission=folder / "tour.toml", out=folder, navigation="filter"))
     flight = st.fly(
-        "cwolf", "cwolf", folder / "tour.toml", current=CURRENT, max_time_s=60.0, navigation="filter"
+        "cwolf",
+        "cwolf",
+        folder / "tour.toml",
+        current=CURRENT,
+        max_time_s=60.0,
+        navigation="filter",
+        model="cwolf",
     )
     return made, np.column_stack([flight.position, flight.euler, flight.nu[:, 0]])
 

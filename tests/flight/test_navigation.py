@@ -40,6 +40,40 @@ def settled(**settings: Any) -> st.NavigationFilter:
     return navigation
 
 
+def test_a_filter_takes_the_model_error_of_the_vehicle_file_unless_told_otherwise() -> None:
+    noise: dict[str, Any] = {
+        "force": [3.0, 5.0, 4.0, 0.2, 0.3, 0.4],
+        "force_time_s": 7.0,
+        "acceleration": [0.02] * 6,
+    }
+    cwolf = st.Vehicle.load("cwolf")
+    vehicle = st.Vehicle.from_toml(cwolf.with_model_error(**noise).to_toml())
+    assert vehicle.to_dict()["model_error"] == noise
+
+    def deviations(believed: st.Vehicle, **settings: Any) -> np.ndarray:
+        navigation = st.NavigationFilter(believed, **settings)
+        for k in range(100):
+            navigation.step(HERE if k < 30 else LEVEL)
+        return np.sqrt(np.diag(navigation.covariance))
+
+    by_file, by_hand = deviations(vehicle), deviations(cwolf, **noise)
+    assert by_file.tolist() == by_hand.tolist()
+    assert deviations(vehicle, force=[30.0] * 6)[12:15].min() > 2.0 * by_file[12:15].max()
+    # Told that the vehicle moves as the model does, a filter leaves the table aside.
+    exact = deviations(cwolf, exact_model=True)
+    assert deviations(vehicle, exact_model=True).tolist() == exact.tolist()
+    assert deviations(vehicle.without_model_error()).tolist() == deviations(cwolf).tolist()
+
+
+def test_a_model_error_beyond_its_range_is_refused() -> None:
+    vehicle = st.Vehicle.load("cwolf")
+    with pytest.raises(st.VehicleError, match=r"model_error\.force_time_s: expected"):
+        vehicle.with_model_error(force=[1.0] * 6, force_time_s=0.0, acceleration=[0.01] * 6)
+    text = vehicle.with_model_error(force=[1.0] * 6, force_time_s=5.0, acceleration=[0.01] * 6).to_toml()
+    with pytest.raises(st.VehicleError, match="missing field `force_time_s`"):
+        st.Vehicle.from_toml(text.replace("force_time_s = 5.0", ""))
+
+
 def test_a_filter_follows_a_run_by_commands_and_a_late_doppler_log() -> None:
     vehicle = st.Vehicle.load("cwolf")
     t = np.arange(0.0, 40.0, 0.1)

@@ -21,6 +21,7 @@ from seatrial.check.campaign import check_campaign
 from seatrial.estimation.criterion import Criterion
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
+from seatrial.identification.noise_of_filter import filter_noise
 from tests.base.killed import kill
 
 TRUTH = {"X_udot": -9.0, "X_uu": -14.0, "Z_ww": -450.0, "Z_wdot": -160.0}
@@ -109,6 +110,21 @@ def test_true_coefficients_are_found_again(campaign: Callable[..., Campaign]) ->
     # 20 of the 80 s are held out, at 10 Hz; the first sample of a window does not count.
     assert 190 <= fit.scores["hold_out"]["free"]["run"]["u"].n < 200
     assert 590 <= fit.scores["fit"]["free"]["run"]["u"].n < 600
+
+
+def test_the_vehicle_file_says_what_the_model_leaves_unexplained(campaign: Callable[..., Campaign]) -> None:
+    fit = identify(campaign(SURGE, HEAVE))
+    told = Vehicle.from_toml(str(fit.files()["vehicle.toml"])).to_dict()["model_error"]
+    noise = filter_noise(fit)
+    assert told == {name: np.asarray(value).tolist() for name, value in noise.items()}
+    # Noise of the sensors alone: less than the default, which what no log measured has.
+    default = 0.03 * np.diag(fit.vehicle.mass_matrix())
+    assert noise["force"][[1, 3, 4, 5]] == pytest.approx(default[[1, 3, 4, 5]])
+    assert np.all(noise["force"][[0, 2]] < default[[0, 2]])
+    assert "model_error" not in fit.stages_vehicle.to_dict()
+    # The next identification starts from the file and finds its own.
+    again = identify(fit.vehicle, fit.campaign.trials["run"], free={"X_uu": None})
+    assert again.vehicle.to_dict()["model_error"]["force"][2] == pytest.approx(default[2])
 
 
 def test_same_seed_same_result_whatever_the_threads_and_the_company(

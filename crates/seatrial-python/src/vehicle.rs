@@ -10,6 +10,7 @@ use seatrial::control::allocation::authority;
 use seatrial::control::allocation::report::RowAuthority;
 use seatrial::description::facts::{self, Value};
 use seatrial::description::geometry::Shape;
+use seatrial::description::vehicle_file::ModelErrorTable;
 use seatrial::description::{Description, built_in, built_in_names};
 use seatrial::error::nearest;
 use seatrial::model::current::Current;
@@ -195,6 +196,27 @@ impl Vehicle {
     fn with_coefficients(&self, coefficients: Named) -> PyResult<Self> {
         let values: Vec<(String, f64)> = Named::scalars(Some(coefficients))?.into_iter().collect();
         self.description.with_coefficients(&values).map(Self::of).map_err(raised)
+    }
+
+    /// The same vehicle with the [model_error] of its file: what its model leaves unexplained, by which a
+    /// navigation filter on it goes unless it is told otherwise.
+    ///
+    /// force (6,), standard deviation of the force and moment that the model does not know, N and N m;
+    /// force_time_s, its time constant; acceleration (6,), standard deviation of the velocities after a second
+    /// of white acceleration, m/s and rad/s. Raises VehicleError for a number beyond its range.
+    #[pyo3(signature = (*, force, force_time_s, acceleration))]
+    fn with_model_error(&self, force: Numbers, force_time_s: f64, acceleration: Numbers) -> PyResult<Self> {
+        let table = ModelErrorTable {
+            force: force.row("force")?,
+            force_time_s,
+            acceleration: acceleration.row("acceleration")?,
+        };
+        self.description.with_model_error(Some(table)).map(Self::of).map_err(raised)
+    }
+
+    /// The same vehicle without [model_error] in its file.
+    fn without_model_error(&self) -> PyResult<Self> {
+        self.description.with_model_error(None).map(Self::of).map_err(raised)
     }
 
     /// M = M_RB + M_A, shape (6, 6), in kg, kg m, kg m2.

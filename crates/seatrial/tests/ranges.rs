@@ -30,6 +30,10 @@ slack_m = 50.0
 [power]
 hotel_w = 10.0
 battery_wh = 500.0
+[model_error]
+force = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1]
+force_time_s = 4.0
+acceleration = [0.01, 0.01, 0.01, 0.02, 0.02, 0.02]
 [coefficients]
 m = 30.0
 [motors.drive]

@@ -218,8 +218,9 @@ def export_c(
     rho, g : float, optional
         Density, kg/m3, and gravity, m/s2, of the vehicle; by default the vehicle file's.
     navigation : str or NavigationFilter, optional
-        "filter" writes the navigation filter that `fly` makes of `sensors`, on the vehicle that the autopilot
-        believes in; a `NavigationFilter` writes that one, at the autopilot's period.
+        "filter" writes the navigation filter that `fly` makes of `sensors` where `model` is given: it does
+        not count on a vehicle that moves exactly as the model. A `NavigationFilter` writes that one, at the
+        autopilot's period.
     sensors : mapping of str to Sensor, str or Path, optional
         Sensors of the filter as in `fly`; good ones of every kind when omitted.
 
@@ -331,7 +332,6 @@ def recorded(
         mission=plan,
         navigation=navigation,
         sensors=sensors,
-        exact=model is None,
         voltage_v=supply,
         origin=_origin(),
     )

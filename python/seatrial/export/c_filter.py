@@ -33,7 +33,6 @@ def recorded_filter(
     mission: Mission | None,
     navigation: str | NavigationFilter,
     sensors: Mapping[str, Sensor] | str | Path | None,
-    exact: bool,
     voltage_v: float,
     origin: Sequence[str],
 ) -> tuple[dict[str, Any], float] | None:
@@ -51,8 +50,6 @@ def recorded_filter(
         Its mission, whose landmarks and start the filter knows.
     navigation, sensors
         As of `export_c`.
-    exact
-        Whether the vehicle flies as the model does.
     voltage_v
         Supply; not a number where it does not matter.
     origin
@@ -77,7 +74,6 @@ def recorded_filter(
         sensors_of(sensors, model),
         period_s,
         landmarks=() if mission is None else mission.landmarks,
-        exact=exact,
     )
     if filter is None:
         return None

@@ -117,13 +117,14 @@ class NavigationFilter:
     start_deviation_m : float, optional
         Standard deviation of that.
     force : (6,) array_like, optional
-        Standard deviation of the force that the model does not know, N and N m; by default that of 0.03
-        m/s2 and 0.03 rad/s2.
+        Standard deviation of the force that the model does not know, N and N m; by default what the vehicle
+        file has under ``[model_error]``, as `seatrial.identify` wrote it, else that of 0.03 m/s2 and 0.03
+        rad/s2.
     force_time_s : float, optional
-        Its time constant; 10 s when omitted.
+        Its time constant; by default that of the file, else 10 s.
     acceleration : (6,) array_like, optional
         Standard deviation of velocity that white noise of acceleration makes in a second, m/s and rad/s;
-        by default 0.005.
+        by default that of the file, else 0.005.
     current : (3,) array_like, optional
         Standard deviation of the current, north, east, down, m/s.
     current_time_s : float, optional

@@ -118,7 +118,7 @@ class Identification(RunResult):
     def stages_vehicle(self) -> Vehicle:
         """The campaign's vehicle with the estimates of the stages, before the joint polish."""
         found = {name: value for stage in self.stages for name, value in stage.coefficients.items()}
-        return self.campaign.vehicle.with_coefficients(found)
+        return self.campaign.vehicle.with_coefficients(found).without_model_error()
 
     @property
     def identifiability(self) -> Identifiability | None:

@@ -38,6 +38,7 @@ from seatrial.identification.fitted import Fitted
 from seatrial.identification.held import Conditional, conditional, joint_estimate_of
 from seatrial.identification.hold_out import Restarts, part_scores
 from seatrial.identification.identification import Identification
+from seatrial.identification.noise_of_filter import with_model_error
 from seatrial.identification.preparation import prepare
 from seatrial.intake.consistency_trials import late_velocity
 
@@ -449,6 +450,7 @@ def run_identification(
             sure = assess(joint, found)
             vehicle, rests = sure.vehicle, conditional(joint, found, ready.held, sure.uncertainty)
             restarts = Restarts.of(campaign, joint, found.values, vehicle)
+        vehicle = with_model_error(vehicle, campaign)
         judged = part_scores(campaign, vehicle, nuisances=nuisances, restarts=restarts)
         fit = Identification(
             campaign=campaign,

@@ -24,9 +24,10 @@ from seatrial.trial.record import Record, Replay, Segment
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
 
-__all__ = ["FilterNoise", "filter_noise", "residual_noise"]
+__all__ = ["FilterNoise", "filter_noise", "residual_noise", "with_model_error"]
 
 _NEAR_S, _FAR_S = 1.0, 3.0
 """Lags between which the memory of the force is read: beyond what the smoothing of the velocities joins."""
@@ -39,6 +40,9 @@ _LEAST = np.array([0.005, 0.005, 0.005, 0.004, 0.001, 0.001])
 """Least deviation of the force over the diagonal of the mass matrix, m/s^2 and rad/s^2: of an exact model."""
 
 _LEAST_WHITE = 5e-4  # m/s and rad/s after a second
+
+_UNTOLD, _UNTOLD_WHITE = 0.03, 0.005
+"""The default of a filter, for a velocity that no trial measures: ``docs/theory/navigation_filter.md``."""
 
 
 class FilterNoise(TypedDict):
@@ -62,24 +66,40 @@ def filter_noise(fit: Identification) -> FilterNoise:
     FilterNoise
         ``force`` (6,), deviations of the unmodelled force in N and N m, ``force_time_s``, its time constant,
         and ``acceleration`` (6,), deviations of the velocities in m/s and rad/s after a second of white
-        acceleration; ``seatrial.NavigationFilter(fit.vehicle, sensors, **filter_noise(fit))`` takes them.
+        acceleration: keywords of `seatrial.NavigationFilter`. The vehicle that `seatrial.identify` gives has
+        them in its file, so that a filter on it takes them by itself.
 
     Raises
     ------
     TrialError
         No trial has three seconds of fitted samples without a gap.
     """
-    campaign = fit.campaign
+    return residual_noise(fit.vehicle, _fitted_records(fit.campaign))
+
+
+def with_model_error(vehicle: Vehicle, campaign: Campaign) -> Vehicle:
+    """The identified vehicle with ``[model_error]`` in its file: `filter_noise` of its campaign.
+
+    Without the table where no trial has enough fitted samples.
+    """
+    try:
+        return vehicle.with_model_error(**residual_noise(vehicle, _fitted_records(campaign)))
+    except TrialError:
+        return vehicle.without_model_error()
+
+
+def _fitted_records(campaign: Campaign) -> list[Record]:
+    """Trials of a campaign, of which the fitted samples count."""
     records = []
     for name in campaign.trials:
         trial = campaign.trials[name]
         fitted = ~campaign.held_out(name)[: len(trial.t)] & trial.startable
         records.append(Record(trial, campaign.input_of(name), trial.valid & fitted[:, None]))
-    return residual_noise(fit.vehicle, records)
+    return records
 
 
 def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
-    """The same of a vehicle on records, of which samples count where any channel does.
+    """The same of a vehicle on records, of which the samples of a velocity count where it does.
 
     Raises
     ------
@@ -88,7 +108,7 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
     """
     mass = np.asarray(vehicle.mass_matrix())
     lags = ("none", "sample", "near", "far")
-    sums = {lag: (np.zeros(6), np.zeros(6), 0) for lag in lags}
+    sums = {lag: (np.zeros(6), np.zeros(6), np.zeros(6)) for lag in lags}
     steps = []
     for record in records:
         dt = record.trial.dt
@@ -101,15 +121,20 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
             sums[lag] = (
                 summed + _products(acceleration, count, both),
                 pushed + _products(force, count, both),
-                number + int(both.sum()),
+                number + both.sum(axis=0),
             )
-    if not steps or sums["far"][2] < 2:
+    told: Mask = np.asarray(sums["far"][2] >= 2)
+    if not told.any():
         raise TrialError(
             f"filter noise: expected a trial with {_FAR_S:g} s of fitted samples without a gap, found none;"
             " hold out less, or give NavigationFilter its force and acceleration"
         )
-    moved = {lag: total / count for lag, (total, _, count) in sums.items()}
-    forced = {lag: total / count for lag, (_, total, count) in sums.items()}
+    moved = {
+        lag: np.where(told, total / np.maximum(count, 1), 0.0) for lag, (total, _, count) in sums.items()
+    }
+    forced = {
+        lag: np.where(told, total / np.maximum(count, 1), 0.0) for lag, (_, total, count) in sums.items()
+    }
     dt = float(np.mean(steps))
     time_s = _memory(moved)
     slow = np.clip(forced["near"] * math.exp(_NEAR_S / time_s), 0.0, forced["none"])
@@ -119,16 +144,17 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
     after = moved["sample"] - moved["none"] * share * math.exp(-dt / time_s)
     kept = np.clip(np.divide(after, fast, out=np.zeros(6), where=fast > 0.0), 0.1, 0.9)
     white = np.sqrt(2.0 * fast * dt / -np.log(kept))
+    inertia = np.diag(mass)
     return FilterNoise(
-        force=np.maximum(np.sqrt(slow), _LEAST * np.diag(mass)),
+        force=np.where(told, np.maximum(np.sqrt(slow), _LEAST * inertia), _UNTOLD * inertia),
         force_time_s=time_s,
-        acceleration=np.maximum(white, _LEAST_WHITE),
+        acceleration=np.where(told, np.maximum(white, _LEAST_WHITE), _UNTOLD_WHITE),
     )
 
 
 def _products(series: Array, lag: int, both: Mask) -> Array:
-    """Sum (6,) of the products of values that lie a lag apart, where both are known."""
-    return np.asarray((series[: len(series) - lag] * series[lag:])[both].sum(axis=0))
+    """Sum (6,) of the products of values that lie a lag apart, where both are known (n, 6)."""
+    return np.asarray((series[: len(series) - lag] * series[lag:] * both).sum(axis=0))
 
 
 def _memory(moved: dict[str, Array]) -> float:
@@ -144,22 +170,21 @@ def _memory(moved: dict[str, Array]) -> float:
 
 
 def _residual(vehicle: Vehicle, record: Record) -> tuple[Array, Mask]:
-    """Acceleration (n, 6) that a step of the model misses, m/s^2 and rad/s^2, and where it is known (n,)."""
+    """Acceleration (n, 6) that a step of the model misses, m/s^2 and rad/s^2, and where it is known."""
     trial = record.trial
-    counted: Mask = np.asarray(record.counted.any(axis=1))
-    known = np.append(counted[:-1] & counted[1:], False)
-    places = np.flatnonzero(known)
-    residual = np.zeros((len(counted), 6))
+    counted = record.counted[:, :6]
+    known = np.vstack([counted[:-1] & counted[1:], np.zeros((1, 6), bool)])
+    places = np.flatnonzero(known.any(axis=1))
+    residual = np.zeros(counted.shape)
     if not len(places):
         return residual, known
     states = trial.state(slice(None))
-    segments = tuple(
-        Segment(0, int(k), int(k) + 2, *(tuple(map(float, part[k])) for part in states)) for k in places
-    )
+    begun = zip(*(map(tuple, part[places].tolist()) for part in states), strict=True)
+    segments = tuple(Segment(0, k, k + 2, *state) for k, state in zip(places.tolist(), begun, strict=True))
     whole = Record(trial, record.input, np.ones_like(record.counted), record.water)
     substeps = max(1, math.ceil(trial.dt / _SUBSTEP_S - 1e-9))
     shown = Replay(vehicle, (whole,), segments, substeps=substeps, starts_count=True).simulated()
     after = np.array([channels[1, :6] for channels in shown])
     residual[places] = (states[2][places + 1] - after) / trial.dt
-    finite: Mask = np.asarray(np.isfinite(residual).all(axis=1))
-    return np.where(finite[:, None], residual, 0.0), np.asarray(known & finite)
+    finite: Mask = np.asarray(np.isfinite(residual).all(axis=1))[:, None]
+    return np.where(finite, residual, 0.0), np.asarray(known & finite)

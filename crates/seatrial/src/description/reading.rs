@@ -6,7 +6,7 @@
 use super::coefficients::{self as names, FORCES, Layout, MASS};
 use super::placement::{place, place_fin};
 use super::values::Description;
-use super::vehicle_file::{CrossFlowTable, TetherTable, VehicleFile};
+use super::vehicle_file::{CrossFlowTable, ModelErrorTable, TetherTable, VehicleFile};
 use crate::error::Error;
 use crate::model::vehicle::Vehicle;
 use crate::number::algebra::pivots;
@@ -134,6 +134,15 @@ impl Description {
         }
         changed.check().map_err(fail)?;
         Ok(changed)
+    }
+
+    /// The same vehicle, of which the file says what its model left unexplained, or with `None` nothing.
+    ///
+    /// # Errors
+    /// A number beyond its range.
+    pub fn with_model_error(&self, table: Option<ModelErrorTable>) -> Result<Self, Error> {
+        let file = VehicleFile { model_error: table, ..self.file.clone() };
+        Self::from_parts(&file.to_toml(), self.coefficients.clone(), &self.file.name)
     }
 
     fn check(&self) -> Result<(), String> {

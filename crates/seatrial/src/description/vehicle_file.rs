@@ -10,6 +10,7 @@
 
 mod cross_flow_table;
 mod fin_table;
+mod model_error_table;
 mod tether_table;
 
 use crate::description::geometry::Geometry;
@@ -18,6 +19,7 @@ use crate::ranges;
 use crate::toml_file::{exactly, exactly_if_given, parsed};
 pub use cross_flow_table::CrossFlowTable;
 pub use fin_table::FinTable;
+pub use model_error_table::ModelErrorTable;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 pub use tether_table::TetherTable;
@@ -51,6 +53,9 @@ pub struct VehicleFile {
     /// Battery and hotel load.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub power: Option<Power>,
+    /// What the model left unexplained where it was identified.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model_error: Option<ModelErrorTable>,
     /// Coefficients by their field names, SI; the missing ones are filled from the geometry.
     #[serde(default)]
     pub coefficients: BTreeMap<String, f64>,

@@ -102,6 +102,9 @@ pub const VEHICLE: &[Range] = &[
         1e10,
         "the usable energy in W h; leave [power] out where it is not known",
     ),
+    Range::upto("model_error.force", 1e9, "a standard deviation in N and N m, as identify writes it"),
+    Range::within("model_error.force_time_s", [0.1, 1e5], "the time constant of the force in s"),
+    Range::upto("model_error.acceleration", 100.0, "a standard deviation in m/s and rad/s after a second"),
     Range::sized(
         "coefficients.*",
         1e12,

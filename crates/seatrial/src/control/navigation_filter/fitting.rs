@@ -149,8 +149,8 @@ pub struct Fitting {
 impl Fitting {
     /// The noise of the process beside these sensors.
     ///
-    /// Of an identified model: a force that accelerates the vehicle by [`MODEL_ERROR`] for some ten seconds, and a current of
-    /// 0.2 m/s that lasts a quarter of an hour. Where the vehicle is simulated by the model itself (`exact`) there is next to
+    /// Of an identified model what its file says that it left unexplained, else a force that accelerates the vehicle by
+    /// [`MODEL_ERROR`] for some ten seconds; and a current of 0.2 m/s that lasts a quarter of an hour. Where the vehicle is simulated by the model itself (`exact`) there is next to
     /// none: [`ROUNDED`] for minutes, and white acceleration that the sensors do not see, so that innovations are those of
     /// the sensors; a steady current turns in hours.
     pub fn noise_of(
@@ -159,22 +159,28 @@ impl Fitting {
         exact: bool,
     ) -> Noise {
         let vehicle = Vehicle::nominal(description);
+        let unexplained = description.file.model_error.filter(|_| !exact);
         let [good, best] = [0.005, 0.0003];
         let noise = |kind: usize, usual: f64| instruments[kind].map_or(usual, |i| i.noise);
         let (moves, turns) = (noise(DVL, good), noise(GYRO, best));
         let turned = instruments[ATTITUDE_SENSOR].map_or(0.0, |i| i.bias);
         Noise {
-            force: std::array::from_fn(|i| {
-                (if exact { ROUNDED[i] } else { MODEL_ERROR }) * vehicle.mass_matrix[i][i]
-            }),
-            force_time: if exact { 100.0 } else { 10.0 },
+            force: unexplained.map_or_else(
+                || {
+                    let accelerated = |i: usize| if exact { ROUNDED[i] } else { MODEL_ERROR };
+                    std::array::from_fn(|i| accelerated(i) * vehicle.mass_matrix[i][i])
+                },
+                |error| error.force,
+            ),
+            force_time: unexplained.map_or(if exact { 100.0 } else { 10.0 }, |error| error.force_time_s),
             force_walk: [0.0; 6],
-            acceleration: std::array::from_fn(|i| {
-                if !exact {
-                    return FASTER;
-                }
-                UNSEEN * if i < 3 { moves } else { turns }
-            }),
+            acceleration: unexplained.map_or_else(
+                || {
+                    let seen = |i: usize| if i < 3 { moves } else { turns };
+                    std::array::from_fn(|i| if exact { UNSEEN * seen(i) } else { FASTER })
+                },
+                |error| error.acceleration,
+            ),
             current: [0.2, 0.2, 0.02],
             current_time: if exact { 3e4 } else { 1e3 },
             gyro_walk: 1e-6,
