@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from seatrial._core import Vehicle
-from seatrial.trial.baselines import BASELINES, Baselines, FirstOrder, fit_baselines, not_beaten
+from seatrial.trial.baseline_fit import fit_baselines
+from seatrial.trial.baselines import BASELINES, Baselines, FirstOrder, not_beaten
 from seatrial.trial.comparison import compare
 from seatrial.trial.score import score
 from seatrial.trial.trial import Trial

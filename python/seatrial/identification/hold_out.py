@@ -19,7 +19,8 @@ from seatrial.base.errors import TrialError
 from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
-from seatrial.trial.baselines import Baselines, fit_baselines
+from seatrial.trial.baseline_fit import fit_baselines
+from seatrial.trial.baselines import Baselines
 from seatrial.trial.ceiling import Unpredictable
 from seatrial.trial.instability import judged_s
 from seatrial.trial.score import Score, pooled, score

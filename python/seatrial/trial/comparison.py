@@ -44,7 +44,8 @@ from seatrial.base.channels import readable
 from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
-from seatrial.trial.baselines import fit_baselines, not_beaten
+from seatrial.trial.baseline_fit import fit_baselines
+from seatrial.trial.baselines import not_beaten
 from seatrial.trial.ceiling import judging
 from seatrial.trial.predictions import Predictions
 from seatrial.trial.score import Score, kind, limits_of, score, score_text

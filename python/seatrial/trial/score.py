@@ -23,7 +23,8 @@ from seatrial.base.arrays import Mask
 from seatrial.base.channels import AXES, CHANNELS, readable
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Report, Section, Table
-from seatrial.trial.baselines import Baselines, fit_baselines, not_beaten
+from seatrial.trial.baseline_fit import fit_baselines
+from seatrial.trial.baselines import Baselines, not_beaten
 from seatrial.trial.ceiling import Band, Unpredictable, bands, ceiling, judging, unpredictable
 from seatrial.trial.feedback import LEAST_S
 from seatrial.trial.predictions import Predictions
