@@ -27,7 +27,7 @@ SET_UP := $(VENV)/.set-up
 BUILT  := $(VENV)/.built
 WHEEL  := dist/.built
 
-.PHONY: help setup build page demo site test test-long test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel package targets clean
+.PHONY: help setup build page demo site test test-long test-rust test-python test-wheel test-wheel-demo check check-sources check-stub format stubs bench wheel package targets clean
 
 help: ## list the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -75,18 +75,25 @@ test-python: build ## the Python front against the core and the recordings
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not long"
 
 test-long: export OPENBLAS_NUM_THREADS := 1
-test-long: build ## repetition studies, other programs, figures of the paper, fuzz and memory
+test-long: build test-wheel-demo ## repetition studies, other programs, figures of the paper, fuzz, memory, the demo of the wheel
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m long
 
-test-wheel: wheel ## the wheel in an empty environment outside the clone: types, a script, the whole chain to a verdict
-	@folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
+# Outside the clone, in an environment that has nothing but the wheel: the modules of the clone are not found there.
+IN_EMPTY_ENVIRONMENT = folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	$(BIN)/python -m venv "$$folder/venv"; \
-	"$$folder/venv/bin/pip" install --no-compile --constraint constraints.txt dist/*.whl mypy; \
-	cp tests/wheel/user_script.py "$$folder"; cd "$$folder"; \
+	"$$folder/venv/bin/pip" install --no-compile --constraint constraints.txt dist/*.whl $(1); \
+	cp tests/wheel/user_script.py tests/cli/chain_of_demo.py "$$folder"; cd "$$folder"
+
+test-wheel: wheel ## the wheel in an empty environment outside the clone: types, and a script from trials to a verdict
+	@$(call IN_EMPTY_ENVIRONMENT,mypy); \
 	venv/bin/mypy --strict user_script.py; \
 	venv/bin/python user_script.py script; \
-	venv/bin/seatrial --version; env -u SEATRIAL_DATA venv/bin/seatrial demo --json > demo.json; \
-	venv/bin/python "$(CURDIR)/tests/cli/chain_of_demo.py" demo.json
+	venv/bin/seatrial --version
+
+test-wheel-demo: wheel ## the same with the demo of the command line
+	@$(call IN_EMPTY_ENVIRONMENT,); \
+	env -u SEATRIAL_DATA venv/bin/seatrial demo --json > demo.json; \
+	venv/bin/python chain_of_demo.py demo.json
 
 check: check-sources check-stub ## format, lint, order of the rooms, types, and the committed stub against the binding
 check-sources: $(SET_UP)

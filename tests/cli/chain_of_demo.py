@@ -1,4 +1,4 @@
-"""What `seatrial demo --json` has to show of CWolf's chain from logs to verdict; `make test-wheel` runs it.
+"""What `seatrial demo --json` has to show of CWolf's chain from logs to verdict, for `make test-wheel-demo`.
 
 python tests/cli/chain_of_demo.py demo.json
 """
