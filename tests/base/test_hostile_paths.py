@@ -153,7 +153,7 @@ def test_names_inside_files_lead_nowhere_else(tmp_path: Path, monkeypatch: pytes
         ["check", "m.toml"],
         ["fly", "v.toml", "cwolf", "m.toml", "--no-figures"],
         ["score", "v.toml", out, "--columns-from", "c.toml", "--free", "X", "--out", "runs/scores"],
-        ["plan", "v.toml", "--no-figures", "--count", "1", "--coefficients", "X_uu"],
+        ["plan", "v.toml", "--no-figures", "--count", "1", "--coefficients", "X_uu", "--duration", "30"],
     ):
         said = CliRunner().invoke(app, arguments)
         assert said.exit_code in (0, 1), (arguments, said.output)

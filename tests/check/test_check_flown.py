@@ -63,6 +63,15 @@ def test_a_mission_along_the_bottom_is_not_flown_without_one() -> None:
     assert checked(text, seabed=12.0).flown
 
 
+def test_a_mission_below_the_bottom_is_wrong() -> None:
+    text = HEAD + "[[legs]]\nnorth_m = 60.0\neast_m = 0.0\ndepth_m = 8.0\n"
+    assert checked(text, seabed=12.0).flown
+    found = checked(text, seabed=6.0)
+    assert found.flown == ()
+    assert "above the bottom, which is at 6 m there, found it at a depth of 8 m" in found.warnings[0]
+    assert "above the bottom" in found.report().worst
+
+
 def test_an_obstacle_on_the_way_is_refused_and_survives_the_expansion() -> None:
     with pytest.raises(st.VehicleError, match="obstacle 1"):
         st.Mission.from_toml(HEAD + PILE.replace("4.6", "2.0") + LEGS)

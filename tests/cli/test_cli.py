@@ -86,6 +86,7 @@ def test_every_verb_explains_itself(verb: str) -> None:
     assert "Usage" in result.output
 
 
+@pytest.mark.long
 def test_check_says_what_actuators_do_and_draws_three_views(here: Path) -> None:
     result = call("check", "cwolf")
     assert result.exit_code == 0, result.output
@@ -181,6 +182,7 @@ def test_the_bench_test_of_a_new_project_finds_the_truth_behind_its_records(star
     assert set(found["pulls"]) == {"stern", "vertical"}
 
 
+@pytest.mark.long
 def test_new_then_identify_then_score(starter: Path, here: Path) -> None:
     result = call("identify", starter / "campaign.toml", "--out", "run", "--no-figures")
     assert result.exit_code == 0, result.output
@@ -227,6 +229,7 @@ def test_identify_reuses_finished_stages_and_prints_json(starter: Path, here: Pa
     assert all(Path(path).is_file() for path in again["figures"])
 
 
+@pytest.mark.long
 def test_identify_with_another_recording(starter: Path, here: Path) -> None:
     shutil.copy(starter / "logs" / "straight.csv", here / "other.csv")
     arguments = ["--trial", "straight=other.csv", "--out", "run", "--no-figures", "--json"]
@@ -331,6 +334,7 @@ def test_demo_as_json_prints_nothing_else(demonstrated: tuple[Path, Result, Resu
     assert list(json.loads(demonstrated[2].stdout)) == ["cwolf"]
 
 
+@pytest.mark.long
 def test_interrupted_identification_keeps_the_best_so_far(tmp_path: Path) -> None:
     """Ctrl-C once the first stage is finished: exit code 130, the best so far, and then it goes on."""
     assert call("new", tmp_path / "mine").exit_code == 0

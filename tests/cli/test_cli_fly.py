@@ -202,7 +202,7 @@ def test_the_flight_of_the_verb_is_that_of_the_function() -> None:
             "current: expected three finite numbers",
         ),
         (["cwolf", "cwolf", "out.toml", "--turbulence", "7"], "turbulence: expected a standard deviation"),
-        (["cwolf", "cwolf", "out.toml", "--seabed", "1"], "seabed: expected below the start"),
+        (["cwolf", "cwolf", "out.toml", "--seabed", "1"], "seabed: expected the start"),
         (["cwolf", "cwolf", "out.toml", "--sensors", "none.toml"], "none.toml"),
         (["cwolf", "cwolf", "out.toml", "--out", "out.toml"], "expected a folder, found a file"),
     ],

@@ -82,6 +82,7 @@ def test_a_full_output_is_named(here: Path, verb: str) -> None:
 
 
 @pytest.mark.parametrize("verb", [CHECK, MISSED, "check nowhere\N{DEGREE SIGN}.toml"])
+@pytest.mark.long
 def test_a_terminal_of_few_letters_spells_signs(here: Path, verb: str) -> None:
     plain = shell(here, f"seatrial {verb}", PYTHONIOENCODING="ascii", LANG="C", LC_ALL="C", TERM="dumb")
     full = shell(here, f"seatrial {verb}", PYTHONIOENCODING="utf-8")

@@ -45,6 +45,7 @@ def start_text(name: str) -> str:
     return autopilot_text(Vehicle.load(name), start(name))
 
 
+@pytest.mark.long
 def test_modes_follow_from_the_rows() -> None:
     found = {name: [(mode.name, mode.depth_by) for mode in start(name).modes] for name in NAMES}
     both, by_heave = [("hover", "heave"), ("cruise", "pitch")], [("hover", "heave"), ("cruise", "heave")]

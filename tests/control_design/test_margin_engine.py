@@ -73,6 +73,7 @@ def by_python_control(loop: Any, period_s: float) -> dict[str, float | None]:
         ("lauv", "lqr", (1.2,), None),
     ],
 )
+@pytest.mark.long
 def test_lit_margins_agree_with_python_control(
     vehicle: str, autopilot: str, speeds: tuple[float, ...], sensors: str | None
 ) -> None:

@@ -105,6 +105,7 @@ def test_errata_23_a_vector_cannot_be_added_to_a_matrix() -> None:
     assert (-(linear + vector) @ nu)[0] == pytest.approx(-46.5, abs=0.05)
 
 
+@pytest.mark.long
 def test_errata_6_turning_in_a_current_needs_the_waters_acceleration(monkeypatch: pytest.MonkeyPatch) -> None:
     t = np.arange(0.0, 60.01, 0.1)
     revolutions = {"SbU": 1500.0, "SbL": 1500.0, "PU": 1200.0, "PL": 1200.0}

@@ -95,6 +95,7 @@ def error(found: Polished) -> float:
     return abs(float(found.values[0]) / TRUTH["N_rdot"] - 1.0)
 
 
+@pytest.mark.long
 def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
     bent = polish(Joint(made('method = "output"', tmp_path)))
     joint = Joint(made('method = "innovations"\nrounds = 4\nhorizons_s = [2.0]', tmp_path))

@@ -174,6 +174,7 @@ def test_bounds_must_enclose_a_range() -> None:
         evolve(rosenbrock, [0, 0], lower=[0, 1], upper=[1, 1])
 
 
+@pytest.mark.long
 def test_the_strategy_finds_the_valley_from_ten_far_starts_by_itself() -> None:
     """Damping and lift trade against each other: eight parameters, of which pairs nearly cancel."""
 
@@ -191,6 +192,7 @@ def test_the_strategy_finds_the_valley_from_ten_far_starts_by_itself() -> None:
         assert found.history[-1].best < 0.2 * found.start_cost
 
 
+@pytest.mark.long
 def test_a_lucky_candidate_does_not_end_the_strategy() -> None:
     """An early candidate that is much better than its population holds the best up for many generations."""
 

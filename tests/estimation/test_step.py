@@ -99,6 +99,7 @@ def test_bounds_around_points_hold_a_tenth_of_the_box_more_and_never_leave_it() 
     assert (second.lower, second.upper) == pytest.approx((-2.0, 0.0))
 
 
+@pytest.mark.long
 def test_step_of_the_global_search_ranks_candidates_as_a_fine_one(tmp_path: Path) -> None:
     campaign = four_stages.campaign(four_stages.write_logs(tmp_path, duration_s=62.0))
     for stage in plan(campaign):

@@ -531,6 +531,7 @@ def test_a_campaign_without_recordings_says_how_to_plan_without_them(tmp_path: P
     assert not json.loads(result.stdout)["recorded"]
 
 
+@pytest.mark.long
 def test_the_forecast_of_white_sensors_is_what_an_identification_then_gives() -> None:
     surge = THRUSTERS.combinations_of("X")[0]
     past = staircase(THRUSTERS, surge, duration_s=120.0, both=False)

@@ -159,7 +159,7 @@ FLY: list[tuple[dict[str, Any], str]] = [
     ({"outages": [st.Outage("position", "5")]}, "outages: position: expected times in s"),  # type: ignore[arg-type]
     ({"outages": [st.Outage(None, 5)]}, 'no group or kind of sensor "None"'),  # type: ignore[arg-type]
     ({"seabed": "a"}, "seabed: expected its depth in m"),
-    ({"seabed": [20.0, -0.5, 0.0]}, "seabed: expected below leg 1"),
+    ({"seabed": [20.0, -0.5, 0.0]}, "seabed: expected leg 1"),
     ({"feedback": "no"}, "feedback: expected True or False"),
     ({"max_step_s": 1e-9}, "max_step_s: expected at least 1e-05 s"),
     ({"rho": 1.025}, "rho: expected 500 to 2000 kg/m3, found 1.025"),

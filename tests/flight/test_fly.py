@@ -190,7 +190,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"max_time_s": 1e9}, "max_time_s: expected at most 250000 s"),
     ({"rho": -1.0}, "rho: expected 500 to 2000 kg/m3"),
     ({"seabed": math.nan}, "seabed: expected its depth in m"),
-    ({"seabed": 2.0}, "seabed: expected below the start"),
+    ({"seabed": 2.0}, "seabed: expected the start"),
     ({"initial": [0.0, 0.0, 0.0]}, r"initial: expected an st\.State"),
     ({"sensors": "typicall"}, "typicall"),
     ({"model": "nowhere.toml"}, "nowhere"),

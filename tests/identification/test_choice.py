@@ -148,6 +148,7 @@ GAINS = "[polish.coefficients]\n" + "".join(
 )
 
 
+@pytest.mark.long
 def test_gains_with_a_prior_stay_in_a_joint_estimate_that_predicts_with_them() -> None:
     fit = identified(HELD_OUT + GAINS, waves=False)
     gains = {row.name: row for row in fit.coefficients if row.name.endswith(".gain")}
@@ -160,6 +161,7 @@ def test_gains_with_a_prior_stay_in_a_joint_estimate_that_predicts_with_them() -
     assert np.mean([row.estimate for row in gains.values()]) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.long
 def test_gains_with_a_prior_leave_a_joint_estimate_that_predicts_worse_with_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -218,6 +218,29 @@ def test_interrupt_keeps_the_best_so_far_and_the_run_goes_on_later(
     assert outcome(resumed) == outcome(identify(campaign(SURGE, later)))
 
 
+def test_interrupt_of_the_joint_estimate_keeps_the_stages(
+    campaign: Callable[..., Campaign], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = campaign(SURGE)
+    with monkeypatch.context() as patch:
+
+        def interrupted(*_: Any, **__: Any) -> None:
+            raise KeyboardInterrupt
+
+        patch.setattr("seatrial.identification.identify.joint_estimate_of", interrupted)
+        fit = identify(asked, run_dir=tmp_path / "run")
+    assert fit.interrupted
+    assert fit.assessment is None
+    assert fit.not_run == ()
+    assert fit.vehicle.coefficients()["X_uu"] == fit.stages[0].coefficients["X_uu"]
+    assert (tmp_path / "run" / "vehicle.toml").is_file()
+    again = identify(asked, run_dir=tmp_path / "run")
+    assert not again.interrupted
+    assert again.assessment is not None
+    assert again.stages[0].reused
+
+
+@pytest.mark.long
 def test_a_killed_identification_goes_on_and_equals_an_undisturbed_one(
     campaign: Callable[..., Campaign], recordings: dict[str, pl.DataFrame], tmp_path: Path
 ) -> None:

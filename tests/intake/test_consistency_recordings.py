@@ -103,6 +103,7 @@ def test_the_slow_current_is_within_three_centimetres_a_second() -> None:
 
 @needs_beluga
 @pytest.mark.parametrize("run", ["surge-1", "sway-1", "heave-1", "yaw-1", "random-1"])
+@pytest.mark.long
 def test_belugas_gyro_signs_and_delays_are_found(run: str) -> None:
     found = beluga(run)
     keys = {one.key for one in found.corrections} - {"tilt_deg.frame"}

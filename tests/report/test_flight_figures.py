@@ -174,6 +174,7 @@ def test_spans_are_the_times_of_a_mask() -> None:
     assert spans(t, np.zeros(6, dtype=bool)) == []
 
 
+@pytest.mark.long
 def test_the_gallery_flies_what_has_an_autopilot_and_says_what_has_none() -> None:
     plates = {plate.name: plate for plate in autopilot_plates(VEHICLES["cwolf"])}
     assert list(plates) == [

@@ -127,6 +127,7 @@ def test_a_mixer_that_does_not_fit_is_refused(mixer: Mixer, message: str) -> Non
         st.Trial.read(table, mixer=mixer)
 
 
+@pytest.mark.long
 def test_real_sticks_through_the_frame_give_the_outputs_of_ardusub_in_manual() -> None:
     """A telemetry log of ArduSub 4.1.1, VECTORED_6DOF, mode MANUAL: RC_CHANNELS against SERVO_OUTPUT_RAW."""
     path = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "ardusub_small" / "small.tlog"

@@ -117,6 +117,7 @@ def test_law_neither_threads_nor_workers_nor_a_second_run_change_the_result() ->
     ]
 
 
+@pytest.mark.long
 def test_a_killed_tuning_goes_on_and_equals_an_undisturbed_one(tmp_path: Path) -> None:
     """kill -9 in the second group."""
     kill(
@@ -198,6 +199,7 @@ def test_ctrl_c_while_start_gains_are_tried_again_keeps_what_was_found(
     assert st.Autopilot.load(one.kept).gains() == one.autopilot.gains()
 
 
+@pytest.mark.long
 def test_margins_come_first_where_the_start_gains_leave_the_motion_unstable() -> None:
     one = plan(ASTERN)
     limits = one.table.margins

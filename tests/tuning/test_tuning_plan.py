@@ -336,6 +336,7 @@ def test_default_steps_stay_within_what_guidance_and_the_vehicle_allow(name: str
 
 
 @pytest.mark.parametrize("most", [1.0, 6.0, 15.0])
+@pytest.mark.long
 def test_pitch_steps_follow_the_largest_pitch(most: float) -> None:
     def gentle(text: Any) -> None:
         text["guidance"]["pitch_max_deg"] = most

@@ -58,6 +58,7 @@ def test_flights_and_a_mission_come_back_as_they_were() -> None:
     st.Autopilot.load("cwolf").engage(st.Vehicle.load("cwolf"), copied)
 
 
+@pytest.mark.long
 def test_a_process_that_begins_anew_flies_a_mission_again() -> None:
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         apart = pool.submit(flown_again, verification()).result()

@@ -198,6 +198,7 @@ def test_a_fit_of_another_vehicle_is_refused() -> None:
 
 
 @pytest.mark.usefixtures("here")
+@pytest.mark.long
 def test_the_public_function_takes_a_campaign_as_the_verb_does() -> None:
     campaign = st.Campaign.load("campaign.toml")
     found = st.verify_log(campaign, "cwolf", "today", draws=1200, flights=40)

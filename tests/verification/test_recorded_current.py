@@ -50,6 +50,7 @@ def test_a_current_that_was_not_recorded_is_no_changed_vehicle() -> None:
     assert found.to_dict()["current_m_s"] == list(found.current or ())
 
 
+@pytest.mark.long
 def test_a_change_is_found_beside_a_current_that_was_not_recorded() -> None:
     found = judged(MISSION, [0.2, 0.1, 0.0], thrust=0.85)
     assert found.model == "re-identify"
@@ -57,6 +58,7 @@ def test_a_change_is_found_beside_a_current_that_was_not_recorded() -> None:
     assert found.suspects[0].change.startswith("all thrust -1")
 
 
+@pytest.mark.long
 def test_on_one_heading_less_thrust_and_a_current_are_not_told_apart() -> None:
     found = judged(AHEAD, [0.0, 0.0, 0.0], thrust=0.85)
     assert found.outcome == "undecided", found.summary()

@@ -53,7 +53,7 @@ def flown(folder: Path, text: str, *, mission: str = OUT) -> Verification:
             'requirements = { name = "r", holds = "cross_trak_p95_m < 2" }',
             "requirements 'r', key holds: \"cross_trak_p95_m\" is no metric of a mission; did you mean",
         ),
-        ("seabed = 2.0", "key seabed: expected below the start of out at a depth of 5 m, found 2 m"),
+        ("seabed = 2.0", "key seabed: expected the start of out above the bottom, which is at 2 m there"),
         ('sensors = "tipical"', 'key sensors: expected "typical", "perfect" or a file such as sensors.toml,'),
         ('sensors = "away.toml"', "key sensors: "),
         ('sensors = "out.toml"', "key sensors: "),

@@ -200,6 +200,7 @@ def test_ctrl_c_keeps_what_was_flown_and_the_same_call_goes_on(
     assert flown == list(range(8))
 
 
+@pytest.mark.long
 def test_a_killed_verification_goes_on_and_equals_an_undisturbed_one(
     folder: Path, found: Verification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,5 +1,6 @@
 //! What can be wrong with a file, a call or a simulation, said so that the reader can mend it.
 
+use std::cmp::Reverse;
 use thiserror::Error;
 
 /// A failure of the core. Each kind becomes one exception class in Python.
@@ -37,8 +38,13 @@ impl Error {
 pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let near = known
         .into_iter()
-        .map(|name| (strsim::damerau_levenshtein(&wanted.to_lowercase(), &name.to_lowercase()), name))
-        .min_by_key(|(distance, _)| *distance);
+        .map(|name| {
+            let (wanted, known) = (wanted.to_lowercase(), name.to_lowercase());
+            (strsim::damerau_levenshtein(&wanted, &known), strsim::levenshtein(&wanted, &known), name)
+        })
+        // Of names as near as one another the one whose letters changed places: two changes without that.
+        .min_by_key(|(distance, changes, _)| (*distance, Reverse(*changes)))
+        .map(|(distance, _, name)| (distance, name));
     match near {
         Some((distance, name)) if distance <= 1 + wanted.len() / 3 => {
             format!("; did you mean \"{name}\"?")

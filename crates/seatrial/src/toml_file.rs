@@ -86,11 +86,38 @@ pub(crate) fn explain(error: &toml::de::Error, text: &str) -> String {
     let message = error.message().trim();
     let place = line.map(|n| format!("line {n}: ")).unwrap_or_default();
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let written = line.and_then(|n| text.lines().nth(n - 1)).and_then(|row| row.split_once('='));
+    if let Some((key, value)) = written.map(|(key, value)| (key.trim(), value.trim())) {
+        if let Some((found, expected)) =
+            message.strip_prefix("invalid type: string ").and_then(|rest| rest.rsplit_once(", expected "))
+        {
+            return match found.trim_matches('"').strip_prefix("FILL IN: ") {
+                Some(what) => format!("{place}{key} is still to be filled in: {what}"),
+                None => format!("{place}{key}: expected {}, found the text {found}", plain(expected)),
+            };
+        }
+        let (whole, after) = value.split_once(',').unwrap_or((value, ""));
+        let digits = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+        if digits(whole.trim_start_matches(['+', '-'])) && digits(after) {
+            return format!("{place}{key}: expected a number, found {value}; write {whole}.{after}");
+        }
+    }
     match quoted.split_first() {
         Some((unknown, known)) if message.starts_with("unknown") => {
             format!("{place}{message}{}", nearest(unknown, known.iter().copied()))
         }
         _ => format!("{place}{message}"),
+    }
+}
+
+/// What the reader expected, in words for who writes the file.
+fn plain(expected: &str) -> &str {
+    match expected {
+        "f64" => "a number, without its unit",
+        "u32" | "u64" | "usize" | "i64" => "a whole number",
+        "a sequence" => "a list in brackets",
+        "a boolean" => "true or false",
+        other => other,
     }
 }
 

@@ -98,7 +98,10 @@ fn missing_keys_are_named() {
 
 #[test]
 fn values_of_the_wrong_type_are_refused_with_their_line() {
-    says(&complaint("m = 30.0", "m = \"heavy\""), &["line 10", "string"]);
+    says(
+        &complaint("m = 30.0", "m = \"heavy\""),
+        &["line 10", "m: expected a number, without its unit, found the text"],
+    );
     says(&complaint("position_m = [0.5, 0.0, 0.0]", "position_m = [0.5, 0.0]"), &["line"]);
     says(&complaint("format = 1", "format = "), &["line 2"]);
 }
@@ -323,4 +326,18 @@ fn rows_of_numbers_have_their_length() {
         message.contains("long.toml: line ") && message.contains("expected 3 numbers, found 4"),
         "{message}"
     );
+}
+
+#[test]
+fn what_is_no_number_is_named_with_its_key() {
+    let unfilled = complaint("m = 30.0", "m = \"FILL IN: mass in air with the water inside, kg\"");
+    says(&unfilled, &["line 10: m is still to be filled in: mass in air with the water inside, kg"]);
+    let unit = complaint("m = 30.0", "m = \"31 kg\"");
+    says(&unit, &["m: expected a number, without its unit, found the text \"31 kg\""]);
+    says(&complaint("m = 30.0", "m = 31,03"), &["line 10: m: expected a number, found 31,03; write 31.03"]);
+}
+
+#[test]
+fn letters_that_changed_places_are_the_nearest_name() {
+    says(&complaint("X_udot = -5.0", "Y_vu = -5.0"), &["did you mean \"Y_uv\"?"]);
 }

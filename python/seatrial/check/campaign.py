@@ -149,8 +149,13 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
         for finding in report.findings
     ]
     open_ = [one.text for one in check.proposals if not one.done]
+    unlike = [
+        f"trial {name}: {said}" for name, one in check.consistency.items() for said in one.contradictions
+    ]
     if (text := next((text for severity, text in found if severity == "error"), None)) is not None:
         return text, correct
+    if unlike:
+        return unlike[0], correct
     if open_:
         return open_[0], f"paste the corrections that you accept into the campaign; then {identify}"
     if (text := next((text for severity, text in found if severity == "warning"), None)) is not None:
@@ -250,6 +255,7 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
         for name in reports:
             if (one := consistency_of_trial(campaign, name)) is not None:
                 told[name] = one.without_motion() if kinds[name].still else one
+    unlike = [f"WARNING: trial {name}: {said}" for name, one in told.items() for said in one.contradictions]
     return CampaignCheck(
         campaign.name,
         campaign.vehicle.name,
@@ -258,7 +264,7 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
         inputs,
         scale,
         tuple(problems),
-        warnings,
+        (*unlike, *warnings),
         kinds,
         _data(campaign, kinds) if kinds else (),
         told,

@@ -98,8 +98,8 @@ def fly_beforehand(
     sensors: Mapping[str, Sensor] | str | Path | None = None,
     seabed: float | None = None,
     voltage_v: float,
-) -> tuple[tuple[FlownCheck, ...], list[str]]:
-    """Flights of a mission in still water and in currents, and notes on what could not be flown.
+) -> tuple[tuple[FlownCheck, ...], list[str], list[str]]:
+    """Flights of a mission in still water and in currents; a note where it was not flown, why it cannot be.
 
     Parameters
     ----------
@@ -112,9 +112,11 @@ def fly_beforehand(
     from seatrial.flight.fly import fly
 
     if mission.planned_time > _LONGEST_S:
-        return (), [
-            f"Not flown here: planned to take more than {_LONGEST_S / 3600.0:g} h; fly it (seatrial fly)"
-        ]
+        return (
+            (),
+            [f"Not flown here: planned to take more than {_LONGEST_S / 3600.0:g} h; fly it (seatrial fly)"],
+            [],
+        )
     side = USUAL_M_S
     waters: Sequence[Water] = (
         [(side, 0.0, 0.0), (-side, 0.0, 0.0), (0.0, side, 0.0), (0.0, -side, 0.0)]
@@ -134,7 +136,10 @@ def fly_beforehand(
                 voltage_v=voltage_v,
             )
         except SimulationError as error:
-            return (), [f"Not flown here: {error}"]
+            # Without a bottom, a mission that follows it is not wrong.
+            if seabed is None and "altitude" in mission.waypoints["vertical"]:
+                return (), [f"Not flown here: {error}"], []
+            return (), [], [f"it cannot be flown: {error}"]
         missed = [leg for leg in flight.legs if not leg.reached]
         report = flight.report()
         found.append(
@@ -153,7 +158,7 @@ def fly_beforehand(
                 worst=report.worst,
             )
         )
-    return tuple(found), []
+    return tuple(found), [], []
 
 
 def flown_sentences(flown: Sequence[FlownCheck], sensors: str) -> tuple[list[str], list[str]]:

@@ -375,12 +375,12 @@ def check_mission(
     if vehicle is not None:
         warnings += speed_reserve(vehicle, rows, current, voltage_v)
     if vehicle is not None and autopilot is not None:
-        flown, left_out = fly_beforehand(
+        flown, left_out, refused = fly_beforehand(
             mission, vehicle, autopilot, current=current, sensors=sensors, seabed=seabed, voltage_v=voltage_v
         )
         told, short = flown_sentences(flown, fitted)
         notes += [*left_out, *told]
-        warnings = [*short, *warnings]
+        warnings = [*refused, *short, *warnings]
     turned, tight = turn_sentences(mission, circles, autopilot)
     flown_well = bool(flown) and all(one.complete for one in flown)
     return MissionCheck(

@@ -184,7 +184,8 @@ def checked_seabed(value: ArrayLike | None, path: Route) -> tuple[float, float, 
         there = depth + north * position[0] + east * position[1]
         if there <= down:
             raise SimulationError(
-                f"seabed: expected below {where} of {path.name} at a depth of {down:g} m, found {there:g} m"
+                f"seabed: expected {where} of {path.name} above the bottom, which is at {there:g} m there,"
+                f" found it at a depth of {down:g} m"
             )
     return depth, north, east
 

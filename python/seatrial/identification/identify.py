@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import queue
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -197,6 +198,10 @@ def identify(
         return run_identification(
             campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads, fleet=fleet
         )
+
+
+_WORTH_SAYING_S = 10.0
+"""Stages that took longer than this are followed by a joint estimate that takes long too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -423,33 +428,41 @@ def run_identification(
         nuisances: Mapping[str, Mapping[str, float]] = {}
         rests: tuple[Conditional, ...] = ()
         restarts, interrupted = Restarts(), order.stop.is_set()
+        staged = campaign, vehicle, notes
         if not interrupted and not notes:
-            joint = joint_estimate_of(campaign, ready.whole, ready.held, vehicle, threads=threads)
-            found = None
-            if campaign.file.polish is not None and campaign.file.polish.rounds:
-                polished = polish(joint, watch=_watch(order, progress))
-                joint, polished, dropped, why = with_or_without_presumed(
-                    joint, polished, watch=_watch(order, progress)
-                )
-                if dropped:
-                    campaign, notes = campaign.without_coefficients(set(dropped)), (*notes, why)
-                begun = joint
-                other, polished_other, kind, compared = quadratic_or_strips(
-                    joint, polished, watch=_watch(order, progress)
-                )
-                choice = choose(
-                    kind(campaign), other, polished_other, stages=stages, begun=begun, threads=threads
-                )
-                interrupted = polished_other.interrupted
-                if choice.result == "joint estimate":
-                    campaign, joint, polished = kind(campaign), other, polished_other
-                    notes = (*notes, *compared)
-                    found, nuisances = polished, joint.records(polished.values)
-            notes = (*notes, *joint.sentences())
-            found = polish(joint, rounds=0) if found is None else found
-            sure = assess(joint, found)
-            vehicle, rests = sure.vehicle, conditional(joint, found, ready.held, sure.uncertainty)
-            restarts = Restarts.of(campaign, joint, found.values, vehicle)
+            if progress is not None:
+                progress(_joint_progress(order))
+            try:
+                joint = joint_estimate_of(campaign, ready.whole, ready.held, vehicle, threads=threads)
+                found = None
+                if campaign.file.polish is not None and campaign.file.polish.rounds:
+                    polished = polish(joint, watch=_watch(order, progress))
+                    joint, polished, dropped, why = with_or_without_presumed(
+                        joint, polished, watch=_watch(order, progress)
+                    )
+                    if dropped:
+                        campaign, notes = campaign.without_coefficients(set(dropped)), (*notes, why)
+                    begun = joint
+                    other, polished_other, kind, compared = quadratic_or_strips(
+                        joint, polished, watch=_watch(order, progress)
+                    )
+                    choice = choose(
+                        kind(campaign), other, polished_other, stages=stages, begun=begun, threads=threads
+                    )
+                    interrupted = polished_other.interrupted
+                    if choice.result == "joint estimate":
+                        campaign, joint, polished = kind(campaign), other, polished_other
+                        notes = (*notes, *compared)
+                        found, nuisances = polished, joint.records(polished.values)
+                notes = (*notes, *joint.sentences())
+                found = polish(joint, rounds=0) if found is None else found
+                sure = assess(joint, found)
+                vehicle, rests = sure.vehicle, conditional(joint, found, ready.held, sure.uncertainty)
+                restarts = Restarts.of(campaign, joint, found.values, vehicle)
+            except KeyboardInterrupt:
+                # The stages are the best so far; a second Ctrl-C ends the run.
+                interrupted, (campaign, vehicle, notes) = True, staged
+                sure, choice, nuisances, rests, restarts = None, None, {}, (), Restarts()
         vehicle = with_model_error(vehicle, campaign)
         judged = part_scores(campaign, vehicle, nuisances=nuisances, restarts=restarts)
         fit = Identification(
@@ -489,17 +502,22 @@ def _watch(order: StageOrder, progress: Callable[[Progress], None] | None) -> Ca
         return None
 
     def watch(step: Step) -> None:
-        stages = len(order.plans)
-        progress(
-            Progress(
-                what="joint polish",
-                done=stages,
-                total=stages + 1,
-                fraction=1.0,
-                elapsed_s=order.clock.elapsed_s,
-                left_s=step.left_s,
-                step=step,
-            )
-        )
+        progress(_joint_progress(order, step))
 
     return watch
+
+
+def _joint_progress(order: StageOrder, step: Step | None = None) -> Progress:
+    """Progress of the whole where the joint estimate begins, or after a step of it."""
+    stages, elapsed_s = len(order.plans), order.clock.elapsed_s
+    said = f"Stages found after {elapsed_s:.0f} s; the joint estimate follows. Ctrl-C keeps the stages."
+    return Progress(
+        what="joint estimate",
+        done=stages,
+        total=stages + 1,
+        fraction=1.0,
+        elapsed_s=elapsed_s,
+        left_s=math.nan if step is None else step.left_s,
+        step=step,
+        notes=(said,) if step is None and elapsed_s > _WORTH_SAYING_S else (),
+    )

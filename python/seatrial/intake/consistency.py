@@ -21,7 +21,12 @@ from seatrial.intake.consistency_current import slow_current
 from seatrial.intake.consistency_missing import missing
 from seatrial.intake.consistency_result import Consistency, Correction, SlowCurrent
 from seatrial.intake.consistency_sensors import Found, force_found, rates_found, scaled, velocity_found
-from seatrial.intake.consistency_wording import corrections_of, list_sentence, offset_sentence
+from seatrial.intake.consistency_wording import (
+    corrections_of,
+    list_sentence,
+    offset_sentence,
+    unlike_sentence,
+)
 from seatrial.trial.kinematic_fit import Curve, robust_rms
 from seatrial.trial.kinematic_series import Series, checked
 from seatrial.trial.kinematics import Channels
@@ -67,7 +72,7 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
     angles = ("roll", "yaw")
     channels = Channels({name: Curve(one, angle=name in angles) for name, one in known.items()})
     found = [rates_found(channels), *velocity_found(channels)]
-    compared = []
+    compared, contradictions = [], list[str]()
     for one in (*(one for one in found if one is not None), force_found(channels)):
         if one is None:
             continue
@@ -80,6 +85,8 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
         else:
             present = {correction.key for correction in corrections}
             corrections += [correction for correction in made if correction.key not in present]
+        if (unlike := unlike_sentence(one)) is not None:
+            contradictions.append(unlike)
         sentences = (list_sentence(one.fit), offset_sentence(one, channels))
         said += [sentence for sentence in sentences if sentence is not None]
         if one.group == "velocity":
@@ -91,7 +98,11 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
         said.append(current)
     order = sorted(corrections, key=lambda one: -(one.before / max(one.after, 1e-12)))
     return Consistency(
-        tuple(order), tuple(said), current if isinstance(current, SlowCurrent) else None, tuple(compared)
+        tuple(order),
+        tuple(said),
+        current if isinstance(current, SlowCurrent) else None,
+        tuple(compared),
+        tuple(contradictions),
     )
 
 

@@ -137,12 +137,15 @@ class Consistency:
         Slow current of the water; None where the log does not tell it.
     compared
         What was compared, with the root mean square of the difference as recorded and corrected.
+    contradictions
+        Channels that no correction brings to the motion that the others show.
     """
 
     corrections: tuple[Correction, ...]
     missing: tuple[str, ...]
     current: SlowCurrent | None = None
     compared: tuple[tuple[str, float, float], ...] = ()
+    contradictions: tuple[str, ...] = ()
 
     def without_motion(self) -> Consistency:
         """What a recording tells in which hardly anything moved: what is missing."""
@@ -150,7 +153,8 @@ class Consistency:
 
     def report(self) -> Report:
         """How well the channels agree, the worst disagreement, what to do; then all proposals."""
-        worst = self.corrections[0].sentence if self.corrections else "no channel contradicts another one"
+        said = (*self.contradictions, *(one.sentence for one in self.corrections))
+        worst = said[0] if said else "no channel contradicts another one"
         paste = "; ".join(f"[{one.table}] {one.line}" for one in self.corrections[:3])
         return Report(
             title="Consistency of the channels",
@@ -164,6 +168,7 @@ class Consistency:
             next_step=f"accept with {paste}" if paste else "identify",
             sections=(
                 Section("Proposals", tuple(one.sentence for one in self.corrections), (self.table(),)),
+                Section("Not to be corrected", self.contradictions),
                 Section("What the log cannot tell", self.missing),
                 Section("Current", () if self.current is None else (current_sentence(self.current),)),
             ),
@@ -188,6 +193,7 @@ class Consistency:
         """Corrections, what is missing and the current as plain data for JSON."""
         return {
             "corrections": [asdict(one) for one in self.corrections],
+            "contradictions": list(self.contradictions),
             "missing": list(self.missing),
             "current": None if self.current is None else self.current.to_dict(),
             "compared": [{"of": of, "before": before, "after": after} for of, before, after in self.compared],

@@ -13,7 +13,7 @@ from seatrial.trial.kinematic_fit import Fit
 from seatrial.trial.kinematic_series import INPUTS
 from seatrial.trial.kinematics import Channels
 
-__all__ = ["corrections_of", "list_sentence", "offset_sentence"]
+__all__ = ["corrections_of", "list_sentence", "offset_sentence", "unlike_sentence"]
 
 _CERTAIN = 5.0
 
@@ -48,7 +48,7 @@ def _units(found: Found) -> list[Correction]:
             before,
             after,
             found.of,
-            f"the {group} is in {unit}: its size is {1.0 / factor:.4g} times that of the motion",
+            f"the log has {group} in {unit}: {1.0 / factor:.4g} times as large as the motion says",
         )
         for group, (unit, factor) in found.unit.items()
     ]
@@ -217,7 +217,7 @@ def _amplitudes(found: Found, fit: Fit) -> list[Correction]:
     for name in fit.names:
         kind, _, channel = name.partition(".")
         value, sd = fit.values[name], fit.sd[name]
-        if kind == "scale":
+        if kind == "scale" and _is_scale(value):
             off = 100.0 * (1.0 / (1.0 + value) - 1.0)
             sentence = f"{channel} is {off:+.1f} % (+/- {100.0 * sd:.1f} %) off in scale"
             known = found.unit.get(channel if channel == "velocity" else found.group)
@@ -249,6 +249,29 @@ def offset_sentence(found: Found, channels: Channels) -> str | None:
         " attitude: too uncertain to be proposed. Take the offset from an event that both files show and give"
         " it under [clocks] in map.toml"
     )
+
+
+def unlike_sentence(found: Found) -> str | None:
+    """Channels that would fit the rest only at a size that no sensor's scale has; None without any."""
+    fit = found.fit
+    if fit is None:
+        return None
+    unlike = [
+        f"{name.partition('.')[2]} ({1.0 / (1.0 + value):.3g} times)"
+        for name, value in fit.values.items()
+        if name.startswith("scale.") and not _is_scale(value)
+    ]
+    if not unlike:
+        return None
+    return (
+        f"{' and '.join(unlike)}: not as large as the motion says, beyond any scale error of a sensor;"
+        " check unit and sign in map.toml or the campaign"
+    )
+
+
+def _is_scale(value: float) -> bool:
+    """Whether a relative scale error may be a sensor's: less than a factor of two either way."""
+    return 0.5 < 1.0 + value < 2.0
 
 
 def list_sentence(fit: Fit | None) -> str | None:

@@ -216,7 +216,7 @@ def _cannot_judge(judged: Validity, shown: tuple[Detectable, ...]) -> str:
     named = ", ".join(
         f"{one.channel} (band {one.band_over_signal:.2g} times its motion)" for one in unable(judged, shown)
     )
-    return f" Cannot judge, for a vehicle that kept its state would have passed: {named}." if named else ""
+    return f" Cannot judge, because the band is wide against the motion: {named}." if named else ""
 
 
 def _spread(reference: Any, windows: PredictedLog, ahead_s: float) -> Spread:
@@ -322,8 +322,9 @@ def _hidden(axes: str, trial: Trial) -> str:
     if not own:
         return ""
     return (
-        f" Not judged: {', '.join(own)}, for the commands answer waves that the model does not feel; log"
-        " preset steps, or a dither on top of the autopilot (seatrial plan with a campaign of this log)."
+        f" Not judged: {', '.join(own)}: here the autopilot's commands answer disturbances and noise, which a"
+        " replay does not have. Log preset steps, or a dither on top of the autopilot (seatrial plan with a"
+        " campaign of this log)."
     )
 
 

@@ -303,6 +303,8 @@ def _how_good(verdict: LogVerdict) -> str:
     judged = f"{told - fails} of {told} channels agree with the model"
     if blind:
         judged = f"{judged}, {blind} cannot judge" if told else f"none of {blind} channels can judge"
+    if not channels[name].outside:
+        return f"{judged}; none left its 95 % band"
     return (
         f"{judged}; {name} is outside its"
         f" 95 % band most, {100.0 * channels[name].outside:.1f} % of the time (5 % expected)"
