@@ -21,6 +21,7 @@ from seatrial.base.errors import SeatrialError, TrialError
 from seatrial.base.progress import Clock
 from seatrial.base.run import RUN_FILE, RunDirectory, check_writable, only_user, part_file, run_facts, to_json
 from seatrial.cli import app
+from seatrial.intake.import_logs import import_logs
 
 KEYS = [
     "kind", "name", "options", "seed", "started_utc", "finished_utc", "wall_s", "interrupted", "versions",
@@ -390,3 +391,12 @@ def test_every_verb_that_writes_is_refused_a_folder_in_use(
         assert f"kill {os.getpid()}" in said.stderr
         assert [path.name for path in tmp_path.iterdir()] == [f"{out.name}.lock"]
     assert not list(tmp_path.iterdir())
+
+
+def test_an_import_is_refused_a_folder_in_use(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("time_s,u_m_s\n" + "".join(f"{0.1 * k:.1f},{0.01 * k:.2f}\n" for k in range(50)))
+    with only_user(tmp_path / "project"), pytest.raises(SeatrialError, match="in use by process"):
+        import_logs(log, out=tmp_path / "project")
+    assert not (tmp_path / "project").exists()
+    assert import_logs(log, out=tmp_path / "project").folder == tmp_path / "project"

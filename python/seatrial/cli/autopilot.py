@@ -56,7 +56,8 @@ def autopilot(
         print_json(found.to_dict() | beside)
         return
     report = found.report(StartGains(tuple(told), tuple(margins), between))
-    after = f"seatrial check {out} --vehicle {vehicle}; then seatrial fly {vehicle} {out} MISSION"
+    supply = " --voltage VOLTS" if loaded.table_voltages() else ""
+    after = f"seatrial check {out} --vehicle {vehicle}; then seatrial fly {vehicle} {out} MISSION{supply}"
     answer(replace(report, next_step=after), verbose=verbose, results=f"Autopilot in {out}")
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.errors import TrialError
+from seatrial.base.run import only_user
 from seatrial.intake.consistency import Consistency, Series, consistency
 from seatrial.intake.consistency_trials import series_of
 from seatrial.intake.imported import Imported, ImportedTrial
@@ -82,11 +83,26 @@ def import_logs(
     VehicleError
         The vehicle cannot be used.
     """
-    folder = None if out is None else Path(out)
-    if folder is not None:
-        refuse_foreign(folder, force)
+    logs = [paths] if isinstance(paths, str | Path) else [*paths]
+    if out is None:
+        return _imported_logs(logs, None, map, vehicle, progress)
+    folder = Path(out)
+    refuse_foreign(folder, force)
+    with only_user(folder):
+        refuse_foreign(folder, force)  # another import may have ended meanwhile
+        return _imported_logs(logs, folder, map, vehicle, progress)
+
+
+def _imported_logs(
+    logs: Sequence[str | Path],
+    folder: Path | None,
+    map: str | Path | None,
+    vehicle: str | Path | None,
+    progress: Progress | None,
+) -> Imported:
+    """The import, into a folder that nobody else writes."""
     say = progress or (lambda share, words: None)
-    seen = survey([paths] if isinstance(paths, str | Path) else paths, lambda s, w: say(0.5 * s, w))
+    seen = survey(logs, lambda s, w: say(0.5 * s, w))
     given = None if map is None else load_map(map)
     made = recordings(seen.logs, given.trials if given else None)
     columns = given.columns if given else proposed_columns(made)
