@@ -217,6 +217,16 @@ def test_new_then_identify_then_score(starter: Path, here: Path) -> None:
     )
 
 
+def test_a_score_says_how_much_of_the_trial_the_campaign_fits(starter: Path) -> None:
+    columns = ("--columns-from", starter / "campaign.toml")
+    told = call("score", starter / "vehicle.toml", "zigzag", *columns).stdout
+    assert "fits 75 % of zigzag" in " ".join(told.split())
+    for judging in ("mixed", starter / "logs" / "zigzag.csv"):  # only judges; a file that no stage knows
+        assert (
+            "% of" not in call("score", starter / "vehicle.toml", judging, *columns).stdout.split("10 s")[0]
+        )
+
+
 def test_identify_reuses_finished_stages_and_prints_json(starter: Path, here: Path) -> None:
     arguments: list[str | Path] = ["identify", starter / "campaign.toml", "--out", "run", "--json"]
     first = json.loads(call(*arguments, "--no-figures").stdout)

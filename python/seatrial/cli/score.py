@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +13,7 @@ from seatrial.cli.console import Json, Pdf, Verbose
 
 if TYPE_CHECKING:
     from seatrial.base.report import Report
+    from seatrial.campaign.campaign import Campaign
     from seatrial.trial.comparison import Comparison
     from seatrial.trial.score import Score
     from seatrial.trial.trial import Trial
@@ -69,6 +72,7 @@ def score(
     from seatrial._core import Vehicle
     from seatrial.base.channels import AXES
     from seatrial.base.errors import TrialError
+    from seatrial.base.report import Section
     from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import answer, check_axes, formats, print_json
     from seatrial.identification.hold_out import freed
@@ -104,6 +108,10 @@ def score(
     else:
         found = compare(vehicles, chosen, ahead_s=ahead, **options)
         scores, report = found.scores, found.report()
+    if campaign is not None and columns_from is not None:
+        own = [trial for name, trial in zip(trials, chosen, strict=True) if name in campaign.trials]
+        seen = Section(sentences=_seen(campaign, own, columns_from))
+        report = replace(report, sections=(seen, *report.sections))
 
     def drawn() -> list[Path]:
         if out is None:
@@ -116,6 +124,21 @@ def score(
         print_json(found.to_dict() | ({} if out is None else {"figures": [str(path) for path in drawn()]}))
     else:
         answer(report, verbose=verbose, draw=drawn)
+
+
+def _seen(campaign: Campaign, trials: Sequence[Trial], file: Path) -> tuple[str, ...]:
+    """What of the trials a vehicle knows that this campaign identified."""
+    fitted = {name for stage in campaign.stages for name in stage.trials}
+    said = []
+    for trial in trials:
+        held = campaign.held_out(trial.name)
+        share = 1.0 - float(held.mean()) if trial.name in fitted and len(held) else 0.0
+        if share > 0.0:
+            said.append(
+                f"{file} fits {100.0 * share:.0f} % of {trial.name}: of a vehicle that it identified, only"
+                " the rest judges the prediction, as identify reports"
+            )
+    return tuple(said)
 
 
 def _labels(names: list[str]) -> dict[str, str]:

@@ -298,13 +298,18 @@ _UNKNOWN, _BETTER = 0.5, 0.9
 def _report(found: Plan) -> Report:
     first, count = found.sequence[0].manoeuvre, len(found.sequence)
     unknown = _still_unknown(found)
-    basis = "bounds and recorded trials" if found.recorded else "the bounds only, nothing recorded"
+    basis = (
+        "bounds and recorded trials, as if only their sensors' noise hid the vehicle"
+        if found.recorded
+        else "the bounds only, nothing recorded"
+    )
     return Report(
         title=found.vehicle,
         outcome=f"{count} {'trial' if count == 1 else 'trials'} planned",
         good=(
-            f"they reduce the sum of the relative standard deviations of {len(found.coefficients)}"
-            f" coefficients from {_number(found.score_before)} to {_number(found.score_after)}; known so far:"
+            f"{'it reduces' if count == 1 else 'they reduce'} the sum of the relative standard deviations of"
+            f" {len(found.coefficients)} coefficients from {_number(found.score_before)} to"
+            f" {_number(found.score_after)}; known so far:"
             f" {basis}"
         ),
         worst=unknown[0] if unknown else f"no coefficient stays unknown to more than {100 * _UNKNOWN:.0f} %",
