@@ -225,7 +225,24 @@ def text_table(
     return "\n".join(line.rstrip() for line in lines)
 
 
-_SHORT_WORDS = ("as", "at", "by", "if", "in", "no", "of", "on", "to")
+_SHORT_WORDS = (
+    "an",
+    "as",
+    "at",
+    "by",
+    "do",
+    "if",
+    "in",
+    "is",
+    "it",
+    "no",
+    "of",
+    "on",
+    "or",
+    "so",
+    "to",
+    "up",
+)
 """Words of two letters that begin a sentence: no symbol of a quantity is called so."""
 
 
