@@ -285,3 +285,13 @@ def test_a_channel_all_of_whose_samples_are_masked_compares_nothing(tmp_path: Pa
     [made] = st.import_logs(tmp_path / "nav.csv").trials
     assert not made.trial.valid[:, CHANNELS.index("z")].any()
     assert made.consistency.corrections == ()
+
+
+def test_the_shorter_recording_behind_another_in_a_file_is_said_first(tmp_path: Path) -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    rows = [f"{x:.1f},{np.sin(x):.3f}" for x in (*t, *t[:400])]
+    (tmp_path / "twice.csv").write_text("\n".join(["time_s,u_m_s", *rows]) + "\n")
+    report = st.import_logs(tmp_path / "twice.csv").report()
+    assert report.outcome == "imported in part"
+    assert "time begins again" in report.worst
+    assert "split the file" in report.worst

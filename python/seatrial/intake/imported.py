@@ -14,6 +14,7 @@ from seatrial.intake.consistency_trials import proposals
 from seatrial.intake.kind_of_data import KindOfData
 from seatrial.intake.map_file import Column
 from seatrial.intake.survey import Survey
+from seatrial.logs.join import SPLIT
 from seatrial.logs.log import printable
 
 if TYPE_CHECKING:
@@ -169,7 +170,7 @@ def _report(made: Imported) -> Report:
     problems = list(dict.fromkeys(_problems(made)))
     seconds = sum(float(one.trial.t[-1] - one.trial.t[0]) for one in made.trials)
     count = len(made.trials)
-    partial = any(log.notes for log in made.survey.logs) or bool(made.refused)
+    partial = any(log.notes for log in made.survey.logs) or bool(made.refused or _left_out(made))
     actuators = sum(name.startswith("cmd.") for name in made.columns)
     reports = {one.name: one.trial.report for one in made.trials}
     proposed = proposals({one.name: one.consistency for one in made.trials}, reports)
@@ -208,6 +209,11 @@ def _channels(made: Imported) -> list[str]:
     return [c for c in CHANNELS if any(c in one.trial.channels for one in made.trials)]
 
 
+def _left_out(made: Imported) -> list[str]:
+    """Recordings that stand in one file behind one another and of which one was read."""
+    return [f"trial {one.name}: {note}" for one in made.trials for note in one.notes if SPLIT in note]
+
+
 def _problems(made: Imported) -> Iterator[str]:
     """What is wrong or doubtful, the worst first."""
     for log in made.survey.logs:
@@ -219,6 +225,7 @@ def _problems(made: Imported) -> Iterator[str]:
     yield from made.refused
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
+    yield from _left_out(made)
     if not any(one.trial.inputs for one in made.trials):
         yield "no commands of actuators and no wrench are in the logs: nothing can be identified"
     elif made.vehicle is not None and made.unmatched:

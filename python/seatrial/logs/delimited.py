@@ -378,6 +378,8 @@ def layout_of(path: Path) -> Layout:
     rows = [(k, _cut(line, separator)) for k, line in data]
     width = Counter(len(cells) for _, cells in rows[len(rows) // 2 :]).most_common(1)[0][0]
     first = _first_row(rows, width, decimal_comma)
+    if first is None and len(rows) == 1:
+        raise TrialError(f"{path}: a single row; expected a row of names and rows of numbers below it")
     if first is None:
         raise TrialError(
             f"{path}: fewer than two rows of numbers in the first {len(rows)} rows, cut at {separator!r} into"

@@ -23,7 +23,10 @@ from seatrial.logs.stamps import spread_bursts
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Clock", "Joined", "Wanted", "find_field", "join"]
+__all__ = ["SPLIT", "Clock", "Joined", "Wanted", "find_field", "join"]
+
+SPLIT = "split the file to use the others"
+"""What to do about recordings that stand behind one another in a file."""
 
 _MEET_S = 1e-6
 _RESTART_S, _RESTART, _STAYS = 2.0, 0.1, 20  # s, share of what went before, rows
@@ -201,8 +204,7 @@ def _ordered(
         notes.append(
             f"{topic}: time begins again {_times(len(parts) - 1)}, the first in row {rows[again] + 1:,}"
             f" (from {t[rows[again - 1]]:.6g} to {t[rows[again]]:.6g} s), as in recordings one after another;"
-            f" taken: the longest, rows {rows[begin] + 1:,} to {rows[end - 1] + 1:,}; split the file to use"
-            " the others"
+            f" taken: the longest, rows {rows[begin] + 1:,} to {rows[end - 1] + 1:,}; {SPLIT}"
         )
         known[: rows[begin]] = known[rows[end - 1] + 1 :] = False
     order = np.flatnonzero(known)[np.argsort(t[known], kind="stable")]
