@@ -24,6 +24,7 @@ from seatrial.base.run import RunResult, to_json
 __all__ = ["LogTuning", "by_chance"]
 
 _CHANCE = 1.645  # standard errors of a mean
+_STEEP = 2.0  # times the recorded value, beyond which a change is made in two steps
 _NO_WORSE = 1.05  # violation after over before up to which a loop that nothing changed is no worse
 
 _WIDE = 3.0  # half-width over the rms of the log beyond which an envelope tells little
@@ -278,6 +279,9 @@ def _worst(found: LogTuning) -> str:
             f"{_listed([one.loop for one in stays])} stay as flown: the log does not tell these loops"
             f" ({stays[-1].loop}: {stays[-1].why})"
         )
+    if steep := [one for one in found.changes if one.before > 0.0 and one.after > _STEEP * one.before]:
+        named = _listed([f"{one.name} to {one.after / one.before:.1f} times" for one in steep])
+        words.insert(0, f"a large change rests on one log: {named} the recorded value; load half of it first")
     words += [
         f"{one.name} is at the end of ArduPilot's range"
         for one in found.changes
