@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -214,6 +215,20 @@ def test_a_fin_that_never_moves_has_a_lift_not_a_thrust(tmp_path: Path) -> None:
     said = judge_inputs(campaign(tmp_path, columns, vehicle=TWIN + RUDDER)).sentences()
     assert "The thrust of starboard hardly changes" in said
     assert "The lift of rudder hardly changes" in said
+
+
+def test_a_fin_lifts_at_the_speed_of_the_trial(tmp_path: Path) -> None:
+    columns = {"cmd.port": steps(1), "cmd.starboard": steps(2), "cmd.rudder": 0.01 * steps(3)}
+    found = judge_inputs(campaign(tmp_path, columns, vehicle=TWIN + RUDDER, free="XN"))
+    assert found.thrusts.still == ()
+    assert {"Y", "N"}.isdisjoint(found.rows.still)
+    # Aspect ratio 2: C_L = 2 pi / 2 per rad or less of rho/2 u^2 A at the mean square of sin, a half.
+    thin = math.pi * 0.5 * 1000.0 * 0.5 * 0.02
+    deflection = float(np.std(columns["cmd.rudder"]))
+    assert 0.3 * thin * deflection < found.drives[2].rms_n < 1.1 * thin * deflection
+    slow = {"u_m_s": 0.5 * np.sin(0.1 * T)}
+    quarter = judge_inputs(campaign(tmp_path, columns | slow, vehicle=TWIN + RUDDER, free="XN"))
+    assert quarter.drives[2].rms_n == pytest.approx(0.25 * found.drives[2].rms_n, rel=1e-6)
 
 
 def test_the_scale_rests_on_the_lift_of_a_fin(tmp_path: Path) -> None:

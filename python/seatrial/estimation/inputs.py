@@ -1,8 +1,9 @@
 """Inputs judged first: which combinations of actuators a campaign drives, which thrust gains that can tell.
 
-The thrust f_k(t) of every actuator without inflow, behind limits and lag, over what the campaign fits. Its
-columns about their means (a constant thrust cannot be told from a bias force), each over its own root mean
-square, have singular values: a small one is a combination ``sum c_k f_k`` that never changes.
+The thrust f_k(t) of every actuator without inflow, and of a fin its lift at the rms speed, behind limits
+and lag, over what the campaign fits. Its columns about their means (a constant thrust cannot be told from a
+bias force), each over its own root mean square, have singular values: a small one is a combination
+``sum c_k f_k`` that never changes.
 
 A gain error dg makes the wrench error ``sum b_k dg_k f_k``, b_k being the wrench of actuator k per newton.
 Where the f_k are independent, every row of the wrench by itself tells every gain that acts in it. Where they
@@ -352,8 +353,11 @@ def _inputs(campaign: Campaign, name: str) -> tuple[Array, float, bool]:
 
 
 def _flown(vehicle: Vehicle, trial: Trial, *, measured: bool) -> Array:
-    """Wrench of every actuator by itself (n, actuators, 6): the vehicle held, one gain at a time not zero."""
-    from seatrial._core import simulate_batch
+    """Wrench of every actuator by itself (n, actuators, 6): one gain at a time not zero.
+
+    Of thrusters without inflow, the vehicle held; of fins, which lift under way, at the trial's rms speed.
+    """
+    from seatrial._core import State, simulate_batch
 
     if measured:  # a logged signal is behind the motor
         motor = {"K_V": 1.0, "T_1": 0.0, "T_t": 0.0, "n_acc": 1e9, "n_dec": 1e9}
@@ -362,18 +366,32 @@ def _flown(vehicle: Vehicle, trial: Trial, *, measured: bool) -> Array:
         vehicle = vehicle.with_coefficients({key: value for key, value in passing.items() if key in present})
     values = vehicle.coefficients()
     gains = np.diag([values.get(f"{name}.gain", 0.0) for name in vehicle.actuators])
-    run = simulate_batch(
-        vehicle,
-        {f"{name}.gain": gains[k] for k, name in enumerate(vehicle.actuators)},
-        trial.t,
-        dict(trial.measured if measured else trial.commands),
-        free="",
-        voltage_v=trial.voltage_v,
-        max_step_s=trial.dt,
-        rho=trial.rho,
-        g=trial.g,
-    )
-    return np.asarray(run.tau).transpose(1, 0, 2)
+
+    def wrench(speed: float) -> Array:
+        run = simulate_batch(
+            vehicle,
+            {f"{name}.gain": gains[k] for k, name in enumerate(vehicle.actuators)},
+            trial.t,
+            dict(trial.measured if measured else trial.commands),
+            State(nu=[speed, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            free="",
+            voltage_v=trial.voltage_v,
+            max_step_s=trial.dt,
+            rho=trial.rho,
+            g=trial.g,
+        )
+        return np.asarray(run.tau).transpose(1, 0, 2)
+
+    each, facts = wrench(0.0), vehicle.actuator_info()
+    fins = [k for k, name in enumerate(vehicle.actuators) if facts[name]["kind"] == "fin"]
+    if fins:
+        ahead = trial.nu[trial.valid[:, 0], 0]
+        each[:, fins] = wrench(float(np.sqrt(np.mean(ahead**2))) if len(ahead) else _USUAL_M_S)[:, fins]
+    return each
+
+
+_USUAL_M_S = 1.0
+"""Speed of a vehicle with fins of which no speed is recorded: that at which a vehicle file reads friction."""
 
 
 def _drives(vehicle: Vehicle, thrust: Array, weight: Array) -> tuple[Drive, ...]:
