@@ -170,7 +170,7 @@ def test_stub_says_what_to_fill_in(logs: Path, tmp_path: Path) -> None:
     made = st.import_logs(_files(logs), out=tmp_path / "p")
     assert made.vehicle is None
     assert "fill in" in made.report().next_step
-    with pytest.raises(st.VehicleError, match="FILL IN: length"):
+    with pytest.raises(st.VehicleError, match="length_m is still to be filled in"):
         st.Vehicle.load(tmp_path / "p" / "vehicle.toml")
 
 

@@ -229,7 +229,7 @@ def test_a_channel_whose_band_swallows_its_signal_cannot_judge() -> None:
     verdict = verify_log(fitted(), log(2), reference={"u": 1.0, "w": 1.0, "r": 1.0})
     assert verdict.model == "log too short or too quiet to tell"
     assert "it would hardly have shown any change of damping or of thrust or gain" in verdict.reason
-    assert "Cannot judge, for a vehicle that kept its state would have passed: w (band" in verdict.reason
+    assert "Cannot judge, because the band is wide against the motion: w (band" in verdict.reason
     assert "None of 3 channels can judge" in verdict.summary()
 
 
