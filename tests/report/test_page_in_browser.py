@@ -190,7 +190,6 @@ def test_the_page_flies_what_python_flies(opened: Opened, tmp_path: Path) -> Non
     assert_equal(page, "changed", flown(mission))
 
 
-@pytest.mark.long
 def test_drawn_vehicles_fail_in_a_counted_share(opened: Opened, tmp_path: Path) -> None:
     """With a covariance of a real size some fail; every step of a loop and every mission can be flown."""
     st.fly("lauv", "lauv", st.Mission.from_toml(MISSION)).save(tmp_path / "run")
@@ -233,7 +232,6 @@ def test_drawn_vehicles_fail_in_a_counted_share(opened: Opened, tmp_path: Path) 
     assert page.locator("path.surface").count() == 1
 
 
-@pytest.mark.long
 def test_the_page_flies_by_the_filter_with_failures(opened: Opened, tmp_path: Path) -> None:
     """A dead thruster gives its neutral command, which is not zero; a DVL is silent for a while."""
     mission = st.Mission.from_toml(
@@ -263,7 +261,6 @@ def test_the_page_flies_by_the_filter_with_failures(opened: Opened, tmp_path: Pa
     )
 
 
-@pytest.mark.long
 def test_an_accessibility_checker_finds_nothing_serious(opened: Opened, tmp_path: Path) -> None:
     pytest.importorskip("axe_playwright_python", reason="no axe-core: make setup")
     st.fly("cwolf", "cwolf", st.Mission.from_toml(MISSION)).save(tmp_path / "run")
