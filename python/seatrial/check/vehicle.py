@@ -401,8 +401,8 @@ def _static_warnings(rest: Statics) -> list[str]:
     ]:
         found.append(
             f"{' and '.join(unstable)} not stable at rest: the centre of buoyancy is"
-            f" {-1e3 * rest.b_over_g_m:.3g} mm below the centre of gravity; z points down, so z_b has to be"
-            " smaller than z_g"
+            f" {1e3 * abs(rest.b_over_g_m):.3g} mm below the centre of gravity; z points down, so z_b has to"
+            " be smaller than z_g"
         )
     if abs(rest.net_n) > 0.05 * rest.weight_n:
         found.append(
