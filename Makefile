@@ -59,15 +59,14 @@ REPORT ?= runs/demo/report.html
 site: build ## the documentation as a site in target/site/html, every link and formula checked
 	$(BIN)/python -m docs.site.build --out target/site --report $(REPORT)
 
-# The optimised build and most checks keep one processor busy, and not always: what does not need the core runs beside its build and gives
-# way to it, since all else waits for it; what needs it runs beside the tests in Python. The wheel comes first because maturin keeps one
-# copy of the core.
+# The optimised core is compiled by one processor, and all tests wait for it: the checks of the sources and the page's core run beside it.
 test: ## checks, core, front and wheel; continuous integration runs test-long as well
-	$(MAKE) --jobs 3 --output-sync=target wheel test-rust check-sources
-	$(MAKE) --jobs 2 --output-sync=target test-python check-stub test-wheel
+	$(MAKE) --jobs 3 --output-sync=target wheel check-sources
+	$(MAKE) --jobs 2 --output-sync=target test-python test-rust check-stub test-wheel
 
-test-rust: ## laws, scalars, literature and golden numbers of the core
-	env -u MAKEFLAGS -u MFLAGS nice cargo test --locked --package seatrial --quiet
+# The binding is named so that what it and the tests depend on has the same features, and is compiled once.
+test-rust: build ## laws, scalars, literature and golden numbers of the core
+	env -u MAKEFLAGS -u MFLAGS nice cargo test --release --locked --package seatrial-tests --package seatrial-python --quiet
 
 # Two workers share the processors already: threads of the linear algebra would only wait for one another.
 test-python: export OPENBLAS_NUM_THREADS := 1
@@ -136,12 +135,12 @@ $(PACKAGE_TOOLS): package-constraints.txt
 
 package: $(PAGE) $(PACKAGE_TOOLS) ## a wheel for any Linux since glibc 2.28, checked by auditwheel, and an sdist that builds one
 	rm -rf dist/package
-	env -u MAKEFLAGS -u MFLAGS PATH="$(CURDIR)/target/package-tools/bin:$$PATH" maturin build --release --locked --zig \
+	env -u MAKEFLAGS -u MFLAGS CARGO_PROFILE_RELEASE_LTO=thin PATH="$(CURDIR)/target/package-tools/bin:$$PATH" maturin build --release --locked --zig \
 	  --compatibility manylinux_2_28 --out dist/package
 	target/package-tools/bin/auditwheel show dist/package/*.whl | tee dist/package/auditwheel.txt
 	grep -q '"manylinux_2_28_' dist/package/auditwheel.txt
 	PATH="$(CURDIR)/target/package-tools/bin:$$PATH" maturin sdist --out dist/package
-	env -u MAKEFLAGS -u MFLAGS CARGO_TARGET_DIR=$(CURDIR)/target/sdist CARGO_PROFILE_RELEASE_LTO=off CARGO_PROFILE_RELEASE_OPT_LEVEL=0 \
+	env -u MAKEFLAGS -u MFLAGS CARGO_TARGET_DIR=$(CURDIR)/target/sdist CARGO_PROFILE_RELEASE_OPT_LEVEL=0 \
 	  target/package-tools/bin/pip wheel --no-deps --wheel-dir dist/package/from-sdist dist/package/*.tar.gz
 
 TARGETS := aarch64-unknown-linux-gnu aarch64-apple-darwin x86_64-pc-windows-gnu

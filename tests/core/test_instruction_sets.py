@@ -1,7 +1,4 @@
-"""Lanes of AVX-512 and AVX2 give the same bits: criteria, sensitivities and flights of the built core.
-
-The tests in Rust compare the other instruction sets, and compile no lanes of AVX-512.
-"""
+"""Lanes of AVX-512 and AVX2 give the same bits, through the binding: criteria, sensitivities, flights with a navigation filter."""
 
 from __future__ import annotations
 

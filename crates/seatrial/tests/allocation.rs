@@ -10,4 +10,5 @@ mod quadratic;
 mod report;
 mod setup;
 mod signals;
+mod singular_values;
 mod table;

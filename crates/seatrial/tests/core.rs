@@ -1,5 +1,7 @@
 //! The evidence of the core in one binary: the physics in lanes, dual numbers and plain numbers is compiled once for all.
 
+#![cfg(test)]
+
 #[macro_use]
 #[path = "support/property.rs"]
 mod property;

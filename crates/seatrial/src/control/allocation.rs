@@ -26,7 +26,7 @@ pub mod quadratic_programme;
 pub mod reach;
 pub mod redistribution;
 pub mod report;
-mod singular_values;
+pub mod singular_values;
 pub mod state;
 pub mod table;
 

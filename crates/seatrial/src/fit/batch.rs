@@ -212,7 +212,6 @@ fn on_level(
 ) -> Result<Vec<Outcome>, Error> {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     {
-        #[cfg(feature = "avx512")]
         if let Some(simd) = level.as_avx512() {
             return simd.vectorize(
                 #[inline(always)]

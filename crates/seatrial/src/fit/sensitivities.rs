@@ -419,7 +419,6 @@ fn on_level(
 ) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     {
-        #[cfg(feature = "avx512")]
         if let Some(simd) = level.as_avx512() {
             return simd.vectorize(
                 #[inline(always)]

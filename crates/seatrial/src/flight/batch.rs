@@ -266,7 +266,6 @@ struct Work<'a> {
 fn on_level(level: Level, flight: &Flight<'_>, work: &Work<'_>, first: usize) -> Result<Vec<Outcome>, Error> {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     {
-        #[cfg(feature = "avx512")]
         if let Some(simd) = level.as_avx512() {
             return simd.vectorize(
                 #[inline(always)]

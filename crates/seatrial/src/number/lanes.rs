@@ -25,7 +25,6 @@ pub fn available_levels() -> Vec<(&'static str, Level)> {
     let mut levels = Vec::new();
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     {
-        #[cfg(feature = "avx512")]
         levels.extend(widest.as_avx512().map(|s| ("avx512", s.level())));
         levels.extend(widest.as_avx2().map(|s| ("avx2", s.level())));
         levels.extend(widest.as_sse4_2().map(|s| ("sse4.2", s.level())));
@@ -59,7 +58,6 @@ pub fn level() -> Result<(&'static str, Level), crate::Error> {
 pub fn wide<R>(level: Level, work: impl FnOnce() -> R) -> R {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     {
-        #[cfg(feature = "avx512")]
         if let Some(simd) = level.as_avx512() {
             return simd.vectorize(work);
         }

@@ -186,3 +186,18 @@ properties! {
         }
     }
 }
+
+#[test]
+fn every_index_has_one_name_that_leads_back() {
+    let layout = Layout::new(vec!["bow".into(), "stern".into()]);
+    for index in 0..layout.len() {
+        assert_eq!(layout.index(&layout.name(index)), Some(index), "{}", layout.name(index));
+    }
+}
+
+#[test]
+fn symmetric_added_mass_shares_one_coefficient() {
+    let layout = Layout::new(vec![]);
+    assert_eq!(layout.index("N_vdot"), layout.index("Y_rdot"));
+    assert_eq!(layout.name(layout.index("M_wdot").unwrap()), "Z_qdot");
+}
