@@ -48,18 +48,20 @@ def rich_table(table: Table, *, width: int) -> RichTable:
     from rich.table import Table as Made
 
     shown = table.filled()
-    made = Made(
-        title=shown.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
-    )
     longest = [
         max(len(text) for text in (column.head, *(row[k] for row in shown.rows)))
         for k, column in enumerate(shown.columns)
     ]
     narrow = sum(longest) + 3 * len(longest) > width
+    made = Made(
+        title=shown.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False,
+        collapse_padding=narrow,
+    )  # fmt: skip
     for column in shown.columns:
-        # Where a terminal is too narrow, heads break at spaces and text wraps; numbers are never broken.
+        # Where a terminal is too narrow, heads break at spaces and hyphens, the space between columns shrinks
+        # and text wraps; numbers are never broken.
         number = column.align == "right"
-        head = column.head.replace(" ", "\n") if number and narrow else column.head
+        head = column.head.replace("-", "-\n").replace(" ", "\n") if number and narrow else column.head
         made.add_column(head, justify=column.align, no_wrap=number, overflow="fold")
     for row in shown.rows:
         made.add_row(*row)
