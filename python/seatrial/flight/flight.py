@@ -316,7 +316,7 @@ def sentences(flight: Flight) -> list[str]:
 
 def report(flight: Flight, sections: Sequence[Section] = ()) -> Report:
     """Three lines, metrics, legs and loops, further sections, sentences."""
-    worst, next_step = _doubtful(flight, *_worst(flight))
+    worst, next_step = _worst(flight)
     tables = [metrics_table(flight.metrics), legs_table(flight.legs)]
     if not flight.diverged:
         tables.append(loops_table(flight.loops))
@@ -358,19 +358,18 @@ _CHECK = "check signs and margins of the autopilot (seatrial check AUTOPILOT --v
 
 
 def _worst(flight: Flight) -> tuple[str, str]:
-    """The worst problem of a flight, and what to do about it; a second one beside it where both are grave."""
+    """The worst problem of a flight, and what to do about it; a second one beside it where both are grave.
+
+    An autopilot of another vehicle comes first: what else went wrong is likely to come of it.
+    """
     grave = _grave(flight)
+    if flight.warnings:
+        found = grave[0].words if grave else _lesser(flight)[0]
+        doubt = "; ".join(one.removesuffix(".") for one in flight.warnings)
+        return f"{doubt}; {found}", f"{ANOTHER}; then fly again"
     if grave:
         return "; ".join(one.words for one in grave[:2]), grave[0].remedy
     return _lesser(flight)
-
-
-def _doubtful(flight: Flight, worst: str, next_step: str) -> tuple[str, str]:
-    """The worst problem and what to do, behind what makes the flight doubtful from the start."""
-    if not flight.warnings:
-        return worst, next_step
-    doubt = "; ".join(one.removesuffix(".") for one in flight.warnings)
-    return f"{doubt}; {worst}", f"{ANOTHER}; then: {next_step}"
 
 
 def _grave(flight: Flight) -> list[Finding]:

@@ -39,7 +39,7 @@ ANOTHER = (
 
 _SAID = re.compile(
     r"^(?:Start values for (?P<started>.+), from its model"
-    r"|Gains of .+ tuned for (?P<tuned>.+?) on .+ by constraint criteria)$"
+    r"|Gains of .+ tuned for (?P<tuned>.+), by constraint criteria on .+)$"
 )
 
 _PERIODS = 1.5  # of the control period: sampling and hold
@@ -60,7 +60,7 @@ def started_for(vehicle: str) -> str:
 
 def tuned_for(start: str, vehicle: str, origin: str) -> str:
     """Description of an autopilot whose gains were tuned for a vehicle, from an autopilot `start` on."""
-    return f"Gains of {start} tuned for {vehicle} on {origin} by constraint criteria"
+    return f"Gains of {start} tuned for {vehicle}, by constraint criteria on {origin}"
 
 
 def made_for(autopilot: Autopilot) -> str:

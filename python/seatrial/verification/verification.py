@@ -205,7 +205,7 @@ def report(found: Verification) -> Report:
                 f"fly the worst one again to see where ({_again(found)}), then change mission or autopilot"
             )
     if doubt := found.flights.doubt:
-        worst, next_step = f"{doubt}; {worst}", f"{ANOTHER}; then: {next_step}"
+        worst, next_step = f"{doubt}; {worst}", f"{ANOTHER}; then verify again"
     comparison = () if found.comparison is None else (*_against(found.comparison), _medians(found.comparison))
     causes = [
         f"{one.requirement.name}: {text}"
