@@ -91,6 +91,16 @@ def test_a_current_from_ahead_makes_a_flight_late_and_the_speed_made_good_is_tol
     assert overrun(still, still.legs) is None
 
 
+def test_a_time_limit_that_the_safety_lets_pass_is_told() -> None:
+    text = st.Autopilot.load("cwolf").to_toml()
+    calm = text.replace('time = "surface"', 'time = "continue"', 1)
+    assert calm != text
+    mission = st.Mission.from_toml(OUT.replace("[start]", "[limits]\nmax_time_s = 41.0\n[start]"))
+    flight = st.fly("cwolf", st.Autopilot.from_toml(calm), mission, current=(-1.0, 0.0, 0.0))
+    assert flight.complete
+    assert "times the planned 40 s, and the mission allows 41 s" in flight.report().worst
+
+
 @pytest.mark.parametrize(
     ("limits", "around", "words"),
     [

@@ -148,11 +148,12 @@ def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
 
 
 def overrun(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
-    """How much longer than planned a flight took, where a leg lost most, and why; None where it did not."""
-    took, planned = float(flight.t[-1]), flight.route.planned_time
-    if took < max(_LONGER * planned, planned + _LEAST_S):
+    """How much longer than planned or allowed a flight took, where and why; None if it did not."""
+    took, planned, allowed = float(flight.t[-1]), flight.route.planned_time, flight.route.longest
+    if took < max(_LONGER * planned, planned + _LEAST_S) and took <= allowed:
         return None
     words = f"it took {took:.0f} s, {took / planned:.2g} times the planned {planned:.0f} s"
+    words += f", and the mission allows {allowed:.0f} s" if took > allowed else ""
     lost = [
         (leg.time_s - _planned(flight, k), k)
         for k, leg in enumerate(legs)
