@@ -10,6 +10,7 @@ import pytest
 
 import seatrial as st
 from seatrial.flight.findings import missed_waypoint, outside, overrun
+from seatrial.flight.seeds import fly_seeds
 from tests.flight.flying import BOX, OUT
 
 STEEP = """
@@ -139,6 +140,13 @@ def test_touching_the_bottom_is_no_complete_mission_whatever_the_safety_does() -
     assert flight.report().worst.startswith("cwolf touched the bottom")
     assert flight.outcome_in_words == "flown to its end, the bottom touched"
     assert not flight.complete
+    many = fly_seeds(
+        "cwolf", st.Autopilot.from_toml(calm), st.Mission.from_toml(mission), count=2, first=4,
+        options={"seabed": (8.0, -0.099, 0.0)},
+    )  # fmt: skip
+    assert many.touched == (4, 5)
+    assert not many.all_complete
+    assert "touched the bottom: seed 4, 5" in many.sentence()
 
 
 def test_a_flight_along_the_bottom_without_touching_it_is_complete() -> None:
