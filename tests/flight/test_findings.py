@@ -64,7 +64,7 @@ def test_a_vehicle_that_dives_on_the_spot_is_late_by_the_same_leg() -> None:
     assert flight.complete
     planned = flight.route.planned_time
     assert worst.startswith(f"it took {flight.metrics['duration_s']:.0f} s, ")
-    assert f'the planned {planned:.0f} s, most of it lost on the way to "down"' in worst
+    assert f'the planned {planned:.0f} s, furthest behind its plan on the way to "down"' in worst
     assert "the rest was made on the spot" in worst
     assert next_step.startswith("lengthen the leg to at least")
 
