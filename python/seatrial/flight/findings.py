@@ -163,7 +163,8 @@ def overrun(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
         return Finding(words, "allow more time, or plan for the speed that the vehicle makes good")
     k = max(lost)[1]
     leg, stop = legs[k], flight.route.stops[k]
-    words += f', furthest behind its plan on the way to "{leg.label}": {leg.time_s:.0f} s for {_planned(flight, k):.0f} s'
+    words += f', furthest behind its plan on the way to "{leg.label}":'
+    words += f" {leg.time_s:.0f} s for {_planned(flight, k):.0f} s"
     slope = _Slope.of(flight, k)
     if slope is not None and slope.refused:
         return Finding(f"{words}; {slope.words()}", slope.remedy())
