@@ -9,6 +9,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+import tomlkit
 from typer.testing import CliRunner
 
 import seatrial as st
@@ -38,7 +39,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(folder: Path) -> LogTuning:
-    return tune_log(RECORDED, out=folder, missions=120)
+    """The dive with a vehicle file that states a larger yaw inertia, of which the log's is plausible."""
+    tables = tomlkit.parse(
+        st.Vehicle.load("bluerov2-heavy").with_coefficients({"N_rdot": -1.2}).to_toml()
+    ).unwrap()
+    for one in tables["thrusters"]:  # as the log's MOT_n_DIRECTION are
+        one["reversed"] = one["name"] in {f"thruster_{k}" for k in (3, 4, 6, 7)}
+    stated = folder.with_name("stated.toml")
+    stated.write_text(tomlkit.dumps(tables))
+    return tune_log(RECORDED, out=folder, vehicle=stated, missions=120)
 
 
 @pytest.mark.parametrize(("lost", "chance"), [(0, True), (1, True), (2, True), (3, False), (12, False)])
@@ -74,6 +83,24 @@ def test_a_recorded_dive_gives_parameters_that_are_better_and_keep_their_margins
 
 
 @pytest.mark.long
+def test_no_gain_is_written_from_an_inertia_that_the_vehicle_file_excludes(tmp_path: Path) -> None:
+    """Of the built-in vehicle the dive asks for 5.7 times the yaw inertia: the loop stays as flown."""
+    if not RECORDED.is_file():
+        pytest.skip("the recording of BlueROV2 Heavy is not here; set SEATRIAL_DATA to its folder")
+    told = tune_log(RECORDED, out=tmp_path / "run", missions=16)
+    yaw = next(one for one in told.verdicts if one.loop == "yaw")
+    assert (yaw.judged, yaw.implausible) == (False, True)
+    assert "5.7 times the 0.59 of the vehicle file (N_rdot 13.6 times its start)" in yaw.why
+    assert not told.changes
+    assert told.held
+    assert "implausible" in told.report().worst
+    assert "pulses of 1 s" in told.report().next_step
+    lines = (tmp_path / "run" / "changes.param").read_text().splitlines()
+    assert all(one.startswith("#") for one in lines)
+    assert any(one.startswith("# yaw stays: N: implausible") for one in lines)
+
+
+@pytest.mark.long
 def test_the_parameter_file_of_a_dive_goes_round(found: LogTuning, folder: Path) -> None:
     read = ParameterFile.load(folder / "changes.param")
     assert read.values == {one.name: one.after for one in found.changes}
@@ -89,7 +116,10 @@ def test_the_parameter_file_of_a_dive_goes_round(found: LogTuning, folder: Path)
 @pytest.mark.long
 def test_the_same_run_again_takes_what_is_finished(found: LogTuning, folder: Path) -> None:
     said: list[str] = []
-    again = tune_log(RECORDED, out=folder, missions=120, say=lambda share, words: said.append(words))
+    stated = folder.with_name("stated.toml")
+    again = tune_log(
+        RECORDED, out=folder, vehicle=stated, missions=120, say=lambda share, words: said.append(words)
+    )
     assert again.to_dict() == found.to_dict()
     assert not any("missions" in one or "generation" in one for one in said)
 

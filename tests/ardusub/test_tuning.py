@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import seatrial as st
 from seatrial._core import ardusub_defaults, ardusub_terms
-from seatrial.ardusub.axes import AMPLE, SOUGHT, AxisVerdict, MarginModel, Margins, loop_law
+from seatrial.ardusub.axes import (
+    AMPLE,
+    SOUGHT,
+    AxisVerdict,
+    MarginModel,
+    Margins,
+    axis_verdicts,
+    loop_law,
+    plausible_masses,
+)
 from seatrial.ardusub.tuning import (
     corridors_of,
     draw_cases,
@@ -102,3 +113,49 @@ def test_a_faster_loop_rises_sooner(fitted: st.Fitted) -> None:
         for p in (1.0, 5.0)
     )
     assert slow > fast
+
+
+def _identified(start: st.Vehicle, freed: dict[str, float]) -> tuple[Any, st.Fitted]:
+    """What `axis_verdicts` reads of an identification that ended at some coefficients."""
+    coefficients = tuple(
+        SimpleNamespace(name=name, start=start.coefficients()[name], estimate=value, at_bound=None)
+        for name, value in freed.items()
+    )
+    found = SimpleNamespace(
+        campaign=SimpleNamespace(vehicle=start), coefficients=coefficients, held=(), scores={}, baselines={}
+    )
+    return found, st.Fitted.of(start.with_coefficients(freed), percent={})
+
+
+def test_plausible_inertias_are_the_rigid_body_and_its_added_mass_between_its_bounds() -> None:
+    """BlueROV2 Heavy: I_z 0.37, N_rdot -0.222 kg m2; inertia 0.3 to 3 times where it is searched too."""
+    vehicle = st.Vehicle.load("bluerov2-heavy")
+    assert plausible_masses(vehicle)["N"] == pytest.approx((0.37 + 0.2 * 0.222, 0.37 + 5.0 * 0.222))
+    freed = plausible_masses(vehicle, {"I_z"})
+    assert freed["N"] == pytest.approx((0.3 * 0.37 + 0.2 * 0.222, 3.0 * 0.37 + 5.0 * 0.222))
+    assert freed["X"] == plausible_masses(vehicle)["X"]
+
+
+@pytest.mark.parametrize(
+    ("n_rdot", "judged"),
+    [(-0.02, False), (-0.05, True), (-0.222, True), (-1.1, True), (-1.2, False), (-3.02, False)],
+)
+def test_an_inertia_beyond_the_bounds_of_the_vehicle_file_is_refused(n_rdot: float, judged: bool) -> None:
+    """Apparent inertias of 0.41 to 1.48 kg m2 are plausible: too little is refused as too much is."""
+    found, fitted = _identified(st.Vehicle.load("bluerov2-heavy"), {"N_rdot": n_rdot, "N_rr": -1.5})
+    yaw = next(one for one in axis_verdicts(found, fitted, draws=4) if one.loop == "yaw")
+    assert (yaw.judged, yaw.implausible) == (judged, not judged)
+    if not judged:
+        assert f"is {(0.37 - n_rdot) / 0.592:.2g} times the 0.59 of the vehicle file" in yaw.why
+        assert f"N_rdot {n_rdot / -0.222:.3g} times its start" in yaw.why
+        assert "pulses of 1 s at full stick from rest" in yaw.trial
+    else:
+        assert yaw.why.startswith("identified: apparent inertia")
+
+
+def test_an_added_mass_that_hardly_counts_may_be_several_times_that_of_the_file() -> None:
+    """Surge of a slender hull: eight times a small added mass is an apparent mass within 30 %."""
+    start = st.Vehicle.load("remus100")
+    before = start.coefficients()["X_udot"]
+    found, fitted = _identified(start, {"X_udot": 8.0 * before, "Y_vdot": start.coefficients()["Y_vdot"]})
+    assert not next(one for one in axis_verdicts(found, fitted, draws=4) if one.loop == "place").implausible

@@ -84,7 +84,7 @@ def test_tables_fit_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     tables = [line for line in result.stdout.splitlines() if line.startswith(" ") and line.strip()]
     assert len(tables) > 20
     assert max(len(line.rstrip()) for line in tables) <= 80
-    assert "3 the la… of all" in result.stdout
+    assert "3 the l…of all" in result.stdout
     assert "saturated" in result.stdout
 
 

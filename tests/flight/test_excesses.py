@@ -1,4 +1,4 @@
-"""What is counted of many flights: too near to something, above the surface, beyond a reasonable pitch."""
+"""What is counted of many flights: too near, on the bottom, above the surface, pitched too far."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
         "clearance_m": (np.inf, 6.0, 5.0),
         "clearance_reserve_m": (np.inf, 1.0, 0.0),
         "clearance_time_s": (np.nan, 10.0, 20.0),
+        "altitude_smallest_m": (np.inf, 3.0, 0.1),
         "depth_smallest_m": (0.0, -0.05, 1.0),
         "depth_smallest_time_s": (0.0, 1.0, 2.0),
         "pitch_largest_deg": (5.0, 44.0, 10.0),
@@ -28,6 +29,10 @@ def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
             {"clearance_m": (4.4, 6.0, -0.2), "clearance_reserve_m": (-0.6, 1.0, -5.2)},
             "2 of 3 flights came too near to what stands in the water, the worst is c: 0.20 m inside"
             " (promised: 5 m) at 20.0 s",
+        ),
+        (
+            {"altitude_smallest_m": (np.inf, -0.3, 0.0)},
+            "2 of 3 flights touched the bottom, the worst is b: 0.30 m below it",
         ),
         (
             {"depth_smallest_m": (0.0, -0.4, 1.0)},

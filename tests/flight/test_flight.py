@@ -289,7 +289,7 @@ def test_a_missed_waypoint_is_no_complete_mission() -> None:
     missed = [leg for leg in flight.legs if not leg.reached]
     assert missed
     assert not flight.complete
-    assert f"{missed[0].label} not reached: the autopilot perceived it at" in str(flight)
+    assert f'"{missed[0].label}" not reached: the autopilot perceived it at' in str(flight)
 
 
 def test_a_waypoint_is_reached_as_the_sensors_show_it_and_truly_nearly_so() -> None:

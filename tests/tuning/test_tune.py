@@ -208,7 +208,9 @@ def test_margins_come_first_where_the_start_gains_leave_the_motion_unstable() ->
     result = search_margins(one, seed=1)
     assert result is not None
     after = MarginConstraint(
-        one.vehicle, tuned_autopilot(one.autopilot, result.gains, "small", "the campaign small"), (-1.0,)
+        one.vehicle,
+        tuned_autopilot(one.autopilot, result.gains, "small", "the campaign small", one.vehicle.name),
+        (-1.0,),
     )
     assert all(point.growth_per_s[0] == 0.0 for point in after.margins({}))
     assert result.after["margin"] < 0.2 * result.before["margin"]
@@ -219,7 +221,7 @@ def test_margins_come_first_where_the_start_gains_leave_the_motion_unstable() ->
     calm, wild = (
         assess(one, "", one.rig(pilot, threads=1), still)
         for pilot in (
-            tuned_autopilot(one.autopilot, result.gains, "small", "the campaign small"),
+            tuned_autopilot(one.autopilot, result.gains, "small", "the campaign small", one.vehicle.name),
             one.autopilot,
         )
     )

@@ -47,6 +47,18 @@ def test_it_leaves_a_run_directory(tmp_path: Path) -> None:
     assert "seatrial verify" not in found.summary()
 
 
+def test_an_autopilot_of_another_vehicle_is_said_first() -> None:
+    found = st.verify("lauv", "remus100", [mission(OUT)], runs=4)
+    _, worst, next_step = found.report().lines()
+    assert worst.startswith("Worst: The autopilot was made for remus100, and lauv flies: at the crossover of")
+    assert "seatrial autopilot VEHICLE" in next_step
+    (said,) = found.to_dict()["warnings"]
+    assert said.removesuffix(".").lower() in worst.lower()
+    own = st.verify("lauv", "lauv", [mission(OUT)], runs=4)
+    assert own.to_dict()["warnings"] == []
+    assert "made for" not in own.summary()
+
+
 @pytest.mark.parametrize(
     ("given", "options", "message"),
     [

@@ -1,8 +1,9 @@
 """Which loops of ArduSub the identified model can judge, why not the others, and the margins of those it can.
 
-Gains of a loop are changed only where four things hold: its coefficients were identified from the log; no
-search ended at a bound; drawn vehicles agree about its apparent mass; and on held-out data the model predicts
-better than the best baseline. Otherwise the parameters stay, and the report says which trial would tell.
+Gains of a loop are changed only where five things hold: its coefficients were identified from the log; no
+search ended at a bound; the apparent mass is one that the vehicle of the file can have (`plausible_masses`);
+drawn vehicles agree about it; and on held-out data the model predicts better than the best baseline.
+Otherwise the parameters stay, and the report says which trial would tell.
 
 A margin is that of the loop opened at the mixer's demand, all filters, the motor's lag and one and a half
 control periods of delay within it (`seatrial.control_design.margins`). The thruster's curve is taken at its
@@ -13,7 +14,7 @@ Held by ``tests/ardusub/test_tuning.py``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,7 @@ __all__ = [
     "axis_verdicts",
     "loop_law",
     "margins_of",
+    "plausible_masses",
 ]
 
 SOUGHT: Mapping[str, Mapping[str, tuple[float, float]]] = {
@@ -78,10 +80,19 @@ _TRIALS = {
     " then free coasting",
 }
 
+_INERTIA_TRIALS = {
+    True: "begin with pulses of 1 s at full stick from rest, with attitude and RCOU logged fast"
+    " (ATTITUDE_FAST in LOG_BITMASK), and measure the moment of the thrusters with a spring balance at a"
+    " known lever; an inertia that you measured belongs into the vehicle file (--vehicle)",
+    False: "begin with pulses of 1 s at full stick from rest, and measure the thrust with a bollard pull",
+}
+"""What tells an inertia, or a mass, from a delay and from the thrust."""
+
 AMPLE = (45.0, 12.0, 1.5)
 """Phase margin, deg, gain margin, dB, and sensitivity that a tuning may come down to where there was more."""
 
-_AGREE = 0.3  # relative standard deviation of an apparent mass up to which drawn vehicles agree
+_AGREE = 0.3
+"""Relative deviation up to which apparent masses agree: of drawn vehicles, and of the vehicle file."""
 
 _ORDER = "XYZKMN"
 
@@ -99,12 +110,15 @@ class AxisVerdict:
         A sentence: what speaks for it or against.
     trial
         What would tell, where it cannot.
+    implausible
+        Whether the log was identified with a mass or an inertia that the vehicle cannot have.
     """
 
     loop: str
     judged: bool
     why: str
     trial: str
+    implausible: bool = False
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -117,25 +131,92 @@ def axis_verdicts(
 ) -> tuple[AxisVerdict, ...]:
     """Which loops the identified model can judge."""
     masses = _masses(fitted, draws, seed)
+    plausible = plausible_masses(found.campaign.vehicle, {one.name for one in found.coefficients})
+    of_file = dict(zip(_ORDER, np.diag(np.asarray(found.campaign.vehicle.mass_matrix())), strict=True))
     hold_out = found.scores.get("hold_out", {}).get("ahead", {})
     scores, baselines = hold_out.get("all"), found.baselines
     verdicts = []
     for loop, axes in AXES_OF_LOOPS.items():
-        against = [reason for axis in axes if (reason := _against(found, axis, masses, scores, baselines))]
-        told = ", ".join(
-            f"apparent {'inertia' if axis in 'KMN' else 'mass'} {masses[axis][0]:.3g} ± {masses[axis][1]:.2g}"
-            f" {'kg m2' if axis in 'KMN' else 'kg'}"
+        odd = {
+            axis: _implausible(found, axis, masses[axis][0], float(of_file[axis]), plausible[axis])
             for axis in axes
-        )
+        }
+        against = [
+            reason
+            for axis in axes
+            if (reason := odd[axis] or _against(found, axis, masses, scores, baselines))
+        ]
+        implausible = any(odd.values())
+        told = ", ".join(f"apparent {_mass_in_words(axis, *masses[axis])}" for axis in axes)
+        trial = f"{_TRIALS[loop]}; {_INERTIA_TRIALS[axes[0] in 'KMN']}" if implausible else _TRIALS[loop]
         verdicts.append(
             AxisVerdict(
                 loop,
                 not against,
                 "; ".join(against) or f"identified: {told}",
-                "" if not against else _TRIALS[loop],
+                "" if not against else trial,
+                implausible,
             )
         )
     return tuple(verdicts)
+
+
+def plausible_masses(vehicle: Vehicle, freed: Collection[str] = ()) -> dict[str, tuple[float, float]]:
+    """Least and largest apparent mass (inertia) of every axis that a vehicle file allows, kg or kg m2.
+
+    The mass matrix of the file with its diagonal added mass at either of its default bounds, 0.2 and 5 times
+    the start value, and with mass and inertia at theirs where they are `freed`
+    (docs/theory/geometry.md#default-bounds). The drafted campaign searches beyond them where thrust and
+    levers are held, because what turns takes their error over: such a value describes the log, and is not
+    the vehicle's inertia. An added mass without start value has no bounds: 0 to infinity.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The one that an identification begins with.
+    freed : collection of str
+        Coefficients that it searches.
+    """
+    known, values = vehicle.coefficient_info(), vehicle.coefficients()
+    own = np.diag(np.asarray(vehicle.mass_matrix()))
+    rigid = {"X": "m", "Y": "m", "Z": "m", "K": "I_x", "M": "I_y", "N": "I_z"}
+    found = {}
+    for axis, mass in zip(_ORDER, own.tolist(), strict=True):
+        added = known[f"{axis}_{_CHANNEL[axis]}dot"]
+        bounded = added["lower"] is not None
+        least, most = (-float(added["upper"]), -float(added["lower"])) if bounded else (0.0, np.inf)
+        rest = mass + values.get(f"{axis}_{_CHANNEL[axis]}dot", 0.0)
+        low, high = 0.0, 0.0
+        if rigid[axis] in freed:
+            body = known[rigid[axis]]
+            low, high = (float(body[end]) - values[rigid[axis]] for end in ("lower", "upper"))
+        found[axis] = (rest + low + least, rest + high + most)
+    return found
+
+
+def _implausible(
+    found: Identification, axis: str, mass: float, of_file: float, plausible: tuple[float, float]
+) -> str:
+    """What makes an apparent mass implausible; empty where it is one that the vehicle of the file can have.
+
+    A small added mass may be several times that of the file and change nothing: what agrees is plausible.
+    """
+    low, high = plausible
+    # A search that ended at a bound is on it up to rounding, and is told as such.
+    if 0.999 * low <= mass <= 1.001 * high or abs(mass - of_file) <= _AGREE * of_file:
+        return ""
+    added = [one for one in found.coefficients if one.name == f"{axis}_{_CHANNEL[axis]}dot" and one.start]
+    by = "".join(f" ({one.name} {one.estimate / one.start:.3g} times its start)" for one in added)
+    return (
+        f"{axis}: implausible, apparent {_mass_in_words(axis, mass)} is {mass / of_file:.2g} times the"
+        f" {of_file:.2g} of the vehicle file{by}, whose bounds allow {low:.2g} to {high:.2g}; a wrong thrust"
+        " or lever, or a delay that the model lacks, is fitted as inertia"
+    )
+
+
+def _mass_in_words(axis: str, mass: float, sd: float | None = None) -> str:
+    what, unit = ("inertia", "kg m2") if axis in "KMN" else ("mass", "kg")
+    return f"{what} {mass:.3g}{'' if sd is None else f' ± {sd:.2g}'} {unit}"
 
 
 def _against(

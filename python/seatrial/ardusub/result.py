@@ -262,7 +262,7 @@ def _harm(found: LogTuning) -> list[str]:
 def _worst(found: LogTuning) -> str:
     if not found.replay.held:
         return found.replay.report().worst
-    stays = [one for one in found.verdicts if not one.judged]
+    stays = _stays(found)
     if not found.margins_kept:
         return "the margins of a loop that changes fall below those before; see the table of margins"
     out = [one for one in found.reflight.shares if not one.inside]
@@ -276,8 +276,8 @@ def _worst(found: LogTuning) -> str:
         )
     if stays:
         words.append(
-            f"{_listed([one.loop for one in stays])} stay as flown: the log does not tell these loops"
-            f" ({stays[-1].loop}: {stays[-1].why})"
+            f"{_listed([one.loop for one in found.verdicts if not one.judged])} stay as flown: the log does"
+            f" not tell these loops ({stays[0].loop}: {stays[0].why})"
         )
     if steep := [one for one in found.changes if one.before > 0.0 and one.after > _STEEP * one.before]:
         named = _listed([f"{one.name} to {one.after / one.before:.1f} times" for one in steep])
@@ -294,12 +294,19 @@ def _listed(words: list[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
+def _stays(found: LogTuning) -> list[AxisVerdict]:
+    """Loops that stay as flown, those with an implausible mass first, else the last, position, first."""
+    return sorted(
+        (one for one in reversed(found.verdicts) if not one.judged), key=lambda v: not v.implausible
+    )
+
+
 def _next(found: LogTuning) -> str:
-    stays = [one for one in found.verdicts if not one.judged]
+    stays = _stays(found)
     load = (
         "load changes.param and fly a yaw step before a mission" if found.tuned.changes and found.held else ""
     )
-    trial = f"for {stays[-1].loop}: {stays[-1].trial}, then run this again" if stays else ""
+    trial = f"for {stays[0].loop}: {stays[0].trial}; then run this again" if stays else ""
     return "; ".join(one for one in (load, trial) if one) or "fly the vehicle and replay its next log"
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from seatrial.control_design.autopilot_facts import AutopilotFacts, AutopilotMode, refuse_misfit
 from seatrial.control_design.mode_table import top_speeds
+from seatrial.flight.mismatch import mismatch
 from seatrial.vehicle.authority import LOOPS, ROWS, reach, thrusts
 from seatrial.vehicle.stability import statics
 from seatrial.vehicle.turning import turning_radius
@@ -37,6 +38,7 @@ def on_vehicle(
         The autopilot does not fit the vehicle.
     """
     refuse_misfit(autopilot, vehicle)
+    doubt = mismatch(autopilot, vehicle)
     astern, top = top_speeds(vehicle, voltage_v=voltage_v)
     notes, warnings = _points(list(autopilot.speeds_m_s), astern, top)
     fastest = facts.guidance["speed_max_m_s"]
@@ -47,7 +49,12 @@ def on_vehicle(
     for mode in facts.modes:
         told, wrong = _mode(facts, mode, vehicle, top, voltage_v)
         notes, warnings = notes + told, warnings + wrong
-    return notes, [*warnings, *_circle(facts, vehicle, voltage_v), *_buoyancy(facts, vehicle)]
+    return notes, [
+        *([doubt] if doubt else []),
+        *warnings,
+        *_circle(facts, vehicle, voltage_v),
+        *_buoyancy(facts, vehicle),
+    ]
 
 
 def _points(speeds: list[float], astern: float, top: float) -> tuple[list[str], list[str]]:

@@ -141,7 +141,7 @@ def fly_beforehand(
                 return (), [f"Not flown here: {error}"], []
             return (), [], [f"it cannot be flown: {error}"]
         missed = [leg for leg in flight.legs if not leg.reached]
-        report = flight.report()
+        doubt = "; ".join(one.removesuffix(".") for one in flight.warnings)
         found.append(
             FlownCheck(
                 current=water,
@@ -155,7 +155,7 @@ def fly_beforehand(
                 reserve_m=flight.metrics["clearance_reserve_m"],
                 depth_largest_m=flight.metrics["depth_largest_m"],
                 duration_s=flight.metrics["duration_s"],
-                worst=report.worst,
+                worst=flight.report().worst.removeprefix(f"{doubt}; "),
             )
         )
     return tuple(found), [], []

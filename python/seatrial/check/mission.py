@@ -21,6 +21,7 @@ from seatrial.check.flown import FlownCheck, flown_sentences, flown_table, fly_b
 from seatrial.check.legs import LegRow, fence_sentences, leg_rows, legs_table
 from seatrial.check.turns import turn_sentences
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
+from seatrial.flight.mismatch import mismatch
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.turning import turning_radius
 
@@ -380,7 +381,8 @@ def check_mission(
         )
         told, short = flown_sentences(flown, fitted)
         notes += [*left_out, *told]
-        warnings = [*refused, *short, *warnings]
+        doubt = mismatch(autopilot, vehicle)
+        warnings = [*([doubt] if doubt else []), *refused, *short, *warnings]
     turned, tight = turn_sentences(mission, circles, autopilot)
     flown_well = bool(flown) and all(one.complete for one in flown)
     return MissionCheck(

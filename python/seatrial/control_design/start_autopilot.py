@@ -17,6 +17,7 @@ from seatrial.control_design.mode_table import Mode
 from seatrial.control_design.pole_placement import three_digits
 from seatrial.control_design.start_gains import LoopStart, StartGains, start_gains
 from seatrial.control_design.start_guidance import guidance, safety
+from seatrial.flight.mismatch import started_for
 from seatrial.vehicle.authority import LOOPS, ROWS
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def _tables(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
     tables: dict[str, Any] = {
         "format": 1,
         "name": f"{vehicle.name} start",
-        "description": f"Start values for {vehicle.name}, from its model",
+        "description": started_for(vehicle.name),
         "period_s": start.period_s,
         "control": "pid",
         "schedule": {"speeds_m_s": [round(u, 3) for u in start.speeds_m_s]},

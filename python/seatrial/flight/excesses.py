@@ -1,4 +1,4 @@
-"""Flights that came too near to something, left the water, or pitched beyond what the model is made for.
+"""Flights that came too near to something, touched the bottom, left the water, or pitched beyond the model.
 
 Too near is a clearance of the hull of at most 0 m, or one short of the mission's promise by more than a tenth
 of it. The model knows no surface: a vehicle that rises above it would stay in the water at sea. Coefficients
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Mask
 from seatrial.flight.metrics import OFF_PROMISE
 
-__all__ = ["IN_THE_AIR_M", "STEEP_DEG", "counted", "too_near"]
+__all__ = ["IN_THE_AIR_M", "STEEP_DEG", "counted", "too_near", "touched"]
 
 IN_THE_AIR_M = 0.1
 """Height above the surface, m, from which a vehicle has left the water: less is a wave."""
@@ -42,6 +42,17 @@ def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
     return np.asarray((clear <= 0.0) | (reserve < -OFF_PROMISE * np.asarray(promised_m)))
 
 
+def touched(metrics: Mapping[str, Any]) -> Mask:
+    """Whether the origin of the vehicle came down to the bottom, (k,).
+
+    Parameters
+    ----------
+    metrics : mapping
+        Metrics of flights by name, (k,) each.
+    """
+    return np.asarray(np.asarray(metrics["altitude_smallest_m"]) <= 0.0)
+
+
 def counted(
     metrics: Mapping[str, Any], promised_m: ArrayLike, name: Callable[[int], str], what: str = "missions"
 ) -> list[str]:
@@ -58,9 +69,9 @@ def counted(
     what : str
         What several flights are called.
     """
-    clear, depth, pitch = (
+    clear, altitude, depth, pitch = (
         np.asarray(metrics[name], dtype=float)
-        for name in ("clearance_m", "depth_smallest_m", "pitch_largest_deg")
+        for name in ("clearance_m", "altitude_smallest_m", "depth_smallest_m", "pitch_largest_deg")
     )
     promised = np.broadcast_to(np.asarray(promised_m, dtype=float), clear.shape)
 
@@ -77,6 +88,7 @@ def counted(
             nearness,
             "clearance_time_s",
         ),
+        ("touched the bottom", touched(metrics), altitude, lambda k: f"{-altitude[k]:.2f} m below it", ""),
         (
             "rose above the surface",
             depth < -IN_THE_AIR_M,
@@ -98,6 +110,6 @@ def counted(
             k = int(np.argmin(np.where(mask, least, math.inf)))
             found.append(
                 f"{int(mask.sum())} of {len(mask)} {what} {words}, the worst is {name(k)}:"
-                f" {how_far(k)} at {float(metrics[when][k]):.1f} s"
+                f" {how_far(k)}{f' at {float(metrics[when][k]):.1f} s' if when else ''}"
             )
     return found

@@ -21,6 +21,7 @@ from seatrial.base.report import Report, Section
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.flight import excesses, watches
 from seatrial.flight.excesses import IN_THE_AIR_M, STEEP_DEG
+from seatrial.flight.findings import Finding, broken_limits, missed_waypoint, not_reached, overrun, where
 from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
@@ -34,6 +35,7 @@ from seatrial.flight.metrics import (
     loops_of,
     metrics_of,
 )
+from seatrial.flight.mismatch import ANOTHER, mismatch
 from seatrial.flight.tables import legs_table, loops_table, metrics_table, navigation_table
 
 if TYPE_CHECKING:
@@ -121,9 +123,9 @@ class Flight(FlightLog):
 
     @property
     def complete(self) -> bool:
-        """Whether the mission was flown to its end, every waypoint reached, and its distances were kept."""
+        """Whether the mission was flown to its end, all waypoints reached, and its distances kept."""
         reached = all(leg.reached for leg in self.legs)
-        return self.outcome == "complete" and reached and not too_near(self)
+        return self.outcome == "complete" and reached and not too_near(self) and not touched(self)
 
     @property
     def outcome_in_words(self) -> str:
@@ -131,8 +133,15 @@ class Flight(FlightLog):
         if self.outcome != "complete" or self.complete:
             return self.outcome
         faults = ["too near to what stands in the water"] if too_near(self) else []
+        faults += ["the bottom touched"] if touched(self) else []
         faults += [] if all(leg.reached for leg in self.legs) else ["waypoints missed"]
         return f"flown to its end, {' and '.join(faults)}"
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the flight doubtful before anything flew: an autopilot of another vehicle."""
+        said = mismatch(self.autopilot, self.circumstances.model)
+        return (f"{said}.",) if said else ()
 
     @cached_property
     def alerts(self) -> tuple[Alert, ...]:
@@ -187,6 +196,7 @@ class Flight(FlightLog):
             "mission": self.route.name,
             "outcome": self.outcome,
             "complete": self.complete,
+            "warnings": list(self.warnings),
             "metrics": dict(self.metrics),
             "legs": [leg.to_dict() for leg in self.legs],
             "loops": {name: loop.to_dict() for name, loop in self.loops.items()},
@@ -272,7 +282,7 @@ _OFF_M = 0.05
 
 def sentences(flight: Flight) -> list[str]:
     """What happened on a flight, the most important first."""
-    found = [_ending(flight), *_reactions(flight)]
+    found = [_ending(flight), *flight.warnings, *_reactions(flight)]
     if flight.diverged:
         return found
     metrics = flight.metrics
@@ -344,61 +354,82 @@ def _how_good(flight: Flight) -> str:
     return f"{reached} in {_time(metrics['duration_s'])}, {way}{clear}{across}"
 
 
+_CHECK = "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)"
+
+
 def _worst(flight: Flight) -> tuple[str, str]:
-    """The worst problem of a flight, and what to do about it."""
+    """The worst problem of a flight, and what to do about it; a second one beside it where both are grave.
+
+    An autopilot of another vehicle comes first: what else went wrong is likely to come of it.
+    """
+    grave = _grave(flight)
+    if flight.warnings:
+        found = grave[0].words if grave else _lesser(flight)[0]
+        doubt = "; ".join(one.removesuffix(".") for one in flight.warnings)
+        return f"{doubt}; {found}", f"{ANOTHER}; then fly again"
+    if grave:
+        return "; ".join(one.words for one in grave[:2]), grave[0].remedy
+    return _lesser(flight)
+
+
+def _grave(flight: Flight) -> list[Finding]:
+    """What made a flight fail or put the vehicle at risk, the gravest first; empty for a good flight."""
     if flight.diverged:
-        return (
-            "the motion diverged",
-            "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)",
-        )
+        return [Finding("the motion diverged", _CHECK)]
+    found = []
     if too_near(flight):
-        return _clear(flight)[0].removesuffix("."), (
+        remedy = (
             "lay the way farther out (margin_m of the perimeter, or other waypoints), slow down before"
             " stops, or wait for less current; seatrial check with --vehicle, --autopilot and --current tells"
             " beforehand"
         )
+        found.append(Finding(_clear(flight)[0].removesuffix("."), remedy))
+    found += broken_limits(flight, flight.metrics)
     if flight.alerts:
         first = flight.alerts[0]
-        return (
+        words = (
             f"the safety called for {first.reaction} at {first.t_s:.1f} s,"
-            f" because {watches.cause(first.cause)}",
-            watches.remedy(first.cause),
+            f" because {watches.cause(first.cause)}"
         )
-    if missed := [leg for leg in flight.legs if not leg.reached]:
-        first_missed = missed[0]
-        if math.isnan(first_missed.begin_s) or flight.outcome == "out of time":
-            return f"{first_missed.label} was not reached: {flight.outcome_in_words}", (
-                "give the flight more time (--max-time), or a speed that the vehicle can hold in this current"
+        turned = flight.metrics["pitch_largest_deg"] > STEEP_DEG
+        found.append(Finding(words, _CHECK if turned else watches.remedy(first.cause)))
+    elif missed := [(k, leg) for k, leg in enumerate(flight.legs) if not leg.reached]:
+        k, leg = missed[0]
+        if math.isnan(leg.begin_s) or flight.outcome == "out of time":
+            found.append(
+                Finding(
+                    f'"{leg.label}" was not reached: {flight.outcome_in_words}',
+                    "give the flight more time (--max-time), or a speed that the vehicle can hold in this"
+                    " current",
+                )
             )
-        return (
-            _not_reached(first_missed),
-            "enlarge its acceptance radius, slow the leg down, or tune the heading loop (seatrial tune)",
-        )
-    if beyond := _beyond_the_model(flight):
-        return beyond[0].removesuffix("."), (
-            "begin deeper ([start] depth_m) or under way, and limit the pitch (pitch_max_deg)"
-        )
+        else:
+            found.append(missed_waypoint(flight, k, leg))
+    remedy = "begin deeper ([start] depth_m) or under way, and limit the pitch (pitch_max_deg)"
+    return found + [Finding(one.removesuffix("."), remedy) for one in _beyond_the_model(flight)]
+
+
+def _lesser(flight: Flight) -> tuple[str, str]:
+    """The worst of a flight that succeeded: time, then saturation, then errors."""
+    if late := overrun(flight, flight.legs):
+        return late
     if saturated := _loops(flight):
         return saturated[0], "lower the speed or the gains of this loop; its actuators have no more to give"
     actuators = _actuators(flight)
     if actuators and "limit cycle" in actuators[0]:
         return actuators[0], "lower the gain or filter the sensor of the loop that drives it"
-    straight = [leg for leg in flight.legs if math.isfinite(leg.cross_track_largest_m)]
     verify = "verify it over many vehicles, currents and seeds (seatrial verify CAMPAIGN, or --seeds 100)"
-    if straight:
-        widest = max(straight, key=lambda leg: leg.cross_track_largest_m)
-        return f"cross-track error of {widest.cross_track_largest_m:.2f} m towards {widest.label}", verify
+    errors = [
+        (size, f'{name} error of {size:.2f} m on the way to "{leg.label}"')
+        for leg in flight.legs
+        for name, size in (("cross-track", leg.cross_track_largest_m), ("vertical", leg.vertical_largest_m))
+        if math.isfinite(size)
+    ]
+    if errors:
+        return max(errors)[1], verify
     if held := _stations([leg for leg in flight.legs if not math.isnan(leg.begin_s)]):
         return held[0], verify
     return "nothing stands out", verify
-
-
-def _not_reached(leg: Leg) -> str:
-    """How near it came, as perceived, which decides whether the waypoint counts as reached, and in truth."""
-    return (
-        f"{leg.label} not reached: the autopilot perceived it at {leg.perceived_m:.2f} m at the nearest"
-        f" (radius {leg.acceptance_m:g} m), the true distance was {leg.smallest_m:.2f} m"
-    )
 
 
 def _ending(flight: Flight) -> str:
@@ -406,7 +437,7 @@ def _ending(flight: Flight) -> str:
     behind = sum(leg.reached for leg in flight.legs)
     count = f"{behind} of {len(flight.legs)} waypoints reached"
     missed = [leg for leg in flight.legs if not leg.reached and not math.isnan(leg.begin_s)]
-    by = "".join(f"; {_not_reached(leg)}" for leg in missed[:3])
+    by = "".join(f"; {not_reached(leg)}" for leg in missed[:3])
     what = {
         "complete": flight.outcome_in_words,
         "surfaced": "the vehicle surfaced before the end",
@@ -420,6 +451,11 @@ def _ending(flight: Flight) -> str:
 def too_near(flight: Flight) -> bool:
     """Whether the hull touched something, or came nearer than the mission promises by more than a tenth."""
     return bool(excesses.too_near(flight.metrics, flight.mission.promised_m))
+
+
+def touched(flight: Flight) -> bool:
+    """Whether the vehicle touched the bottom."""
+    return bool(excesses.touched(flight.metrics))
 
 
 def _clear(flight: Flight) -> list[str]:
@@ -438,28 +474,23 @@ def _clear(flight: Flight) -> list[str]:
 
 def _at(flight: Flight, time_s: float) -> str:
     """When and where, in words."""
-    row = int(np.argmin(np.abs(flight.t - time_s)))
-    north, east, down = flight.position[row]
-    label = flight.route.stops[min(int(flight.leg[row]), len(flight.route.stops) - 1)].label
-    return (
-        f"at {time_s:.1f} s, north {north:.1f} m, east {east:.1f} m, {down:.1f} m deep, on the way to {label}"
-    )
+    return where(flight, int(np.argmin(np.abs(flight.t - time_s))))
 
 
 def _beyond_the_model(flight: Flight) -> list[str]:
     """Where the vehicle left the water, or pitched beyond what its model and loops are made for."""
     metrics = flight.metrics
     found = []
+    if (pitch := metrics["pitch_largest_deg"]) > STEEP_DEG:
+        found.append(
+            f"{flight.vehicle.name} pitched to {pitch:.0f} deg, {_at(flight, metrics['pitch_time_s'])}; more"
+            f" than {STEEP_DEG:g} deg is beyond what coefficients and loops are made for."
+        )
     if (height := -metrics["depth_smallest_m"]) > IN_THE_AIR_M:
         found.append(
             f"{flight.vehicle.name} rose to {height:.1f} m above the surface,"
             f" {_at(flight, metrics['depth_smallest_time_s'])}: the model knows no surface,"
             " and a real vehicle stays in it."
-        )
-    if (pitch := metrics["pitch_largest_deg"]) > STEEP_DEG:
-        found.append(
-            f"{flight.vehicle.name} pitched to {pitch:.0f} deg, {_at(flight, metrics['pitch_time_s'])}; more"
-            f" than {STEEP_DEG:g} deg is beyond what coefficients and loops are made for."
         )
     return found
 
@@ -516,14 +547,14 @@ def _stations(legs: Sequence[Leg]) -> list[str]:
 
 
 def _loops(flight: Flight) -> list[str]:
-    found = []
-    for loop in flight.loops.values():
-        if loop.saturated > _SATURATED:
-            found.append(
-                f"The {loop.name} loop was saturated for {100.0 * loop.saturated:.0f} % of its time; its"
-                f" largest demand was {loop.demand_largest:.3g} {loop.demand_unit}."
-            )
-    return found
+    """Loops that were saturated, the most saturated one first."""
+    loops = sorted(flight.loops.values(), key=lambda loop: -loop.saturated)
+    return [
+        f"The {loop.name} loop was saturated for {100.0 * loop.saturated:.0f} % of its time; its"
+        f" largest demand was {loop.demand_largest:.3g} {loop.demand_unit}."
+        for loop in loops
+        if loop.saturated > _SATURATED
+    ]
 
 
 def _actuators(flight: Flight) -> list[str]:

@@ -42,6 +42,7 @@ __all__ = [
     "CODED",
     "DIVERGED",
     "OFF_PROMISE",
+    "TRULY",
     "ActuatorUse",
     "Leg",
     "Loop",
@@ -148,7 +149,8 @@ _LEAST_STEP_M = 0.5  # smaller changes of depth are none
 
 _ROUNDING_M = 1e-6
 
-_TRULY = 1.5  # of the radius, where the sensors show the vehicle within it
+TRULY = 1.5
+"""Of the radius: how near a vehicle must truly be where its sensors show it within the radius."""
 
 
 @dataclass(frozen=True)
@@ -253,7 +255,7 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
         acceptance_m=stop.acceptance,
         smallest_m=smallest,
         perceived_m=perceived,
-        reached=perceived <= stop.acceptance + _ROUNDING_M and smallest <= _TRULY * stop.acceptance,
+        reached=perceived <= stop.acceptance + _ROUNDING_M and smallest <= TRULY * stop.acceptance,
         begin_s=float(flight.t[first]),
         time_s=float(flight.t[switched] - flight.t[first]),
         cross_track_mean_m=_mean(across),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.arrays import Array
 from seatrial.base.report import Section
 from seatrial.base.toml_file import loaded
-from seatrial.flight.excesses import counted, too_near
+from seatrial.flight.excesses import counted, too_near, touched
 from seatrial.flight.metrics import CODED, ending_of, metrics_of
 from seatrial.flight.mission import Mission
 from seatrial.flight.tables import spread_table
@@ -38,20 +38,24 @@ class Seeds:
         How each flight ended.
     too_near
         Seeds of the flights that touched something or came nearer than the mission promises.
+    touched
+        Seeds of the flights that touched the bottom.
     excesses
-        Sentences on flights that came too near, rose above the surface or pitched beyond reason.
+        Sentences on flights that came too near, touched the bottom, left the water or pitched beyond reason.
     """
 
     seeds: tuple[int, ...]
     metrics: Mapping[str, Array]
     endings: tuple[str, ...]
     too_near: tuple[int, ...] = ()
+    touched: tuple[int, ...] = ()
     excesses: tuple[str, ...] = ()
 
     @property
     def all_complete(self) -> bool:
         """Whether every flight came to the end of the mission and kept its distances."""
-        return all(ending == "complete" for ending in self.endings) and not self.too_near
+        complete = all(ending == "complete" for ending in self.endings)
+        return complete and not self.too_near and not self.touched
 
     def sentence(self) -> str:
         """How many flights ended in which way, and the seeds that did not complete the mission."""
@@ -62,6 +66,8 @@ class Seeds:
         near = ""
         if self.too_near:
             near = f"; too near to what stands in the water: seed {', '.join(map(str, self.too_near[:8]))}"
+        if self.touched:
+            near += f"; touched the bottom: seed {', '.join(map(str, self.touched[:8]))}"
         return f"{len(self.seeds)} seeds from {self.seeds[0]} on: {ends}{which}{near}."
 
     def section(self) -> Section:
@@ -101,11 +107,12 @@ def fly_seeds(
     seeds = tuple(range(first, first + count))
     metrics = metrics_of(fly_batch(vehicle, autopilot, mission, seeds=list(seeds), **options))
     promised = loaded(Mission, mission).promised_m
-    short = too_near(metrics, promised)
+    short, down = too_near(metrics, promised), touched(metrics)
     return Seeds(
         seeds,
         metrics,
         tuple(ending_of(metrics, case) for case in range(count)),
         tuple(seed for seed, near in zip(seeds, short, strict=True) if near),
+        tuple(seed for seed, low in zip(seeds, down, strict=True) if low),
         tuple(counted(metrics, promised, lambda k: f"seed {seeds[k]}", "flights")),
     )

@@ -24,16 +24,16 @@ _METRICS = {
     "cross_track_largest_m": ("cross-track error, largest", "m", 3),
     "vertical_rms_m": ("vertical error, rms", "m", 3),
     "vertical_largest_m": ("vertical error, largest", "m", 3),
-    "depth_excursion_m": ("excursion from the depths of a leg", "m", 3),
-    "clearance_m": ("clearance of the hull, smallest", "m", 2),
-    "clearance_reserve_m": ("clearance beyond the promised distance", "m", 2),
-    "depth_smallest_m": ("smallest depth", "m", 2),
-    "depth_largest_m": ("largest depth", "m", 2),
-    "altitude_smallest_m": ("smallest altitude", "m", 2),
-    "pitch_largest_deg": ("largest pitch", "deg", 1),
-    "roll_largest_deg": ("largest roll", "deg", 1),
-    "switches_per_minute": ("starts and stops per minute and actuator", "", 2),
-    "navigation_nis": ("filter: normalised innovation squared (1)", "", 2),
+    "depth_excursion_m": ("depth outside the leg's range, largest", "m", 3),
+    "clearance_m": ("hull clearance, smallest", "m", 2),
+    "clearance_reserve_m": ("hull clearance beyond the promised one, smallest", "m", 2),
+    "depth_smallest_m": ("depth, smallest", "m", 2),
+    "depth_largest_m": ("depth, largest", "m", 2),
+    "altitude_smallest_m": ("altitude, smallest", "m", 2),
+    "pitch_largest_deg": ("pitch angle, largest", "deg", 1),
+    "roll_largest_deg": ("roll angle, largest", "deg", 1),
+    "switches_per_minute": ("starts and stops of an actuator, mean", "1/min", 2),
+    "navigation_nis": ("filter: normalised innovation squared, 1 expected", "", 2),
     "navigation_samples": ("filter: samples taken", "", 0),
     "navigation_refused": ("filter: samples refused", "", 0),
 }
@@ -41,7 +41,12 @@ _METRICS = {
 
 _MOST_LEGS = 30
 
-_LABEL = 16  # characters of a waypoint's name: the table is to fit 80 columns
+_LEGS_NOTE = (
+    "closest: smallest true distance from the waypoint; cross-track error (positive to starboard) and"
+    " vertical error: second half of straight legs; depth overshoot: in % of the change of depth"
+)
+
+_LABEL = 14  # characters of a waypoint's name: the table is to fit 80 columns
 
 
 def metrics_table(metrics: Mapping[str, float]) -> Table:
@@ -74,11 +79,11 @@ def navigation_table(metrics: Mapping[str, float]) -> Table | None:
 def legs_table(legs: Sequence[Leg]) -> Table:
     """A row per leg; of many legs those that were missed and those with the largest errors."""
     shown = list(legs)
-    title = "Legs; errors of the second half of straight ones, m"
+    title = "Legs"
     if len(shown) > _MOST_LEGS:
         kept = {id(leg) for leg in sorted(legs, key=_importance, reverse=True)[:_MOST_LEGS]}
         shown = [leg for leg in legs if id(leg) in kept]
-        title = f"The {_MOST_LEGS} worst of {len(legs)} legs; errors of the second half, m"
+        title = f"The {_MOST_LEGS} worst of {len(legs)} legs"
     numbers = {id(leg): number for number, leg in enumerate(legs, start=1)}
     rows = [
         (
@@ -93,8 +98,17 @@ def legs_table(legs: Sequence[Leg]) -> Table:
         )
         for leg in shown
     ]
-    head = ("waypoint", "reached", "near, m", "time, s", "across", "most", "vert.", "over, %")
-    return Table.of(title, head, rows)
+    head = (
+        "waypoint",
+        "reached",
+        Column("closest", "m"),
+        Column("time", "s"),
+        Column("cross-track mean", "m"),
+        Column("cross-track max", "m"),
+        Column("vertical max", "m"),
+        Column("depth overshoot", "%"),
+    )
+    return Table.of(title, head, rows, note=_LEGS_NOTE)
 
 
 def loops_table(loops: Mapping[str, Loop]) -> Table:
@@ -108,11 +122,20 @@ def loops_table(loops: Mapping[str, Loop]) -> Table:
             f"{loop.demand_rms:.3g}",
             f"{loop.demand_largest:.3g}",
             loop.demand_unit,
-            f"{100.0 * loop.saturated:.1f} %",
+            f"{100.0 * loop.saturated:.1f}",
         )
         for loop in loops.values()
     ]
-    head = ("loop", "error, rms", "largest", "", "demand, rms", "largest", "", "saturated")
+    head = (
+        "loop",
+        "error rms",
+        "error max",
+        Column("unit", align="left"),
+        "demand rms",
+        "demand max",
+        Column("unit", align="left"),
+        Column("saturated", "%"),
+    )
     return Table.of("Control loops while they were at work", head, rows)
 
 

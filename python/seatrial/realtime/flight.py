@@ -23,6 +23,7 @@ from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.toml_file import loaded
+from seatrial.flight.mismatch import mismatch
 from seatrial.flight.mission import Mission
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.realtime.hardware import Hardware, HardwareFacts, udp_hardware
@@ -67,6 +68,8 @@ class RealtimeFlight:
         Time, position, roll pitch yaw, nu, then commands and actuators, SI.
     notes
         What differs from the sensors as described.
+    doubt
+        Why the autopilot does not belong to the vehicle; empty where it does.
     inputs
         Texts of vehicle, autopilot and mission as they were used.
     clock
@@ -82,6 +85,7 @@ class RealtimeFlight:
     speed: float
     rows: list[list[float]]
     notes: tuple[str, ...] = ()
+    doubt: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
     clock: Clock = field(default_factory=Clock)
 
@@ -114,6 +118,8 @@ class RealtimeFlight:
             worst = f"{self.hardware.sentence()}; {worst}"
         if self.cause:
             worst = f"{self.reaction} because of {self.cause}; {worst}"
+        if self.doubt:
+            worst = f"{self.doubt}; {worst}"
         tables: tuple[Table, ...] = (self.timing.table(),)
         if self.hardware is not None:
             tables += (self.hardware.table(),)
@@ -136,6 +142,7 @@ class RealtimeFlight:
             "speed": self.speed,
             "timing": self.timing.to_dict(),
             "hardware": None if self.hardware is None else self.hardware.to_dict(),
+            "warnings": [f"{self.doubt}."] if self.doubt else [],
             "notes": list(self.notes),
         }
 
@@ -239,6 +246,7 @@ def fly_realtime(
     plant = Plant(flown, initial=_start(route), current=current, voltage_v=voltage_v)
     chosen = sensors_of(sensors, flown)
     shown = None if chosen is None else Shown(chosen, seed)
+    doubt = mismatch(pilot, believed)
     notes = () if shown is None else shown.sentences
     info = flown.actuator_info()
     neutral = {name: float(info[name]["neutral"]) for name in flown.actuators}
@@ -274,6 +282,7 @@ def fly_realtime(
         speed=speed,
         rows=loop.rows,
         notes=notes,
+        doubt=doubt,
         inputs={"vehicle": flown.to_toml(), "autopilot": pilot.to_toml(), "mission": route.to_toml()},
         clock=clock,
     )

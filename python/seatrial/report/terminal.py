@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import Console
     from rich.table import Table as RichTable
 
@@ -48,22 +50,30 @@ def rich_table(table: Table, *, width: int) -> RichTable:
     from rich.table import Table as Made
 
     shown = table.filled()
+    # Where a terminal is too narrow, heads of numbers break at spaces, then at hyphens and with less space
+    # between columns; text wraps, and numbers are never broken.
+    heads = [column.head for column in shown.columns]
+    for broken in (" ", "-"):
+        if tight := _width(heads, shown) > width:
+            heads = [
+                head.replace(broken, broken.strip() + "\n") if column.align == "right" else head
+                for head, column in zip(heads, shown.columns, strict=True)
+            ]
     made = Made(
-        title=shown.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
-    )
-    longest = [
-        max(len(text) for text in (column.head, *(row[k] for row in shown.rows)))
-        for k, column in enumerate(shown.columns)
-    ]
-    narrow = sum(longest) + 3 * len(longest) > width
-    for column in shown.columns:
-        # Where a terminal is too narrow, heads break at spaces and text wraps; numbers are never broken.
-        number = column.align == "right"
-        head = column.head.replace(" ", "\n") if number and narrow else column.head
-        made.add_column(head, justify=column.align, no_wrap=number, overflow="fold")
+        title=shown.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False,
+        collapse_padding=tight,
+    )  # fmt: skip
+    for head, column in zip(heads, shown.columns, strict=True):
+        made.add_column(head, justify=column.align, no_wrap=column.align == "right", overflow="fold")
     for row in shown.rows:
         made.add_row(*row)
     return made
+
+
+def _width(heads: Sequence[str], table: Table) -> int:
+    """Width of a table with these heads, of several lines each, with three spaces between columns."""
+    cells = [[*head.split("\n"), *(row[k] for row in table.rows)] for k, head in enumerate(heads)]
+    return sum(max(map(len, column)) for column in cells) + 3 * len(cells)
 
 
 def _say(console: Console, text: str, *, style: str | None = None) -> None:

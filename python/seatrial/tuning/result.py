@@ -15,6 +15,7 @@ import numpy as np
 from seatrial.base.atomic_write import parquet
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunResult, to_json
+from seatrial.flight.mismatch import tuned_for
 from seatrial.tuning.performance import Performance
 from seatrial.tuning.search import GUIDANCE_SEARCH, GroupResult
 from seatrial.tuning.tables import (
@@ -245,11 +246,16 @@ class Tuning(RunResult):
         }
 
 
-def tuned_autopilot(start: Autopilot, gains: Mapping[str, float], name: str, origin: str) -> Autopilot:
-    """The autopilot with other gains, four digits each, under a name that says where they come from."""
+def tuned_autopilot(
+    start: Autopilot, gains: Mapping[str, float], name: str, origin: str, vehicle: str
+) -> Autopilot:
+    """The autopilot with other gains, four digits each, under a name that says where they come from.
+
+    The description says for which vehicle (`seatrial.flight.mismatch`).
+    """
     rounded = {name: float(f"{value:.{_DIGITS}g}") for name, value in gains.items()}
     tuned = start.with_gains(rounded) if rounded else start
-    return tuned.renamed(f"{name} tuned", f"Gains of {start.name} tuned on {origin} by constraint criteria")
+    return tuned.renamed(f"{name} tuned", tuned_for(start.name, vehicle, origin))
 
 
 def _plain_margins(margins: Mapping[str, list[ReportedMargins]]) -> dict[str, list[dict[str, Any]]]:

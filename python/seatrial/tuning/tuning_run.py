@@ -296,7 +296,8 @@ class TuningRun:
         return performance.worst_s > 0.0
 
     def _tuned(self) -> Autopilot:
-        return tuned_autopilot(self.plan.autopilot, self.gains, self.plan.name, self.plan.origin)
+        plan = self.plan
+        return tuned_autopilot(plan.autopilot, self.gains, plan.name, plan.origin, plan.vehicle.name)
 
     def _result(self, performance: tuple[Performance, ...], *, relay: Any) -> Tuning:
         interrupted = self.stopped or (bool(self.results) and self.results[-1].interrupted)

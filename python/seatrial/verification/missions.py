@@ -33,6 +33,7 @@ from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
+from seatrial.flight.mismatch import mismatch
 from seatrial.flight.sea import SeaState
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
@@ -117,6 +118,11 @@ class CampaignFlights:
         self.draws([0])
         for one in self._ready:
             self.autopilot.engage(self.fitted.vehicle if self.model is None else self.model, one.mission.core)
+
+    @property
+    def doubt(self) -> str:
+        """Why the autopilot does not belong to the vehicle that it believes in; empty where it does."""
+        return mismatch(self.autopilot, self.fitted.vehicle if self.model is None else self.model)
 
     @property
     def left_out(self) -> tuple[str, ...]:

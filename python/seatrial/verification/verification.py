@@ -19,6 +19,7 @@ from seatrial.base.file_names import file_name, free_name
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import Content, RunResult, to_json
 from seatrial.flight.excesses import counted
+from seatrial.flight.mismatch import ANOTHER
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import share
 from seatrial.verification.comparison import AutopilotComparison
@@ -159,6 +160,7 @@ class Verification(RunResult):
             },
             "notes": list(self.notes),
             "doubt": self.doubt,
+            "warnings": [f"{self.flights.doubt}."] if self.flights.doubt else [],
             "left_out": list(self.flights.left_out),
         }
 
@@ -202,6 +204,8 @@ def report(found: Verification) -> Report:
             next_step = (
                 f"fly the worst one again to see where ({_again(found)}), then change mission or autopilot"
             )
+    if doubt := found.flights.doubt:
+        worst, next_step = f"{doubt}; {worst}", f"{ANOTHER}; then verify again"
     comparison = () if found.comparison is None else (*_against(found.comparison), _medians(found.comparison))
     causes = [
         f"{one.requirement.name}: {text}"

@@ -2,8 +2,8 @@
 //!
 //! The allocation matrix is weighed with what each actuator can give (`|b_ik| F_max,k`), forces over the
 //! largest force row, moments over the largest moment row, so that newtons and newton metres compare. Its singular values
-//! above [`PRACTICAL`] of the largest span what can be commanded in practice; those above [`NUMERICAL`] are its rank on
-//! paper. A row's share is the part of a unit demand in it, and in it alone, that lies in that span: 1 can be commanded,
+//! above [`PRACTICAL`] of the largest span what can be commanded in practice; those above [`NUMERICAL`] are its
+//! numerical rank. A row's share is the part of a unit demand in it, and in it alone, that lies in that span: 1 can be commanded,
 //! 0 cannot, between them it comes only with another row.
 //!
 //! Source: Fossen (2011), section 12.3; Taubert et al. (2014), equations 49, 50 (whose B⁻¹ does not exist).
@@ -186,11 +186,15 @@ impl Authority {
         let mut said = vec![match commanded.len() {
             0 => format!("At {} m/s no row can be commanded.", self.speed),
             _ => format!(
-                "At {} m/s {} can be commanded; the six rows have rank {} ({} on paper).",
+                "At {} m/s {} can be commanded; the allocation matrix has rank {} of 6{}.",
                 self.speed,
                 listed(&commanded),
                 self.rank,
-                self.numerical_rank
+                if self.numerical_rank > self.rank {
+                    format!(" ({} with singular values below 1 % of the largest)", self.numerical_rank)
+                } else {
+                    String::new()
+                }
             ),
         }];
         for (i, row) in self.rows.iter().enumerate().filter(|(i, _)| !commanded.contains(i)) {
@@ -201,7 +205,8 @@ impl Authority {
                 format!("{name} cannot be commanded: singular value {:.4} of the largest.", row.size)
             } else if row.share < WHOLE && row.controlled_share < WHOLE {
                 format!(
-                    "{name} cannot be commanded by itself: {:.0} % of a demand lies in what the actuators span.",
+                    "{name} cannot be commanded by itself: the actuators produce it only together with other \
+                     motions, and meet a demand in {name} alone to {:.0} %.",
                     100.0 * row.share.max(row.controlled_share)
                 )
             } else {

@@ -1,0 +1,150 @@
+"""Whether an autopilot was made for the vehicle that it flies: by what its file says, else by its loops.
+
+The file has no key for a vehicle. `seatrial autopilot` and `seatrial tune` write it into ``description``
+(`started_for`, `tuned_for`); a built-in autopilot, or one called "NAME start", has the name of its vehicle.
+Where the file says another vehicle, or none, the gains are held against the vehicle that flies:
+
+* too strong: at the crossover of a loop, about ``K_P/M`` of speeds and the larger of ``K_D/M`` and
+  ``sqrt(K_P/M)`` of depth and angles, with M the apparent mass or inertia, the delay of actuators and control
+  period costs 180 deg of phase, so that no margin can be left (Åström and Murray, 2021, section 10.3);
+* too weak: no loop may ask for a fifth of what the actuators give together.
+
+The built-in vehicles with their own autopilots lose 29 to 104 deg in their quickest loop and ask for 0.78 to
+3.2 times what their actuators give in their strongest.
+
+Held by ``tests/flight/test_mismatch.py``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial._core import Autopilot, Vehicle
+from seatrial.vehicle.authority import LOOPS, ROWS, delays, thrusts
+
+if TYPE_CHECKING:
+    from seatrial.base.arrays import Array
+
+__all__ = ["ANOTHER", "made_for", "mismatch", "started_for", "tuned_for"]
+
+ANOTHER = (
+    "make one for this vehicle (seatrial autopilot VEHICLE), or hold the file against it (seatrial check"
+    " AUTOPILOT --vehicle VEHICLE)"
+)
+"""What to do about an autopilot of another vehicle."""
+
+_SAID = re.compile(
+    r"^(?:Start values for (?P<started>.+), from its model"
+    r"|Gains of .+ tuned for (?P<tuned>.+), by constraint criteria on .+)$"
+)
+
+_PERIODS = 1.5  # of the control period: sampling and hold
+
+_NO_PHASE = math.pi  # rad, of the delay at the crossover: twice the 90 deg of an integrator
+
+_WEAK = 0.2  # of what the actuators give together
+
+_ALIKE = 0.3  # relative difference of apparent masses up to which two vehicles are one
+
+_UNLIMITED = 1e6  # N or N m
+
+
+def started_for(vehicle: str) -> str:
+    """Description of an autopilot with start values for a vehicle of a name."""
+    return f"Start values for {vehicle}, from its model"
+
+
+def tuned_for(start: str, vehicle: str, origin: str) -> str:
+    """Description of an autopilot whose gains were tuned for a vehicle, from an autopilot `start` on."""
+    return f"Gains of {start} tuned for {vehicle}, by constraint criteria on {origin}"
+
+
+def made_for(autopilot: Autopilot) -> str:
+    """Name of the vehicle that an autopilot was made for, by its file; empty where the file does not say.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> text = st.start_autopilot(st.Vehicle.load("lauv"))
+    >>> made_for(st.Autopilot.load("lauv")), made_for(st.Autopilot.from_toml(text))
+    ('lauv', 'lauv')
+    """
+    if said := _SAID.match(autopilot.description):
+        return said["started"] or said["tuned"]
+    name = autopilot.name.removesuffix(" start")
+    return name if name in Vehicle.names() else ""
+
+
+def mismatch(autopilot: Autopilot, vehicle: Vehicle) -> str:
+    """Why an autopilot does not belong to a vehicle, a sentence without its full stop; empty where it does.
+
+    Parameters
+    ----------
+    autopilot : Autopilot
+    vehicle : Vehicle
+        That the autopilot believes in.
+    """
+    of = made_for(autopilot)
+    if of == vehicle.name or (of in Vehicle.names() and _alike(Vehicle.load(of), vehicle)):
+        return ""
+    doubt = _too_strong(autopilot, vehicle) or _too_weak(autopilot, vehicle)
+    if not of:
+        return f"the autopilot {autopilot.name} does not fit {vehicle.name}: {doubt}" if doubt else ""
+    return f"the autopilot was made for {of}, and {vehicle.name} flies" + (f": {doubt}" if doubt else "")
+
+
+def _alike(one: Vehicle, other: Vehicle) -> bool:
+    """Whether two vehicles have the same actuators and about the same apparent masses."""
+    masses = [np.diag(np.asarray(each.mass_matrix())) for each in (one, other)]
+    return one.actuators == other.actuators and bool(
+        np.all(np.abs(masses[0] - masses[1]) <= _ALIKE * np.minimum(*masses))
+    )
+
+
+def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> str:
+    """The loop whose gains leave it no phase margin at its crossover; empty where none does."""
+    tables, late = autopilot.loops(), delays(vehicle, ROWS)
+    mass = np.diag(np.asarray(vehicle.mass_matrix()))
+    lost = {}
+    for loop, row, own in zip(LOOPS, ROWS, mass.tolist(), strict=True):
+        table = tables.get(loop)
+        if table is None or "K_P" not in table:
+            continue
+        k_p, k_d = _largest(table, "K_P"), _largest(table, "K_D_s")
+        crossover = k_p / own if loop in ("surge", "sway") else max(k_d / own, math.sqrt(max(k_p, 0.0) / own))
+        lost[loop] = crossover * (_PERIODS * autopilot.period_s + late[row].total_s)
+    if not lost or max(lost.values()) < _NO_PHASE:
+        return ""
+    loop = max(lost, key=lambda name: lost[name])
+    return (
+        f"at the crossover of its {loop} loop the delay of this vehicle costs"
+        f" {math.degrees(lost[loop]):.0f} deg of phase, and no margin is left"
+    )
+
+
+def _too_weak(autopilot: Autopilot, vehicle: Vehicle) -> str:
+    """How little all loops ask for of what the actuators give; empty where one asks for enough."""
+    speed = 0.5 * max(abs(one) for one in autopilot.speeds_m_s)
+    strength = np.abs(thrusts(vehicle, speed)).max(axis=1)
+    gives: Array = np.abs(np.asarray(vehicle.allocation_matrix())) @ strength
+    shares = {
+        loop: float(table["tau_max"]) / gives[LOOPS.index(loop)]
+        for loop, table in autopilot.loops().items()
+        if "tau_max" in table and 0.0 < gives[LOOPS.index(loop)] < _UNLIMITED
+    }
+    if not shares or max(shares.values()) >= _WEAK:
+        return ""
+    loop = max(shares, key=lambda name: shares[name])
+    return (
+        f"its loops ask for at most {100.0 * shares[loop]:.0f} % of what the actuators of this vehicle give"
+        f" ({loop})"
+    )
+
+
+def _largest(table: Mapping[str, Any], key: str) -> float:
+    return float(np.max(np.asarray(table.get(key, 0.0), dtype=float)))

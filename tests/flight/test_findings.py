@@ -1,0 +1,173 @@
+"""What went wrong on a flight comes in the order of its gravity, with the cause that the log shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.flight.findings import missed_waypoint, outside, overrun
+from seatrial.flight.seeds import fly_seeds
+from tests.flight.flying import BOX, OUT
+
+STEEP = """
+format = 1
+name = "steep"
+speed_m_s = 1.5
+acceptance_radius_m = 3.0
+[start]
+depth_m = 3.0
+[[legs]]
+label = "out"
+north_m = 60.0
+east_m = 0.0
+depth_m = 3.0
+[[legs]]
+label = "down"
+north_m = 80.0
+east_m = 0.0
+depth_m = 25.0
+[[legs]]
+label = "on"
+north_m = 160.0
+east_m = 0.0
+depth_m = 25.0
+"""
+
+
+def _lines(mission: str, *, vehicle: str = "cwolf", **around: object) -> tuple[st.Flight, str, str]:
+    flight = st.fly(vehicle, vehicle, st.Mission.from_toml(mission), **around)  # type: ignore[arg-type]
+    said = flight.report()
+    return flight, said.worst, said.next_step
+
+
+def test_a_leg_that_is_steeper_than_guidance_dives_is_told_with_both_slopes_and_its_length() -> None:
+    flight, worst, next_step = _lines(STEEP, vehicle="lauv")
+    assert not flight.legs[1].reached
+    slope = math.degrees(math.atan2(22.0, 20.0))
+    assert f"the leg descends 22.0 m over 20.0 m, a slope of {slope:.0f} deg, where guidance allows" in worst
+    limit = flight.autopilot.guidance()["pitch_max_deg"]
+    assert f"(pitch_max_deg = {limit:g})" in worst
+    least = math.ceil(22.0 / math.tan(math.radians(limit)))
+    assert next_step.startswith(f"lengthen the leg to at least {least} m")
+    assert "enlarge" not in next_step
+    # As long as it is advised, the leg is flown.
+    longer = STEEP.replace("north_m = 80.0", f"north_m = {60.0 + 1.1 * least}").replace("160.0", "260.0")
+    assert _lines(longer, vehicle="lauv")[0].legs[1].reached
+
+
+def test_a_vehicle_that_dives_on_the_spot_is_late_by_the_same_leg() -> None:
+    flight, worst, next_step = _lines(STEEP)
+    assert flight.complete
+    planned = flight.route.planned_time
+    assert worst.startswith(f"it took {flight.metrics['duration_s']:.0f} s, ")
+    assert f'the planned {planned:.0f} s, furthest behind its plan on the way to "down"' in worst
+    assert "the rest was made on the spot" in worst
+    assert next_step.startswith("lengthen the leg to at least")
+
+
+def test_a_waypoint_missed_at_one_depth_is_no_question_of_the_dive() -> None:
+    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(BOX.replace("5.0\n[[legs", "0.05\n[[legs", 1)))
+    missed = next(k for k, leg in enumerate(flight.legs) if not leg.reached)
+    leg = flight.legs[missed]
+    found = missed_waypoint(flight, missed, leg)
+    assert "slope" not in found.words
+    assert found.remedy.startswith(f"enlarge its acceptance radius beyond {leg.smallest_m:.1f} m")
+    wrong = missed_waypoint(flight, missed, replace(leg, perceived_m=0.01, smallest_m=9.0))
+    assert wrong.words.endswith("its position was wrong by so much")
+    assert "--navigation filter" in wrong.remedy
+
+
+def test_a_current_from_ahead_makes_a_flight_late_and_the_speed_made_good_is_told() -> None:
+    mission = OUT.replace("north_m = 60.0", "north_m = 300.0")
+    flight, worst, next_step = _lines(mission, current=(-2.2, 0.0, 0.0))
+    made = 300.0 / flight.legs[0].time_s
+    assert overrun(flight, flight.legs)
+    assert f"({made:.2f} m/s made good, 1.5 m/s asked for)" in worst
+    assert "the speed that the vehicle makes good" in next_step
+    still = st.fly("cwolf", "cwolf", st.Mission.from_toml(mission))
+    assert overrun(still, still.legs) is None
+
+
+def test_a_time_limit_that_the_safety_lets_pass_is_told() -> None:
+    text = st.Autopilot.load("cwolf").to_toml()
+    calm = text.replace('time = "surface"', 'time = "continue"', 1)
+    assert calm != text
+    mission = st.Mission.from_toml(OUT.replace("[start]", "[limits]\nmax_time_s = 41.0\n[start]"))
+    flight = st.fly("cwolf", st.Autopilot.from_toml(calm), mission, current=(-1.0, 0.0, 0.0))
+    assert flight.complete
+    assert "times the planned 40 s, and the mission allows 41 s" in flight.report().worst
+
+
+@pytest.mark.parametrize(
+    ("limits", "around", "words"),
+    [
+        ("", {"seabed": 25.1}, "lauv touched the bottom, at "),
+        ("min_altitude_m = 1.9", {"seabed": 27.0}, "the mission's least altitude is 1.9 m"),
+        ("max_depth_m = 25.1", {}, "the mission's largest depth is 25.1 m"),
+        (
+            "fence_m = [[-9.0, -9.0], [-9.0, 9.0], [165.0, 9.0], [165.0, -9.0]]",
+            {},
+            "m outside the mission's fence, at ",
+        ),
+    ],
+)
+def test_a_limit_that_is_broken_comes_before_a_waypoint_that_is_missed(
+    limits: str, around: dict[str, float], words: str
+) -> None:
+    """The dive overshoots 25 m by 0.3 m and is finished in a circle of 20 m."""
+    mission = STEEP.replace("[start]", f"[limits]\n{limits}\n[start]")
+    flight, worst, _ = _lines(mission, vehicle="lauv", **around)
+    first = worst.split("; the safety")[0].split('; "down" not reached')[0]
+    assert words in first
+    assert not flight.complete
+
+
+def test_touching_the_bottom_is_no_complete_mission_whatever_the_safety_does() -> None:
+    """All waypoints are reached; the bottom rises to the north and meets the turn beyond the first one."""
+    mission = OUT.replace("60.0", "30.0") + "[[legs]]\nnorth_m = 0.0\neast_m = 0.0\ndepth_m = 5.0\n"
+    text = st.Autopilot.load("cwolf").to_toml()
+    calm = text.replace('altitude = "surface"', 'altitude = "continue"', 1)
+    assert calm != text
+    flight = st.fly(
+        "cwolf", st.Autopilot.from_toml(calm), st.Mission.from_toml(mission), seabed=(8.0, -0.099, 0.0)
+    )
+    assert flight.outcome == "complete"
+    assert all(leg.reached for leg in flight.legs)
+    assert flight.report().worst.startswith("cwolf touched the bottom")
+    assert flight.outcome_in_words == "flown to its end, the bottom touched"
+    assert not flight.complete
+    many = fly_seeds(
+        "cwolf", st.Autopilot.from_toml(calm), st.Mission.from_toml(mission), count=2, first=4,
+        options={"seabed": (8.0, -0.099, 0.0)},
+    )  # fmt: skip
+    assert many.touched == (4, 5)
+    assert not many.all_complete
+    assert "touched the bottom: seed 4, 5" in many.sentence()
+
+
+def test_a_flight_along_the_bottom_without_touching_it_is_complete() -> None:
+    flight, worst, _ = _lines(BOX, seabed=12.0)
+    assert flight.complete
+    assert "bottom" not in worst
+
+
+def test_the_distance_outside_a_fence_is_that_to_its_nearest_side() -> None:
+    """A notched square: points within, in the notch and beyond a corner."""
+    fence = np.array([
+        [0.0, 0.0],
+        [0.0, 10.0],
+        [10.0, 10.0],
+        [10.0, 6.0],
+        [4.0, 6.0],
+        [4.0, 4.0],
+        [10.0, 4.0],
+        [10, 0],
+    ])
+    points = np.array([[2.0, 5.0], [8.0, 5.0], [13.0, 14.0], [5.0, -2.0], [np.nan, 0.0]])
+    assert outside(points, fence).tolist() == pytest.approx([0.0, 1.0, 5.0, 2.0, 0.0])
+    # The same whichever way the corners run.
+    assert outside(points, fence[::-1]).tolist() == pytest.approx([0.0, 1.0, 5.0, 2.0, 0.0])
