@@ -86,6 +86,8 @@ class Imported:
         Actuators of the vehicle without a command.
     map_source
         The file of the map, or "proposed".
+    twice
+        Delays that the map's clocks remove and the edited campaign, too.
     refused
         Recordings that made no trial, and why.
     kept
@@ -104,6 +106,7 @@ class Imported:
     refused: tuple[str, ...]
     kept: tuple[str, ...]
     map_source: str
+    twice: tuple[str, ...] = ()
 
     def report(self) -> Report:
         """What was imported, the worst problem, the next command; then columns, trials, doubts."""
@@ -223,6 +226,7 @@ def _problems(made: Imported) -> Iterator[str]:
                 " channels were read, its model will mean nothing"
             )
     yield from made.refused
+    yield from made.twice
     yield from _findings(made, "error")
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
