@@ -176,7 +176,7 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
     if usual and 0.2 < moves < 1.0:
         report.add(
             "info",
-            signal.name,
+            signal.label,
             "samples repeat the one before: "
             f"a sensor of about {moves / signal.step:.2g} Hz in a table of {1.0 / signal.step:.3g} Hz",
             int(repeated.sum()),
@@ -197,7 +197,7 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
             events += 1
     plural = "" if events == 1 else "s"
     report.add(
-        "warning", signal.name, f"frozen samples in {events} drop-out{plural}; masked", int(result.sum())
+        "warning", signal.label, f"frozen samples in {events} drop-out{plural}; masked", int(result.sum())
     )
     return result
 
@@ -265,7 +265,7 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
     result[good[jump]] = result[good[jump + 1]] = True
     report.add(
         "warning",
-        signal.name,
+        signal.label,
         f"jumps faster than any ordinary motion; {int(result.sum())} samples beside them, "
         f"or between two less than {_TRUSTED_AFTER_S:g} s apart, masked",
         len(jump),
