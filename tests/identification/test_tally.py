@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import polars as pl
@@ -12,8 +13,10 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial._core import State, Vehicle
+from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.identification.estimate import Estimate, Tally, tally
+from seatrial.identification.identification import Identification
 
 CAMPAIGN = """
 format = 1
@@ -99,3 +102,20 @@ def test_a_trial_that_tells_hardly_anything_is_no_success(
     cells = [line.split() for line in result.stdout.splitlines() if line.startswith((" X_uu ", " Y_v "))]
     assert "identifiable" in cells[0]  # no verdict is left to be guessed from an empty cell
     Vehicle.load("run/vehicle.toml")
+
+
+def test_what_is_known_beforehand_is_not_asked_for() -> None:
+    # Gains of single thrusters with a prior allow for what is not known exactly; K_p is sought.
+    text = (
+        CAMPAIGN
+        + '[polish.coefficients]\n"SbU.gain" = { bounds = [0.5, 1.5], sd = 0.1 }\nK_p = [-3.0, 0.0]\n'
+    )
+    campaign = Campaign.from_toml(text)
+    one = Estimate("SbU.gain", "1", 1.0, 1.0, 0.5, 1.5, None, "all", "SbU.gain", verdict="not identifiable")
+    rows = (
+        one,
+        replace(one, name="K_p", parameter="K_p", estimate=-1.0, verdict="weak"),
+        replace(one, name="X_uu", parameter="X_uu", estimate=-9.0, verdict="identifiable"),
+    )
+    fit = SimpleNamespace(campaign=campaign, coefficients=rows, held=())
+    assert Identification.tally.fget(fit) == Tally(1, 1, 0, 0, 0)  # type: ignore[attr-defined]

@@ -141,8 +141,20 @@ class Identification(RunResult):
 
     @property
     def tally(self) -> Tally:
-        """How many of the coefficients that were asked for the trials tell."""
-        return tally(self.coefficients, [one.parameter for one in self.held])
+        """How many of the coefficients that were asked for the trials tell.
+
+        Those that are known beforehand (``sd`` under [polish]) and that no stage frees are not asked for:
+        they stand for what is not known exactly, as a nuisance parameter does.
+        """
+        polish = self.campaign.file.polish
+        known = (
+            set()
+            if polish is None
+            else {name for name, one in polish.coefficients.items() if one.sd is not None}
+        )
+        known -= {name for stage in self.campaign.stages for name in stage.coefficients}
+        sought = [row for row in self.coefficients if row.parameter not in known]
+        return tally(sought, [one.parameter for one in self.held if one.parameter not in known])
 
     @property
     def sigma(self) -> dict[str, float]:
