@@ -4,7 +4,7 @@ The hour is GENERATED: four trials of fifteen minutes (surge, dive, turn, dive b
 by the truth vehicle of ``examples/cwolf``. Each repeats the commands of the example's trial, from the
 second time on with levels that a fixed seed varies by up to 20 %. The stages are those of the example's
 campaign; nothing is held out. `run` isolates the stages: their plan, step and search, without reading the
-logs; `identify` is the whole, with joint polish, standard deviations and residual analysis.
+logs; `identify` is the whole, with joint estimate, standard deviations and residual analysis.
 Held by tests/benchmarks/test_benchmarks.py.
 """
 

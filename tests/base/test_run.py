@@ -16,7 +16,7 @@ import polars as pl
 import pytest
 from typer.testing import CliRunner
 
-from seatrial.base.atomic_write import write_table
+from seatrial.base.atomic_write import write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError
 from seatrial.base.progress import Clock
 from seatrial.base.run import RUN_FILE, RunDirectory, check_writable, only_user, part_file, run_facts, to_json
@@ -355,6 +355,42 @@ def test_a_file_that_cannot_be_finished_leaves_the_former_one(
     with pytest.raises(TrialError, match=r"cannot be written \(No space left on device\)"):
         write_table(pl.DataFrame({"t_s": [0.0]}), tmp_path / name)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["former"]
+
+
+def test_of_many_writers_of_a_new_file_one_wins_and_its_file_is_whole(tmp_path: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path; from seatrial.base.atomic_write import write_atomic\n"
+        "sys.stdin.readline()\n"
+        "try: write_atomic(Path(sys.argv[1]), sys.argv[2].encode() * 100_000, new=True)\n"
+        "except FileExistsError: sys.exit(3)"
+    )
+    path = tmp_path / "autopilot.toml"
+    writers = [
+        subprocess.Popen([sys.executable, "-c", code, str(path), letter], stdin=subprocess.PIPE)
+        for letter in "abcd"
+    ]
+    for one in writers:
+        assert one.stdin is not None
+        one.stdin.write(b"go\n")
+        one.stdin.flush()
+    codes = [one.wait(60) for one in writers]
+    for one in writers:
+        assert one.stdin is not None
+        one.stdin.close()
+    assert sorted(codes) == [0, 3, 3, 3]
+    assert path.read_text() == "abcd"[codes.index(0)] * 100_000
+    assert [one.name for one in tmp_path.iterdir()] == ["autopilot.toml"]
+
+
+def test_a_new_file_without_hard_links_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(*_: object) -> None:
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", none)
+    write_atomic(tmp_path / "a.toml", b"first", new=True)
+    with pytest.raises(FileExistsError):
+        write_atomic(tmp_path / "a.toml", b"second", new=True)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["first"]
 
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -163,6 +163,20 @@ def test_the_verb_prints_modes_gains_and_safety(tmp_path: Path) -> None:
     assert len(data["safety"]) == 14
 
 
+@pytest.mark.parametrize("options", [(), ("--vehicle", "cwolf")])
+def test_a_mistake_in_the_text_is_said_and_the_file_taken_for_no_vehicle(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    path = tmp_path / "big.toml"
+    path.write_text(TEXT + "\n[safety\n")
+    result = call("check", path, *options)
+    assert result.exit_code == 2
+    said = " ".join(result.stderr.split())
+    assert "big.toml: not a TOML file: " in said
+    assert "line " in said
+    assert "vehicle" not in said
+
+
 def test_options_that_do_not_belong_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(TEXT)

@@ -381,3 +381,9 @@ def test_options_that_do_not_belong_are_refused(arguments: tuple[str | Path, ...
     assert result.exit_code == 2
     assert words in result.stderr
     assert "Traceback" not in result.output
+
+
+def test_one_waypoint_is_no_plural() -> None:
+    told = check_mission(made(at(50.0, 0.0))).report().text()
+    assert ": nothing looks wrong. 1 waypoint, 50 m" in told
+    assert "1 waypoints" not in told

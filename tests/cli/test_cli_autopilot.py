@@ -100,6 +100,19 @@ def test_a_file_that_exists_is_replaced_only_when_told_to() -> None:
     assert st.Autopilot.load("autopilot.toml").name == "cwolf start"
 
 
+def test_of_two_that_write_one_file_the_second_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = st.start_autopilot
+
+    def overtaken(*arguments: object, **options: object) -> str:
+        Path("autopilot.toml").write_text("the other's")
+        return made(*arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("seatrial.control_design.start_autopilot.start_autopilot", overtaken)
+    refused(call("cwolf"), "autopilot.toml: another program wrote this file meanwhile", "--force")
+    assert Path("autopilot.toml").read_text() == "the other's"
+    assert [path.name for path in Path().iterdir()] == ["autopilot.toml"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

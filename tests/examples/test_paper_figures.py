@@ -157,7 +157,7 @@ def test_optimisation_diagram_shows_stages_order_and_criterion(fit: Identificati
         "simplex",
         "free X: run",
         "free Z: dive",
-        "joint polish",
+        "joint estimate",
     ):
         assert said in words
     first = fit.stages[0]
@@ -184,7 +184,7 @@ def test_stage_result_shows_errors_fall_and_the_coefficients_found(fit: Identifi
     heading = (
         f"surge: criterion {number(result.start_cost)} \N{RIGHTWARDS ARROW} {number(result.cost)} std dev."
     )
-    assert f"{heading}, joint polish {number(polished)}" in words
+    assert f"{heading}, joint estimate {number(polished)}" in words
     certain = fit.assessment
     assert certain is not None
     known = certain.of("X_uu")

@@ -256,5 +256,5 @@ def test_one_short_trial_costs_only_its_own_standard_deviations() -> None:
     assert "Z_ww" not in fit.sigma
     (said,) = (note for note in fit.notes if "left out" in note)
     assert said.startswith("trial short is left out of the standard deviations, and there is none for Z_ww")
-    assert "Shorten segment_s or give a longer trial" in said
+    assert "A trial needs at least 20 s (segment_s) in one piece" in said
     assert said in fit.before

@@ -162,3 +162,12 @@ def test_log_without_a_known_field_says_what_to_write(tmp_path: Path) -> None:
     ):
         st.import_logs(tmp_path / "odd.csv", out=tmp_path / "p")
     assert not (tmp_path / "p").exists()
+
+
+def test_a_log_without_a_time_names_the_columns_that_there_are(tmp_path: Path) -> None:
+    path = tmp_path / "bench.csv"
+    path.write_text("depth_m,yaw_deg,u_m_s\n" + "".join(f"{k},{2 * k},{0.1 * k}\n" for k in range(30)))
+    with pytest.raises(st.TrialError) as refused:
+        st.import_logs(path)
+    said = str(refused.value)
+    assert "there are the columns depth_m, yaw_deg, u_m_s; name its time column" in said

@@ -51,6 +51,30 @@ def test_bluerov_masks_few_samples_of_its_irregular_doppler_log(bluerov: tuple[P
     assert trial.valid[:, 0].mean() > 0.95  # 13 % were masked with the median interval
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "names",
+    [
+        *[(f"beluga/synchronized-{run}-1.csv",) for run in ("heave", "random", "surge", "sway", "yaw")],
+        ("bluerov2_heavy/00000029_filtered.BIN",),
+        ("ardusub_small/small.BIN",),
+        ("ardusub_small/small.tlog",),
+        tuple(f"field_torpedo/{name}.csv" for name in ("attitude", "depth", "dvl", "fins")),
+        ("samples_ulog/sample_log_small.ulg",),
+    ],
+)
+def test_no_unit_changes_within_a_recording(names: tuple[str, ...]) -> None:
+    paths = [DATA / name for name in names]
+    _needs(*paths)
+    for module in ("pymavlink", "pyulog"):
+        pytest.importorskip(module)
+    found = [one for trial in st.import_logs(paths).trials for one in trial.trial.report.findings]
+    assert not [one for one in found if "the unit changes" in one.message]
+    # Only Beluga's positions, and those of aircraft, count upwards.
+    upwards = any("above the surface" in one.message for one in found)
+    assert upwards == names[0].startswith(("beluga", "samples_ulog"))
+
+
 def test_bluerov_campaign_is_ready_and_thrusters_turn_as_the_data_say(
     bluerov: tuple[Path, st.Imported],
 ) -> None:

@@ -25,3 +25,16 @@ def test_a_column_called_t_is_the_time_though_stamps_fall_within_bursts(tmp_path
     path.write_text("t,depth_cm\n" + "\n".join(rows) + "\n")
     [topic] = open_log(path).topics()
     assert topic.end_s - topic.start_s > 98.0
+
+
+def test_rates_of_one_gyro_have_one_unit() -> None:
+    # A vehicle that only yaws: 20 deg/s of yaw, 2 deg/s of roll and pitch.
+    sizes = {"gyro_x": 2.0, "gyro_y": 1.5, "gyro_z": 20.0}
+    fields = tuple(Field(name, "", 2000, -size, size, 0.0, size / 3.0, 0.0) for name, size in sizes.items())
+    topic = Topic("imu", 2000, 0.0, 200.0, 0.1, 0.1, 0, fields)
+    found = {one.canonical: one.unit for one in propose("csv", [topic], {})}
+    assert {found[name] for name in ("p_deg_s", "q_deg_s", "r_deg_s")} == {"deg/s"}
+    # One that states its unit tells nothing of the others' range.
+    stated = Field("gyro_z", "deg/s", 2000, -20.0, 20.0, 0.0, 6.0, 0.0)
+    topic = Topic("imu", 2000, 0.0, 200.0, 0.1, 0.1, 0, (*fields[:2], stated))
+    assert {one.canonical: one.unit for one in propose("csv", [topic], {})}["r_deg_s"] == "deg/s"

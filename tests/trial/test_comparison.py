@@ -76,6 +76,10 @@ def test_the_better_vehicle_is_named(found: Comparison) -> None:
     (sentence,) = found.sentences()
     assert "own predicts better" in sentence
     assert "heavier is worse in u" in sentence
+    first, worst, _ = found.report().lines()
+    assert first.startswith("own against heavier: own predicts better. The error of heavier in a typical")
+    # That the other one is no better is no bad news.
+    assert worst == "Worst: Nothing stands out: no other vehicle is better than own in any channel."
 
 
 def test_comparison_is_antisymmetric(found: Comparison, trial: Trial) -> None:
@@ -84,6 +88,7 @@ def test_comparison_is_antisymmetric(found: Comparison, trial: Trial) -> None:
         {"heavier": own.with_coefficients({"X_udot": -60.0}), "own": own}, trial, channels=["u", "r", "yaw"]
     )
     assert turned.overall[0].verdict == "better"
+    assert turned.report().lines()[0].startswith("heavier against own: own predicts better. ")
     # The logarithms change their sign, the interval turns round.
     assert turned.overall[0].error_ratio == pytest.approx(1.0 / found.overall[0].error_ratio)
     lower, upper = found.overall[0].error_interval or (math.nan, math.nan)
@@ -96,6 +101,16 @@ def test_two_names_of_one_vehicle_are_not_told_apart(trial: Trial) -> None:
     assert {d.verdict for d in twins.differences} == {"not told apart"}
     assert twins.overall[0].error_ratio == 1.0
     assert "predict the same" in twins.sentences()[0]
+    assert twins.report().outcome == "not told apart"
+    assert twins.report().worst == "these windows do not tell one and other apart"
+
+
+def test_of_several_vehicles_the_better_ones_are_counted(trial: Trial) -> None:
+    own = Vehicle.load("cwolf")
+    heavier = own.with_coefficients({"X_udot": -60.0})
+    told = compare({"own": own, "heavier": heavier, "twin": own}, trial, channels=["u", "r", "yaw"]).report()
+    assert told.title == "own against heavier, twin"
+    assert told.outcome == "of 2 others 0 predict better than own, 1 worse"
 
 
 def test_a_free_run_is_one_window_and_tells_no_interval(trial: Trial) -> None:

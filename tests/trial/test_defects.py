@@ -184,3 +184,12 @@ def test_revolutions_in_the_range_of_pulse_widths_stay(other: float) -> None:
     revolutions = np.where(t % 20.0 < 15.0, 1500.0, other)
     trial = Trial.read({"t_s": t, "u_m_s": np.sin(t), "cmd.propeller": revolutions}, align=False)
     assert np.unique(trial.commands["propeller"]).size == 2
+
+
+def test_gaps_of_a_depth_alone_are_not_those_of_a_position() -> None:
+    t = np.arange(0.0, 120.0, 0.1)
+    t = t[(t < 50.0) | (t > 52.0)]
+    table = {"t_s": t, "z_m": 5.0 + np.sin(0.05 * t), "u_m_s": np.sin(0.1 * t)}
+    said = str(Trial.read(table, align=False).report)
+    assert "depth: 1 gap in time" in said
+    assert "position" not in said

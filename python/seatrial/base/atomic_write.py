@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["parquet", "write_atomic", "write_table"]
 
 
-def write_atomic(path: Path, content: bytes | Callable[[Path], None]) -> None:
+def write_atomic(path: Path, content: bytes | Callable[[Path], None], *, new: bool = False) -> None:
     """Write a file whole or not at all.
 
     Parameters
@@ -28,13 +28,18 @@ def write_atomic(path: Path, content: bytes | Callable[[Path], None]) -> None:
     path : Path
     content : bytes or callable
         What stands in it, or what writes it to a path: for a file that memory may not hold.
+    new : bool, optional
+        Whether a file of that name is left alone: of several writers at a time one wins.
 
     Raises
     ------
+    FileExistsError
+        There is a file of that name, and it was to be new.
     OSError
         It cannot be written; the former file of that name is still there.
     """
-    partial = path.with_name(path.name + ".writing")
+    # A name of this process: two writers of one file do not write into the same part.
+    partial = path.with_name(f"{path.name}.{os.getpid()}.writing")
     try:
         if callable(content):
             content(partial)
@@ -43,10 +48,26 @@ def write_atomic(path: Path, content: bytes | Callable[[Path], None]) -> None:
                 stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
-        partial.replace(path)
+        if new:
+            _publish_new(partial, path)
+        else:
+            partial.replace(path)
     except BaseException:  # Ctrl-C, too, leaves no part behind
         partial.unlink(missing_ok=True)
         raise
+
+
+def _publish_new(partial: Path, path: Path) -> None:
+    """Give a finished file its name unless another one has it."""
+    try:
+        os.link(partial, path)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links: the name is taken first, then the file put there
+        path.open("xb").close()
+        partial.replace(path)
+        return
+    partial.unlink()
 
 
 def parquet(frame: pl.DataFrame) -> bytes:

@@ -11,6 +11,7 @@ from seatrial.base.report import Report, Section, Table
 from seatrial.intake.consistency_result import UNTOLD, current_sentence
 from seatrial.intake.consistency_trials import Proposal, accepted, consistency_of_trial, proposals
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
+from seatrial.intake.project import clocks_proposed
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -268,7 +269,7 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
         kinds,
         _data(campaign, kinds) if kinds else (),
         told,
-        proposals(told, reports),
+        proposals(told, reports, clocks_proposed(campaign.folder)),
     )
 
 

@@ -284,7 +284,7 @@ class MissionCheck:
             title=self.name,
             outcome=f"{count} warning{'s' if count > 1 else ''}" if count else "nothing looks wrong",
             good=(
-                f"{self.waypoints} waypoints, {self.length_m:.0f} m, planned to take"
+                f"{_waypoints(self.waypoints)}, {self.length_m:.0f} m, planned to take"
                 f" {duration(self.planned_s)}{energy}"
             ),
             worst=worst,
@@ -402,6 +402,10 @@ def check_mission(
     )
 
 
+def _waypoints(count: int) -> str:
+    return f"{count} waypoint{'' if count == 1 else 's'}"
+
+
 def duration(seconds: float) -> str:
     """Time as people say it.
 
@@ -437,7 +441,7 @@ def _energy(vehicle: Vehicle, rows: tuple[LegRow, ...]) -> Energy | None:
 def _notes(mission: Mission, rows: tuple[LegRow, ...]) -> list[str]:
     count = len(mission.waypoints["label"])
     notes = [
-        f"Path: {mission.length:.0f} m in {duration(mission.planned_time)}, {count} waypoints; straight, at"
+        f"Path: {mission.length:.0f} m in {duration(mission.planned_time)}, {_waypoints(count)}; straight, at"
         " the speeds of its legs, in still water"
     ]
     index, slope = mission.core.steepest

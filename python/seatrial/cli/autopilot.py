@@ -49,7 +49,13 @@ def autopilot(
     margins = autopilot_margins(loaded, made)
     between = sound_speeds(loaded, made)
     told = [*_authority(loaded, found), *_left_out(text)]
-    write_atomic(out, text.encode())
+    try:
+        write_atomic(out, text.encode(), new=not force)
+    except FileExistsError:
+        raise SeatrialError(
+            f"--out {out}: another program wrote this file meanwhile, and it is not overwritten; give another"
+            " name, or --force"
+        ) from None
     if json:
         rows = [vars(row) | {"verdict": row.verdict} for row in margins]
         beside = {"authority": told, "margins": rows, "sound_m_s": between, "file": str(out)}

@@ -47,7 +47,7 @@ class Assessment:
     unknowns
         The same and the nuisance parameters.
     polished
-        How the joint polish went; its ``rounds`` are zero where the campaign asks for none.
+        How the joint estimate went; its ``rounds`` are zero where the campaign asks for none.
     uncertainty
         Standard deviations, 95 % intervals, correlations, block length.
     identifiability
@@ -187,9 +187,9 @@ class Assessment:
         costs = self.polished.costs
         same = int((costs < costs.min() + 1.0).sum())
         if same == len(costs):
-            return f"all {same} starts of the joint polish found the same optimum"
+            return f"all {same} starts of the joint estimate found the same optimum"
         return (
-            f"{same} of {len(costs)} starts of the joint polish found the best optimum, the others"
+            f"{same} of {len(costs)} starts of the joint estimate found the best optimum, the others"
             " ended in worse ones"
         )
 

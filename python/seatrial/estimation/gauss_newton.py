@@ -1,4 +1,4 @@
-"""A Gauss-Newton round of the joint polish: differentiate all segments, eliminate their starts, take a step.
+"""A Gauss-Newton round of the joint estimate: differentiate all segments, eliminate their starts, step.
 
 The initial conditions of a segment touch nothing else, so that they are eliminated segment by segment (Schur
 complement, as in bundle adjustment); what is left goes to SciPy's trust-region solver with the bounds. Within

@@ -60,7 +60,7 @@ _SPREAD = 0.1
 
 @dataclass(frozen=True)
 class Polished:
-    """What the joint polish found.
+    """What the joint estimate found.
 
     ``values`` (m,) of the unknowns, ``initial`` (segments, 12) initial conditions, ``noise`` (C,) standard
     deviation of each channel's residual, ``cost`` half the robust sum of squares and priors in these units

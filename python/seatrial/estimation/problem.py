@@ -139,7 +139,8 @@ def _of_trial(campaign: Campaign, stage: Stage, name: str, index: int) -> tuple[
         raise CampaignError(
             f"{where}, key segment_s: trial {name!r} has no piece of {stage.segment_s:g} s that is not"
             f" held out and starts from valid samples; its training part lasts"
-            f" {training.sum() * trial.dt:g} s. Shorten segment_s or give a longer trial"
+            f" {training.sum() * trial.dt:g} s. A trial needs at least {stage.segment_s:g} s (segment_s) in"
+            " one piece besides what is held out: give a longer one or shorten segment_s"
         )
     counting = np.array([stage.weights().get(channel, 0.0) for channel in CHANNELS]) > 0
     return Record(trial, campaign.input_of(name), trial.valid & training[:, None] & counting), pieces

@@ -61,7 +61,7 @@ class Repetition:
     hold_out
         R2 by vehicle ("start", "estimate", "truth") and channel on the held-out trials, ten seconds ahead.
     converged, rounds, wall_s
-        How the joint polish ended.
+        How the joint estimate ended.
     """
 
     seed: int

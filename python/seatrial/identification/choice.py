@@ -76,7 +76,7 @@ _TELLING = 0.02
 """Differences of R2 below this mean nothing."""
 
 _LIKELIER = 10.0
-"""Nats of all held-out data from which the other damping is the result."""
+"""Log-likelihood of all held-out data from which the other damping is the result."""
 
 _ROUNDS = 6
 """Of the joint estimate with the other damping until the two are compared."""
@@ -329,7 +329,7 @@ def quadratic_or_strips(
         words = "held-out data" if held_out else "the log"
         drag = f"cross-flow drag by strips ({name})", f"quadratic damping ({' and '.join(replaced)})"
         chosen, rejected = drag if taken else drag[::-1]
-        by = f"by {abs(better):.0f} nats" if math.isfinite(better) else "beyond measure"
+        by = f"by {abs(better):.0f} (log-likelihood)" if math.isfinite(better) else "beyond measure"
         said.append(f"{chosen[0].upper()}{chosen[1:]} makes {words} likelier {by} than {rejected}")
         if taken:
             again = polish(other, start=again.values, watch=watch)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.channels import MOTIONS
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.diagnosis.assessment import Assessment
 
-__all__ = ["Estimate", "derived", "distinct", "estimates", "plus_minus"]
+__all__ = ["Estimate", "Tally", "derived", "distinct", "estimates", "plus_minus", "tally"]
 
 _AT_BOUND = 0.005
 
@@ -52,6 +52,97 @@ class Estimate:
     def factor(self) -> float | None:
         """Estimate over start value, None where that is zero."""
         return self.estimate / self.start if self.start else None
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How many of the coefficients that were asked for the trials tell; the equal ones of a group are one.
+
+    Attributes
+    ----------
+    identifiable, weak, not_identifiable
+        By the verdict of the joint estimate. What ended at a bound is not identifiable.
+    held
+        Hidden by feedback: they keep the values of the vehicle file.
+    not_judged
+        Estimated by a stage alone, without a verdict.
+    """
+
+    identifiable: int
+    weak: int
+    not_identifiable: int
+    held: int
+    not_judged: int
+
+    @property
+    def asked(self) -> int:
+        """How many were to be identified."""
+        return sum(asdict(self).values())
+
+    @property
+    def lost(self) -> int:
+        """How many the trials do not tell at all."""
+        return self.not_identifiable + self.held
+
+    @property
+    def mostly_lost(self) -> bool:
+        """Whether the trials do not tell more than half of what was asked for."""
+        return 2 * self.lost > self.asked
+
+    @property
+    def outcome(self) -> str:
+        """The result in two words."""
+        if self.mostly_lost:
+            return "not identified" if self.lost == self.asked else "mostly not identified"
+        if 2 * (self.identifiable + self.not_judged) > self.asked:
+            return "identified"
+        return "partly identified" if self.identifiable + self.not_judged else "weakly identified"
+
+    @property
+    def sentence(self) -> str:
+        """How many coefficients the trials tell, and what became of the others."""
+        if self.not_judged == self.asked:
+            what = "one coefficient" if self.asked == 1 else f"{self.asked} coefficients"
+            return f"Whether the trials tell the {what} is not judged."
+        others = [
+            f"{count} {words}"
+            for count, words in (
+                (self.weak, "weak"),
+                (self.not_identifiable, "not identifiable"),
+                (self.held, "hidden by feedback"),
+                (self.not_judged, "not judged"),
+            )
+            if count
+        ]
+        if others:
+            left = f"; {', '.join(others)}"
+            plural = "" if self.asked == 1 else "s"
+            return f"The trials tell {self.identifiable} of {self.asked} coefficient{plural}{left}."
+        return (
+            "The trials tell the one coefficient."
+            if self.asked == 1
+            else f"The trials tell all {self.asked} coefficients."
+        )
+
+
+def tally(coefficients: Sequence[Estimate], held: Sequence[str] = ()) -> Tally:
+    """Number of coefficients by verdict.
+
+    Parameters
+    ----------
+    coefficients
+        Rows of an identification.
+    held
+        Parameters that were to be identified and that feedback hides.
+    """
+    verdicts = [row.verdict for row in distinct(coefficients)]
+    return Tally(
+        identifiable=verdicts.count("identifiable"),
+        weak=verdicts.count("weak"),
+        not_identifiable=verdicts.count("not identifiable"),
+        held=len(set(held)),
+        not_judged=verdicts.count(None),
+    )
 
 
 def derived(vehicle: Vehicle) -> dict[str, float]:
@@ -101,7 +192,7 @@ def estimates(
                 parameter,
                 known["estimate"],
                 start=parameter.start,
-                stage=before.stage if before is not None and not moved else "joint polish",
+                stage=before.stage if before is not None and not moved else "joint estimate",
                 known=known,
             )
     return tuple(rows.values())

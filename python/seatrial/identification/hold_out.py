@@ -166,11 +166,11 @@ def part_scores(
 
 
 def likelihood_gain(scores: Mapping[str, Mapping[str, Mapping[str, Score]]]) -> dict[str, tuple[str, float]]:
-    """Best baseline by velocity channel, and what the model tells more of a sample than it does, in nats.
+    """Best baseline by velocity channel, and how much likelier than by it the model makes a sample.
 
     The log-likelihood per sample is Gaussian with the error variance s^2 of the training part of the same
     trial, ``-ln s - MSE / (2 s^2)``: a model that is much surer of itself than it proves to be loses by it.
-    An error variance that is lower by 10 % in both parts is worth 0.05 nats. Trials that are held out as a
+    An error variance that is lower by 10 % in both parts is worth 0.05. Trials that are held out as a
     whole have no such variance and do not count.
 
     Parameters

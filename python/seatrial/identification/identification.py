@@ -15,7 +15,7 @@ from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
-from seatrial.identification.estimate import Estimate, derived, distinct, plus_minus
+from seatrial.identification.estimate import Estimate, Tally, derived, distinct, plus_minus, tally
 from seatrial.identification.held import SHARE, Conditional, Held, comment, sentences
 from seatrial.identification.hold_out import POOLED, Restarts, likelihood_gain, replayed
 from seatrial.intake.consistency_trials import LATE
@@ -116,7 +116,7 @@ class Identification(RunResult):
 
     @property
     def stages_vehicle(self) -> Vehicle:
-        """The campaign's vehicle with the estimates of the stages, before the joint polish."""
+        """The campaign's vehicle with the estimates of the stages, before the joint estimate."""
         found = {name: value for stage in self.stages for name, value in stage.coefficients.items()}
         return self.campaign.vehicle.with_coefficients(found).without_model_error()
 
@@ -140,6 +140,23 @@ class Identification(RunResult):
         )
 
     @property
+    def tally(self) -> Tally:
+        """How many of the coefficients that were asked for the trials tell.
+
+        Those that are known beforehand (``sd`` under [polish]) and that no stage frees are not asked for:
+        they stand for what is not known exactly, as a nuisance parameter does.
+        """
+        polish = self.campaign.file.polish
+        known = (
+            set()
+            if polish is None
+            else {name for name, one in polish.coefficients.items() if one.sd is not None}
+        )
+        known -= {name for stage in self.campaign.stages for name in stage.coefficients}
+        sought = [row for row in self.coefficients if row.parameter not in known]
+        return tally(sought, [one.parameter for one in self.held if one.parameter not in known])
+
+    @property
     def sigma(self) -> dict[str, float]:
         """Standard deviations of the jointly estimated coefficients, SI; infinite if undetermined."""
         return {row.name: row.sigma for row in self.coefficients if row.sigma is not None}
@@ -158,8 +175,8 @@ class Identification(RunResult):
     def likelihood(self) -> dict[str, tuple[str, float]]:
         """Per velocity channel the best baseline on what is held out, and the model's gain over it.
 
-        In nats per sample, each with the error variance of its training part; empty where nothing is held
-        out.
+        Log-likelihood per sample (natural logarithm), each with the error variance of its training part;
+        empty where nothing is held out.
         """
         return likelihood_gain(self.scores)
 
@@ -183,6 +200,8 @@ class Identification(RunResult):
             "stages": [stage.to_dict() for stage in self.stages],
             "before": list(self.before),
             "held": [asdict(one) for one in self.held],
+            "outcome": "interrupted" if self.interrupted else self.tally.outcome,
+            "tally": asdict(self.tally),
             "conditional": [asdict(one) for one in self.conditional],
             "scale": self.scale.to_dict(),
             "assessment": None if self.assessment is None else self.assessment.to_dict(),
@@ -255,7 +274,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
     )
     return Report(
         title=fit.campaign.name,
-        outcome="interrupted" if fit.interrupted else "identified",
+        outcome="interrupted" if fit.interrupted else fit.tally.outcome,
         good=_how_good(fit),
         worst=worst,
         next_step=next_step,
@@ -268,7 +287,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
 
 
 def _how_good(fit: Identification) -> str:
-    """What failed before all else, how well it predicts, what its deviations are worth."""
+    """What the trials tell, what failed, how well it predicts, what its deviations are worth."""
     said = [_prediction(fit)]
     score = _judged(fit)
     if score is not None and (simpler := not_beaten(score.evidence, score.baselines)):
@@ -281,7 +300,7 @@ def _how_good(fit: Identification) -> str:
         said.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
     if fit.doubt:
         said[-1] = f"{said[-1].rstrip('.')}. {fit.doubt[0].upper()}{fit.doubt[1:]}"
-    return " ".join(said)
+    return " ".join((fit.tally.sentence, *said) if fit.coefficients or fit.held else said)
 
 
 def _judged(fit: Identification) -> Score | None:
@@ -443,6 +462,7 @@ def _pooled(scores: Mapping[str, Score]) -> Score | None:
 
 def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table:
     rows = []
+    doubtful = fit.tally.identifiable < fit.tally.asked  # else the first line says it of all
     for row in distinct(fit.coefficients):
         true = truth.get(row.name, 0.0)
         error = f"{round(100.0 * (row.estimate / true - 1.0), 1) + 0.0:+.1f} %" if true else ""
@@ -454,7 +474,7 @@ def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table
             plus_minus(row.estimate, None if row.at_bound else row.sigma),
             "" if row.factor is None else f"{row.factor:.3g}",
             error,
-            "" if row.verdict == "identifiable" else row.verdict or "",
+            row.verdict or "not judged" if doubtful else "",
             f"at {row.at_bound} {row.lower if row.at_bound == 'lower' else row.upper:.4g}"
             if row.at_bound
             else "",

@@ -497,7 +497,7 @@ def run_identification(
 
 
 def _watch(order: StageOrder, progress: Callable[[Progress], None] | None) -> Callable[[Step], None] | None:
-    """What the joint polish reports, as progress of the whole."""
+    """What the joint estimate reports, as progress of the whole."""
     if progress is None:
         return None
 

@@ -34,6 +34,8 @@ class Correction:
         its unit.
     sentence
         What was found, with deviation and effect.
+    sensor
+        Of a clock the sensor whose delay it contains, as under delay_s; else "".
     """
 
     table: str
@@ -45,6 +47,7 @@ class Correction:
     after: float
     of: str
     sentence: str
+    sensor: str = ""
 
     @property
     def line(self) -> str:

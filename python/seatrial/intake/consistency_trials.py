@@ -128,9 +128,19 @@ def _on_top(correction: Correction, given: Mapping[str, Any]) -> Correction:
 
 
 def proposals(
-    found: Mapping[str, Consistency], reports: Mapping[str, RecordingReport]
+    found: Mapping[str, Consistency],
+    reports: Mapping[str, RecordingReport],
+    clocks: Mapping[str, Mapping[str, str]] | None = None,
 ) -> tuple[Proposal, ...]:
-    """One proposal a key over all trials, what reading leaves first, then the largest effect."""
+    """One proposal a key over all trials, what reading leaves first, then the largest effect.
+
+    Parameters
+    ----------
+    found, reports
+        By trial.
+    clocks
+        By trial, of which file's clock the import proposed the delay of a sensor already.
+    """
     by_key: dict[tuple[str, str], list[tuple[str, Correction]]] = {}
     for name, one in found.items():
         for correction in one.corrections:
@@ -143,6 +153,13 @@ def proposals(
         where = f"trial {trials[0]}" if len(trials) == 1 else f"{len(trials)} trials ({', '.join(trials)})"
         text = f"{where}: {best.sentence}{_range(entries)}; rms of {best.of} {best.before:.3g} to"
         text += f" {best.after:.3g}: [{best.table}] {best.line}"
+        kind, _, sensor = best.key.partition(".")
+        files = {(clocks or {}).get(name, {}).get(sensor, "") for name in trials} - {""}
+        if kind == "delay_s" and files:
+            text += (
+                "; map.toml of the import proposes the same delay as the clock of"
+                f" {', '.join(sorted(files))}: accept one of the two"
+            )
         made.append(
             Proposal(text + (" (reading does so by itself)" if done else ""), trials, _effect(best), done)
         )

@@ -108,6 +108,7 @@ def _timing(found: Found, fit: Fit, channels: Channels) -> list[Correction]:
                     f"the clock of {own} reads {value:.3f} s (+/- {sd:.3f} s) at time zero of"
                     f" {reference or 'the attitude'}: its offset and the delay of its {group} sensor, which"
                     " appear only as this sum",
+                    _word(group),
                 )
             )
     for name in fit.names:
@@ -128,6 +129,7 @@ def _timing(found: Found, fit: Fit, channels: Channels) -> list[Correction]:
                     found.of,
                     f"the clock of {own} runs {1e6 * rate:.1f}e-6 (+/- {1e6 * sd:.1f}e-6) fast,"
                     f" {abs(rate) * span:.3f} s over the log",
+                    _word(group),
                 )
             )
     return made

@@ -6,7 +6,7 @@ wins over what the logs offer. Held by ``tests/intake/test_import.py``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ from seatrial.intake.consistency_trials import series_of
 from seatrial.intake.imported import Imported, ImportedTrial
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.map_file import Column, ImportMap, load_map
-from seatrial.intake.project import edited, map_text, refuse_foreign, write_project
+from seatrial.intake.project import delays_given, edited, map_text, refuse_foreign, write_project
 from seatrial.intake.recordings import (
     MANY,
     Recorded,
@@ -137,6 +137,8 @@ def _imported_logs(
     text, reversed_ = _turned(draft, read[0][2], seen)
     whole = _vehicle(text) if draft.vehicle is not None else None
     trials = tuple(_imported(one, recorded, trial, whole) for one, recorded, trial in read)
+    delays = {} if folder is None else delays_given(folder)
+    trials = tuple(_without_given(one, delays.get("", set()) | delays.get(one.name, set())) for one in trials)
     result = Imported(
         folder=folder,
         survey=seen,
@@ -150,6 +152,7 @@ def _imported_logs(
         refused=tuple(refused),
         kept=(),
         map_source="proposed" if given is None else given.source,
+        twice=tuple(_twice(read, wanted, delays)),
     )
     if folder is not None:
         say(0.96, f"files of {folder}")
@@ -158,6 +161,27 @@ def _imported_logs(
         result = replace(result, kept=kept)
     say(1.0, "done")
     return result
+
+
+def _without_given(one: ImportedTrial, delayed: set[str]) -> ImportedTrial:
+    """The trial without proposals of clocks whose delay the edited campaign removes already."""
+    kept = tuple(c for c in one.consistency.corrections if c.table != "clocks" or c.sensor not in delayed)
+    return replace(one, consistency=replace(one.consistency, corrections=kept))
+
+
+def _twice(
+    read: Sequence[tuple[Recording, Recorded, Trial]], wanted: ImportMap, delays: Mapping[str, set[str]]
+) -> Iterator[str]:
+    """Sensors whose delay the clocks of the map and the edited campaign both remove."""
+    for one, recorded, _ in read:
+        for sensor in sorted(delays.get("", set()) | delays.get(one.name, set())):
+            columns = [c for group in GROUPS if group.name.replace(" ", "_") == sensor for c in group.columns]
+            for file in dict.fromkeys(recorded.clocks[c] for c in columns if c in recorded.clocks):
+                if file in wanted.clocks:
+                    yield (
+                        f"trial {one.name}: delay_s.{sensor} of campaign.toml and the clock of"
+                        f" {printable(file)} in the map both remove the delay of the {sensor}: remove one"
+                    )
 
 
 def _nothing_known(seen: Survey) -> str:

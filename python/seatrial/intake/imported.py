@@ -86,6 +86,8 @@ class Imported:
         Actuators of the vehicle without a command.
     map_source
         The file of the map, or "proposed".
+    twice
+        Delays that the map's clocks remove and the edited campaign, too.
     refused
         Recordings that made no trial, and why.
     kept
@@ -104,6 +106,7 @@ class Imported:
     refused: tuple[str, ...]
     kept: tuple[str, ...]
     map_source: str
+    twice: tuple[str, ...] = ()
 
     def report(self) -> Report:
         """What was imported, the worst problem, the next command; then columns, trials, doubts."""
@@ -223,6 +226,8 @@ def _problems(made: Imported) -> Iterator[str]:
                 " channels were read, its model will mean nothing"
             )
     yield from made.refused
+    yield from made.twice
+    yield from _findings(made, "error")
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
     yield from _left_out(made)
@@ -261,11 +266,7 @@ def _problems(made: Imported) -> Iterator[str]:
         yield (
             f"guessed from names and ranges, not stated in the log: {shown}; check unit and frame in map.toml"
         )
-    for one in made.trials:
-        for severity in ("error", "warning"):
-            for finding in one.trial.report.findings:
-                if finding.severity == severity:
-                    yield f"trial {one.name}: {str(finding).removeprefix(severity).strip()}"
+    yield from _findings(made, "warning")
     for one in made.trials:
         yield from (f"trial {one.name}: {warning}" for warning in one.kind.warnings)
     for one in made.trials:
@@ -280,6 +281,14 @@ def _problems(made: Imported) -> Iterator[str]:
         yield from (f"{printable(log.path.name)}: {remark}" for remark in log.remarks)
     if made.kept:
         yield f"{', '.join(made.kept)} kept as edited; delete a file to have it drafted again"
+
+
+def _findings(made: Imported, severity: str) -> Iterator[str]:
+    """What the readers found about the recordings, of one severity."""
+    for one in made.trials:
+        for finding in one.trial.report.findings:
+            if finding.severity == severity:
+                yield f"trial {one.name}: {str(finding).removeprefix(severity).strip()}"
 
 
 def _supply(made: Imported) -> Iterator[str]:

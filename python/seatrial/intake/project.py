@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from seatrial.intake.imported import Imported
     from seatrial.intake.recordings import Recorded, Recording
 
-__all__ = ["edited", "map_text", "refuse_foreign", "write_project"]
+__all__ = ["clocks_proposed", "delays_given", "edited", "map_text", "refuse_foreign", "write_project"]
 
 _OWN = "import.json"
 
@@ -53,6 +54,40 @@ def refuse_foreign(folder: Path, force: bool) -> None:
             f"{folder}: an import wrote this project before; overwrite it with --force (force=True), which"
             " keeps files that you edited, or choose another folder"
         )
+
+
+def delays_given(folder: Path) -> dict[str, set[str]]:
+    """Sensors whose delay the project's edited campaign removes, by trial; those of all trials under ""."""
+    if not edited(folder, "campaign.toml"):
+        return {}
+    try:
+        data = tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}  # said where the campaign is read
+    trials = data.get("trials", {})
+    tables = {"": data} | (trials if isinstance(trials, dict) else {})
+    found = {}
+    for name, one in tables.items():
+        given = one.get("corrections", {}) if isinstance(one, dict) else {}
+        delays = given.get("delay_s", {}) if isinstance(given, dict) else {}
+        found[name] = set(delays) if isinstance(delays, dict) else set()
+    return found
+
+
+def clocks_proposed(folder: Path) -> dict[str, dict[str, str]]:
+    """By trial and sensor the file whose clock the import of a folder proposed to set, if it did."""
+    try:
+        trials = json.loads((folder / _OWN).read_text(encoding="utf-8"))["trials"]
+        return {
+            one["name"]: {
+                found["sensor"]: found["key"].rpartition(".")[0]
+                for found in one["consistency"]["corrections"]
+                if found["table"] == "clocks" and found["key"].endswith(".offset_s")
+            }
+            for one in trials
+        }
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}  # no project of an import, or of an earlier one
 
 
 def map_text(made: Imported, recorded: Sequence[Recording]) -> str:

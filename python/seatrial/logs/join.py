@@ -17,7 +17,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.logs.log import Log, Samples, Share
+from seatrial.logs.log import Log, Samples, Share, printable
 from seatrial.logs.stamps import spread_bursts
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def join(
         clock = (clocks or {}).get(log.path.name, Clock())
         offset = 0.0 if epoch is None else (log.epoch_s or 0.0) - epoch
         for topic, samples in (log.read(names) if names else {}).items():
-            t, cells = _ordered(topic, samples, own[topic], notes, str(log.path))
+            t, cells = _ordered(topic, samples, own[topic], notes, log)
             parts.append((topic, (t - clock.offset_s) / (1.0 + clock.drift) + offset, cells))
         if share is not None:
             share((count + 1) / len(logs))
@@ -184,16 +184,23 @@ def _parts(t: Array) -> list[tuple[int, int]]:
     return [*parts, (begin, len(t))]
 
 
+def _listed(names: Sequence[str], most: int = 20) -> str:
+    """Names with a comma between them, the first ones of many."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(printable(name, 40) for name in names[:most]) + more
+
+
 def _ordered(
-    topic: str, samples: Samples, columns: Sequence[Wanted], notes: list[str], file: str
+    topic: str, samples: Samples, columns: Sequence[Wanted], notes: list[str], log: Log
 ) -> tuple[Array, dict[str, Array]]:
     """Rising stamps of a topic and its columns."""
     t = samples.t
     known = np.isfinite(t)
     if not known.any():
         raise TrialError(
-            f"{file}: topic {topic}: no row has a time; name its time column (a bollard test without time is"
-            " for seatrial bench)"
+            f"{log.path}: topic {topic}: no row has a time; there are the columns"
+            f" {_listed(list(log.fields[topic]))}; name its time column (a bollard test without time is for"
+            " seatrial bench)"
         )
     if not known.all():
         notes.append(f"{topic}: {int((~known).sum())} rows without a time left out")

@@ -365,8 +365,10 @@ def _by_name(topics: Sequence[Topic]) -> Iterator[Proposal]:
             for canonical, f, _ in matched
             if canonical.endswith("_deg") and not canonical.startswith(("cmd.", "meas."))
         ]
+        # Of what is a rate by its name and does not tell its unit.
+        rates = [f for canonical, f, _ in matched if canonical in _RATES and not _told_unit(f)]
         for canonical, field, rank in matched:
-            unit, why, certain = _unit(canonical, field, angles)
+            unit, why, certain = _unit(canonical, field, angles, rates)
             convert = "pressure" if canonical == "z_m" and unit in _PRESSURES else ""
             axes = _frame(canonical, frame)
             yield Proposal(
@@ -427,21 +429,22 @@ def _frame(canonical: str, ros: bool) -> str:
     return "FLU" if canonical in (*_RATES, *_VELOCITY) or canonical.startswith("tau.") else ""
 
 
-def _unit(canonical: str, field: Field, angles: Sequence[Field]) -> tuple[str, str, bool]:
-    """Unit of a field, what it was told from, and whether that is certain."""
-    stated = _STATED.get(field.unit.strip().lower())
-    if stated:
-        return stated, f"unit {field.unit} stated", True
-    lower = field.name.lower().strip()
-    for pattern, unit in _SUFFIX:
-        if re.search(rf"[_\s(\[]({pattern})[)\]]?$", lower):
-            return unit, f"unit {unit} by its name", True
+def _unit(
+    canonical: str, field: Field, angles: Sequence[Field], rates: Sequence[Field] = ()
+) -> tuple[str, str, bool]:
+    """Unit of a field, what it was told from, and whether that is certain.
+
+    The attitude's `angles`, and the `rates` of a gyro, have one unit: the largest of them tells it.
+    """
+    if told := _told_unit(field):
+        return *told, True
     largest = max(abs(field.minimum), abs(field.maximum))
     if canonical.startswith(("cmd.", "meas.")):
         return _actuator_unit(field, largest)
     if canonical.endswith("_deg_s"):
-        unit = "deg/s" if largest > 6.0 else "rad/s"
-        return unit, f"unit {unit} by its range", False
+        fastest = max((max(abs(r.minimum), abs(r.maximum)) for r in rates), default=largest)
+        unit = "deg/s" if max(fastest, largest) > 6.0 else "rad/s"
+        return unit, f"unit {unit} by the range of the rates", False
     if canonical.endswith("_deg"):
         widest = max((max(abs(a.minimum), abs(a.maximum)) for a in angles), default=largest)
         unit = "deg" if widest > 2.0 * math.pi + 0.1 else "rad"
@@ -460,6 +463,17 @@ def _unit(canonical: str, field: Field, angles: Sequence[Field]) -> tuple[str, s
         unit = "N" if canonical.endswith("_n") else "N*m"
         return unit, f"unit {unit} assumed", False
     return ("", "no unit", False) if canonical.startswith("q_") else ("m", "unit m assumed", False)
+
+
+def _told_unit(field: Field) -> tuple[str, str] | None:
+    """Unit of a field that states it or has it in its name, and which of both; None where it has neither."""
+    if stated := _STATED.get(field.unit.strip().lower()):
+        return stated, f"unit {field.unit} stated"
+    lower = field.name.lower().strip()
+    for pattern, unit in _SUFFIX:
+        if re.search(rf"[_\s(\[]({pattern})[)\]]?$", lower):
+            return unit, f"unit {unit} by its name"
+    return None
 
 
 def _actuator(label: str, topic: Topic, field: Field, why: str) -> Proposal:

@@ -265,7 +265,7 @@ def _report_gaps(signal: Signal, report: RecordingReport) -> None:
     intervals = np.diff(signal.t)
     gaps = intervals > GAP * signal.interval
     longest = float(intervals.max()) if gaps.any() else 0.0
-    report.add("warning", signal.name, f"gaps in time, the longest {longest:.2f} s; masked", int(gaps.sum()))
+    report.add("warning", signal.label, f"gaps in time, the longest {longest:.2f} s; masked", int(gaps.sum()))
 
 
 def _actuators(signals: Mapping[str, Signal], t: Array, prefix: str) -> dict[str, Array]:

@@ -488,8 +488,8 @@ def _report(comparison: Comparison) -> Report:
     first = min(told or overall, key=lambda one: one.error_ratio if np.isfinite(one.error_ratio) else np.inf)
     size = f"{first.error_ratio:.2f} times" if np.isfinite(first.error_ratio) else "not comparable with"
     good = (
-        f"{first.vehicle} has {size} the error of {reference} in a typical window ({first.windows} windows on"
-        f" {', '.join(comparison.trials)})"
+        f"the error of {first.vehicle} in a typical window is {size} that of {reference} ({first.windows}"
+        f" windows on {', '.join(comparison.trials)})"
     )
     worst = next_step = ""
     if better:
@@ -501,13 +501,14 @@ def _report(comparison: Comparison) -> Report:
         )
         next_step = f"use {first.vehicle}"
     elif all(one.verdict == "worse" for one in overall):
-        worst, next_step = f"no other vehicle predicts better than {reference}", f"keep {reference}"
+        worst, next_step = _weakness(comparison), f"keep {reference}"
     else:
-        worst = f"these windows do not tell {reference} and {first.vehicle} apart ({first.verdict})"
+        why = "" if first.verdict == "not told apart" else f" ({first.verdict})"
+        worst = f"these windows do not tell {reference} and {first.vehicle} apart{why}"
         next_step = "add trials or restart more often (--ahead); until then either will do"
     return Report(
-        title=", ".join(comparison.scores),
-        outcome=f"{len(better)} better, {sum(one.verdict == 'worse' for one in overall)} worse",
+        title=f"{reference} against {', '.join(one.vehicle for one in overall)}",
+        outcome=_outcome(comparison),
         good=good,
         worst=worst,
         next_step=next_step,
@@ -517,6 +518,28 @@ def _report(comparison: Comparison) -> Report:
             ),
         ),
     )
+
+
+def _outcome(comparison: Comparison) -> str:
+    """Which vehicle predicts better, in a few words."""
+    overall, reference = comparison.overall, comparison.reference
+    if len(overall) == 1:
+        names = {"better": overall[0].vehicle, "worse": reference}
+        verdict = overall[0].verdict
+        return f"{names[verdict]} predicts better" if verdict in names else verdict
+    better, worse = (sum(one.verdict == word for one in overall) for word in ("better", "worse"))
+    return f"of {len(overall)} others {better} predict better than {reference}, {worse} worse"
+
+
+def _weakness(comparison: Comparison) -> str:
+    """Where the best vehicle, the reference, is beaten all the same: by another one, or by a baseline."""
+    for name in comparison.scores:
+        if beaten := [one for one in comparison.of(name).values() if one.verdict == "better"]:
+            return f"{name} is better in {_listed(beaten)}"
+    own = comparison.scores[comparison.reference]
+    if simpler := not_beaten(own.evidence, own.baselines):
+        return f"{comparison.reference} does not beat a baseline in {simpler}"
+    return f"nothing stands out: no other vehicle is better than {comparison.reference} in any channel"
 
 
 def _table(comparison: Comparison) -> Table:

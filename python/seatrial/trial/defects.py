@@ -21,7 +21,7 @@ from seatrial.base.rotation import angle_between, conjugate, continuous, product
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["mark"]
+__all__ = ["mark", "report_height"]
 
 _MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rates")
 
@@ -29,6 +29,8 @@ _TRUSTED_AFTER_S = 5.0
 """A pose between two jumps less than this apart is taken for a wrong solution of the positioning system."""
 
 _PULSES_US, _LONGEST_US = (700.0, 2500.0), 3000.0  # usual pulse widths of motors and servos, and impossible
+
+_ABOVE_M = 0.3  # m: rounding, drift and waves bring a vehicle at the surface no higher for most of a record
 
 _DAMAGED = 0.01  # share of a command's samples up to which they are damage
 
@@ -174,7 +176,7 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
     if usual and 0.2 < moves < 1.0:
         report.add(
             "info",
-            signal.name,
+            signal.label,
             "samples repeat the one before: "
             f"a sensor of about {moves / signal.step:.2g} Hz in a table of {1.0 / signal.step:.3g} Hz",
             int(repeated.sum()),
@@ -195,7 +197,7 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
             events += 1
     plural = "" if events == 1 else "s"
     report.add(
-        "warning", signal.name, f"frozen samples in {events} drop-out{plural}; masked", int(result.sum())
+        "warning", signal.label, f"frozen samples in {events} drop-out{plural}; masked", int(result.sum())
     )
     return result
 
@@ -263,7 +265,7 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
     result[good[jump]] = result[good[jump + 1]] = True
     report.add(
         "warning",
-        signal.name,
+        signal.label,
         f"jumps faster than any ordinary motion; {int(result.sum())} samples beside them, "
         f"or between two less than {_TRUSTED_AFTER_S:g} s apart, masked",
         len(jump),
@@ -358,6 +360,25 @@ def _report_constant(signal: Signal, report: RecordingReport) -> None:
         if len(y) and np.ptp(y) == 0.0:
             report.add(
                 "warning", channel, f"constant at {y[0]:.6g} over the whole recording; a sensor that is off?"
+            )
+
+
+def report_height(signals: Mapping[str, Signal], report: RecordingReport) -> None:
+    """Report a vehicle that is above the surface for most of its record: a depth with the wrong sign."""
+    for signal in (signals[name] for name in ("depth", "position") if name in signals):
+        if "z" not in signal.channels:
+            continue
+        place = signal.channels.index("z")
+        z = signal.y[~signal.bad[:, place], place]
+        above = float(np.mean(z < -_ABOVE_M)) if len(z) else 0.0
+        if above > 0.5:
+            report.add(
+                "warning",
+                "z",
+                f"above the surface in {100.0 * above:.0f} % of the record ({np.median(z):.3g} m at the"
+                " median; z counts downwards from the surface): if the sensor counts upwards, give its column"
+                ' sign = -1, or the whole position frame = "ENU" or "NWU"; if its zero is not the surface,'
+                " shift it",
             )
 
 

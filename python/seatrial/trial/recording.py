@@ -14,6 +14,7 @@ from seatrial.trial.mixer import Mixer
 from seatrial.trial.readers import Reader, read_table
 from seatrial.trial.sensor_position import parse_positions
 from seatrial.trial.signals import RecordingReport, Signal
+from seatrial.trial.unit_changes import report_unit_changes
 
 __all__ = ["Recording", "recording"]
 
@@ -86,6 +87,8 @@ def recording(
     del cells  # a long log is large: nothing below needs its cells
     begin("defects")
     signals, time = resampling.evenly_stamped(signals, time, report)
+    report_unit_changes(signals, time, report)
     signals = defects.mark(signals, report)
     signals = corrected(signals, given, report)
+    defects.report_height(signals, report)
     return Recording(file, signals, time, sources, positions, given, report)

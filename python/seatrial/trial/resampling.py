@@ -159,7 +159,7 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
     report.add(
         "info",
         "time base",
-        f"the sensors have stamps of their own; put on {rate:g} Hz, the rate of the {fastest.name}",
+        f"the sensors have stamps of their own; put on {rate:g} Hz, the rate of the {fastest.label}",
     )
     return uniform(t, rate, report.source)
 

@@ -264,6 +264,12 @@ def limit_text(value: float | None) -> str:
     return "" if value is None else f"{value:.3f}"
 
 
+_LIKELIHOOD = (
+    "log-likelihood over the best: mean per sample, of the model minus that of the best baseline (natural"
+    " logarithm); above zero the model tells more; 10 % less error variance is worth 0.05"
+)
+
+
 def baseline_table(score: Score, *, words: str = "", gains: Mapping[str, float] | None = None) -> Table:
     """R2 of a model and of the baselines by velocity channel; no row where no baseline is judged.
 
@@ -273,7 +279,7 @@ def baseline_table(score: Score, *, words: str = "", gains: Mapping[str, float] 
     words
         On what, for the title.
     gains
-        Log-likelihood per sample over the best baseline, nats, by channel.
+        Log-likelihood per sample (natural logarithm) over the best baseline, by channel.
     """
     rows = [
         (
@@ -287,7 +293,8 @@ def baseline_table(score: Score, *, words: str = "", gains: Mapping[str, float] 
     ]
     ahead = f"{score.ahead_s:g} s ahead" if math.isfinite(score.ahead_s) else "in a free run"
     title = f"R2 {ahead} beside baselines{words}"
-    return Table.of(title, ("channel", "model", *score.baselines, "nats per sample over the best"), rows)
+    head = ("channel", "model", *score.baselines, "log-likelihood over the best")
+    return Table.of(title, head, rows, note=_LIKELIHOOD if gains else "")
 
 
 def score_text(value: float) -> str:

@@ -31,6 +31,11 @@ class Signal:
     unknown: Mask | None = None
 
     @property
+    def label(self) -> str:
+        """What to call it in a report: a position of the depth alone is the depth."""
+        return "depth" if self.name == "position" and self.channels == ("z",) else self.name
+
+    @property
     def good(self) -> Mask:
         """Rows (m,) of which every channel is good."""
         return np.asarray(np.logical_and.reduce(~self.bad, axis=1))

@@ -398,7 +398,7 @@ def _stages(
     size: tuple[float, float],
     results: Mapping[str, StageResult],
 ) -> None:
-    """Boxes of the stages and of the joint polish, with the arrows between them."""
+    """Boxes of the stages and of the joint estimate, with the arrows between them."""
     polished = campaign.file.polish is not None
     last = max(column for column, _ in places.values())
     width, lane_in = size
@@ -430,7 +430,7 @@ def _stages(
     if not polished:
         return
     joint = block(
-        axes, centre(last + 1, 0.5 * (lanes - 1)), (width, max(lane_in - 0.14, 0.7)), "joint polish",
+        axes, centre(last + 1, 0.5 * (lanes - 1)), (width, max(lane_in - 0.14, 0.7)), "joint estimate",
         ["all coefficients and trials,", "Gauss\N{EN DASH}Newton,", "standard deviations"], bold=True,
     )  # fmt: skip
     ends = [s.name for s in campaign.stages if not any(s.name in other.after for other in campaign.stages)]

@@ -229,7 +229,7 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
     for result in fit.stages:
         stage = next(one for one in campaign.stages if one.name == result.name)
         polish = (
-            ", at the joint polish" if fit.assessment is not None and fit.assessment.polished.rounds else ""
+            ", at the joint estimate" if fit.assessment is not None and fit.assessment.polished.rounds else ""
         )
         yield Plate(
             f"stage_{_safe(result.name)}",

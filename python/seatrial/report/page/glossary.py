@@ -101,8 +101,8 @@ _TERMS: tuple[tuple[str, str, str], ...] = (
         " nearer to oscillation.",
     ),
     (
-        "nats per sample",
-        r"\bnats\b",
+        "log-likelihood",
+        r"log-likelihood",
         "Mean gain in the logarithm of the likelihood over the best baseline; above zero the model"
         " tells more.",
     ),

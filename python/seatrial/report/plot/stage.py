@@ -121,7 +121,7 @@ _PANEL_IN, _ERROR_IN, _INPUT_IN, _EDGES_IN, _ROW_IN = 1.1, 0.42, 0.85, 0.85, 0.3
 _MODELS: tuple[tuple[str, str, float, Any], ...] = (
     ("start values", SECOND, 0.9, (0, (4, 1.5))),
     ("optimum of the stage", SIMULATED, 1.1, "-"),
-    ("joint polish", RESIDUAL, 0.9, (0, (1, 1.2))),
+    ("joint estimate", RESIDUAL, 0.9, (0, (1, 1.2))),
 )
 
 
@@ -172,7 +172,7 @@ def stage_result(fit: Identification, result: StageResult) -> Figure:
 
 
 def polished_cost(fit: Identification, result: StageResult) -> float | None:
-    """Criterion of a stage at the joint polish, in standard deviations; None without one."""
+    """Criterion of a stage at the joint estimate, in standard deviations; None without one."""
     from seatrial.estimation.criterion import Criterion
 
     if fit.assessment is None or not fit.assessment.polished.rounds:
@@ -187,7 +187,7 @@ def polished_cost(fit: Identification, result: StageResult) -> float | None:
 
 
 def _models(fit: Identification, result: StageResult) -> list[Vehicle]:
-    """Vehicles to compare: at the stage's start, at its optimum, at the joint polish where there is one."""
+    """Vehicles to compare: at the stage's start, at its optimum, at the joint estimate where there is one."""
     before: dict[str, float] = {}
     stage = next(one for one in fit.campaign.stages if one.name == result.name)
     for name in fit.campaign.stages_before(stage):
@@ -309,7 +309,7 @@ def _heading(fit: Identification, result: StageResult, parameters: Sequence[Para
     arrow = " \N{RIGHTWARDS ARROW} "
     words = f"{result.name}: criterion {number(result.start_cost)}{arrow}{number(result.cost)} std dev."
     polished = polished_cost(fit, result)
-    return words + ("" if polished is None else f", joint polish {number(polished)}")
+    return words + ("" if polished is None else f", joint estimate {number(polished)}")
 
 
 def _legend(figure: Figure, models: int, *, held_out: bool) -> None:

@@ -121,12 +121,17 @@ class ChannelValidity:
         """Whether the share is large and hardly chance, though it does not refute the model."""
         return not self.fails and self.p < DOUBT and self.outside > LEAST_SHARE
 
+    @property
+    def p_text(self) -> str:
+        """The p-value as text."""
+        return f"{self.p:.2g}" if self.p >= 1e-4 else "below 0.0001"
+
     def sentence(self) -> str:
         """The channel in words."""
         scale, unit = readable(self.channel)
         return (
             f"{self.channel}: {100.0 * self.outside:.0f} % outside the 95 % band (error"
-            f" {scale * self.rms:.2g} {unit} rms, band ±{scale * self.spread:.2g} {unit}; p = {_p(self.p)})"
+            f" {scale * self.rms:.2g} {unit} rms, band ±{scale * self.spread:.2g} {unit}; p = {self.p_text})"
         )
 
 
@@ -343,7 +348,3 @@ def _outside(away: Array, sigma: Array, half: Array) -> Array:
     from scipy.special import ndtr
 
     return np.asarray(np.mean(ndtr((-half - away) / sigma) + ndtr((away - half) / sigma), axis=0))
-
-
-def _p(value: float) -> str:
-    return f"{value:.2g}" if value >= 1e-4 else "below 0.0001"

@@ -305,9 +305,14 @@ def _how_good(verdict: LogVerdict) -> str:
         judged = f"{judged}, {blind} cannot judge" if told else f"none of {blind} channels can judge"
     if not channels[name].outside:
         return f"{judged}; none left its 95 % band"
+    one = channels[name]
+    much = one.fails or one.doubtful
+    chance = (
+        f", p = {one.p_text}" if much else f"; errors last, so that chance does as much with p = {one.p_text}"
+    )
     return (
         f"{judged}; {name} is outside its"
-        f" 95 % band most, {100.0 * channels[name].outside:.1f} % of the time (5 % expected)"
+        f" 95 % band most, {100.0 * one.outside:.1f} % of the time (5 % expected on average{chance})"
     )
 
 
