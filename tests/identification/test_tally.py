@@ -76,7 +76,7 @@ def test_equal_coefficients_of_a_group_are_one_and_held_ones_are_asked_for() -> 
     assert found == Tally(identifiable=1, weak=1, not_identifiable=0, held=1, not_judged=0)
 
 
-def test_a_trial_that_tells_hardly_anything_is_no_success(
+def test_a_trial_that_tells_hardly_anything_is_called_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -92,7 +92,7 @@ def test_a_trial_that_tells_hardly_anything_is_no_success(
     )
     Path("campaign.toml").write_text(CAMPAIGN)
     result = CliRunner().invoke(app, ["identify", "campaign.toml", "--out", "run", "--no-figures"])
-    assert result.exit_code == 1, result.output  # a verdict that failed, not bad input
+    assert result.exit_code == 0, result.output
     first = " ".join(result.stdout.split("Worst:")[0].split())
     assert first.startswith("ahead-only: mostly not identified. The trials tell 1 of 7 coefficients; ")
     known = json.loads(Path("run", "identification.json").read_text())

@@ -66,9 +66,7 @@ def identify(
 ) -> None:
     """Identify a vehicle from the trials of a campaign.
 
-    The exit code is 1 where the trials do not tell more than half of the coefficients; the files are written
-    all the same. Ctrl-C keeps the best so far; the same command goes on with the stages that are not
-    finished.
+    Ctrl-C keeps the best so far; the same command goes on with the stages that are not finished.
     """
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
@@ -127,8 +125,6 @@ def identify(
         reported(page, [run for run in runs if run.is_dir()], quiet=json)
     if fit.interrupted or any(one is not None and one.interrupted for one in (again, left_out)):
         raise typer.Exit(130)
-    if fit.tally.mostly_lost:
-        raise typer.Exit(1)
 
 
 def run_identification(
