@@ -1,4 +1,4 @@
-"""Lanes of AVX-512 and AVX2 give the same bits, through the binding: criteria, sensitivities, flights with a navigation filter."""
+"""Lanes of AVX-512 and AVX2 give the same bits: criteria, sensitivities, flights with a navigation filter."""
 
 from __future__ import annotations
 
