@@ -17,6 +17,7 @@ NAMES = some.from_regex(r"[A-Z][A-Z0-9_]{0,15}", fullmatch=True)
 NUMBERS = some.floats(width=32, allow_nan=False, allow_infinity=False)
 
 
+@pytest.mark.long
 @given(some.dictionaries(NAMES, NUMBERS, min_size=1, max_size=20))
 def test_law_what_is_written_is_read_back(
     tmp_path_factory: pytest.TempPathFactory, values: dict[str, float]

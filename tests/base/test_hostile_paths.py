@@ -128,6 +128,7 @@ def test_similar_and_long_names_have_files_of_their_own() -> None:
     assert taken == ["keeps-its-path", "keeps-its-path-2", "k" * LONGEST_NAME]
 
 
+@pytest.mark.long
 def test_names_inside_files_lead_nowhere_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Vehicle, mission and trial are called ``x/../../../out``; all that is written is below runs."""
     inside = tmp_path / "a" / "b" / "c" / "d"

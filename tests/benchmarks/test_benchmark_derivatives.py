@@ -12,6 +12,7 @@ from benchmarks import derivatives
 from benchmarks.casadi_compiled import COMPILER
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_scalar_contenders_find_the_same_derivatives() -> None:
     # No rate counts here: compiled in a fraction of the time.

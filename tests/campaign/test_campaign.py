@@ -215,7 +215,10 @@ def test_missing_files_are_named(tmp_path: Path) -> None:
             HEAD + TRIAL + "hold_out_s = [[90.0, 99.0]]" + STAGE + COEFFICIENTS,
             ["outside the recording", "59.9 s"],
         ),
-        (WHOLE.replace("segment_s = 5.0", "segment_s = 61.0"), ["no piece of 61 s", "lasts 60 s", "Shorten"]),
+        (
+            WHOLE.replace("segment_s = 5.0", "segment_s = 61.0"),
+            ["no piece of 61 s", "lasts 60 s", "shorten segment_s"],
+        ),
         (WHOLE.replace("segment_s", "channels = { v = 1.0 }\nsegment_s"), ["no channel 'v'", "it has u"]),
         (WHOLE.replace('"X"', '"X", measured = "N"'), ["axis N is measured", "no channel 'r'"]),
         (WHOLE.replace("segment_s", 'after = ["surge"]\nsegment_s'), ["wait for one another"]),

@@ -113,6 +113,7 @@ def test_unknown_mode_is_refused(campaign: Campaign) -> None:
         campaign.with_locked_axes("frozn")  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_variants_do_not_share_kept_stages(campaign: Campaign, tmp_path: Path) -> None:
     identify(campaign, run_dir=tmp_path / "run", threads=1)
     other = identify(campaign.with_locked_axes("frozen"), run_dir=tmp_path / "run", threads=1)
@@ -135,6 +136,7 @@ def test_frozen_axis_that_moves_is_named(campaign: Campaign) -> None:
     assert not frozen_sentences(plan(campaign.with_locked_axes("measured")))
 
 
+@pytest.mark.long
 def test_replayed_axes_fit_better_than_frozen_ones_that_move(campaign: Campaign) -> None:
     frozen, measured = (
         identify(campaign.with_locked_axes(mode), threads=1).stages[0] for mode in ("frozen", "measured")

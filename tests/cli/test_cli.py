@@ -105,6 +105,7 @@ def test_check_as_json(here: Path) -> None:
     assert not (here / "runs").exists()
 
 
+@pytest.mark.long
 def test_check_of_a_campaign_reports_recordings_and_stages(starter: Path) -> None:
     result = call("check", starter / "campaign.toml")
     assert result.exit_code == 0, result.output
@@ -227,6 +228,7 @@ def test_a_score_says_how_much_of_the_trial_the_campaign_fits(starter: Path) -> 
         )
 
 
+@pytest.mark.long
 def test_identify_reuses_finished_stages_and_prints_json(starter: Path, here: Path) -> None:
     arguments: list[str | Path] = ["identify", starter / "campaign.toml", "--out", "run", "--json"]
     first = json.loads(call(*arguments, "--no-figures").stdout)

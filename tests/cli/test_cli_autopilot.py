@@ -69,6 +69,7 @@ def test_authority_is_told_at_the_speed_that_a_vehicle_with_fins_needs() -> None
     assert "No roll loop: the hull rights itself" in told
 
 
+@pytest.mark.long
 def test_json_has_all_that_is_printed() -> None:
     found = json.loads(call("cwolf", "--law", "lqr", "--period-s", "0.2", "--json").stdout)
     assert found["control"] == "lqr"
@@ -156,6 +157,7 @@ def test_weak_points_ahead_warn_and_those_astern_are_notes() -> None:
     assert "no speed ahead is sound" in weak_points([row(1.0, 2.0)], None)[1][0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("vehicle", ["cwolf", "lauv", STARTER])
 def test_tables_fit_eighty_columns(vehicle: str | Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("seatrial.cli.console._PIPED_WIDTH", 80)

@@ -60,6 +60,7 @@ def test_modes_follow_from_the_rows() -> None:
     assert "rights itself" in start("lauv").left_out["K"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_supporting_speeds_span_the_reachable_range(name: str) -> None:
     speeds, (astern, ahead) = start(name).speeds_m_s, top_speeds(Vehicle.load(name))

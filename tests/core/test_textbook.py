@@ -239,6 +239,7 @@ def test_law_undamped_motion_conserves_energy_to_fourth_order() -> None:
     assert fine < 1e-6
 
 
+@pytest.mark.long
 def test_law_galilean_current_equals_still_water() -> None:
     # Neutrally buoyant in a uniform current: only the motion through the water counts.
     model = build(Parameters(GENERAL))

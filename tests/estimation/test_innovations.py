@@ -136,6 +136,7 @@ def test_predictions_restart_from_what_the_filter_knew(tmp_path: Path) -> None:
     assert np.mean(errors[0] ** 2) < np.mean(errors[1] ** 2)
 
 
+@pytest.mark.long
 def test_a_rate_that_no_gyro_gave_is_judged_by_the_change_of_its_angle(tmp_path: Path) -> None:
     joint = Joint(made('method = "innovations"', tmp_path, sailed().drop("r_deg_s")))
     judge = Innovations(joint)

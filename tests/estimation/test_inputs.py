@@ -276,6 +276,7 @@ def cwolf() -> Campaign:
     return Campaign.load(EXAMPLES / "cwolf" / "campaign.toml")
 
 
+@pytest.mark.long
 def test_cwolf_is_told_per_group_and_direction(cwolf: Campaign) -> None:
     found = judge_inputs(cwolf)
     assert trained(cwolf) == ("surge", "dive", "turn", "dive_stern", "roll")

@@ -222,6 +222,7 @@ def test_water_of_waves_carries_the_vehicle_and_its_noises_are_found() -> None:
     assert motion.states.std() < 0.2 * water.std()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("damping", [0.02, 0.2])
 @pytest.mark.parametrize("hz", [0.2, 0.17, 0.24])
 def test_waves_are_as_fast_and_as_broad_as_the_sea(damping: float, hz: float) -> None:
@@ -238,6 +239,7 @@ def test_waves_are_as_fast_and_as_broad_as_the_sea(damping: float, hz: float) ->
     assert still.damping == noise.damping
 
 
+@pytest.mark.long
 def test_courses_tell_where_the_waves_go() -> None:
     """On a square they are met at frequencies from 0.16 to 0.24 Hz; on one course at one."""
     sides = 1.7 * np.repeat([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]], 750, axis=0)

@@ -59,6 +59,7 @@ def proposed(request: pytest.FixtureRequest) -> tuple[Vehicle, list[Proposal]]:
     return vehicle, found
 
 
+@pytest.mark.long
 def test_the_whole_repertoire_is_proposed(proposed: tuple[Vehicle, list[Proposal]]) -> None:
     kinds = {proposal.manoeuvre.kind for proposal in proposed[1]}
     assert kinds == {"staircase", "coast-down", "zigzag", "spiral", "dive", "free decay", "multisine"}
@@ -102,6 +103,7 @@ def test_proposals_begin_and_end_with_nothing_but_the_trim(proposed: tuple[Vehic
             assert values[0] == values[-1] == trim[name][0], one.name
 
 
+@pytest.mark.long
 def test_what_is_proposed_keeps_within_the_limits() -> None:
     limits = Limits(depth_m=12.0, area_m=(40.0, 60.0), tilt_deg=40.0)
     found, refused = proposals(CWOLF, duration_s=BUDGET_S, limits=limits)

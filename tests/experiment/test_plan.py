@@ -170,6 +170,7 @@ def test_the_free_decay_of_roll_is_what_shows_the_damping_of_roll() -> None:
         assert relative[1] < least, name
 
 
+@pytest.mark.long
 def test_the_plan_beats_staircases_of_equal_length(default: Plan) -> None:
     """The issue's criterion, on the sum of the relative standard deviations of CWolf's 28 coefficients."""
     assert len(default.coefficients) == 28
@@ -411,6 +412,7 @@ def test_a_campaign_seeks_its_parameters() -> None:
     assert bounds["z_b"] == (-0.06, -0.005)  # the campaign's own, not the default ones
 
 
+@pytest.mark.long
 def test_the_trials_of_a_campaign_count(tmp_path: Path) -> None:
     assert call("new", tmp_path / "mine").exit_code == 0
     campaign = Campaign.load(tmp_path / "mine" / "campaign.toml")
@@ -518,6 +520,7 @@ def test_the_verb_names_a_vehicle_that_does_not_exist() -> None:
     assert "cwolf" in result.stderr
 
 
+@pytest.mark.long
 def test_a_campaign_without_recordings_says_how_to_plan_without_them(tmp_path: Path) -> None:
     assert call("new", tmp_path / "mine").exit_code == 0
     for log in (tmp_path / "mine" / "logs").iterdir():

@@ -20,6 +20,7 @@ def test_built_in_vehicles_and_their_own_autopilots_belong_together(name: str) -
     assert mismatch(own.renamed("mine", "of my own"), vehicle) == ""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", ["pid", "lqr"])
 def test_a_start_autopilot_and_a_tuned_one_say_their_vehicle(law: str) -> None:
     start = st.Autopilot.from_toml(st.start_autopilot(st.Vehicle.load("cwolf"), law=law))

@@ -82,6 +82,7 @@ def identified(text: str, *, waves: bool) -> Identification:
     return identify(Campaign.from_toml(text, source="made.toml", trials=recordings(waves=waves)), threads=2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("text", "words"), [(HELD_OUT, "held-out data"), (HEAD, "last 20 % of every trial")])
 def test_a_joint_estimate_that_predicts_worse_is_not_the_result(text: str, words: str) -> None:
     fit = identified(text, waves=True)
@@ -132,6 +133,7 @@ def test_the_cost_of_a_joint_estimate_never_rises_with_its_rounds() -> None:
     assert all(one.cost <= one.start_cost for one in found)
 
 
+@pytest.mark.long
 def test_more_coefficients_do_not_end_at_a_higher_cost() -> None:
     data = recordings(waves=True)
     free = "{ bounds = [-300.0, 300.0] }"

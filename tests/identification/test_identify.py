@@ -127,6 +127,7 @@ def test_the_vehicle_file_says_what_the_model_leaves_unexplained(campaign: Calla
     assert again.vehicle.to_dict()["model_error"]["force"][2] == pytest.approx(default[2])
 
 
+@pytest.mark.long
 def test_same_seed_same_result_whatever_the_threads_and_the_company(
     campaign: Callable[..., Campaign],
 ) -> None:
@@ -137,6 +138,7 @@ def test_same_seed_same_result_whatever_the_threads_and_the_company(
     assert outcome(identify(campaign(HEAVE), threads=2)) == first[1:]
 
 
+@pytest.mark.long
 def test_estimated_initial_velocities_lower_the_cost(campaign: Callable[..., Campaign]) -> None:
     smoothed = identify(campaign(SURGE))
     estimated = identify(campaign(SURGE.replace("axes", 'start = "estimated"\naxes')))

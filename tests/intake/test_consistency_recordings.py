@@ -65,6 +65,7 @@ def of(found: Consistency, key: str) -> Correction:
     return next(one for one in found.corrections if one.key == key)
 
 
+@pytest.mark.long
 @needs_field
 def test_the_doppler_logs_unit_tilt_and_clock_are_found() -> None:
     found = field()

@@ -41,6 +41,7 @@ def keys(made: st.Imported) -> list[str]:
     return [one.key for trial in made.trials for one in trial.consistency.corrections]
 
 
+@pytest.mark.long
 def test_a_delay_is_proposed_once_and_removed_once(logs: list[Path], tmp_path: Path) -> None:
     project = tmp_path / "project"
     made = st.import_logs(logs, out=project, vehicle="remus100")

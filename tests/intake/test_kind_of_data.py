@@ -60,6 +60,7 @@ def test_the_check_of_a_campaign_says_what_kind_of_data_it_has() -> None:
     assert "free decay of roll from 30 deg with 12 extremes from 0 s on" in details
 
 
+@pytest.mark.long
 @pytest.mark.skipif("SEATRIAL_DATA" not in os.environ, reason="SEATRIAL_DATA is not set")
 def test_beluga_is_told_by_its_excited_axes() -> None:
     campaign = st.Campaign.load(EXAMPLES / "beluga" / "campaign.toml")

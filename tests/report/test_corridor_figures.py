@@ -141,6 +141,7 @@ def test_step_responses_before_and_after_tuning_share_their_set_points() -> None
     assert "span of the samples" not in texts(step_responses([course()]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [3, 5, 6, 11])
 def test_many_courses_fit_on_a_page_and_keep_their_room(count: int) -> None:
     wild = course()

@@ -113,6 +113,7 @@ def test_law_intervals_side_by_side_never_overlap(entries: list[tuple[float, flo
         assert centres[0] == pytest.approx(wanted[0])
 
 
+@pytest.mark.long
 def test_files_are_sharp_enough_for_print_and_the_same_every_time(tmp_path: Path) -> None:
     first, second = (
         save(three_views(CWOLF), tmp_path / folder / "views", formats=("png", "pdf"))

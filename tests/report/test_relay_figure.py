@@ -21,6 +21,7 @@ def tuned(sensors: str | None) -> RelayTuning:
     return relay_autopilot(st.Vehicle.load("cwolf"), st.Autopilot.load(START), shares=[0.15], sensors=sensors)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sensors", [None, "typical"])
 def test_the_figure_can_be_printed(sensors: str | None) -> None:
     figure = relay_cycles(tuned(sensors))

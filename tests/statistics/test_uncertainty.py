@@ -44,10 +44,12 @@ def check_cover(found: list[Uncertainty]) -> None:
     assert 0.93 <= covered(found).mean() <= 0.985
 
 
+@pytest.mark.long
 def test_law_intervals_cover_with_white_errors() -> None:
     check_cover(spread_and_intervals(0.0)[1])
 
 
+@pytest.mark.long
 def test_law_intervals_cover_with_coloured_errors(coloured: tuple[Array, list[Uncertainty]]) -> None:
     check_cover(coloured[1])
 

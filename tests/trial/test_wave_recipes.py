@@ -70,6 +70,7 @@ def short(seconds: float, amplitude: float, seed: int) -> Trial:
     return Trial.read(table, align=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seconds", [60.0, 120.0])
 def test_law_a_short_log_of_calm_water_seldom_shows_waves(seconds: float) -> None:
     # Held without waves in 299 of 300; the bound is that of a rate of 1 % in 40, once in a thousand.

@@ -175,6 +175,7 @@ def test_lit_ziegler_nichols_and_tyreus_luyben() -> None:
     assert (found.k_p, found.k_i, found.k_d) == pytest.approx((9.0, 9.0, 0.0))
 
 
+@pytest.mark.long
 def test_gains_follow_the_rule_and_all_else_stays() -> None:
     for rule in ("tyreus-luyben", "ziegler-nichols"):
         result = tuned(rule)

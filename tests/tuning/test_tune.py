@@ -342,6 +342,7 @@ def test_results_are_plain_data_and_files(tmp_path: Path) -> None:
     assert json.loads((run / "run.json").read_text())["kind"] == "tuning"
 
 
+@pytest.mark.long
 def test_a_relay_autotuning_is_assessed_beside() -> None:
     text = HEADING.replace("generations = 6, simplex_rounds = 3", "generations = 1, simplex_rounds = 1")
     one = tune(campaign(text), relay=True, threads=1)
@@ -377,6 +378,7 @@ SHORT = {
 }
 
 
+@pytest.mark.long
 def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(tmp_path: Path) -> None:
     text = tomlkit.dumps({"format": 1, "name": "small", "seed": 5, "vehicle": "cwolf", "autopilot": "cwolf"})
     text += tomlkit.dumps({"tuning": {"loops": LOOPS} | SHORT})

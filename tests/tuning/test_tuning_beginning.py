@@ -12,6 +12,7 @@ from seatrial.tuning.search import search_group, search_margins
 from tests.tuning.tuning_campaigns import plan
 
 
+@pytest.mark.long
 def test_few_factors_for_all_points_are_tried_first_where_margins_are_short() -> None:
     one = TuningPlan(TuningTable(), Fitted.of("remus100"), st.Autopilot.load("remus100"))
     result = search_margins(one, seed=5)

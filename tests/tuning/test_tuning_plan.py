@@ -47,6 +47,7 @@ def changed(name: str, change: Callable[[Any], None]) -> st.Autopilot:
     return st.Autopilot.from_toml(tomlkit.dumps(text))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_vehicle_is_tuned_at_the_points_that_it_reaches(name: str) -> None:
     one = built_in(name)

@@ -260,6 +260,7 @@ def test_vehicles_that_cannot_turn_or_drive_say_so() -> None:
     assert performance(idle) is None
 
 
+@pytest.mark.long
 def test_the_figure_shows_what_the_vehicle_file_tells(tmp_path: Path) -> None:
     titles = {
         name: [axes.get_title(loc="left") for axes in performance(vehicle).axes]  # type: ignore[union-attr]

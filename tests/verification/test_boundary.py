@@ -31,6 +31,7 @@ def along_the_current() -> FailureBoundary:
     return run_boundary(asked(), {"current_speed_m_s": (0.0, 1.2)})
 
 
+@pytest.mark.long
 def test_the_boundary_lies_where_plain_sampling_finds_the_allowed_failures() -> None:
     found = along_the_current()
     ((value, low, high, rising),) = found.crossings("number 0")

@@ -84,6 +84,7 @@ def test_the_likeliest_failure_is_one_and_can_be_flown_again() -> None:
         found.replay("number")
 
 
+@pytest.mark.long
 def test_what_has_no_distance_is_refused_with_the_reason() -> None:
     found = rare()
     one = found.requirements[1]

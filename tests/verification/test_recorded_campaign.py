@@ -219,6 +219,7 @@ def test_the_file_of_a_trial_is_judged_as_that_trial() -> None:
     assert judged.span is not None
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("here")
 def test_a_slow_log_is_held_against_references_as_slow() -> None:
     """At 1 Hz held commands and smoothed states err more; the model is no worse for it."""

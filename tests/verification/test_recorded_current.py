@@ -41,6 +41,7 @@ def judged(mission: st.Mission, current: list[float], thrust: float = 1.0) -> Lo
     return verify_log(fitted(), MissionLog.read(table.drop(hidden)), reference=log(100).trial, draws=2048)
 
 
+@pytest.mark.long
 def test_a_current_that_was_not_recorded_is_no_changed_vehicle() -> None:
     found = judged(MISSION, [0.2, 0.1, 0.0])
     assert found.model == "model still valid", found.summary()

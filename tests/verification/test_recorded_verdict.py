@@ -70,6 +70,7 @@ def test_a_verdict_without_reference_says_what_is_missing() -> None:
     assert any("covariance is not known" in note for note in found.notes)
 
 
+@pytest.mark.long
 def test_figures_are_written(tmp_path: Path) -> None:
     written = log_verdict_gallery(verdict(), tmp_path, formats=("png",))
     assert {path.name for path in written} >= {"residuals.png", "suspects.png", "envelope.png"}
