@@ -63,6 +63,7 @@ def test_the_summary_tells_rows_gains_margins_and_what_next() -> None:
     assert Path("autopilot.toml").exists()
 
 
+@pytest.mark.long
 def test_authority_is_told_at_the_speed_that_a_vehicle_with_fins_needs() -> None:
     told = call("lauv").stdout
     assert "- At 1.1 m/s surge, roll, pitch and yaw can be commanded" in told
@@ -93,6 +94,7 @@ def test_the_starter_project_flies_its_mission() -> None:
     assert "3 of 3 waypoints reached" in flown.stdout
 
 
+@pytest.mark.long
 def test_a_file_that_exists_is_replaced_only_when_told_to() -> None:
     Path("autopilot.toml").write_text("tuned for weeks")
     refused(call("cwolf"), "autopilot.toml", "is not overwritten", "--force")

@@ -73,6 +73,7 @@ def test_supporting_speeds_span_the_reachable_range(name: str) -> None:
         assert trim(Vehicle.load(name), speeds[0], "XMN") is not None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_law_every_loop_is_stable_and_overshoots_less_than_a_quarter(name: str) -> None:
     """All loops of a mode closed on the coupled motion behind lag and dead time, as it flies."""

@@ -48,6 +48,10 @@ LONG = (
     "autopilot_for_your_vehicle",
     "how_sure",
     "tune_an_autopilot",
+    "bench_test",
+    "rare_failures",
+    "gallery",
+    "generated_trials",
 )
 """Pages whose examples identify or tune for more than some seconds."""
 

@@ -78,6 +78,7 @@ def test_commands_stay_within_the_motors_limits(proposed: tuple[Vehicle, list[Pr
             assert away.max() <= largest(facts[name], 1.0) + 0.05, proposal.manoeuvre.name
 
 
+@pytest.mark.long
 def test_proposals_have_the_right_lengths_and_fit_their_time(
     proposed: tuple[Vehicle, list[Proposal]],
 ) -> None:

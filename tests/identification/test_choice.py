@@ -106,6 +106,7 @@ def test_the_held_out_score_of_the_result_is_that_of_the_better_one() -> None:
     assert fit.scores["hold_out"]["ahead"]["turn"]["r"].r2 == pytest.approx(fit.choice.stages["r"], abs=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", [HELD_OUT, HEAD])
 def test_a_joint_estimate_of_the_right_model_is_the_result(text: str) -> None:
     fit = identified(text, waves=False)

@@ -131,6 +131,7 @@ def test_one_trial_is_refused_before_a_folder_appears(campaign: Campaign, tmp_pa
         single.without_trial("dve")
 
 
+@pytest.mark.long
 def test_option_of_the_command_line(
     campaign: Campaign, left_out: tuple[LeaveOneOut, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

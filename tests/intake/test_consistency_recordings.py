@@ -81,6 +81,7 @@ def test_the_doppler_logs_unit_tilt_and_clock_are_found() -> None:
     assert of(found, "dvl.drift").value == pytest.approx(40e-6, abs=20e-6)
 
 
+@pytest.mark.long
 @needs_field
 def test_missing_roll_is_said_and_the_list_that_follows() -> None:
     said = " ".join(field().missing)
@@ -114,6 +115,7 @@ def test_belugas_gyro_signs_and_delays_are_found(run: str) -> None:
     assert of(found, "delay_s.rates").value == pytest.approx(0.075, abs=0.005)
 
 
+@pytest.mark.long
 @needs_beluga
 @pytest.mark.parametrize("run", ["surge-1", "yaw-1", "random-1"])
 def test_the_tilt_of_belugas_frame_is_found(run: str) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+import pytest
 
 import seatrial
 from seatrial.base.arrays import Array
@@ -85,6 +86,7 @@ def test_a_trial_that_was_given_as_one_is_not_compared() -> None:
     assert consistency_of_trial(campaign(turn=made.trials["turn"]), "turn") is None
 
 
+@pytest.mark.long
 def test_a_check_proposes_nothing_where_all_is_well() -> None:
     assert "Corrections proposed" not in check_campaign(campaign(PLACES)).summary()
 

@@ -94,6 +94,7 @@ def test_limits_are_drawn(figure: Figure) -> None:
         assert [limit, limit] in [xy(line)[:, 1].tolist() for line in axes.lines]
 
 
+@pytest.mark.long
 def test_unstable_points_are_crosses_at_the_foot_and_named_in_the_legend(
     figure: Figure, tmp_path: Path
 ) -> None:

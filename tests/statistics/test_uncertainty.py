@@ -54,6 +54,7 @@ def test_law_intervals_cover_with_coloured_errors(coloured: tuple[Array, list[Un
     check_cover(coloured[1])
 
 
+@pytest.mark.long
 def test_law_independent_samples_are_an_illusion(coloured: tuple[Array, list[Uncertainty]]) -> None:
     true, found = coloured
     slow = [0, 2, 4, 5]  # stepped and drifting inputs, biases

@@ -202,6 +202,7 @@ def test_gains_follow_the_rule_and_all_else_stays() -> None:
         assert "tau_max = 60.0" in result.autopilot.to_toml()
 
 
+@pytest.mark.long
 def test_a_relay_without_room_beside_the_load_borrows_from_the_nearest_point() -> None:
     result = tuned()
     point = next(p for p in result.points if (p.loop, p.speed_m_s) == ("surge", 3.0))

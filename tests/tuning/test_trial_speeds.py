@@ -57,6 +57,7 @@ def test_points_that_are_clipped_to_the_same_are_tried_once() -> None:
     )
 
 
+@pytest.mark.long
 def test_a_vehicle_that_cannot_hover_has_a_slowest_speed() -> None:
     remus = TuningPlan(TuningTable(), Fitted.of("remus100"), st.Autopilot.load("remus100"))
     slowest = slowest_level_m_s(remus.vehicle, remus.autopilot)

@@ -140,6 +140,7 @@ def test_a_killed_tuning_goes_on_and_equals_an_undisturbed_one(tmp_path: Path) -
     assert [entry.name for entry in tmp_path.iterdir()] == ["run"]
 
 
+@pytest.mark.long
 def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) -> None:
     whole = tune(quick(TWO), threads=1)
     first = tune(quick(TWO), run_dir=tmp_path / "run", progress=Watch(stop="surge"), threads=1)

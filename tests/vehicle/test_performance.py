@@ -155,6 +155,7 @@ def test_endurance_is_the_battery_over_hotel_load_and_propulsion() -> None:
         assert all(row.power_w is row.endurance_h is row.range_km is None for row in speeds(VEHICLES[name]))
 
 
+@pytest.mark.long
 def test_no_other_command_goes_farther() -> None:
     best = farthest(CWOLF)
     assert best is not None

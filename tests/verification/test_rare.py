@@ -95,6 +95,7 @@ def test_what_has_no_distance_is_refused_with_the_reason() -> None:
     assert "number 1" in found.report().text()
 
 
+@pytest.mark.long
 def test_the_report_says_probability_interval_and_what_plain_sampling_would_take() -> None:
     found = rare()
     event = found.requirements[0].event

@@ -65,6 +65,7 @@ def test_a_large_share_that_does_not_refute_does_not_pass_either() -> None:
     assert rate.interval[0] < rate.outside < rate.interval[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("known", ["reference", "noise"])
 def test_an_unchanged_vehicle_is_valid_in_closed_loop(known: str) -> None:
     verdict = verify_log(fitted(), log(2), reference=log(100).trial if known == "reference" else None)

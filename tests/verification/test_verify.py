@@ -53,7 +53,9 @@ probability = 0.8849303297782918
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("verify")
+    made = tmp_path_factory.mktemp("verify")
+    campaign(made)  # with its mission
+    return made
 
 
 @pytest.fixture(scope="module")
