@@ -70,6 +70,25 @@ def test_commands_are_matched_by_name_group_or_number(names: list[str], actuator
     assert matched(names, st.Vehicle.load("beluga"))[actuator] == name
 
 
+@pytest.mark.parametrize(
+    ("names", "planes"),
+    [
+        (["planes", "rudder"], "planes"),
+        (["rudder", "elevator"], "elevator"),
+        (["delta_s", "delta_r"], "delta_s"),
+        (["rudder", "elevator", "planes"], None),  # which of them?
+        (["rudder", "bow_planes"], None),
+        (["rudder", "stern_plane_port"], None),  # half of them
+    ],
+)
+def test_fins_take_the_usual_words_for_them(names: list[str], planes: str | None) -> None:
+    found = matched(names, st.Vehicle.load("remus100"))
+    assert found.get("stern_plane_starboard") == planes
+    assert (
+        found["rudder_upper"] == found["rudder_lower"] == next(n for n in names if n in ("rudder", "delta_r"))
+    )
+
+
 def test_stub_loads_once_its_measures_are_filled_in() -> None:
     log = SurveyedLog(Path("dive 1.csv"), "csv", (), (), (), (), (), {}, None)
     units = {"port": "us", "propeller": "rpm", "rudder": "deg"}

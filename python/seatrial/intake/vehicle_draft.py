@@ -246,6 +246,8 @@ def _stub(logs: Sequence[SurveyedLog], actuators: Mapping[str, str]) -> str:
 def matched(names: Sequence[str], vehicle: Vehicle) -> dict[str, str]:
     """Name of the command by actuator of the vehicle: of the same name, of its group, or of the same number.
 
+    A fin takes the only command with another usual word for it: stern planes an elevator, say.
+
     Examples
     --------
     >>> import seatrial as st
@@ -264,7 +266,25 @@ def matched(names: Sequence[str], vehicle: Vehicle) -> dict[str, str]:
             result[actuator] = groups[actuator]
         elif number and number[0] in single:
             result[actuator] = single[number[0]]
+        elif alike := _same_fin(f"{actuator} {groups.get(actuator, '')}", names):
+            result[actuator] = alike
     return result
+
+
+_FINS = (
+    (re.compile(r"rudder"), re.compile(r"rudders?|delta_?r")),
+    (re.compile(r"stern.?plane|elevator"), re.compile(r"(stern[ _]?)?planes?|elevators?|delta_?[es]")),
+)
+"""How vehicle files name fins, and what logs call their command."""
+
+
+def _same_fin(actuator: str, names: Sequence[str]) -> str:
+    """The only command that is called by a usual word for a fin; empty without one, or with several."""
+    for own, told in _FINS:
+        alike = [name for name in names if told.fullmatch(name.lower())]
+        if own.search(actuator.lower()) and len(alike) == 1:
+            return alike[0]
+    return ""
 
 
 def thruster_signs(vehicle: Vehicle, trial: Trial, parameters: Mapping[str, float]) -> dict[str, bool]:
