@@ -385,6 +385,12 @@ def test_progress_tells_stage_generation_best_and_time_left(capsys: pytest.Captu
             assert "left" not in capsys.readouterr().err
             spoken(replace(state, step=None))
             assert "surge [2/4]: about 42 s left" in capsys.readouterr().err
+            spoken(replace(state, what="joint estimate", step=Step("polish", 7, 20, 8, 0.2, 0.1)))
+            assert "joint estimate [2/4]: round 7 of at most 20, best 0.2" in capsys.readouterr().err
+            spoken(replace(state, notes=("Stages found.",)))
+            assert capsys.readouterr().err.startswith("Stages found.")
+            spoken(replace(state, done=0, notes=("Nothing tells K_p.",)))
+            assert capsys.readouterr().err.startswith("before the search: Nothing tells K_p.")
             spoken(replace(state, step=None, detail="9 of 24 missions flown"))
             assert "surge: 9 of 24 missions flown, about 42 s left" in capsys.readouterr().err
     for words in ("31 %", "surge [2/4]", "generation 7 of at most 90", "best 0.1234", "at most 42 s left"):

@@ -203,7 +203,9 @@ def search_progress(first: str, *, quiet: bool = False) -> Iterator[Callable[[St
     """Callback for long work that shows what runs, best cost and time left; `first` stands before that."""
     with long_work(first, quiet=quiet) as show:
         yield lambda state: show(
-            state.fraction, _words(state), [f"before the search: {note}" for note in state.notes]
+            state.fraction,
+            _words(state),
+            [note if state.done else f"before the search: {note}" for note in state.notes],
         )
 
 
@@ -265,7 +267,8 @@ def _words(state: State) -> str:
     words = [state.detail] if state.detail else []
     step = state.step
     if step is not None:
-        words += [step.phase, f"generation {step.generation} of at most {step.generations}"]
+        what = ["round"] if step.phase == "polish" else [step.phase, "generation"]
+        words += [*what[:-1], f"{what[-1]} {step.generation} of at most {step.generations}"]
         words.append(f"best {step.best:.4g}")
     # The first generations load and warm up what the later ones find ready.
     if math.isfinite(state.left_s) and (step is None or step.generation >= _TELLING_GENERATIONS):
