@@ -308,7 +308,9 @@ def _how_good(verdict: LogVerdict) -> str:
     one = channels[name]
     much = one.fails or one.doubtful
     chance = (
-        f", p = {one.p_text}" if much else f"; errors last, so that chance does as much with p = {one.p_text}"
+        f", p = {one.p_text}"
+        if much
+        else f"; model errors last, and a valid model is outside for as long with probability {one.p_text}"
     )
     return (
         f"{judged}; {name} is outside its"
