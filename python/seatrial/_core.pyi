@@ -291,18 +291,25 @@ class LinearModel:
 
     transition (n - 1, S, N): the rows of the vehicle's states; driven (n - 1, E): the E entries of the other rows, of
     what drives it, that are not zero, and places, E of row and column (row 0 is that of state S), in the order of the
-    rows; shown (n, Y, N), measured (n, Y) and valid (n, Y), not zero where a sample counts; drift (n - 1, N); slopes (n - 1, S, M),
+    rows; shown (n, V): the V entries of what the channels show of the states that are not zero, and seen, V of channel
+    and state, in the order of the channels; measured (n, Y) and valid (n, Y), not zero where a sample counts; drift (n - 1, N); slopes (n - 1, S, M),
     derivatives of a step by the unknowns; start (N,), the expected first state.
 
     Koopman (1993), Biometrika 80, 117; Maine and Iliff, NASA RP-1168 (1986).
     """
-    def __new__(cls, /, *, transition: ArrayLike, places: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex]], driven: ArrayLike, shown: ArrayLike, measured: ArrayLike, valid: ArrayLike, drift: ArrayLike, slopes: ArrayLike, start: ArrayLike) -> LinearModel: ...
+    def __new__(cls, /, *, transition: ArrayLike, places: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex]], driven: ArrayLike, seen: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex]], shown: ArrayLike, measured: ArrayLike, valid: ArrayLike, drift: ArrayLike, slopes: ArrayLike, start: ArrayLike) -> LinearModel: ...
     def judge(self, /, process: ArrayLike, sensors: ArrayLike, start: ArrayLike, kept: SupportsGetItem[int, SupportsIndex]) -> tuple[float, NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
         """
         Logarithm of the likelihood of variances, without its constant, its slopes by process (N,) and sensors (Y,),
         and the states at the places kept: smoothed (n, kept), and after the measurements of each sample (n, kept).
 
         process (N,), per sample; sensors (Y,); start (N,), of the first state; kept: places of states.
+        """
+    def likelihood(self, /, process: ArrayLike, sensors: ArrayLike, start: ArrayLike) -> NDArray[float64]:
+        """
+        Logarithm of the likelihood of variances, without its constant, alone: what each sample adds to it, (n,).
+
+        Parameters as for judge.
         """
     def predict(self, /, process: ArrayLike, sensors: ArrayLike, start: ArrayLike, ahead: SupportsIndex = 0) -> NDArray[float64]:
         """
@@ -447,6 +454,11 @@ class OpenLoop:
     XYZKMN, the other axes are frozen; loss: absolute, squared or huber with its knee; substeps per sample.
     """
     def __new__(cls, /, vehicle: Vehicle, records: SupportsGetItem[int, Record], segments: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsIndex, ArrayLike, ArrayLike, ArrayLike]], *, names: SupportsGetItem[int, str] = ..., free: str = "XYZKMN", measured: str = "", loss: str = "absolute", knee: SupportsFloat | SupportsIndex = 1.0, substeps: SupportsIndex = 1) -> OpenLoop: ...
+    def along(self, /, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, currents: SupportsGetItem[int, ArrayLike]) -> OpenLoop:
+        """
+        The same segments from other starts and in other currents: position (k, 3), attitude (k, 4) or (k, 3), and
+        nu (k, 6) per segment; currents: (n, 3) per record, NED, m/s.
+        """
     def errors(self, /, values: ArrayLike, threads: SupportsIndex | None = None) -> NDArray[float64]:
         """
         Sums over the samples of loss(weight * error), shape (k, segments, 12); infinite where a candidate
@@ -476,6 +488,10 @@ class OpenLoop:
         channels: names of those to differentiate, all when missing. nuisance (records, 38) and initial
         (segments, 12): values, zero when missing. Derivatives by the variational equations, exact to rounding; where a
         function has a corner (|x| at 0, a latency or dead time of whole steps), that of one side or zero.
+        """
+    def tangents(self, /, values: ArrayLike, directions: ArrayLike | None = None, *, nuisances: SupportsGetItem[int, str] = ..., initials: SupportsGetItem[int, str] = ..., channels: SupportsGetItem[int, str] | None = None, nuisance: ArrayLike | None = None, initial: ArrayLike | None = None, threads: SupportsIndex | None = None) -> tuple[NDArray[float64], NDArray[float64]]:
+        """
+        The same of all segments in a row: (samples of all, 12) and (samples of all, channels, m).
         """
 
 @final

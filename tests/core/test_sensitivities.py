@@ -172,6 +172,63 @@ def test_what_is_shown_is_the_prediction_and_by_default_undisturbed() -> None:
         np.testing.assert_array_equal(given, default)
 
 
+def test_tangents_are_the_sensitivities_in_a_row() -> None:
+    flights = Flights("cwolf")
+    shown, slopes = flights.loop.tangents(
+        flights.values,
+        nuisances=NUISANCES[:3],
+        initials=INITIALS[:2],
+        channels=["u", "yaw"],
+        nuisance=flights.nuisance,
+        initial=flights.initial,
+    )
+    apart = flights.sensitivities(nuisances=NUISANCES[:3], initials=INITIALS[:2], channels=["u", "yaw"])
+    np.testing.assert_array_equal(shown, np.concatenate([one for one, _ in apart]))
+    np.testing.assert_array_equal(slopes, np.concatenate([one for _, one in apart]))
+
+
+def test_segments_along_another_motion_are_those_that_start_there() -> None:
+    flights = Flights("cwolf")
+    draw, values = np.random.default_rng(4), flights.values
+    place = np.tile([1.0, -2.0, 3.0], (3, 1))
+    attitude = np.tile([0.1, -0.2, 0.3], (3, 1))
+    nu = np.tile([0.7, 0.1, -0.1, 0.1, 0.2, -0.2], (3, 1))
+    aside, faster = 0.1 * draw.uniform(size=(3, 3)), 0.1 * draw.uniform(size=(3, 6))
+    currents = [0.2 * draw.uniform(size=(41, 3)) for _ in range(2)]
+    begun = flights.loop.along(place, attitude, nu, currents)
+    # A start beside another one is that one with initial conditions.
+    beside = flights.loop.along(place + aside, attitude, nu + faster, currents).predict(values)
+    initial = np.hstack([aside, np.zeros((3, 3)), faster])
+    for one, other in zip(beside, begun.predict(values, initial=initial), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-10)
+    turned = flights.loop.along(place, attitude + 0.1, nu, currents).predict(values)
+    for one, other in zip(turned, begun.predict(values), strict=True):
+        np.testing.assert_allclose(one[0, 9:] - other[0, 9:], 0.1, atol=1e-9)
+    # The currents are those of the record.
+    steady, still = np.tile([0.1, 0.0, 0.0], (41, 1)), np.zeros((41, 3))
+    nuisance = np.zeros((2, 38))
+    nuisance[0, NUISANCES.index("current_north")] = 0.1
+    flowing = flights.loop.along(place, attitude, nu, [steady, still]).predict(values)
+    moved = flights.loop.along(place, attitude, nu, [still, still]).predict(values, nuisance=nuisance)
+    for one, other in zip(flowing, moved, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("place", "shape", "message"),
+    [(0, (2, 3), "expected 3 rows each"), (3, (2, 40, 3), "currents: expected 41 finite rows")],
+)
+def test_starts_and_currents_that_do_not_fit_are_refused(
+    place: int, shape: tuple[int, ...], message: str
+) -> None:
+    flights = Flights("cwolf")
+    given = [np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 6)), np.zeros((2, 41, 3))]
+    given[place] = np.zeros(shape)
+    position, attitude, nu, currents = given
+    with pytest.raises(SimulationError, match=message):
+        flights.loop.along(position, attitude, nu, list(currents))
+
+
 def test_a_nuisance_belongs_to_its_record_and_an_initial_condition_to_its_segment() -> None:
     flights = Flights("cwolf")
     before = flights.predict()

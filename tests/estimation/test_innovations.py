@@ -107,10 +107,11 @@ def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
     assert noise.wave_hz == pytest.approx(0.2, abs=0.02)
     # The gyro's noise is found beside the waves; the log has 2e-3 rad/s.
     assert np.sqrt(noise.sensors) == pytest.approx([2e-3, 2e-3], rel=0.3)
-    assert [one.ahead_s for one in found.horizons] == [2.0]
     judged = assess(joint, found)
+    horizons = judged.polished.horizons
+    assert [one.ahead_s for one in horizons] == [2.0]
     assert judged.sentences()[0].startswith("joint estimate by innovations")
-    for name in found.horizons[0].refused:
+    for name in horizons[0].refused:
         known = judged.of(name)
         assert known is not None
         assert known["verdict"] == "not identifiable"

@@ -35,7 +35,8 @@ def parts(seed: int = 0) -> dict[str, Any]:
         + 0.3 * draw.normal(size=(SAMPLES - 1, S, N)),
         "places": places,
         "driven": driven.T,
-        "shown": np.repeat(draw.normal(size=(1, Y, N)), SAMPLES, axis=0),
+        "seen": [(c, l) for c in range(Y) for l in range(N)],
+        "shown": np.repeat(draw.normal(size=(1, Y * N)), SAMPLES, axis=0),
         "measured": draw.normal(size=(SAMPLES, Y)),
         "valid": draw.uniform(size=(SAMPLES, Y)) > 0.3,
         "drift": 0.1 * draw.normal(size=(SAMPLES - 1, N)),
@@ -69,7 +70,7 @@ def test_likelihood_and_smoothed_states_are_those_of_one_large_gaussian() -> Non
     rows = [(k, c) for k in range(SAMPLES) for c in range(Y) if given["valid"][k, c]]
     shown = np.zeros((len(rows), SAMPLES * N))
     for row, (k, c) in zip(shown, rows, strict=True):
-        row[k * N : (k + 1) * N] = given["shown"][k, c]
+        row[k * N : (k + 1) * N] = given["shown"][k].reshape(Y, N)[c]
     size = shown @ spread @ shown.T + np.diag([SENSORS[c] for _, c in rows])
     # Small errors: none is an outlier.
     error = 0.3 * np.linalg.cholesky(size) @ np.random.default_rng(1).normal(size=len(rows))
@@ -78,9 +79,53 @@ def test_likelihood_and_smoothed_states_are_those_of_one_large_gaussian() -> Non
     likelihood, _, _, smoothed, known = LinearModel(**given).judge(PROCESS, SENSORS, START, range(N))
     solved = np.linalg.solve(size, error)
     assert likelihood == pytest.approx(-0.5 * (error @ solved + np.linalg.slogdet(size)[1]), rel=1e-10)
+    alone = LinearModel(**given).likelihood(PROCESS, SENSORS, START)
+    assert alone.shape == (SAMPLES,)
+    assert alone.sum() == pytest.approx(likelihood, rel=1e-12)
     best = (mean + spread @ shown.T @ solved).reshape(SAMPLES, N)
     np.testing.assert_allclose(smoothed, best, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(known[-1], best[-1], rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("more", [4, 20, 40])
+def test_states_that_nothing_shows_change_nothing(more: int) -> None:
+    """Rows are as long as the states need; with more of them they take more blocks."""
+    few, many = parts(), parts()
+    wide = np.zeros((SAMPLES - 1, S, N + more))
+    wide[:, :, :N] = few["transition"]
+    many |= {
+        "transition": wide,
+        "places": [*few["places"], *((N - S + i, N + i) for i in range(more))],
+        "driven": np.hstack([few["driven"], np.full((SAMPLES - 1, more), 0.5)]),
+        "drift": np.hstack([few["drift"], np.zeros((SAMPLES - 1, more))]),
+        "start": np.append(few["start"], np.zeros(more)),
+    }
+    found = LinearModel(**few).judge(PROCESS, SENSORS, START, range(N))
+    noises = np.append(PROCESS, np.ones(more)), SENSORS, np.append(START, np.ones(more))
+    wider = LinearModel(**many).judge(*noises, range(N))
+    assert wider[0] == found[0]
+    np.testing.assert_array_equal(wider[1][:N], found[1])
+    np.testing.assert_array_equal(wider[1][N:], 0.0)
+    for one, other in zip(wider[2:], found[2:], strict=True):
+        np.testing.assert_array_equal(one, other)
+    ahead = LinearModel(**many).predict(*noises, 2), LinearModel(**few).predict(PROCESS, SENSORS, START, 2)
+    np.testing.assert_array_equal(*ahead)
+
+
+def test_more_states_than_there_is_room_for_are_refused() -> None:
+    with pytest.raises(SimulationError, match="at most 64 states, found 65"):
+        LinearModel(
+            **(
+                parts()
+                | {
+                    "transition": np.zeros((SAMPLES - 1, S, 65)),
+                    "places": [],
+                    "driven": np.zeros((SAMPLES - 1, 0)),
+                    "drift": np.zeros((SAMPLES - 1, 65)),
+                    "start": np.zeros(65),
+                }
+            )
+        )
 
 
 def test_slopes_of_the_likelihood_are_its_derivatives() -> None:
@@ -129,6 +174,15 @@ def test_parts_that_do_not_fit_are_refused() -> None:
     given["drift"] = given["drift"][:-1]
     with pytest.raises(SimulationError, match="drift: expected 234 numbers, found 228"):
         LinearModel(**given)
+    for wrong, message in (
+        ({"seen": [(0, 0)] * (Y * N - 1) + [(2, 0)]}, "seen: expected channels that ascend, below 2"),
+        (
+            {"places": [(1, 0)] + [(0, 3)] * 4},
+            "places: expected rows that ascend, below 3, and columns below 6",
+        ),
+    ):
+        with pytest.raises(SimulationError, match=message):
+            LinearModel(**(parts() | wrong))
     model = LinearModel(**parts())
     with pytest.raises(SimulationError, match="noise: expected 6, 2, 6"):
         model.judge(PROCESS[:-1], SENSORS, START, [])
@@ -163,7 +217,7 @@ def test_noises_with_which_the_filter_has_no_numbers_do_not_end_the_search() -> 
     noise = NoiseModel(np.ones(5), np.ones(2), None, (), (), 0.05)
     bounded = Bounded.__new__(Bounded)
     bounded.spans = [span]
-    found, _ = bounded.likeliest(noise, 30)
+    _, found, _ = bounded.likeliest(noise, 30)
     np.testing.assert_allclose(np.log(found.process), np.linspace(-3.0, 3.0, 5), atol=0.05)
     np.testing.assert_allclose(np.log(found.sensors), -2.0, atol=0.05)
 
@@ -214,7 +268,7 @@ def test_water_of_waves_carries_the_vehicle_and_its_noises_are_found() -> None:
     # White and slow acceleration of the one axis, a wave that pushes it, the water's, the current.
     process = np.array([1e-4, 1e-6, 0.0, 1e-5, 0.0, 1e-4, 1e-8, 1e-8])
     noise = NoiseModel(process, np.array([1e-3]), hz, (0,), (0,), damping)
-    found, [motion] = Filters([span], noise, dt, [0]).likeliest(noise, 60)
+    _, found, [motion] = Filters([span], noise, dt, [0]).likeliest(noise, 60)
     assert np.sqrt(found.sensors[0]) == pytest.approx(0.02, rel=0.1)
     orbital = np.sqrt(found.process[5] / (4.0 * damping * omega * dt))
     assert orbital == pytest.approx(water.std(), rel=0.2)
@@ -229,7 +283,7 @@ def test_waves_are_as_fast_and_as_broad_as_the_sea(damping: float, hz: float) ->
     span, _ = adrift(damping)  # waves of 0.2 Hz
     process = np.array([1e-4, 1e-6, 0.0, 1e-5, 0.0, 1e-4, 1e-8, 1e-8])
     noise = NoiseModel(process, np.array([1e-3]), hz, (0,), (0,), 0.05)
-    noise, _ = Filters([span], noise, 0.1, [0]).likeliest(noise, 40)
+    _, noise, _ = Filters([span], noise, 0.1, [0]).likeliest(noise, 40)
     found = shaped([span], noise, 0.1, [0], 8, None)
     # Candidates lie a factor of 1.7 apart, and five minutes have some fifty waves.
     assert found.damping == pytest.approx(damping, rel=0.75)
@@ -248,7 +302,7 @@ def test_courses_tell_where_the_waves_go() -> None:
     for through in (sides, sides[:1] + np.zeros((3000, 1))):
         span, _ = adrift(0.03, through=through, toward=np.radians(200.0))
         noise = NoiseModel(process, np.array([1e-3]), 0.2, (0,), (0,), 0.05)
-        noise, _ = Filters([span], noise, 0.1, [0]).likeliest(noise, 40)
+        _, noise, _ = Filters([span], noise, 0.1, [0]).likeliest(noise, 40)
         found.append((
             Filters([span], noise, 0.1, [0]).likelihood(noise),
             shaped([span], noise, 0.1, [0], 8, None),

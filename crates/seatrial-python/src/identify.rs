@@ -13,7 +13,7 @@ use seatrial::fit::criterion::{CHANNEL_NAMES, CHANNELS, Loss};
 use seatrial::fit::inputs::{Inputs, modes};
 use seatrial::fit::observation::{INITIAL_NAMES, INITIALS, NUISANCES, nuisance_names};
 use seatrial::fit::record::{self, MotorStart, Segment};
-use seatrial::fit::sensitivities::{Point, Unknown};
+use seatrial::fit::sensitivities::{Point, Prediction, Unknown};
 use seatrial::model::integrate::State;
 use seatrial::model::vehicle::Mode;
 use std::sync::Arc;
@@ -159,6 +159,44 @@ impl OpenLoop {
         Ok(Self { description, records, segments, modes, loss, substeps, sought })
     }
 
+    /// The same segments from other starts and in other currents: position (k, 3), attitude (k, 4) or (k, 3), and
+    /// nu (k, 6) per segment; currents: (n, 3) per record, NED, m/s.
+    fn along(
+        &self,
+        position: Numbers,
+        attitude: Numbers,
+        nu: Numbers,
+        currents: Vec<Numbers>,
+    ) -> PyResult<Self> {
+        let (positions, attitudes) = (position.rows("position")?, attitude.attitudes("attitude")?);
+        let velocities = nu.rows("nu")?;
+        let found = [positions.len(), attitudes.len(), velocities.len(), currents.len()];
+        let expected = self.segments.len();
+        if found != [expected, expected, expected, self.records.len()] {
+            return Err(refused(format!(
+                "position, attitude, nu, currents: expected {expected} rows each and {} currents, found {found:?}",
+                self.records.len()
+            )));
+        }
+        let mut records = self.records.clone();
+        for (record, current) in records.iter_mut().zip(currents) {
+            record.current = current.rows("currents")?;
+            if record.current.len() != record.len
+                || !record.current.as_flattened().iter().all(|x| x.is_finite())
+            {
+                return Err(refused(format!("currents: expected {} finite rows", record.len)));
+            }
+        }
+        let mut segments = self.segments.clone();
+        let states = positions.into_iter().zip(attitudes).zip(velocities);
+        for (segment, ((position, attitude), nu)) in segments.iter_mut().zip(states) {
+            segment.state = State { position, attitude, nu };
+        }
+        let (description, sought) = (self.description.clone(), self.sought.clone());
+        let Self { modes, loss, substeps, .. } = *self;
+        Ok(Self { description, records, segments, modes, loss, substeps, sought })
+    }
+
     /// Sums over the samples of loss(weight * error), shape (k, segments, 12); infinite where a candidate
     /// diverged.
     ///
@@ -213,21 +251,42 @@ impl OpenLoop {
         initial: Option<Numbers>,
         threads: Option<Threads>,
     ) -> PyResult<Vec<(Array, Array)>> {
-        let place = self.place(values, directions, nuisance, initial)?;
-        let unknowns = place.unknowns(self, &nuisances, &initials)?;
-        let asked = channels.map_or(Ok((0..CHANNELS).collect()), |names| {
-            names.iter().map(|n| named("channels", n, &CHANNEL_NAMES)).collect::<PyResult<Vec<_>>>()
-        })?;
-        let shown = parallel(py, threads, |stop| {
-            self.batch().sensitivities(place.point(self), &unknowns, &asked, stop)
-        })?;
+        let asked = Asked { directions, nuisances, initials, channels, nuisance, initial };
+        let (shown, channels, unknowns) = self.differentiated(py, values, asked, threads)?;
         Ok(shown
             .into_iter()
             .map(|segment| {
-                let shape = [segment.rows.len(), asked.len(), unknowns.len()];
+                let shape = [segment.rows.len(), channels, unknowns];
                 (Array::rows(&segment.rows, false), Array::new(&shape, segment.jacobian))
             })
             .collect())
+    }
+
+    /// The same of all segments in a row: (samples of all, 12) and (samples of all, channels, m).
+    #[pyo3(signature = (values, directions = None, *, nuisances = Vec::new(), initials = Vec::new(), channels = None, nuisance = None, initial = None, threads = None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
+    fn tangents(
+        &self,
+        py: Python<'_>,
+        values: Numbers,
+        directions: Option<Numbers>,
+        nuisances: Vec<String>,
+        initials: Vec<String>,
+        channels: Option<Vec<String>>,
+        nuisance: Option<Numbers>,
+        initial: Option<Numbers>,
+        threads: Option<Threads>,
+    ) -> PyResult<(Array, Array)> {
+        let asked = Asked { directions, nuisances, initials, channels, nuisance, initial };
+        let (shown, channels, unknowns) = self.differentiated(py, values, asked, threads)?;
+        let samples: usize = shown.iter().map(|segment| segment.rows.len()).sum();
+        let mut rows = Vec::with_capacity(samples);
+        let mut jacobian = Vec::with_capacity(samples * channels * unknowns);
+        for segment in shown {
+            rows.extend(segment.rows);
+            jacobian.extend(segment.jacobian);
+        }
+        Ok((Array::rows(&rows, false), Array::new(&[samples, channels, unknowns], jacobian)))
     }
 
     /// The criterion on what the channels show, (segments, 12), and its gradient, (segments, 12, m).
@@ -257,7 +316,37 @@ impl OpenLoop {
     }
 }
 
+/// What is to be differentiated, where and by what.
+struct Asked {
+    directions: Option<Numbers>,
+    nuisances: Vec<String>,
+    initials: Vec<String>,
+    channels: Option<Vec<String>>,
+    nuisance: Option<Numbers>,
+    initial: Option<Numbers>,
+}
+
 impl OpenLoop {
+    /// What every segment shows with its derivatives, how many channels and unknowns.
+    fn differentiated(
+        &self,
+        py: Python<'_>,
+        values: Numbers,
+        asked: Asked,
+        threads: Option<Threads>,
+    ) -> PyResult<(Vec<Prediction>, usize, usize)> {
+        let Asked { directions, nuisances, initials, channels, nuisance, initial } = asked;
+        let place = self.place(values, directions, nuisance, initial)?;
+        let unknowns = place.unknowns(self, &nuisances, &initials)?;
+        let asked = channels.map_or(Ok((0..CHANNELS).collect()), |names| {
+            names.iter().map(|n| named("channels", n, &CHANNEL_NAMES)).collect::<PyResult<Vec<_>>>()
+        })?;
+        let shown = parallel(py, threads, |stop| {
+            self.batch().sensitivities(place.point(self), &unknowns, &asked, stop)
+        })?;
+        Ok((shown, asked.len(), unknowns.len()))
+    }
+
     /// Values and directions as Python gives them, checked.
     fn place(
         &self,

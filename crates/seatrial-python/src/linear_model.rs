@@ -1,16 +1,16 @@
 //! `LinearModel`: a linear model along a recorded motion, the likelihood of its noises and what it predicts.
 
 use crate::convert::{Array, Numbers};
-use crate::error::refused;
 use crate::work::interruptible;
 use pyo3::prelude::*;
-use seatrial::fit::innovations::{Judged, Model, Noise, Sizes};
+use seatrial::fit::innovations::{Judged, Model, Noise, Parts, Sizes};
 
 /// A linear model along a motion of n samples with N states, the first S of the vehicle, Y channels and M unknowns.
 ///
 /// transition (n - 1, S, N): the rows of the vehicle's states; driven (n - 1, E): the E entries of the other rows, of
 /// what drives it, that are not zero, and places, E of row and column (row 0 is that of state S), in the order of the
-/// rows; shown (n, Y, N), measured (n, Y) and valid (n, Y), not zero where a sample counts; drift (n - 1, N); slopes (n - 1, S, M),
+/// rows; shown (n, V): the V entries of what the channels show of the states that are not zero, and seen, V of channel
+/// and state, in the order of the channels; measured (n, Y) and valid (n, Y), not zero where a sample counts; drift (n - 1, N); slopes (n - 1, S, M),
 /// derivatives of a step by the unknowns; start (N,), the expected first state.
 ///
 /// Koopman (1993), Biometrika 80, 117; Maine and Iliff, NASA RP-1168 (1986).
@@ -22,12 +22,13 @@ pub struct LinearModel {
 #[pymethods]
 impl LinearModel {
     #[new]
-    #[pyo3(signature = (*, transition, places, driven, shown, measured, valid, drift, slopes, start))]
+    #[pyo3(signature = (*, transition, places, driven, seen, shown, measured, valid, drift, slopes, start))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
     fn new(
         transition: Numbers,
         places: Vec<(usize, usize)>,
         driven: Numbers,
+        seen: Vec<(usize, usize)>,
         shown: Numbers,
         measured: Numbers,
         valid: Numbers,
@@ -39,23 +40,18 @@ impl LinearModel {
         let width = start.len();
         let (_, states, transition) = transition.cube("transition", width)?;
         let (_, driven) = driven.matrix("driven", places.len())?;
-        let (samples, channels, shown) = shown.cube("shown", width)?;
-        let (_, measured) = measured.matrix("measured", channels)?;
+        let (samples, shown) = shown.matrix("shown", seen.len())?;
+        let (rows, measured) = measured.table("measured")?;
+        let channels = measured.len() / rows.max(1);
         let (_, valid) = valid.matrix("valid", channels)?;
         let (_, drift) = drift.matrix("drift", width)?;
         let (_, unknowns, slopes) = slopes.block("slopes", states)?;
-        let mut columns = vec![Vec::new(); width.saturating_sub(states)];
-        if !places.is_sorted_by_key(|&(row, _)| row)
-            || places.last().is_some_and(|&(row, _)| row >= columns.len())
-        {
-            return Err(refused(format!("places: expected rows that ascend, below {}", columns.len())));
-        }
-        places.into_iter().for_each(|(row, column)| columns[row].push(column));
-        let model = Model {
+        let parts = Parts {
             sizes: Sizes { samples, states, width, channels, unknowns },
             transition,
-            places: columns,
+            places,
             driven,
+            seen,
             shown,
             measured,
             valid: valid.iter().map(|&x| x != 0.0).collect(),
@@ -63,7 +59,7 @@ impl LinearModel {
             slopes,
             start,
         };
-        Ok(Self { model: model.checked().map_err(crate::error::raised)? })
+        Ok(Self { model: Model::new(parts).map_err(crate::error::raised)? })
     }
 
     /// Logarithm of the likelihood of variances, without its constant, its slopes by process (N,) and sensors (Y,),
@@ -82,7 +78,7 @@ impl LinearModel {
         let noise = noise(process, sensors, start)?;
         let Judged { likelihood, process, sensors, smoothed, known } =
             interruptible(py, |_| self.model.judge(&noise, &kept))?;
-        let rows = [self.model.sizes.samples, kept.len()];
+        let rows = [self.model.sizes().samples, kept.len()];
         Ok((
             likelihood,
             Array::new(&[process.len()], process),
@@ -90,6 +86,21 @@ impl LinearModel {
             Array::new(&rows, smoothed),
             Array::new(&rows, known),
         ))
+    }
+
+    /// Logarithm of the likelihood of variances, without its constant, alone: what each sample adds to it, (n,).
+    ///
+    /// Parameters as for judge.
+    fn likelihood(
+        &self,
+        py: Python<'_>,
+        process: Numbers,
+        sensors: Numbers,
+        start: Numbers,
+    ) -> PyResult<Array> {
+        let noise = noise(process, sensors, start)?;
+        let added = interruptible(py, |_| self.model.likelihood(&noise))?;
+        Ok(Array::new(&[added.len()], added))
     }
 
     /// What the channels are predicted to show so many samples after each measurement, and its derivatives by the
@@ -105,7 +116,7 @@ impl LinearModel {
     ) -> PyResult<Array> {
         let noise = noise(process, sensors, start)?;
         let found = interruptible(py, |_| self.model.predict(&noise, ahead))?;
-        let Sizes { samples, channels, unknowns, .. } = self.model.sizes;
+        let Sizes { samples, channels, unknowns, .. } = self.model.sizes();
         Ok(Array::new(&[samples - ahead, channels, 1 + unknowns], found))
     }
 }

@@ -18,7 +18,7 @@ from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_
 from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint, tried_terms
 from seatrial.estimation.gauss_newton import ran_away
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import Polished, linearise
+from seatrial.estimation.joint_estimate import Polished, linearise, with_horizons
 from seatrial.statistics.information import InformationCriteria, information_criteria
 from seatrial.statistics.linearisation import Linearisation, Unknown
 from seatrial.statistics.uncertainty import Uncertainty, covariance
@@ -253,6 +253,7 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
         raise CampaignError(
             f"{joint.campaign.source}: polish: the model diverges on every segment; check the bounds"
         )
+    polished = with_horizons(joint, polished)
     # One linearisation for all: behind the derivatives by the unknowns stand those by what might be missing.
     tried = tried_terms(joint, polished.values, initial=polished.initial, noise=polished.noise)
     lin = tried.lin.of_first(len(joint.unknowns))

@@ -28,7 +28,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,8 @@ from seatrial.base.channels import CHANNELS
 from seatrial.base.progress import Step
 from seatrial.estimation import kalman
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.one_step import OneStep, Span
+from seatrial.estimation.noise_model import NoiseModel
+from seatrial.estimation.one_step import OneStep, Path, Span
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.trial.linear_predictor import foretold
 from seatrial.trial.trial import Trial
@@ -46,8 +47,11 @@ from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 __all__ = ["Horizon", "Innovations", "Outcome"]
 
-_FIRST, _EACH = (10, 10, 30), (8,)
+_FIRST, _EACH = (10, 10, 30), 8
 """Evaluations of the likelihood of the noises before the first round, and in each; the motion follows."""
+
+_AGAIN = (8, 8)
+"""Those before the first round where another estimate of the same data left its noises."""
 
 _SHAPE = 8
 """Evaluations of the likelihood for each frequency and breadth of the waves that is tried."""
@@ -111,7 +115,6 @@ class Outcome:
     rounds: int
     converged: bool
     interrupted: bool
-    horizons: tuple[Horizon, ...]
 
 
 @dataclass(frozen=True)
@@ -122,6 +125,15 @@ class _Errors:
     error: Array
     slope: Array
     counted: Mask
+
+
+class _Begun(NamedTuple):
+    """A start (m,), its spans, and the noises and the path that go with it."""
+
+    start: Array
+    spans: list[Span]
+    noise: NoiseModel
+    path: Path
 
 
 class Innovations:
@@ -141,8 +153,11 @@ class Innovations:
     """
 
     def __init__(self, joint: Joint, *, held_out: bool | None = False) -> None:
-        self.joint, self.steps = joint, OneStep(joint, held_out=held_out)
+        self.joint, self.held_out = joint, held_out
+        self.steps = OneStep(joint, held_out=held_out)
         self.dt = joint.data.dt
+        self._told = joint.noise_model is not None
+        self._likeliest: _Begun | None = None
         self.seen = [self.steps.states.index(name) for name in self.steps.channels]
         self.lower = np.array([u.lower for u in joint.unknowns])
         self.upper = np.array([u.upper for u in joint.unknowns])
@@ -151,31 +166,30 @@ class Innovations:
         self.prior_sd = np.minimum([u.prior_sd for u in joint.unknowns], self.scale)
 
     def likelier(self, starts: Sequence[Array]) -> Array:
-        """The start (m,) with which the log is most likely, each with noises of its own.
+        """The start (m,) with which the log is most likely, each with noises of its own, which are kept.
 
         Where a simulation leaves the log the stages end anywhere, and the vehicle file may be nearer.
         """
-        found: list[float] = []
+        found: list[tuple[float, _Begun]] = []
         for start in starts:
             self.joint.noise_model = None
             self.steps.follow_log()
-            spans = self._spans(start, _FIRST)
-            assert self.joint.noise_model is not None
-            likelihood = self._filters(spans).likelihood(self.joint.noise_model)
-            found.append(likelihood if math.isfinite(likelihood) else -math.inf)
-        self.joint.noise_model = None
-        self.steps.follow_log()
-        return starts[int(np.argmax(found))]
+            spans, _ = self._improved(start, self._begun(start), _FIRST)
+            likelihood = self._filters(spans).likelihood(self._noises)
+            begun = _Begun(start, spans, self._noises, self.steps.path)
+            found.append((likelihood if math.isfinite(likelihood) else -math.inf, begun))
+        _, best = max(found, key=lambda one: one[0])
+        self.joint.noise_model, self.steps.path, self._likeliest = best.noise, best.path, best
+        return best.start
 
     def estimate(
         self, start: Array, rounds: int, fixed: Sequence[int], watch: Callable[[Step], None] | None
     ) -> Outcome:
-        """The estimate that a start (m,) leads to, and those of the other horizons."""
+        """The estimate that a start (m,) leads to."""
         began = time.monotonic()
-        at, converged, interrupted, count, settled = start.copy(), False, False, 0, False
-        horizons: tuple[Horizon, ...] = ()
+        at, converged, interrupted, count, settled = start.copy(), False, False, 0, self._told
         ahead = self._samples(self.joint.polish.horizon_s)
-        spans = self._spans(at, _FIRST)
+        spans = self._first(at)
         errors = self._errors(spans, ahead)
         noise, first = self._noise(errors), None
         try:
@@ -191,16 +205,16 @@ class Innovations:
                 size = np.sqrt(np.diag(np.linalg.pinv(information)))
                 converged = bool(np.all(np.abs(moved - at) < _CLOSE * size)) and count > 0
                 at, count = moved, count + 1
-                spans = self._spans(at, _EACH)
+                spans = self._begun(at)
+                # The derivatives of the next round follow the motion that this one finds.
+                self._follow(spans, _EACH)
                 if converged and not settled:
                     # The waves are told apart from the errors of a right vehicle only.
                     waves, settled = self._waves(), True
-                    spans = self._shaped(spans, at)
+                    spans = self._shaped(self.steps.linearised(at), at)
                     converged = self._waves() == waves
                 errors = self._errors(spans, ahead)
                 noise = self._noise(errors)
-            if rounds:
-                horizons = self._compared(at, self.joint.centres(start), fixed, errors, noise)
         except KeyboardInterrupt:
             interrupted = True
         cost = self._cost(errors, noise)
@@ -213,14 +227,13 @@ class Innovations:
             count,
             converged,
             interrupted,
-            horizons,
         )
 
     def linearisation(self, values: Array, extra: Sequence[str]) -> Linearisation:
         """Prediction errors and derivatives at a point, in the form in which an estimate is judged."""
         joint, size = self.joint, len(self.joint.unknowns) + len(extra)
         if self.joint.noise_model is None:
-            self._spans(values, _FIRST)
+            self._first(values)
         spans = self._settled(values, extra)
         errors = self._errors(spans, self._samples(joint.polish.horizon_s))
         noise = self._noise(errors)
@@ -257,19 +270,22 @@ class Innovations:
             fins=fins_and_groups(joint.vehicle),
         )
 
-    def likelihood(self, values: Array) -> float:
-        """Logarithm of the likelihood of these data with the noise model as it is, without its constant.
+    def likelihoods(self, values: Array) -> Array:
+        """Logarithm of the likelihood of these data by blocks of 20 s, with the noise model as it is.
 
-        The motion that the derivatives are taken at is found anew, for the values (m,) of the unknowns.
+        Without its constant. The motion that the derivatives are taken at is found anew, for the values (m,)
+        of the unknowns.
         """
-        assert self.joint.noise_model is not None
-        found = self._filters(self._settled(values)).likelihood(self.joint.noise_model)
-        return found if math.isfinite(found) else -math.inf
+        length = max(round(_BLOCK_S / self.dt), 1)
+        return np.array([
+            part[k : k + length].sum()
+            for part in self._filters(self._settled(values)).likelihoods(self._noises)
+            for k in range(0, len(part), length)
+        ])
 
     def prepare(self, values: Array) -> None:
-        """Find the noise model that goes with the values (m,) of the unknowns, from nothing."""
-        self.joint.noise_model = None
-        self._spans(values, _FIRST)
+        """Find the noise model that goes with the values (m,) of the unknowns; waves that are known stay."""
+        self._first(values, _FIRST)
 
     def sums(self, values: Array, ahead_s: float) -> dict[str, dict[str, float]]:
         """Sums of squares by channel: of the motion about its mean ("mean") and of errors so far ahead.
@@ -346,35 +362,77 @@ class Innovations:
         """Samples of a horizon, one at least."""
         return max(round(horizon_s / self.dt), 1)
 
-    def _spans(self, values: Array, improvements: Sequence[int], extra: Sequence[str] = ()) -> list[Span]:
-        """The spans at a point, the noise model brought along."""
-        spans, new = self.steps.linearised(values, extra), self.joint.noise_model is None
+    @property
+    def _noises(self) -> NoiseModel:
+        assert self.joint.noise_model is not None
+        return self.joint.noise_model
+
+    def _first(self, values: Array, again: Sequence[int] = _AGAIN) -> list[Span]:
+        """The spans at a start, with a noise model that goes with it; waves that nobody told are sought.
+
+        ``again`` are the evaluations where another estimate left its noises.
+        """
+        begun = self._likeliest
+        if self._told:
+            spans, followed = self._improved(values, self._settled(values), again)
+            if followed:
+                return spans
+            # The noises of another estimate are too small for this start.
+            self.joint.noise_model = None
+            self.steps.follow_log()
+        if begun is not None and np.array_equal(begun.start, values):
+            spans = begun.spans
+        else:
+            spans, _ = self._improved(values, self._begun(values), _FIRST)
+        self._told = True
+        return self._shaped(spans, values)
+
+    def _begun(self, values: Array) -> list[Span]:
+        """The spans at a point, with a noise model to begin with where there is none."""
+        spans = self.steps.linearised(values)
         if self.joint.noise_model is None:
             self.joint.noise_model = kalman.begin(spans, len(self.steps.velocities), self.dt)
-        for evaluations in improvements:
-            self.joint.noise_model, motion = self._filters(spans).likeliest(
-                self.joint.noise_model, evaluations
-            )
-            self.steps.follow(motion)
-            spans = self.steps.linearised(values, extra)
-        return self._shaped(spans, values, extra) if new else spans
+        return spans
 
-    def _shaped(self, spans: Sequence[Span], values: Array, extra: Sequence[str] = ()) -> list[Span]:
+    def _improved(
+        self, values: Array, spans: list[Span], improvements: Sequence[int]
+    ) -> tuple[list[Span], bool]:
+        """The spans at a point, the noise model and the motion brought along, and whether they could be."""
+        for evaluations in improvements:
+            if not self._follow(spans, evaluations):
+                return spans, False
+            spans = self.steps.linearised(values)
+        return spans, True
+
+    def _follow(self, spans: Sequence[Span], evaluations: int) -> bool:
+        """Bring the noise model along, and the motion that the next derivatives are taken along.
+
+        Both stay, and the answer is no, where the filter leaves the log.
+        """
+        likelihood, noise, motion = self._filters(spans).likeliest(self._noises, evaluations)
+        if not math.isfinite(likelihood):
+            return False
+        self.joint.noise_model = noise
+        self.steps.follow(motion)
+        return True
+
+    def _shaped(self, spans: Sequence[Span], values: Array) -> list[Span]:
         """The spans at a point, the waves of the noise model as fast and as broad as the log says."""
-        assert self.joint.noise_model is not None
         self.joint.noise_model = kalman.shaped(
-            spans, self.joint.noise_model, self.dt, self.seen, _SHAPE, self.joint.threads
+            spans, self._noises, self.dt, self.seen, _SHAPE, self.joint.threads
         )
-        self.steps.follow(self._filters(spans).motion(self.joint.noise_model))
-        return self.steps.linearised(values, extra)
+        self.steps.follow(self._filters(spans).motion(self._noises))
+        return self.steps.linearised(values)
 
     def _settled(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:
         """The spans at a point along a motion found anew for it, with the noise model as it is."""
-        own = self.joint.noise_model
-        assert own is not None
+        own, known = self._noises, self.joint.settled.get(self.held_out)
+        if known is not None and known[0] is own and np.array_equal(known[1], values):
+            self.steps.path = known[2]
+            return self.steps.linearised(values, extra)
         self.steps.follow_log()
         for factor in _SETTLING:
-            spans = self._spans(values, ())
+            spans = self.steps.linearised(values)
             missed = np.concatenate([span.missed for span in spans]).std(axis=0)
             process = factor * own.process
             process[: len(missed)] = np.maximum(process[: len(missed)], (_MISSED * missed) ** 2)
@@ -382,22 +440,20 @@ class Innovations:
             if not all(np.isfinite(one.states).all() for one in motion):
                 break  # a model that diverges over a step
             self.steps.follow(motion)
-        return self._spans(values, (), extra)
+        self.joint.settled[self.held_out] = own, values.copy(), self.steps.path
+        return self.steps.linearised(values, extra)
 
     def _waves(self) -> tuple[float | None, float]:
         """Frequency, Hz, and damping ratio of the waves, as the filter has them."""
-        assert self.joint.noise_model is not None
-        return self.joint.noise_model.wave_hz, self.joint.noise_model.damping
+        return self._noises.wave_hz, self._noises.damping
 
     def _filters(self, spans: Sequence[Span]) -> kalman.Filters:
-        assert self.joint.noise_model is not None
-        return kalman.Filters(spans, self.joint.noise_model, self.dt, self.seen, self.joint.threads)
+        return kalman.Filters(spans, self._noises, self.dt, self.seen, self.joint.threads)
 
     def _errors(self, spans: Sequence[Span], ahead: int) -> list[_Errors]:
         """Prediction errors of the spans so many samples ahead."""
-        assert self.joint.noise_model is not None
         filters, found = self._filters(spans), []
-        for span, late in zip(spans, filters.predicted(self.joint.noise_model, ahead), strict=True):
+        for span, late in zip(spans, filters.predicted(self._noises, ahead), strict=True):
             counted = span.valid[ahead:] & np.isfinite(late).all(axis=2)
             counted[: round(_SETTLING_S / self.dt)] = False
             error = np.where(counted, span.measured[ahead:] - late[..., 0], 0.0)
@@ -469,23 +525,22 @@ class Innovations:
         step[free] = found.x * scale
         return step, information, np.array(blocks)
 
-    def _compared(
-        self, values: Array, centre: Array, fixed: Sequence[int], errors: Sequence[_Errors], noise: Array
-    ) -> tuple[Horizon, ...]:
-        """Estimates from other horizons with the noise model held, beside those of the fit."""
-        own, around = self._influence(errors, noise, values, centre, fixed), self.joint.centres(values)
-        found = []
+    def horizons(self, values: Array) -> tuple[Horizon, ...]:
+        """Estimates from other horizons with the noise model held, beside the values (m,) of the fit."""
+        around, found = self.joint.centres(values), []
+        errors = self._errors(self._settled(values), self._samples(self.joint.polish.horizon_s))
+        own = self._influence(errors, self._noise(errors), values, around)
         for ahead_s in self.joint.polish.horizons_s:
             steps = self._samples(ahead_s)
             if steps == self._samples(self.joint.polish.horizon_s):
                 continue
             at = values
             for _ in range(_HORIZON_ROUNDS):
-                other = self._errors(self._spans(at, ()), steps)
+                other = self._errors(self.steps.linearised(at), steps)
                 sizes = self._noise(other)
-                step, _, _ = self._step(other, sizes, at, around, fixed, steps)
+                step, _, _ = self._step(other, sizes, at, around, (), steps)
                 at = np.clip(at + step, self.lower, self.upper)
-            theirs = self._influence(other, sizes, at, around, fixed, steps)
+            theirs = self._influence(other, sizes, at, around, steps)
             count = min(len(own), len(theirs))
             spread = np.sqrt(((theirs[:count] - own[:count]) ** 2).sum(axis=0))
             away = (at - values) / np.maximum(spread, 1e-12 * self.scale)
@@ -499,14 +554,8 @@ class Innovations:
         return tuple(found)
 
     def _influence(
-        self,
-        errors: Sequence[_Errors],
-        noise: Array,
-        at: Array,
-        centre: Array,
-        fixed: Sequence[int],
-        overlap: int = 1,
+        self, errors: Sequence[_Errors], noise: Array, at: Array, centre: Array, overlap: int = 1
     ) -> Array:
         """What each block of time moves the estimate by, (blocks, m)."""
-        _, information, blocks = self._step(errors, noise, at, centre, fixed, overlap)
+        _, information, blocks = self._step(errors, noise, at, centre, (), overlap)
         return np.asarray(np.linalg.solve(information, blocks.T).T)

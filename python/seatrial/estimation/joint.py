@@ -14,7 +14,7 @@ import copy
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -252,6 +252,9 @@ class Joint:
         Why the method is what it is; "" where nothing speaks against output error.
     noise_model
         Intensities of the noises with the method "innovations"; None before its first round.
+    settled
+        With it, on data that are held out, fitted or either: the noise model and the values that the last
+        motion was found for, and that motion (`seatrial.estimation.one_step.Path`).
 
     Raises
     ------
@@ -272,6 +275,7 @@ class Joint:
         self.vehicle = campaign.vehicle if vehicle is None else vehicle
         self.polish = campaign.file.polish or Polish()
         self.noise_model: NoiseModel | None = None
+        self.settled: dict[bool | None, tuple[Any, ...]] = {}
         self.stage, self.left_out = _usable(campaign)
         found = method_of(campaign, self.stage.trials) if method is None else ByItself(method, "")
         self.method, self.method_reason = found.method, found.why

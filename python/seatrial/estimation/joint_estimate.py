@@ -35,7 +35,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.method import Method
 from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["Polished", "linearise", "polish"]
+__all__ = ["Polished", "linearise", "polish", "with_horizons"]
 
 _CLOSE = 0.1
 """A round that gains less than this many units of twice the log-likelihood ends the polish: a step of a third
@@ -68,8 +68,8 @@ class Polished:
     by how much its negative log-likelihood lies above where that is more: it never lies below ``cost``.
     ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
     ``method_reason`` says why the method is what it is, "" where nothing speaks against output error.
-    ``horizons`` are what predictions over other horizons say, with the method "innovations", and ``waves``
-    the waves of its noise model (`NoiseModel.waves`).
+    With the method "innovations" ``horizons`` are what predictions over other horizons say, once they were
+    made (`with_horizons`), and ``waves`` the waves of its noise model (`NoiseModel.waves`).
     """
 
     values: Array
@@ -187,6 +187,13 @@ def polish(
     )
 
 
+def with_horizons(joint: Joint, polished: Polished) -> Polished:
+    """The joint estimate with what predictions over other horizons say, where it has a noise model."""
+    if joint.method == "output" or not polished.rounds or polished.interrupted:
+        return polished
+    return replace(polished, horizons=Innovations(joint).horizons(polished.values))
+
+
 def linearise(
     joint: Joint,
     values: Array,
@@ -231,7 +238,7 @@ def _with_noise_model(
     own = start.copy()
     open_ = [i for i in range(len(joint.estimated)) if i not in set(fixed)]
     own[open_] = [joint.parameters[i].start for i in open_]
-    if rounds and not np.array_equal(own, start):
+    if rounds and joint.noise_model is None and not np.array_equal(own, start):
         start = innovations.likelier([start, own])
     found = innovations.estimate(start, rounds, fixed, watch)
     return Polished(
@@ -250,7 +257,6 @@ def _with_noise_model(
         costs=np.array([found.cost]),
         method="innovations",
         method_reason=joint.method_reason,
-        horizons=found.horizons,
         waves=None if joint.noise_model is None else joint.noise_model.waves(),
     )
 

@@ -157,9 +157,8 @@ def shaped(
         return noise
 
     def improved(model: NoiseModel) -> tuple[float, NoiseModel]:
-        filters = Filters(spans, model, dt, seen, threads)
-        found, _ = filters.likeliest(model, evaluations)
-        return filters.likelihood(found), found
+        likelihood, found, _ = Filters(spans, model, dt, seen, threads).likeliest(model, evaluations)
+        return likelihood, found
 
     def towards(best: tuple[float, NoiseModel], step: _Step) -> tuple[float, NoiseModel]:
         """The best along one line, or the same."""
@@ -257,8 +256,8 @@ class Filters:
         start = self._start(noise)
         return self._each(lambda model: np.asarray(model.predict(noise.process, noise.sensors, start, ahead)))
 
-    def likeliest(self, noise: NoiseModel, evaluations: int) -> tuple[NoiseModel, list[Motion]]:
-        """Intensities of larger likelihood than those of a noise model, and per span the motion with them.
+    def likeliest(self, noise: NoiseModel, evaluations: int) -> tuple[float, NoiseModel, list[Motion]]:
+        """Intensities of larger likelihood than those of a noise model, with it, and per span the motion.
 
         A quasi-Newton search over the logarithms of the variances.
         """
@@ -294,12 +293,16 @@ class Filters:
             bounds=[(max(at - _DOWN, math.log(_NOTHING)), at + _UP) for at in start],
             options={"maxfun": evaluations, "maxcor": 20},
         )
-        [(_, found, motion)] = tried
-        return found, motion
+        return tried[0]
 
     def likelihood(self, noise: NoiseModel) -> float:
         """Logarithm of the likelihood of all spans with a noise model, without its constant."""
-        return self._judged(noise)[0]
+        return float(sum(one.sum() for one in self.likelihoods(noise)))
+
+    def likelihoods(self, noise: NoiseModel) -> list[Array]:
+        """What each sample of every span adds to it."""
+        start = self._start(noise)
+        return self._each(lambda model: model.likelihood(noise.process, noise.sensors, start))
 
     def motion(self, noise: NoiseModel) -> list[Motion]:
         """The motion of each span with a noise model."""
@@ -347,7 +350,7 @@ def _pairs(noise: NoiseModel, states: int) -> range:
     return range(last - 2 * (len(noise.waved) + len(noise.water)), last, 2)
 
 
-def _model(span: Span, noise: NoiseModel, dt: float, seen: Sequence[int]) -> LinearModel:
+def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int]) -> LinearModel:
     """The model of a span and of what drives it, as the core reads it."""
     from seatrial._core import LinearModel
 
@@ -377,14 +380,24 @@ def _model(span: Span, noise: NoiseModel, dt: float, seen: Sequence[int]) -> Lin
             drive(at + row, at + column, turn[:, row, column])
     for at in (width - 2, width - 1):
         drive(at, at, 1.0)
-    shown = np.zeros((steps + 1, states, width))
-    shown[:, :, :states] = np.eye(states)
+    # What a channel shows: its own state and, of a velocity, the water of the waves.
+    seen: list[tuple[int, int]] = []
+    shown: list[Array] = []
+
+    def show(channel: int, column: int, values: Array | float) -> None:
+        seen.append((channel, column))
+        shown.append(np.broadcast_to(values, steps + 1))
+
+    carried = list(zip(pairs[len(noise.waved) :], noise.water, strict=True))
+    for channel, state in enumerate(places_seen):
+        show(channel, state, 1.0)
+        if state < velocities:
+            # The state's velocity is that beside the water of the waves, the measured one that over ground.
+            for at, direction in carried:
+                show(channel, at + 1, span.afloat[:, state, direction])
     for at, axis in zip(pairs, noise.waved, strict=False):
         transition[:, :, at : at + 2] = push[:, :, axis, None] * mean
-    for at, direction in zip(pairs[len(noise.waved) :], noise.water, strict=True):
-        # A velocity of the state is that beside the water of the waves, the measured one that over ground,
-        # and places move with both.
-        shown[:, :velocities, at + 1] = span.afloat[:, :velocities, direction]
+    for at, direction in carried:  # places move with the water too
         moving = span.afloat[:-1, velocities:, direction, None]
         transition[:, velocities:, at : at + 2] = moving * (dt * mean)
     drift = np.zeros((steps, width))
@@ -396,7 +409,8 @@ def _model(span: Span, noise: NoiseModel, dt: float, seen: Sequence[int]) -> Lin
         transition=transition,
         places=places,
         driven=np.stack(driven, axis=1),
-        shown=shown[:, list(seen)],
+        seen=seen,
+        shown=np.stack(shown, axis=1),
         measured=span.measured,
         valid=span.valid,
         drift=drift,

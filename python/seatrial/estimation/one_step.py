@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ from seatrial.base.rotation import from_euler, matrix, shorter, to_euler
 from seatrial.campaign.parameters import coefficient_names, expansion_matrix
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.step import RATE_LIMIT
-from seatrial.trial.record import Record, Replay, Segment
+from seatrial.trial.record import Record, Replay
 
 __all__ = ["Motion", "OneStep", "Span"]
 
@@ -80,14 +80,25 @@ class Motion(NamedTuple):
     known_water: Array
 
 
-class _Path(NamedTuple):
+class _Motion(NamedTuple):
     """A motion along which derivatives are taken.
 
-    A segment per sample, and per record the velocity of the water (n, 3).
+    Per segment, which is a sample, ``position`` (k, 3), ``attitude`` (k, 4) and velocities ``nu`` (k, 6); per
+    record the velocity of the water (n, 3).
     """
 
-    segments: tuple[Segment, ...]
+    position: Array
+    attitude: Array
+    nu: Array
     water: tuple[Array, ...]
+
+
+class Path(NamedTuple):
+    """The motions that derivatives are taken along: smoothed, with the ``ends`` of its spans, and known."""
+
+    smoothed: _Motion
+    ends: tuple[Array, ...]
+    known: _Motion
 
 
 class OneStep:
@@ -105,6 +116,8 @@ class OneStep:
         Channels (S) of the state: velocities first.
     channels
         Those (Y) of them that were measured: a rate or velocity that was derived from the pose is not.
+    path
+        The motions that derivatives are taken along from now on.
 
     Raises
     ------
@@ -133,9 +146,15 @@ class OneStep:
             )
         self._columns, self._shown = columns, kept
         self._substeps = max(math.ceil(joint.substeps * RATE_LIMIT / _RATE_LIMIT), 1)
-        self._spans, segments = joint.steps(held_out=held_out)
-        self._log = _Path(segments, tuple(np.zeros((len(record.trial), 3)) for record in data.records))
+        self._spans, self._segments = joint.steps(held_out=held_out)
+        states = [
+            data.trials[record].state(np.arange(first, last)) for record, first, last in self._spans
+        ] or [data.trials[0].state(np.arange(0))]
+        position, attitude, nu = (np.concatenate(part) for part in zip(*states, strict=True))
+        still = tuple(np.zeros((len(record.trial), 3)) for record in data.records)
+        self._log = _Motion(position, attitude, nu, still)
         self._readings = readings
+        self._replays: dict[tuple[str, ...], Replay] = {}
         self.follow_log()
 
     def linearised(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:
@@ -147,7 +166,7 @@ class OneStep:
         directions[:m, : spread.shape[1]] = spread
         directions[m:, spread.shape[1] :] = np.eye(len(extra))
         at = [*(values[:m] @ spread), *(present.get(name, 0.0) for name in extra)]
-        found = self._replay(tuple(extra), self._smoothed).tangents(
+        seen, slopes = self._replay(tuple(extra), self.path.smoothed).joined_tangents(
             at,
             directions[:0],
             nuisances=_CURRENT,
@@ -155,25 +174,28 @@ class OneStep:
             channels=self.states,
         )
         columns = self._columns
-        shown = np.array([channels[:, columns] for channels, _ in found])
-        slopes = np.array([derivatives for _, derivatives in found])
+        # A segment has two samples.
+        shown, slopes = (
+            seen[:, columns].reshape(-1, 2, len(columns)),
+            slopes.reshape(-1, 2, *slopes.shape[1:]),
+        )
         # The core turns the attitude about the body's axes; what that does to the angles is seen in the first
         # sample.
         back = np.linalg.inv(slopes[:, 0, :, 2:])
         transition = slopes[:, 1, :, 2:] @ back
-        known = self._replay(tuple(extra), self._known).tangents(at, directions, channels=self.states)
-        unknowns = np.array([derivatives[1] for _, derivatives in known])
+        replay = self._replay(tuple(extra), self.path.known)
+        unknowns = replay.joined_tangents(at, directions, channels=self.states)[1][1::2]
         spans: list[Span] = []
         place = 0
         for record, first, last in self._spans:
             here = slice(place, place + last - first)
             place = here.stop
-            path = np.vstack([shown[here, 0], self._ends[len(spans)]])
+            path = np.vstack([shown[here, 0], self.path.ends[len(spans)]])
             missed = self._difference(shown[here, 1], path[1:])
             observed, mask = self._readings[record]
             rows = slice(first, last + 1)
-            seen = [columns.index(c) for c in self._shown]
-            measured = self._difference(observed[rows][:, self._shown], path[:, seen], seen)
+            places = [columns.index(c) for c in self._shown]
+            measured = self._difference(observed[rows][:, self._shown], path[:, places], places)
             valid = mask[rows][:, self._shown] & np.isfinite(measured)
             spans.append(
                 Span(
@@ -186,7 +208,7 @@ class OneStep:
                     slopes[here, 1, :, :2],
                     unknowns[here],
                     missed,
-                    self._smoothed.water[record][rows, :2],
+                    self.path.smoothed.water[record][rows, :2],
                     self._afloat(record, first, last),
                     self._through(record, first, last),
                 )
@@ -200,16 +222,18 @@ class OneStep:
         current (n, 3), NED in m/s, besides what was recorded.
         """
         states = tuple(part.copy() for part in self.joint.data.trials[record].state(slice(None)))
-        for one in self._known.segments:
-            if one.record == record:
-                for part, row in zip(states, (one.position, one.attitude, one.nu), strict=True):
-                    part[one.start] = row
-        return (states[0], states[1], states[2]), self._known.water[record]
+        place = 0
+        for one, first, last in self._spans:
+            here, place = slice(place, place + last - first), place + last - first
+            if one == record:
+                for part, own in zip(states, self.path.known[:3], strict=True):
+                    part[first:last] = own[here]
+        return (states[0], states[1], states[2]), self.path.known.water[record]
 
     def follow_log(self) -> None:
         """Linearise along the smoothed log from now on, in still water."""
-        self._known = self._smoothed = self._log
-        self._ends = [self._at(record, last) for record, _, last in self._spans]
+        ends = tuple(self._at(record, last) for record, _, last in self._spans)
+        self.path = Path(self._log, ends, self._log)
 
     def follow(self, motion: Sequence[Motion]) -> None:
         """Linearise along another motion from now on, found beside the present one.
@@ -219,32 +243,20 @@ class OneStep:
         taken along what the filter knew at each sample, because a smoothed motion knows the errors that they
         are to explain.
         """
-        self._known = self._beside(self._smoothed, [(one.known, one.known_water) for one in motion])
-        self._smoothed = self._beside(self._smoothed, [(one.states, one.water) for one in motion])
-        for span, one in enumerate(motion):
-            self._ends[span] = self._ends[span] + one.states[-1]
+        known = self._beside([(one.known, one.known_water) for one in motion])
+        smoothed = self._beside([(one.states, one.water) for one in motion])
+        ends = tuple(end + one.states[-1] for end, one in zip(self.path.ends, motion, strict=True))
+        self.path = Path(smoothed, ends, known)
 
-    def _beside(self, path: _Path, beside: Sequence[tuple[Array, Array]]) -> _Path:
-        """The path so far, states (n, S) and water (n, 2) per span, beside another one."""
-        segments, place = list(path.segments), 0
+    def _beside(self, beside: Sequence[tuple[Array, Array]]) -> _Motion:
+        """The smoothed motion so far, with states (n, S) and water (n, 2) per span beside it."""
+        path = self.path.smoothed
         water = [one.copy() for one in path.water]
-        for (record, first, last), (states, current) in zip(self._spans, beside, strict=True):
+        for (record, first, last), (_, current) in zip(self._spans, beside, strict=True):
             water[record][first : last + 1, :2] += current
-            here = slice(place, place + last - first)
-            segments[here] = self._moved(segments[here], states[:-1])
-            place = here.stop
-        return _Path(tuple(segments), tuple(water))
-
-    def _moved(self, segments: Sequence[Segment], beside: Array) -> list[Segment]:
-        """Segments that start so far (n, S) beside their starts."""
-        starts = np.array([(*one.nu, *one.position) for one in segments])
-        starts = np.hstack([starts, to_euler(np.array([one.attitude for one in segments]))])
-        starts[:, self._columns] += beside
-        attitudes = from_euler(starts[:, 9:])
-        return [
-            replace(one, nu=tuple(row[:6]), position=tuple(row[6:9]), attitude=tuple(attitude))
-            for one, row, attitude in zip(segments, starts.tolist(), attitudes.tolist(), strict=True)
-        ]
+        starts = np.hstack([path.nu, path.position, to_euler(path.attitude)])
+        starts[:, self._columns] += np.concatenate([states[:-1] for states, _ in beside])
+        return _Motion(starts[:, 6:9], from_euler(starts[:, 9:]), starts[:, :6], tuple(water))
 
     def _difference(self, one: Array, other: Array, places: Sequence[int] | None = None) -> Array:
         """One minus another (n, channels), angles the shorter way round."""
@@ -278,25 +290,27 @@ class OneStep:
         _, attitude, nu = trial.state(rows)
         over_ground = np.einsum("nij,nj->ni", matrix(attitude), nu[:, :3])[:, :2]
         recorded = 0.0 if trial.current is None else trial.current[rows, :2]
-        return np.asarray(over_ground - recorded - self._smoothed.water[record][rows, :2])
+        return np.asarray(over_ground - recorded - self.path.smoothed.water[record][rows, :2])
 
-    def _replay(self, extra: tuple[str, ...], path: _Path) -> Replay:
+    def _replay(self, extra: tuple[str, ...], motion: _Motion) -> Replay:
+        """The model over one sample along a motion, with further coefficients that vary."""
         joint = self.joint
-        records = tuple(
-            Record(record.trial, record.input, np.ones_like(record.counted), water)
-            for record, water in zip(joint.data.records, path.water, strict=True)
-        )
-        return Replay(
-            joint.vehicle,
-            records,
-            path.segments,
-            names=(*coefficient_names(joint.parameters), *extra),
-            free=joint.stage.axes.free,
-            measured=joint.stage.axes.measured,
-            substeps=self._substeps,
-            threads=joint.threads,
-            starts_count=True,
-        )
+        if extra not in self._replays:
+            self._replays[extra] = Replay(
+                joint.vehicle,
+                tuple(
+                    Record(record.trial, record.input, np.ones_like(record.counted))
+                    for record in joint.data.records
+                ),
+                self._segments,
+                names=(*coefficient_names(joint.parameters), *extra),
+                free=joint.stage.axes.free,
+                measured=joint.stage.axes.measured,
+                substeps=self._substeps,
+                threads=joint.threads,
+                starts_count=True,
+            )
+        return self._replays[extra].along(motion[:3], motion.water)
 
 
 def _readings(record: Record) -> tuple[Array, Mask]:

@@ -38,6 +38,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import SeatrialError
 from seatrial.base.progress import Step
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.score import Score
 
-__all__ = ["Choice", "choose", "quadratic_or_strips", "with_or_without_presumed"]
+__all__ = ["Choice", "choose", "likelihood_gain", "quadratic_or_strips", "with_or_without_presumed"]
 
 _SHARE = 0.2
 """Part of every trial, at its end, that judges where the campaign holds nothing out."""
@@ -77,6 +78,8 @@ _TELLING = 0.02
 
 _LIKELIER = 10.0
 """Log-likelihood of all held-out data from which the other damping is the result."""
+
+_BY_CHANCE = 2.0  # standard deviations of a difference over blocks of time
 
 _ROUNDS = 6
 """Of the joint estimate with the other damping until the two are compared."""
@@ -276,8 +279,9 @@ def quadratic_or_strips(
 
     Each plane whose quadratic damping is free in both axes (``Y_vv`` and ``N_rr``, ``Z_ww`` and ``M_qq``) is
     estimated again with one drag coefficient for all strips of the hull. It is the result where it makes
-    held-out data, or all where nothing is held out, more likely by `_LIKELIER`. Output error is left as it
-    is: its residual analysis names strips that are missing.
+    held-out data, or all where nothing is held out, more likely by `_LIKELIER` and by more than chance:
+    twice the standard deviation of the difference over blocks of time. Output error is left as it is: its
+    residual analysis names strips that are missing.
 
     Parameters
     ----------
@@ -321,20 +325,38 @@ def quadratic_or_strips(
             break
         held_out = bool(joint.steps(held_out=True)[0])
         quadratic, strips = (
-            Innovations(one, held_out=held_out).likelihood(end.values)
+            Innovations(one, held_out=held_out).likelihoods(end.values)
             for one, end in ((joint, polished), (other, again))
         )
-        better = strips - quadratic
-        taken = better > _LIKELIER
+        better, chance = likelihood_gain(quadratic, strips)
+        taken = better > max(_LIKELIER, chance)
         words = "held-out data" if held_out else "the log"
         drag = f"cross-flow drag by strips ({name})", f"quadratic damping ({' and '.join(replaced)})"
-        chosen, rejected = drag if taken else drag[::-1]
-        by = f"by {abs(better):.0f} (log-likelihood)" if math.isfinite(better) else "beyond measure"
-        said.append(f"{chosen[0].upper()}{chosen[1:]} makes {words} likelier {by} than {rejected}")
+        chosen, rejected = drag if better > 0.0 else drag[::-1]
+        by = "beyond measure"
+        if math.isfinite(better):
+            luck = f", no more than chance: ± {chance / _BY_CHANCE:.0f}" if abs(better) <= chance else ""
+            by = f"by {abs(better):.0f} (log-likelihood{luck})"
+        kept = "" if taken or better <= 0.0 else "; the latter is kept"
+        said.append(f"{chosen[0].upper()}{chosen[1:]} makes {words} likelier {by} than {rejected}{kept}")
         if taken:
             again = polish(other, start=again.values, watch=watch)
             joint, polished, kind = other, again, _after(kind, change)
     return joint, polished, kind, tuple(said)
+
+
+def likelihood_gain(before: Array, after: Array) -> tuple[float, float]:
+    """By how much a log-likelihood (blocks,) by blocks of time grew, and how much chance makes of it.
+
+    The latter is twice the standard deviation of the difference, nil where one of them is of a model that
+    diverged.
+    """
+    if not np.isfinite(after).all():
+        return -math.inf, 0.0
+    if not np.isfinite(before).all():
+        return math.inf, 0.0
+    gain = after - before
+    return float(gain.sum()), _BY_CHANCE * float(gain.std() * math.sqrt(len(gain)))
 
 
 def _after(

@@ -13,7 +13,7 @@ Tests: ``tests/trial/test_score.py``, ``tests/estimation/test_step.py``, ``tests
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,6 +73,11 @@ class Record:
         return self.trial.record(
             weight=weights, substeps=substeps, input=self.input, motion=motion, water=self.water
         )
+
+    def current(self) -> Array:
+        """Velocity of the water (n, 3), NED in m/s: what was recorded and `water`."""
+        still = np.zeros((len(self.trial), 3))
+        return np.asarray(sum((part for part in (self.trial.current, self.water) if part is not None), still))
 
     def __getstate__(self) -> dict[str, Any]:
         """What the core reads is packed again where it is needed."""
@@ -157,6 +162,9 @@ class Replay:
         Threads of the core, all when None; no result depends on it.
     starts_count
         Whether the first sample of a segment counts; by default not, the smoothed start is made of it.
+    starts
+        Positions (k, 3), attitudes (k, 4) and velocities (k, 6) that the segments start from in place of
+        their own (`along`).
     """
 
     vehicle: Vehicle
@@ -168,6 +176,7 @@ class Replay:
     substeps: int = 1
     threads: int | None = None
     starts_count: bool = False
+    starts: tuple[Array, Array, Array] | None = None
     _loops: dict[Any, OpenLoop] = field(default_factory=dict, init=False, repr=False)
 
     def counted(self, index: int) -> Mask:
@@ -256,7 +265,31 @@ class Replay:
 
         Parameters are those of `sensitivities`.
         """
-        found = self._loop().sensitivities(
+        shown, slopes = self.joined_tangents(
+            values,
+            directions,
+            nuisances=nuisances,
+            initials=initials,
+            channels=channels,
+            nuisance=nuisance,
+            initial=initial,
+        )
+        ends = np.cumsum([one.stop - one.start for one in self.segments])[:-1]
+        return list(zip(np.split(shown, ends), np.split(slopes, ends), strict=True))
+
+    def joined_tangents(
+        self,
+        values: ArrayLike,
+        directions: ArrayLike,
+        *,
+        nuisances: Sequence[str] = (),
+        initials: Sequence[str] = (),
+        channels: Sequence[str] = CHANNELS,
+        nuisance: ArrayLike | None = None,
+        initial: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """The same of all segments in a row: (samples, 12) and (samples, channels, d)."""
+        return self._loop().tangents(
             values,
             directions,
             nuisances=nuisances,
@@ -266,7 +299,24 @@ class Replay:
             initial=initial,
             threads=self.threads,
         )
-        return [(np.asarray(shown), np.asarray(slopes)) for shown, slopes in found]
+
+    def along(self, starts: tuple[Array, Array, Array], water: Sequence[Array]) -> Replay:
+        """The same segments from other starts, in water that moves besides what was recorded.
+
+        Parameters
+        ----------
+        starts
+            Positions (k, 3), attitudes (k, 4) and velocities (k, 6).
+        water
+            Velocity (n, 3) per record, NED in m/s.
+        """
+        records = tuple(
+            Record(one.trial, one.input, one.counted, moved)
+            for one, moved in zip(self.records, water, strict=True)
+        )
+        other = replace(self, records=records, starts=starts)
+        other._loops[None] = self._loop().along(*starts, [record.current() for record in records])
+        return other
 
     def losses(self, values: ArrayLike, *, weight: Array, loss: str, knee: float) -> Array:
         """Sums (k, segments, 12) of ``loss(weight * error)`` for candidates (k, m), infinite if diverged.
@@ -304,7 +354,7 @@ class Replay:
             self._loops[key] = OpenLoop(
                 self.vehicle,
                 records,
-                [(s.record, s.start, s.stop, s.position, s.attitude, s.nu) for s in self.segments],
+                self._started(),
                 names=self.names,
                 free=self.free,
                 measured=self.measured,
@@ -313,6 +363,15 @@ class Replay:
                 substeps=self.substeps,
             )
         return self._loops[key]
+
+    def _started(self) -> list[tuple[Any, ...]]:
+        """The segments as the core reads them."""
+        if self.starts is None:
+            return [(s.record, s.start, s.stop, s.position, s.attitude, s.nu) for s in self.segments]
+        return [
+            (s.record, s.start, s.stop, *start)
+            for s, *start in zip(self.segments, *(part.tolist() for part in self.starts), strict=True)
+        ]
 
     def __getstate__(self) -> dict[str, Any]:
         """The core's batches are packed again where they are needed."""

@@ -2,8 +2,8 @@
 //! parameter and initial condition.
 //!
 //! In lanes eight unknowns go abreast, by the variational equations ([`super::variations`]); without lanes every
-//! unknown has a flight of its own in dual numbers. Every (segment, some unknowns) pair is a task, so that threads
-//! never change a result.
+//! unknown has a flight of its own in dual numbers. Segments of one record share its vehicle, short ones a task with
+//! some unknowns; each has a result of its own, so that threads never change one.
 //!
 //! The model has corners, where one of the derivatives beside them counts: a dead time or a latency of whole
 //! steps, knots of a measured table, the ends of a rate limit; |x| at zero has derivative zero. Behind a rate
@@ -28,6 +28,7 @@ use crate::number::lanes::{LANES, level};
 use crate::number::real::Real;
 use fearless_simd::{Level, Simd, SimdBase, f64x8};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
 /// One number whose change is of interest.
@@ -88,21 +89,32 @@ pub(super) struct Work<'a> {
     pub point: Point<'a>,
     pub structure: Structure,
     pub asked: &'a [usize],
-    /// No unknown of the whole request lies between motion and channels or in the start: all its groups
-    /// of eight take the same way, so that grouping never changes a bit.
-    coefficients_only: bool,
+    /// Per record, whether no unknown and no value of the whole request lies between motion and channels or in
+    /// a start: all its groups of eight take the same way, so that grouping never changes a bit.
+    plain: Vec<bool>,
     pub stop: &'a AtomicBool,
 }
 
-/// A segment's vehicle, and what stands between motion and channels.
+/// A record's vehicle, and what stands between motion and channels.
 pub(super) struct Prepared<T> {
     pub vehicle: Vehicle<T>,
-    pub start: Start<T>,
     shows: Nuisance<T>,
     plain: bool,
 }
 
 impl<T: Real> Prepared<T> {
+    /// The start of a segment, moved by its initial conditions.
+    #[inline(always)]
+    pub fn start(&self, segment: &Segment, initial: &[T; INITIALS]) -> Start<T> {
+        // Where nothing stands between motion and channels, they are the plain model's to the last bit.
+        let none = initial[0].zero();
+        let mut start =
+            if self.plain { Start::of(segment, none) } else { self.shows.start(&segment.state, initial) };
+        // Still water stays still water.
+        start.current = start.current.filter(|current| !current.iter().all(|x| x.equals(none)));
+        start
+    }
+
     /// Nothing yet of what a segment shows.
     #[inline(always)]
     pub fn shown<'a>(&'a self, asked: &'a [usize], segment: &Segment) -> Shown<'a, T> {
@@ -121,10 +133,15 @@ pub(super) struct Group {
     pub current: bool,
     /// Whether a motor's coefficient is among them.
     pub motor: bool,
+    /// Whether something among them moves a start.
+    pub start: bool,
 }
 
 /// Groups to a task: they share the flight and its linearisation.
 const ABREAST: usize = 16;
+
+/// Samples of the segments to a task.
+const TOGETHER: usize = 64;
 
 const ALL: [usize; CHANNELS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
 
@@ -141,9 +158,8 @@ impl Batch<'_> {
         stop: &AtomicBool,
     ) -> Result<Vec<Prediction>, Error> {
         let rows = self.predictions(point, stop)?;
-        let structure = Structure::new(self.description, point.sought);
         let coefficients_only = unknowns.iter().all(|unknown| matches!(unknown, Unknown::Direction(_)));
-        let work = Work { point, structure, asked, coefficients_only, stop };
+        let work = self.work(point, asked, coefficients_only, stop);
         let groups = self.groups(point, unknowns);
         let partials = self.differentiate(&work, &groups)?;
         Ok((0..self.segments.len())
@@ -212,19 +228,69 @@ impl Batch<'_> {
         point: Point<'_>,
         stop: &AtomicBool,
     ) -> Result<Vec<Vec<[f64; CHANNELS]>>, Error> {
-        let structure = Structure::new(self.description, point.sought);
-        let work = Work { point, structure, asked: &ALL, coefficients_only: true, stop };
-        (0..self.segments.len())
+        let work = self.work(point, &ALL, true, stop);
+        let found = self
+            .together()
             .into_par_iter()
-            .map(|s| {
-                let (segment, prepared) = (&self.segments[s], self.unseeded(&work, s));
-                let mut observer = Observer::Shown(prepared.shown(work.asked, segment));
-                let record = &self.records[segment.record];
-                let start = &prepared.start;
-                fly(&prepared.vehicle, record, segment, (self.substeps, start), &mut observer, stop)?;
-                Ok(finished(observer, record.dt).as_chunks().0.to_vec())
+            .map(|segments| {
+                let place = self.segments[segments.start].record;
+                let (record, prepared) = (&self.records[place], self.unseeded(&work, place));
+                segments
+                    .map(|s| {
+                        let segment = &self.segments[s];
+                        let start = prepared.start(segment, &point.initial[s]);
+                        let mut observer = Observer::Shown(prepared.shown(work.asked, segment));
+                        fly(
+                            &prepared.vehicle,
+                            record,
+                            segment,
+                            (self.substeps, &start),
+                            &mut observer,
+                            stop,
+                        )?;
+                        Ok(finished(observer, record.dt).as_chunks().0.to_vec())
+                    })
+                    .collect()
             })
-            .collect()
+            .collect::<Result<Vec<Vec<_>>, Error>>()?;
+        Ok(found.into_iter().flatten().collect())
+    }
+
+    fn work<'a>(
+        &self,
+        point: Point<'a>,
+        asked: &'a [usize],
+        coefficients_only: bool,
+        stop: &'a AtomicBool,
+    ) -> Work<'a> {
+        let still = |row: &[f64]| row.iter().all(|&x| x == 0.0);
+        let mut plain: Vec<bool> = point.nuisance.iter().map(|row| coefficients_only && still(row)).collect();
+        for (segment, row) in self.segments.iter().zip(point.initial) {
+            plain[segment.record] &= still(row);
+        }
+        Work { point, structure: Structure::new(self.description, point.sought), asked, plain, stop }
+    }
+
+    /// The segments by tasks: neighbours of one record, short ones together.
+    fn together(&self) -> Vec<Range<usize>> {
+        let mut tasks: Vec<Range<usize>> = Vec::new();
+        let mut samples = 0;
+        for (s, segment) in self.segments.iter().enumerate() {
+            let own = segment.stop - segment.start;
+            match tasks.last_mut() {
+                Some(task)
+                    if self.segments[task.start].record == segment.record && samples + own <= TOGETHER =>
+                {
+                    task.end += 1;
+                    samples += own;
+                }
+                _ => {
+                    tasks.push(s..s + 1);
+                    samples = own;
+                }
+            }
+        }
+        tasks
     }
 
     /// The unknowns by eight, those of the same terms together.
@@ -252,6 +318,7 @@ impl Batch<'_> {
             of: places.iter().fold(Summed::default(), |all, place| all.and(of(place))),
             current: places.iter().any(|&place| current(unknowns[place])),
             motor: places.iter().any(motor),
+            start: places.iter().any(|&place| !matches!(unknowns[place], Unknown::Direction(_))),
         };
         places.chunks(LANES).map(group).collect()
     }
@@ -260,68 +327,86 @@ impl Batch<'_> {
     /// `[sample, channel asked for][unknown of the group]`.
     fn differentiate(&self, work: &Work<'_>, groups: &[Group]) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
         let (name, level) = level()?;
-        let tasks: Vec<(usize, &[Group])> = (0..self.segments.len())
-            .flat_map(|s| groups.chunks(ABREAST).map(move |some| (s, some)))
+        let tasks: Vec<(Range<usize>, usize, &[Group])> = self
+            .together()
+            .into_iter()
+            .flat_map(|segments| {
+                let chunks = groups.chunks(ABREAST).enumerate();
+                chunks.map(move |(chunk, some)| (segments.clone(), chunk * ABREAST, some))
+            })
             .collect();
-        let found = tasks
-            .into_par_iter()
-            .map(|(s, some)| {
+        let partials = tasks
+            .par_iter()
+            .map(|(segments, _, some)| {
                 if name == "fallback" {
-                    some.iter().map(|group| self.one_by_one(work, &group.unknowns, s)).collect()
+                    self.one_by_one(work, some, segments.clone())
                 } else {
-                    on_level(level, self, work, some, s)
+                    on_level(level, self, work, some, segments.clone())
                 }
             })
             .collect::<Result<Vec<Vec<_>>, Error>>()?;
-        Ok(found.into_iter().flatten().collect())
+        let mut found = vec![Vec::new(); self.segments.len() * groups.len()];
+        for ((segments, first, some), partials) in tasks.into_iter().zip(partials) {
+            for (i, one) in partials.into_iter().enumerate() {
+                let (s, group) = (segments.start + i / some.len(), first + i % some.len());
+                found[s * groups.len() + group] = one;
+            }
+        }
+        Ok(found)
     }
 
-    /// The derivatives by one unknown after the other: where there are no lanes.
+    /// The derivatives by one unknown after the other, where there are no lanes: per segment and group.
     fn one_by_one(
         &self,
         work: &Work<'_>,
-        unknowns: &[Unknown],
-        s: usize,
-    ) -> Result<Vec<[f64; LANES]>, Error> {
-        let mut all = Vec::new();
-        for lane in 0..unknowns.len() {
-            let unit = |wanted: Unknown| if unknowns[lane] == wanted { 1.0 } else { 0.0 };
-            let along = |i: usize| work.point.along(unknowns[lane], i);
-            let seeded = self.seeded(work, 0.0, (unit, along), unknowns, s);
-            let (segment, mut observer) =
-                (&self.segments[s], Observer::Shown(seeded.shown(work.asked, &self.segments[s])));
-            let record = &self.records[segment.record];
-            fly(&seeded.vehicle, record, segment, (self.substeps, &seeded.start), &mut observer, work.stop)?;
-            let shown = finished(observer, record.dt);
-            all.resize(shown.len(), [0.0; LANES]);
-            for (to, from) in all.iter_mut().zip(&shown) {
-                to[lane] = from.partials;
+        groups: &[Group],
+        segments: Range<usize>,
+    ) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
+        let mut found = vec![Vec::new(); segments.len() * groups.len()];
+        let place = self.segments[segments.start].record;
+        let record = &self.records[place];
+        for (i, group) in groups.iter().enumerate() {
+            for (lane, &seed) in group.unknowns.iter().enumerate() {
+                let unit = |wanted: Unknown| if seed == wanted { 1.0 } else { 0.0 };
+                let along = |i: usize| work.point.along(seed, i);
+                let seeded = self.seeded(work, 0.0, (unit, along), &group.unknowns, place);
+                for (j, s) in segments.clone().enumerate() {
+                    let segment = &self.segments[s];
+                    let start = seeded.start(segment, &initial(work, 0.0, unit, &group.unknowns, s));
+                    let mut observer = Observer::Shown(seeded.shown(work.asked, segment));
+                    fly(&seeded.vehicle, record, segment, (self.substeps, &start), &mut observer, work.stop)?;
+                    let shown = finished(observer, record.dt);
+                    let all = &mut found[j * groups.len() + i];
+                    all.resize(shown.len(), [0.0; LANES]);
+                    for (to, from) in all.iter_mut().zip(&shown) {
+                        to[lane] = from.partials;
+                    }
+                }
             }
         }
-        Ok(all)
+        Ok(found)
     }
 
-    /// Segment `s` with up to eight unknowns, each in a lane of its own.
+    /// The vehicle of a record with up to eight unknowns, each in a lane of its own.
     #[inline(always)]
     pub(super) fn seeded_in_lanes<S: Simd>(
         &self,
         simd: S,
         work: &Work<'_>,
         unknowns: &[Unknown],
-        s: usize,
+        record: usize,
     ) -> Prepared<Dual<f64x8<S>>> {
-        let unit = |wanted: Unknown| {
-            f64x8::from_fn(simd, |lane| if unknowns.get(lane) == Some(&wanted) { 1.0 } else { 0.0 })
-        };
+        let unit = |wanted: Unknown| unit_in_lanes(simd, unknowns, wanted);
         let along = |i: usize| {
             f64x8::from_fn(simd, |lane| {
                 unknowns.get(lane).map_or(0.0, |&unknown| work.point.along(unknown, i))
             })
         };
-        self.seeded(work, simd.splat_f64x8(0.0), (unit, along), unknowns, s)
+        self.seeded(work, simd.splat_f64x8(0.0), (unit, along), unknowns, record)
     }
 
-    /// Segment `s`, every unknown seeded with its `unit`; `along(i)` is the seed of the sought coefficient `i`.
+    /// The vehicle of a record, every unknown seeded with its `unit`; `along(i)` is the seed of the sought
+    /// coefficient `i`.
     #[inline(always)]
     fn seeded<P: Real>(
         &self,
@@ -329,62 +414,73 @@ impl Batch<'_> {
         none: P,
         (unit, along): (impl Fn(Unknown) -> P, impl Fn(usize) -> P),
         unknowns: &[Unknown],
-        s: usize,
+        record: usize,
     ) -> Prepared<Dual<P>> {
         let constant = |value: f64| Dual { value, partials: none };
         let mut values: Vec<Dual<P>> = self.description.coefficients.iter().map(|&x| constant(x)).collect();
         for (i, (&index, &value)) in work.point.sought.iter().zip(work.point.values).enumerate() {
             values[index] = Dual { value, partials: along(i) };
         }
-        let mut nuisance = work.point.nuisance[self.segments[s].record].map(constant);
-        let mut initial = work.point.initial[s].map(constant);
+        let mut nuisance = work.point.nuisance[record].map(constant);
         for &unknown in unknowns {
-            match unknown {
-                Unknown::Direction(_) => {}
-                Unknown::Nuisance(i) => nuisance[i].partials = unit(unknown),
-                Unknown::Initial(i) => initial[i].partials = unit(unknown),
+            if let Unknown::Nuisance(i) = unknown {
+                nuisance[i].partials = unit(unknown);
             }
         }
-        self.prepared(work, &values, &nuisance, &initial, s)
+        self.prepared(work, &values, &nuisance, record)
     }
 
-    /// Segment `s` at the point itself.
+    /// The vehicle of a record at the point itself.
     #[inline(always)]
-    pub(super) fn unseeded(&self, work: &Work<'_>, s: usize) -> Prepared<f64> {
+    pub(super) fn unseeded(&self, work: &Work<'_>, record: usize) -> Prepared<f64> {
         let mut values = self.description.coefficients.clone();
         for (&index, &value) in work.point.sought.iter().zip(work.point.values) {
             values[index] = value;
         }
-        let nuisance = &work.point.nuisance[self.segments[s].record];
-        self.prepared(work, &values, nuisance, &work.point.initial[s], s)
+        self.prepared(work, &values, &work.point.nuisance[record], record)
     }
 
-    /// Segment `s` with these coefficients, nuisance parameters and initial conditions.
+    /// The vehicle of a record with these coefficients and nuisance parameters.
     #[inline(always)]
     fn prepared<T: Valued>(
         &self,
         work: &Work<'_>,
         values: &[T],
         nuisance: &[T; NUISANCES],
-        initial: &[T; INITIALS],
-        s: usize,
+        record: usize,
     ) -> Prepared<T> {
-        let segment = &self.segments[s];
-        let record = &self.records[segment.record];
-        let mut vehicle =
-            Vehicle::new(self.description, &work.structure, values, record.environment, self.modes);
-        // Where nothing stands between motion and channels, they are the plain model's to the last bit.
-        let none = initial[0].zero();
-        let plain = work.coefficients_only && nuisance.iter().chain(initial).all(|x| x.equals(none));
-        let shows = Nuisance::from_row(nuisance);
+        let environment = self.records[record].environment;
+        let mut vehicle = Vehicle::new(self.description, &work.structure, values, environment, self.modes);
+        let (shows, plain) = (Nuisance::from_row(nuisance), work.plain[record]);
         if !plain {
             vehicle.push(&shows.force);
         }
-        let mut start = if plain { Start::of(segment, none) } else { shows.start(&segment.state, initial) };
-        // Still water stays still water.
-        start.current = start.current.filter(|current| !current.iter().all(|x| x.equals(none)));
-        Prepared { vehicle, start, shows, plain }
+        Prepared { vehicle, shows, plain }
     }
+}
+
+/// The initial conditions of a segment, each unknown among them seeded with its `unit`.
+#[inline(always)]
+pub(super) fn initial<P: Real>(
+    work: &Work<'_>,
+    none: P,
+    unit: impl Fn(Unknown) -> P,
+    unknowns: &[Unknown],
+    s: usize,
+) -> [Dual<P>; INITIALS] {
+    let mut initial = work.point.initial[s].map(|value| Dual { value, partials: none });
+    for &unknown in unknowns {
+        if let Unknown::Initial(i) = unknown {
+            initial[i].partials = unit(unknown);
+        }
+    }
+    initial
+}
+
+/// One in the lane of the unknown that is wanted.
+#[inline(always)]
+pub(super) fn unit_in_lanes<S: Simd>(simd: S, unknowns: &[Unknown], wanted: Unknown) -> f64x8<S> {
+    f64x8::from_fn(simd, |lane| if unknowns.get(lane) == Some(&wanted) { 1.0 } else { 0.0 })
 }
 
 /// What was shown, sample by sample.
@@ -415,20 +511,20 @@ fn on_level(
     batch: &Batch<'_>,
     work: &Work<'_>,
     groups: &[Group],
-    s: usize,
+    segments: Range<usize>,
 ) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     {
         if let Some(simd) = level.as_avx512() {
             return simd.vectorize(
                 #[inline(always)]
-                || batch.varied(simd, work, groups, s),
+                || batch.varied(simd, work, groups, segments),
             );
         }
         if let Some(simd) = level.as_avx2() {
             return simd.vectorize(
                 #[inline(always)]
-                || batch.varied(simd, work, groups, s),
+                || batch.varied(simd, work, groups, segments),
             );
         }
     }
@@ -436,10 +532,10 @@ fn on_level(
     if let Some(simd) = level.as_neon() {
         return simd.vectorize(
             #[inline(always)]
-            || batch.varied(simd, work, groups, s),
+            || batch.varied(simd, work, groups, segments),
         );
     }
     // Older instruction sets have no fused product; plain numbers serve them as well.
     let _ = level;
-    groups.iter().map(|group| batch.one_by_one(work, &group.unknowns, s)).collect()
+    batch.one_by_one(work, groups, segments)
 }

@@ -15,7 +15,8 @@ use crate::error::Error;
 use crate::fit::batch::Batch;
 use crate::fit::observation::Shown;
 use crate::fit::open_loop::{Course, STEPS_BETWEEN_LOOKS};
-use crate::fit::sensitivities::{Group, Prepared, Work};
+use crate::fit::record::Start;
+use crate::fit::sensitivities::{Group, Prepared, Work, initial, unit_in_lanes};
 use crate::model::integrate::{STAGES, State};
 use crate::model::kinematics::{quaternion_rate, renormalised, rotation};
 use crate::model::vehicle::{Instant, Mode, Summed, Vehicle, hand_on};
@@ -24,6 +25,7 @@ use crate::number::dual::Dual;
 use crate::number::lanes::LANES;
 use crate::number::real::Real;
 use fearless_simd::{Simd, SimdBase, f64x8};
+use std::ops::Range;
 use std::sync::atomic::Ordering;
 
 /// What ν' depends on: ν, the rows of the rotation matrix, the position.
@@ -41,6 +43,9 @@ struct Stage {
     /// Of ν' by [`Seeds::axes`], by the attitude, and by the position.
     by: [[[f64; LANES]; 6]; 3],
 }
+
+/// The vehicle of a record in plain numbers, in those of the linearisation, and with the unknowns of every group.
+type Parts<'a, P> = (&'a Prepared<f64>, &'a Vehicle<Dual<P>>, &'a [Prepared<Dual<P>>]);
 
 /// How a flight is linearised.
 struct Seeds<P> {
@@ -283,6 +288,17 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
     }
 }
 
+/// A start in the number type of the derivatives.
+#[inline(always)]
+fn lifted<P: Real>(start: &Start<f64>, unit: Dual<P>) -> Start<Dual<P>> {
+    let mut row = [unit; 13];
+    for (to, from) in row.iter_mut().zip(start.state.row()) {
+        *to = unit.splat(from);
+    }
+    let current = start.current.map(|current| current.map(|x| unit.splat(x)));
+    Start { state: State::from_row(&row), current }
+}
+
 /// What acts at an instant, in the number type of the derivatives.
 #[inline(always)]
 fn lift<P: Real>(from: &Instant<f64>, to: &mut Instant<Dual<P>>, unit: Dual<P>, inflow: bool) {
@@ -305,39 +321,69 @@ fn lift<P: Real>(from: &Instant<f64>, to: &mut Instant<Dual<P>>, unit: Dual<P>, 
 }
 
 impl Batch<'_> {
-    /// The derivatives of what segment `s` shows by every group of unknowns, `[sample, channel asked for][unknown]`.
+    /// The derivatives of what segments of one record show by every group of unknowns, per segment and group
+    /// `[sample, channel asked for][unknown]`.
     #[inline(always)]
     pub(super) fn varied<S: Simd>(
         &self,
         simd: S,
         work: &Work<'_>,
         groups: &[Group],
-        s: usize,
+        segments: Range<usize>,
     ) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
+        let record = self.segments[segments.start].record;
+        let plain = self.unseeded(work, record);
+        let frame = self.seeded_in_lanes(simd, work, &[], record).vehicle;
+        let mut prepared: Vec<Prepared<Dual<f64x8<S>>>> = Vec::with_capacity(groups.len());
+        for group in groups {
+            prepared.push(self.seeded_in_lanes(simd, work, &group.unknowns, record));
+        }
+        let mut found = Vec::with_capacity(segments.len() * groups.len());
+        for s in segments {
+            self.vary(simd, work, groups, (&plain, &frame, &prepared), s, &mut found)?;
+        }
+        Ok(found)
+    }
+
+    /// Those of one segment, appended to `found`.
+    #[inline(always)]
+    fn vary<S: Simd>(
+        &self,
+        simd: S,
+        work: &Work<'_>,
+        groups: &[Group],
+        (plain, frame, prepared): Parts<'_, f64x8<S>>,
+        s: usize,
+        found: &mut Vec<Vec<[f64; LANES]>>,
+    ) -> Result<(), Error> {
         let none = simd.splat_f64x8(0.0);
         let unit = Dual { value: 0.0, partials: none };
         let segment = &self.segments[s];
         let record = &self.records[segment.record];
-        let plain = self.unseeded(work, s);
-        let frame = self.seeded_in_lanes(simd, work, &[], s).vehicle;
-        let mut prepared: Vec<Prepared<Dual<f64x8<S>>>> = Vec::with_capacity(groups.len());
-        for group in groups {
-            prepared.push(self.seeded_in_lanes(simd, work, &group.unknowns, s));
+        let start = plain.start(segment, &work.point.initial[s]);
+        let mut starts = Vec::with_capacity(groups.len());
+        for (group, one) in groups.iter().zip(prepared) {
+            let unknowns = &group.unknowns;
+            if !group.start {
+                starts.push(lifted(&start, unit));
+                continue;
+            }
+            let own = |wanted| unit_in_lanes(simd, unknowns, wanted);
+            starts.push(one.start(segment, &initial(work, none, own, unknowns, s)));
         }
-        let mut current = plain.start.current;
-        if let Some(sought) = prepared.iter().find_map(|one| one.start.current) {
+        let mut current = start.current;
+        if let Some(sought) = starts.iter().find_map(|one| one.current) {
             current = Some([sought[0].value, sought[1].value, sought[2].value]);
         }
         let mut course = Course::new(&plain.vehicle, record, segment, self.substeps, current, 0.0);
-        let mut lifted: [Instant<Dual<f64x8<S>>>; 3] = Default::default();
+        let mut instants: [Instant<Dual<f64x8<S>>>; 3] = Default::default();
         let flowing = current.is_some() || !record.current.is_empty();
         let seeds = Seeds::new(simd, &self.modes, flowing, frame.tether.is_some());
         let inflow = !frame.fins.is_empty() || frame.actuators.iter().any(|a| a.characteristic.has_inflow());
-        let mut state = plain.start.state;
+        let mut state = start.state;
         let mut tangents: Vec<Tangent<'_, f64x8<S>>> = Vec::with_capacity(groups.len());
-        for (group, one) in groups.iter().zip(&prepared) {
+        for ((group, one), start) in groups.iter().zip(prepared).zip(&starts) {
             let own = group.of.thrust || group.current;
-            let start = &one.start;
             tangents.push(Tangent {
                 of: group.of,
                 vehicle: &one.vehicle,
@@ -406,15 +452,15 @@ impl Batch<'_> {
                         }
                     }
                 }
-                for (from, to) in course.instants.iter().zip(&mut lifted) {
+                for (from, to) in course.instants.iter().zip(&mut instants) {
                     lift(from, to, unit, inflow);
                 }
                 state = self.varied_step(
-                    (&plain.vehicle, &frame),
+                    (&plain.vehicle, frame),
                     &mut stage,
                     &state,
                     h,
-                    &lifted,
+                    &instants,
                     &seeds,
                     &mut tangents,
                 );
@@ -426,12 +472,11 @@ impl Batch<'_> {
                 }
             }
         }
-        let mut found = Vec::with_capacity(tangents.len());
         for tangent in tangents {
             let shown = tangent.shown.finish(record.dt);
             found.push(shown.iter().map(|x| x.partials.into()).collect());
         }
-        Ok(found)
+        Ok(())
     }
 
     /// The state a step later, [`crate::model::integrate::step`], with its derivatives.
