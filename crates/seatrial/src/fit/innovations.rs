@@ -30,13 +30,13 @@ mod recursion;
 use crate::error::Error;
 use crate::number::lanes::{LANES, level};
 use fearless_simd::{Fallback, Simd};
-use recursion::{Judge, Likelihood, Predict};
+use recursion::{Judge, Predict};
 
 /// Standard deviations from which an innovation counts as an outlier.
 pub const CLIP: f64 = 4.0;
 
-/// The most blocks of a row.
-const MOST: usize = 8;
+/// Blocks of a row: one length would be slower for few states, more would be compiled for little.
+const BLOCKS: [usize; 2] = [4, 5];
 
 /// A row of a matrix, in blocks.
 type Row<const B: usize> = [[f64; LANES]; B];
@@ -179,12 +179,10 @@ impl Model {
                 "seen: expected channels that ascend, below {y}, and states below {w}"
             )));
         }
-        let blocks = w.div_ceil(LANES);
-        if blocks > MOST {
-            return Err(Error::simulation(format!("expected at most {} states, found {w}", MOST * LANES)));
-        }
-        // Six and seven blocks are rare: they take eight.
-        let blocks = if blocks > 5 { MOST } else { blocks };
+        let Some(blocks) = BLOCKS.into_iter().find(|blocks| blocks * LANES >= w) else {
+            let most = BLOCKS[BLOCKS.len() - 1] * LANES;
+            return Err(Error::simulation(format!("expected at most {most} states, found {w}")));
+        };
         let stride = blocks * LANES;
         let mut transition = vec![0.0; steps * s * stride];
         for (to, from) in transition.chunks_exact_mut(stride).zip(parts.transition.chunks_exact(w)) {
@@ -219,7 +217,8 @@ impl Model {
         if let Some(place) = kept.iter().find(|&&place| place >= width) {
             return Err(Error::simulation(format!("kept: expected places below {width}, found {place}")));
         }
-        self.run(noise, &Judge { kept })
+        let (found, _) = self.run(noise, &Judge { kept, back: true })?;
+        Ok(found)
     }
 
     /// Logarithm of the likelihood of a noise without its constant, alone: what each sample adds to it, (n,).
@@ -227,7 +226,8 @@ impl Model {
     /// # Errors
     /// As [`Model::judge`].
     pub fn likelihood(&self, noise: &Noise) -> Result<Vec<f64>, Error> {
-        self.run(noise, &Likelihood)
+        let (_, added) = self.run(noise, &Judge { kept: &[], back: false })?;
+        Ok(added)
     }
 
     /// What is predicted `ahead` samples after each measurement, and its derivatives by the unknowns with the gains
@@ -283,12 +283,8 @@ impl Model {
     fn run_on<S: Simd, W: Work>(&self, simd: S, noise: &Noise, work: &W) -> W::Result {
         let run = Run { simd, model: self, noise };
         match self.blocks {
-            1 => work.done::<S, 1>(run),
-            2 => work.done::<S, 2>(run),
-            3 => work.done::<S, 3>(run),
             4 => work.done::<S, 4>(run),
-            5 => work.done::<S, 5>(run),
-            _ => work.done::<S, MOST>(run),
+            _ => work.done::<S, 5>(run),
         }
     }
 

@@ -229,44 +229,21 @@ impl<S: Simd> Run<'_, S> {
     }
 }
 
-/// [`super::Model::likelihood`].
-pub(super) struct Likelihood;
-
-impl Work for Likelihood {
-    type Result = Vec<f64>;
-
-    #[inline(always)]
-    fn done<S: Simd, const B: usize>(&self, run: Run<'_, S>) -> Vec<f64> {
-        let samples = run.model.parts.sizes.samples;
-        let (mut state, mut spread, mut work) = run.begin::<B>();
-        let mut added = Vec::with_capacity(samples);
-        for k in 0..samples {
-            let mut likelihood = 0.0;
-            run.update(k, (&mut state, &mut spread, &mut likelihood), |_| ());
-            added.push(likelihood);
-            if k + 1 < samples {
-                state = run.moved(k, &state);
-                run.widen(k, &mut spread, &mut work);
-            }
-        }
-        added
-    }
-}
-
-/// [`super::Model::judge`].
+/// [`super::Model::judge`], and what each sample adds to the likelihood: that alone without the way `back`.
 pub(super) struct Judge<'a> {
     pub kept: &'a [usize],
+    pub back: bool,
 }
 
 impl Work for Judge<'_> {
-    type Result = Judged;
+    type Result = (Judged, Vec<f64>);
 
     #[inline(always)]
-    fn done<S: Simd, const B: usize>(&self, run: Run<'_, S>) -> Judged {
+    fn done<S: Simd, const B: usize>(&self, run: Run<'_, S>) -> (Judged, Vec<f64>) {
         let Sizes { samples, width, channels, .. } = run.model.parts.sizes;
         let (mut state, mut spread, mut work) = run.begin::<B>();
-        let mut likelihood = 0.0;
-        let mut updates: Vec<Update<B>> = Vec::with_capacity(samples * channels);
+        let mut added = Vec::with_capacity(samples);
+        let mut updates: Vec<Update<B>> = Vec::with_capacity(if self.back { samples * channels } else { 0 });
         let kept = self.kept;
         let room = samples * kept.len();
         let (mut smoothed, mut known) = (Vec::with_capacity(room), Vec::with_capacity(room));
@@ -276,7 +253,13 @@ impl Work for Judge<'_> {
                 smoothed.push(state.as_flattened()[place]);
                 spreads.push(spread[place]);
             }
-            run.update(k, (&mut state, &mut spread, &mut likelihood), |one| updates.push(one));
+            let mut likelihood = 0.0;
+            run.update(k, (&mut state, &mut spread, &mut likelihood), |one| {
+                if self.back {
+                    updates.push(one);
+                }
+            });
+            added.push(likelihood);
             known.extend(kept.iter().map(|&place| state.as_flattened()[place]));
             if k + 1 < samples {
                 state = run.moved(k, &state);
@@ -284,6 +267,10 @@ impl Work for Judge<'_> {
             }
         }
         let (mut process, mut sensors) = (vec![0.0; width], vec![0.0; channels]);
+        let likelihood = added.iter().sum();
+        if !self.back {
+            return (Judged { likelihood, process, sensors, smoothed, known }, added);
+        }
         let none = [[0.0; LANES]; B];
         let (mut adjoint, mut back) = (none, vec![none; width]);
         for k in (0..samples).rev() {
@@ -321,7 +308,7 @@ impl Work for Judge<'_> {
                 run.pull_back(k - 1, &mut back, &mut work);
             }
         }
-        Judged { likelihood, process, sensors, smoothed, known }
+        (Judged { likelihood, process, sensors, smoothed, known }, added)
     }
 }
 
