@@ -1,4 +1,4 @@
-"""Lanes of AVX-512 and AVX2 give the same bits: criteria, sensitivities, flights with a navigation filter."""
+"""Lanes of AVX-512 and AVX2 give the same bits: criteria, sensitivities, flights, the filter along a log."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import hashlib
 import numpy as np
 import seatrial as st
 from benchmarks.workload import chain
-from seatrial._core import simd_level
+from seatrial._core import LinearModel, simd_level
 
 work = chain(201)
 recorded, candidates = work.open_loop(), work.candidates(24)
@@ -33,8 +33,20 @@ flown = st.fly_batch(
     sensors="typical", navigation="filter", max_time_s=30.0,
 )
 figures = np.stack([np.asarray(x, float).reshape(9, -1).sum(axis=1) for x in flown.figures.values()])
+draw = np.random.default_rng(2)
+model = LinearModel(
+    transition=0.2 * draw.normal(size=(49, 3, 7)), places=[(i, 3 + i) for i in range(4)],
+    driven=np.full((49, 4), 0.9), seen=[(0, 0), (0, 5), (1, 2)], shown=draw.normal(size=(50, 3)),
+    measured=draw.normal(size=(50, 2)), valid=np.ones((50, 2)), drift=draw.normal(size=(49, 7)),
+    slopes=draw.normal(size=(49, 3, 2)), start=np.zeros(7),
+)
+noises = np.full(7, 0.1), np.full(2, 0.3), np.full(7, 0.5)
+judged = [np.atleast_1d(one).ravel() for one in model.judge(*noises, range(7))]
+filtered = np.concatenate([*judged, model.likelihood(*noises), model.predict(*noises, 2).ravel()])
 print("level", simd_level())
-for name, values in (("criteria", criteria), ("slopes", slopes), ("flights", figures)):
+for name, values in (
+    ("criteria", criteria), ("slopes", slopes), ("flights", figures), ("filter", filtered)
+):
     assert np.isfinite(values).any(), name
     print(name, hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest())
 """
@@ -58,5 +70,5 @@ def test_lanes_of_avx512_give_the_bits_of_avx2() -> None:
         pytest.skip("this processor has no AVX-512")
     wide, narrow = _printed("avx512"), _printed("avx2")
     assert (wide.pop("level"), narrow.pop("level")) == ("avx512", "avx2")
-    assert set(wide) == {"criteria", "slopes", "flights"}
+    assert set(wide) == {"criteria", "slopes", "flights", "filter"}
     assert wide == narrow

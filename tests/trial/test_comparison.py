@@ -15,7 +15,8 @@ from seatrial._core import Vehicle
 from seatrial.base.errors import TrialError
 from seatrial.cli import app
 from seatrial.report.plot.trials import variants
-from seatrial.trial.comparison import LEAST_WINDOWS, Comparison, compare, ratio, typical, window_sums
+from seatrial.trial.comparison import Comparison, compare
+from seatrial.trial.paired_windows import LEAST_WINDOWS, ratio, typical, window_sums
 from seatrial.trial.score import score
 from seatrial.trial.trial import Trial
 

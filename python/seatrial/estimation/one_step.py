@@ -166,7 +166,7 @@ class OneStep:
         directions[:m, : spread.shape[1]] = spread
         directions[m:, spread.shape[1] :] = np.eye(len(extra))
         at = [*(values[:m] @ spread), *(present.get(name, 0.0) for name in extra)]
-        seen, slopes = self._replay(tuple(extra), self.path.smoothed).joined_tangents(
+        seen, slopes = self._replay(tuple(extra), self.path.smoothed).tangents(
             at,
             directions[:0],
             nuisances=_CURRENT,
@@ -184,7 +184,7 @@ class OneStep:
         back = np.linalg.inv(slopes[:, 0, :, 2:])
         transition = slopes[:, 1, :, 2:] @ back
         replay = self._replay(tuple(extra), self.path.known)
-        unknowns = replay.joined_tangents(at, directions, channels=self.states)[1][1::2]
+        unknowns = replay.tangents(at, directions, channels=self.states)[1][1::2]
         spans: list[Span] = []
         place = 0
         for record, first, last in self._spans:

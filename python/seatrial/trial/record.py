@@ -235,7 +235,7 @@ class Replay:
         zero where the sample does not count. Other parameters are those of `simulated`.
         """
         columns = [CHANNELS.index(channel) for channel in channels]
-        found = self.tangents(
+        shown, slopes = self.tangents(
             values,
             directions,
             nuisances=nuisances,
@@ -244,11 +244,13 @@ class Replay:
             nuisance=nuisance,
             initial=initial,
         )
-        counted = [self.counted(index)[:, columns] for index in range(len(found))]
-        return [
-            (self._error(index, shown), slopes if mask.all() else np.where(mask[:, :, None], slopes, 0.0))
-            for index, ((shown, slopes), mask) in enumerate(zip(found, counted, strict=True))
-        ]
+        found = []
+        edges = np.cumsum([0, *(one.stop - one.start for one in self.segments)])
+        for index, rows in enumerate(map(slice, edges, edges[1:])):
+            mask = self.counted(index)[:, columns]
+            own = slopes[rows] if mask.all() else np.where(mask[:, :, None], slopes[rows], 0.0)
+            found.append((self._error(index, shown[rows]), own))
+        return found
 
     def tangents(
         self,
@@ -260,35 +262,11 @@ class Replay:
         channels: Sequence[str] = CHANNELS,
         nuisance: ArrayLike | None = None,
         initial: ArrayLike | None = None,
-    ) -> list[tuple[Array, Array]]:
-        """Channels (n, 12) and their exact derivatives (n, channels, d) per segment, whatever was measured.
-
-        Parameters are those of `sensitivities`.
-        """
-        shown, slopes = self.joined_tangents(
-            values,
-            directions,
-            nuisances=nuisances,
-            initials=initials,
-            channels=channels,
-            nuisance=nuisance,
-            initial=initial,
-        )
-        ends = np.cumsum([one.stop - one.start for one in self.segments])[:-1]
-        return list(zip(np.split(shown, ends), np.split(slopes, ends), strict=True))
-
-    def joined_tangents(
-        self,
-        values: ArrayLike,
-        directions: ArrayLike,
-        *,
-        nuisances: Sequence[str] = (),
-        initials: Sequence[str] = (),
-        channels: Sequence[str] = CHANNELS,
-        nuisance: ArrayLike | None = None,
-        initial: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """The same of all segments in a row: (samples, 12) and (samples, channels, d)."""
+        """Channels (samples, 12) and their exact derivatives (samples, channels, d), whatever was measured.
+
+        Of all segments in a row. Parameters are those of `sensitivities`.
+        """
         return self._loop().tangents(
             values,
             directions,
