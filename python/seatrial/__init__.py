@@ -54,7 +54,8 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.verdict import LogVerdict
     from seatrial.verification.mission_log.verify_log import verify_log
-    from seatrial.verification.rare import RareFailures, rare_failures
+    from seatrial.verification.rare import rare_failures
+    from seatrial.verification.rare_result import RareFailures
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.verification import Verification
     from seatrial.verification.verify import verify
@@ -83,7 +84,7 @@ _HOME = {
     "NavigationFilter": "seatrial.flight.navigation",
     "Outage": "seatrial.flight.failures",
     "Plan": "seatrial.experiment.plan_result",
-    "RareFailures": "seatrial.verification.rare",
+    "RareFailures": "seatrial.verification.rare_result",
     "Requirement": "seatrial.verification.requirement",
     "Restarts": "seatrial.identification.restarts_result",
     "Run": "seatrial._core",

@@ -14,7 +14,8 @@ from seatrial.base.errors import CampaignError
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.campaign import VerifiedCampaign, campaign_of, verified_campaign
 from seatrial.verification.mission_space import MissionSpace
-from seatrial.verification.rare import RareFailures, run_rare
+from seatrial.verification.rare import run_rare
+from seatrial.verification.rare_result import RareFailures
 from seatrial.verification.robustness import completion, robustness
 
 OUT = """

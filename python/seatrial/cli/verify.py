@@ -354,7 +354,8 @@ def _rare(
     """Rare failures into a run directory of their own; the exit code is that of the verdict."""
     from seatrial.base.run import check_writable
     from seatrial.cli.console import answer, print_json, search_progress, workers
-    from seatrial.verification.rare import SIZE, run_rare
+    from seatrial.verification.rare import run_rare
+    from seatrial.verification.rare_result import SIZE
 
     folder = out or Path("runs") / f"{prepared.campaign.name}-rare"
     check_writable(folder)
