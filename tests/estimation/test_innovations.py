@@ -18,7 +18,7 @@ from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.one_step import Motion, OneStep
-from seatrial.identification.choice import quadratic_or_strips
+from seatrial.identification.damping import quadratic_or_strips
 from seatrial.trial import Recipe
 from seatrial.trial.windows import channel_errors, predict
 

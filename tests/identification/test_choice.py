@@ -12,7 +12,6 @@ from seatrial._core import State, Vehicle
 from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
-from seatrial.identification.choice import likelihood_gain
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
 
@@ -192,15 +191,3 @@ def test_a_tight_prior_holds_a_coefficient_that_the_data_would_move() -> None:
         found[name] = joint.coefficients(values)["N_rr"]
     assert found["free"] == pytest.approx(TRUTH["N_rr"], rel=0.05)
     assert found["tight"] == pytest.approx(-150.0, rel=0.01)
-
-
-def test_a_gain_of_likelihood_is_held_against_chance() -> None:
-    """The same gain in every block is no chance; one block that gains what others lose is."""
-    before = np.array([100.0, 120.0, 90.0, 110.0])
-    assert likelihood_gain(before, before + 3.0) == (12.0, 0.0)
-    gain, chance = likelihood_gain(before, before + np.array([40.0, -30.0, 20.0, -18.0]))
-    assert gain == pytest.approx(12.0)
-    assert chance == pytest.approx(2.0 * np.std([40.0, -30.0, 20.0, -18.0]) * 2.0)
-    assert gain < chance
-    assert likelihood_gain(before, before * np.nan) == (-np.inf, 0.0)
-    assert likelihood_gain(before * np.nan, before) == (np.inf, 0.0)

@@ -6,10 +6,11 @@ Of the joint estimate where the campaign asks for one (``[polish]``) and it pred
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.report import Table
 from seatrial.campaign.parameters import Parameter
@@ -69,10 +70,11 @@ class Assessment:
 
     @property
     def verdicts(self) -> dict[str, str]:
-        """Verdict by coefficient: what the horizons contradict or ended at a bound is not identifiable."""
+        """Verdict by coefficient; what other assumptions contradict or a bound holds is not identifiable."""
         known = zip(self.uncertainty.names, self.uncertainty.at_bound, strict=True)
         lost = {name for name, bound in known if bound is not None}
         lost |= {name for horizon in self.polished.horizons for name in horizon.refused}
+        lost |= {name for other in self.polished.others for name in other.refused}
         told = self.identifiability.verdicts.items()
         return {name: "not identifiable" if name in lost else verdict for name, verdict in told}
 
@@ -131,9 +133,16 @@ class Assessment:
         return [line, *self.refused()]
 
     def refused(self) -> list[str]:
-        """Sentences on coefficients on which predictions over several horizons disagree."""
+        """Sentences on coefficients on which other models of the damping, or several horizons, disagree."""
         names = [unknown.name for unknown in self.unknowns]
-        lines = []
+        lines = [
+            f"{name} is not identified: it is {self.uncertainty.estimate[names.index(name)]:.3g} with"
+            f" {other.own}, {other.values[name]:.3g} with {other.damping}, and the log cannot tell which"
+            " damping is right; run turning circles and zigzags at several speeds and rudder angles, or hold"
+            " it at a value that you trust"
+            for other in self.polished.others
+            for name in other.refused
+        ]
         for horizon in self.polished.horizons:
             for name in horizon.refused:
                 place = names.index(name)
@@ -145,18 +154,26 @@ class Assessment:
                 )
         return lines
 
-    def horizon_table(self) -> Table:
-        """Estimates from predictions over several horizons; empty without a noise model."""
-        found = self.polished.horizons
+    def assumption_table(self) -> Table:
+        """Estimates over other horizons and with other damping; empty without a noise model."""
+        polished, names = self.polished, [unknown.name for unknown in self.unknowns]
+        columns: list[tuple[str, Mapping[str, float], Mapping[str, float], tuple[str, ...]]] = [
+            (f"{one.ahead_s:g} s ahead", _named(names, one.values), _named(names, one.away), one.refused)
+            for one in polished.horizons
+        ]
+        columns += [(one.damping, one.values, one.away, one.refused) for one in polished.others]
         rows = []
-        for place, unknown in enumerate(self.unknowns):
-            fit = float(self.uncertainty.estimate[place])
-            others = [f"{one.values[place]:.4g} ({one.away[place]:+.1f})" for one in found]
-            refused = any(unknown.name in one.refused for one in found)
-            rows.append((unknown.name, f"{fit:.4g}", *others, "not identified" if refused else ""))
-        head = ("coefficient", "fit", *(f"{one.ahead_s:g} s ahead" for one in found), "")
-        title = "Estimates by horizon of the predictions (in brackets: standard deviations from the fit)"
-        return Table.of(title, head, rows if found else [], left=1)
+        for place, name in enumerate(names):
+            fit = f"{self.uncertainty.estimate[place]:.4g}"
+            others = (
+                f"{values[name]:.4g} ({away[name]:+.1f})" if name in values else ""
+                for _, values, away, _ in columns
+            )
+            refused = any(name in lost for *_, lost in columns)
+            rows.append((name, fit, *others, "not identified" if refused else ""))
+        head = ("coefficient", "fit", *(words for words, *_ in columns), "")
+        title = "Estimates under other assumptions (in brackets: standard deviations from the fit)"
+        return Table.of(title, head, rows if columns else [], left=1)
 
     def sentences(self) -> list[str]:
         """What to know before the numbers are used, the gravest first."""
@@ -225,6 +242,10 @@ def _of_a_part(joint: Joint) -> Linearisation:
     lin = linearise(part, joint.start)
     more = len(joint.data.segments) / len(places)
     return replace(lin, pieces=tuple(replace(piece, weight=more * piece.weight) for piece in lin.pieces))
+
+
+def _named(names: Sequence[str], row: Array) -> dict[str, float]:
+    return dict(zip(names, row.tolist(), strict=True))
 
 
 def _runs_away(joint: Joint, polished: Polished) -> bool:

@@ -10,12 +10,6 @@ A round linearises the model over every sample (`one_step`), improves the likeli
 (`kalman`), runs the filter with the derivatives by the unknowns and takes a
 Gauss-Newton step on the prediction errors a horizon ahead, one sample unless the campaign says otherwise.
 
-A noise model may be wrong too, and then the estimate depends on the horizon. The unknowns are therefore
-estimated again from predictions over other horizons. Where the difference is larger than three of its
-standard deviations, and larger than a quarter of the estimate, the coefficient is not identified. Horizons
-longer than the answer of the autopilot are bent by it: short ones are compared.
-Standard deviations of differences are those of the sums over blocks of time longer than the correlation.
-
 Source: Maine & Iliff, *Application of Parameter Estimation to Aircraft Stability and Control* (NASA RP-1168,
 1986); Ljung, *System Identification* (1999); Jategaonkar, *Flight Vehicle System Identification* (2015),
 chapter 5 (filter error method).
@@ -28,24 +22,26 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from seatrial._core import initial_names
-from seatrial.base.arrays import Array, Mask
+from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.base.progress import Step
 from seatrial.estimation import kalman
+from seatrial.estimation.instruments import driven, instrumented, lag_s
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.one_step import OneStep, Path, Span
+from seatrial.estimation.prediction_errors import BLOCK_S, Errors, Pull
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.trial.linear_predictor import foretold
 from seatrial.trial.trial import Trial
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
-__all__ = ["Horizon", "Innovations", "Outcome"]
+__all__ = ["Innovations", "Outcome"]
 
 _FIRST, _EACH = (10, 10, 30), 8
 """Evaluations of the likelihood of the noises before the first round, and in each; the motion follows."""
@@ -58,14 +54,8 @@ _SHAPE = 8
 
 _CLOSE = 0.5  # standard deviations of the largest step that ends the rounds
 
-_APART, _MATTERS = 3.0, 0.25  # standard deviations of a difference, and part of the estimate
-
-_BLOCK_S = 20.0
-
 _SETTLING_S = 10.0
 """What the filter needs from the start of a span until its errors count."""
-
-_HORIZON_ROUNDS = 3
 
 _SUMS = ("mean", "filter", "hold last", "linear")
 
@@ -81,29 +71,6 @@ of the model misses along the motion so far.
 
 
 @dataclass(frozen=True)
-class Horizon:
-    """Estimates (m,) from predictions ``ahead_s`` ahead, and how far from those of the fit.
-
-    ``away`` (m,) is the difference in its own standard deviations; ``refused`` names the coefficients that
-    are not identified because of it.
-    """
-
-    ahead_s: float
-    values: Array
-    away: Array
-    refused: tuple[str, ...]
-
-    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
-        """The same by the unknowns' names."""
-        return {
-            "ahead_s": self.ahead_s,
-            "values": dict(zip(names, self.values.tolist(), strict=True)),
-            "away": dict(zip(names, self.away.tolist(), strict=True)),
-            "refused": list(self.refused),
-        }
-
-
-@dataclass(frozen=True)
 class Outcome:
     """Where the rounds ended: values (m,), noise (Y,) of the predictions, cost and likelihood."""
 
@@ -115,16 +82,6 @@ class Outcome:
     rounds: int
     converged: bool
     interrupted: bool
-
-
-@dataclass(frozen=True)
-class _Errors:
-    """Prediction errors (n, Y) of a span, their derivatives (n, Y, m) by the unknowns, what counts."""
-
-    span: Span
-    error: Array
-    slope: Array
-    counted: Mask
 
 
 class _Begun(NamedTuple):
@@ -159,11 +116,7 @@ class Innovations:
         self._told = joint.noise_model is not None
         self._likeliest: _Begun | None = None
         self.seen = [self.steps.states.index(name) for name in self.steps.channels]
-        self.lower = np.array([u.lower for u in joint.unknowns])
-        self.upper = np.array([u.upper for u in joint.unknowns])
-        self.scale = np.array([u.scale for u in joint.unknowns])
-        # A bound's width is a weak prior, as in output error.
-        self.prior_sd = np.minimum([u.prior_sd for u in joint.unknowns], self.scale)
+        self.pull = Pull(joint)
 
     def likelier(self, starts: Sequence[Array]) -> Array:
         """The start (m,) with which the log is most likely, each with noises of its own, which are kept.
@@ -188,21 +141,21 @@ class Innovations:
         """The estimate that a start (m,) leads to."""
         began = time.monotonic()
         at, converged, interrupted, count, settled = start.copy(), False, False, 0, self._told
-        ahead = self._samples(self.joint.polish.horizon_s)
+        ahead = self.samples(self.joint.polish.horizon_s)
         spans = self._first(at)
-        errors = self._errors(spans, ahead)
-        noise, first = self._noise(errors), None
+        errors = self.instrumented(spans, ahead)
+        noise, first = self.pull.noise(errors), None
         try:
             while True:
-                cost = self._cost(errors, noise)
+                cost = self.pull.cost(errors, noise)
                 first = cost if first is None else first
                 if watch is not None:
                     watch(Step("polish", count, rounds, count, cost, time.monotonic() - began))
                 if count >= rounds or converged:
                     break
-                step, information, _ = self._step(errors, noise, at, self.joint.centres(start), fixed)
-                moved = np.clip(at + step, self.lower, self.upper)
-                size = np.sqrt(np.diag(np.linalg.pinv(information)))
+                pulled = self.pull.step(errors, noise, at, self.joint.centres(start), fixed)
+                moved = np.clip(at + pulled.step, self.pull.lower, self.pull.upper)
+                size = np.sqrt(np.diag(np.linalg.pinv(pulled.information)))
                 converged = bool(np.all(np.abs(moved - at) < _CLOSE * size)) and count > 0
                 at, count = moved, count + 1
                 spans = self._begun(at)
@@ -213,11 +166,11 @@ class Innovations:
                     waves, settled = self._waves(), True
                     spans = self._shaped(self.steps.linearised(at), at)
                     converged = self._waves() == waves
-                errors = self._errors(spans, ahead)
-                noise = self._noise(errors)
+                errors = self.instrumented(spans, ahead)
+                noise = self.pull.noise(errors)
         except KeyboardInterrupt:
             interrupted = True
-        cost = self._cost(errors, noise)
+        cost = self.pull.cost(errors, noise)
         return Outcome(
             at,
             noise,
@@ -234,9 +187,9 @@ class Innovations:
         joint, size = self.joint, len(self.joint.unknowns) + len(extra)
         if self.joint.noise_model is None:
             self._first(values)
-        spans = self._settled(values, extra)
-        errors = self._errors(spans, self._samples(joint.polish.horizon_s))
-        noise = self._noise(errors)
+        spans = self.settled(values, extra)
+        errors = self.instrumented(spans, self.samples(joint.polish.horizon_s))
+        noise = self.pull.noise(errors)
         pieces = []
         for one in errors:
             record = one.span.record
@@ -249,8 +202,8 @@ class Innovations:
                     t=t,
                     residual=residual,
                     counted=one.counted,
-                    weight=self._weight(residual),
-                    jacobian=(one.slope / noise[:, None]).reshape(*one.error.shape, size),
+                    weight=self.pull.weight(residual),
+                    jacobian=(one.instrument / noise[:, None]).reshape(*one.error.shape, size),
                     nu=trial.smooth_nu(t)[0],
                 )
             )
@@ -276,10 +229,10 @@ class Innovations:
         Without its constant. The motion that the derivatives are taken at is found anew, for the values (m,)
         of the unknowns.
         """
-        length = max(round(_BLOCK_S / self.dt), 1)
+        length = max(round(BLOCK_S / self.dt), 1)
         return np.array([
             part[k : k + length].sum()
-            for part in self._filters(self._settled(values)).likelihoods(self._noises)
+            for part in self._filters(self.settled(values)).likelihoods(self._noises)
             for k in range(0, len(part), length)
         ])
 
@@ -298,8 +251,8 @@ class Innovations:
         derivatives are taken at is found anew, for these values.
         """
         found: dict[str, dict[str, float]] = {}
-        steps, data = self._samples(ahead_s), self.joint.data
-        errors = self._errors(self._settled(values), steps)
+        steps, data = self.samples(ahead_s), self.joint.data
+        errors = self.errors(self.settled(values), steps)
         learnt = [~self.joint.campaign.held_out(name) for name in data.names]
         linear = foretold(data.trials, learnt, self.steps.channels, steps)
         for column, channel in enumerate(self.steps.channels):
@@ -322,7 +275,7 @@ class Innovations:
                     found[rate] = dict(zip(_SUMS, turned, strict=True))
         return found
 
-    def _turned(self, errors: Sequence[_Errors], angle: str, steps: int) -> tuple[float, ...]:
+    def _turned(self, errors: Sequence[Errors], angle: str, steps: int) -> tuple[float, ...]:
         """The sums of squares of an angle's rate, as its change over a horizon."""
         column, rows = self.steps.channels.index(angle), [np.zeros((0, 3))]
         for one in errors:
@@ -344,8 +297,8 @@ class Innovations:
         A simulation that restarts there and runs so far knows nothing of what comes after its start. The
         current, NED in m/s, is zero until the filter knows it; what was recorded of it is kept.
         """
-        self._settled(values)
-        late, found = self._samples(ahead_s), {}
+        self.settled(values)
+        late, found = self.samples(ahead_s), {}
         data = self.joint.data
         for record, (name, trial) in enumerate(zip(data.names, data.trials, strict=True)):
             states, water = self.steps.known(record)
@@ -358,7 +311,7 @@ class Innovations:
         """No initial conditions (segments, 12): the filter has them."""
         return np.zeros((len(self.joint.data.segments), len(initial_names())))
 
-    def _samples(self, horizon_s: float) -> int:
+    def samples(self, horizon_s: float) -> int:
         """Samples of a horizon, one at least."""
         return max(round(horizon_s / self.dt), 1)
 
@@ -374,7 +327,7 @@ class Innovations:
         """
         begun = self._likeliest
         if self._told:
-            spans, followed = self._improved(values, self._settled(values), again)
+            spans, followed = self._improved(values, self.settled(values), again)
             if followed:
                 return spans
             # The noises of another estimate are too small for this start.
@@ -424,7 +377,7 @@ class Innovations:
         self.steps.follow(self._filters(spans).motion(self._noises))
         return self.steps.linearised(values)
 
-    def _settled(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:
+    def settled(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:
         """The spans at a point along a motion found anew for it, with the noise model as it is."""
         own, known = self._noises, self.joint.settled.get(self.held_out)
         if known is not None and known[0] is own and np.array_equal(known[1], values):
@@ -450,112 +403,33 @@ class Innovations:
     def _filters(self, spans: Sequence[Span]) -> kalman.Filters:
         return kalman.Filters(spans, self._noises, self.dt, self.seen, self.joint.threads)
 
-    def _errors(self, spans: Sequence[Span], ahead: int) -> list[_Errors]:
-        """Prediction errors of the spans so many samples ahead."""
+    def instrumented(self, spans: Sequence[Span], ahead: int) -> list[Errors]:
+        """Prediction errors of the spans so many samples ahead, for an estimate.
+
+        Over more than one sample with `seatrial.estimation.instruments`, for commands within the horizon may
+        answer what the prediction misses.
+        """
+        late = self.errors(spans, ahead)
+        if ahead == 1:
+            return late
+        known = [self._known(span) for span in spans]
+        lag = max(round(lag_s(self._noises.wave_hz) / self.dt), 1)
+        return instrumented(late, self.errors(spans, 1), known, lag)
+
+    def _known(self, span: Span) -> Array:
+        """What was known at each sample of a span: what drives the vehicle, and its simulated velocities."""
+        rows = slice(span.first, span.last + 1)
+        states, _ = self.steps.known(span.record)
+        velocities = [CHANNELS.index(name) for name in self.steps.velocities]
+        return np.hstack([driven(self.joint.data.records[span.record])[rows], states[2][rows][:, velocities]])
+
+    def errors(self, spans: Sequence[Span], ahead: int) -> list[Errors]:
+        """Prediction errors of the spans so many samples ahead; every slope is its own instrument."""
         filters, found = self._filters(spans), []
         for span, late in zip(spans, filters.predicted(self._noises, ahead), strict=True):
             counted = span.valid[ahead:] & np.isfinite(late).all(axis=2)
             counted[: round(_SETTLING_S / self.dt)] = False
             error = np.where(counted, span.measured[ahead:] - late[..., 0], 0.0)
             slope = np.where(counted[..., None], late[..., 1:], 0.0)
-            found.append(_Errors(span, error, slope, counted))
+            found.append(Errors(span, error, counted, slope, slope))
         return found
-
-    def _noise(self, errors: Sequence[_Errors]) -> Array:
-        """Standard deviation (Y,) of the prediction errors, from their median."""
-        noise = np.empty(len(self.seen))
-        for column in range(len(noise)):
-            sizes = np.concatenate([np.abs(one.error[one.counted[:, column], column]) for one in errors])
-            noise[column] = 1.4826 * float(np.median(sizes)) if len(sizes) else math.inf
-        return np.maximum(noise, 1e-12)
-
-    def _weight(self, residual: Array) -> Array:
-        if self.joint.polish.loss == "squared":
-            return np.ones_like(residual)
-        knee = self.joint.polish.knee
-        return np.asarray(knee / np.maximum(np.abs(residual), knee))
-
-    def _cost(self, errors: Sequence[_Errors], noise: Array) -> float:
-        """Half the robust sum of squares of the prediction errors."""
-        knee = math.inf if self.joint.polish.loss == "squared" else self.joint.polish.knee
-        total = 0.0
-        for one in errors:
-            size = np.abs(one.error / noise)
-            inner = np.minimum(size, knee)
-            total += float((inner * (size - 0.5 * inner)).sum())
-        return total
-
-    def _step(
-        self,
-        errors: Sequence[_Errors],
-        noise: Array,
-        at: Array,
-        centre: Array,
-        fixed: Sequence[int],
-        overlap: int = 1,
-    ) -> tuple[Array, Array, Array]:
-        """Gauss-Newton step (m,) within the bounds, the information (m, m), block sums (b, m) of the pull.
-
-        Predictions over a horizon of several samples overlap, and so many of them tell as much as one: the
-        priors weigh accordingly more.
-        """
-        from scipy.optimize import lsq_linear
-
-        precision = overlap * self.prior_sd**-2.0
-        information = np.diag(precision)
-        gradient = -precision * (at - centre)
-        blocks, length = [], max(round(_BLOCK_S / self.dt), 1)
-        for one in errors:
-            residual = one.error / noise
-            rows = one.slope / noise[:, None]
-            weight = self._weight(residual)
-            information = information + np.einsum("kc,kci,kcj->ij", weight, rows, rows, optimize=True)
-            pull = np.einsum("kc,kci->ki", weight * residual, rows)
-            gradient = gradient + pull.sum(axis=0)
-            blocks += [pull[k : k + length].sum(axis=0) for k in range(0, len(pull), length)]
-        free = np.array([i for i in range(len(at)) if i not in set(fixed)], dtype=np.intp)
-        scale = self.scale[free]
-        scaled = information[np.ix_(free, free)] * np.outer(scale, scale)
-        size = np.sqrt(np.diag(scaled))
-        factor = np.linalg.cholesky(scaled / np.outer(size, size) + 1e-10 * np.eye(len(free))).T * size
-        target = np.linalg.solve(factor.T, gradient[free] * scale)
-        away = [(bound[free] - at[free]) / scale for bound in (self.lower, self.upper)]
-        found = lsq_linear(factor, target, (np.minimum(away[0], -1e-12), np.maximum(away[1], 1e-12)))
-        step = np.zeros(len(at))
-        step[free] = found.x * scale
-        return step, information, np.array(blocks)
-
-    def horizons(self, values: Array) -> tuple[Horizon, ...]:
-        """Estimates from other horizons with the noise model held, beside the values (m,) of the fit."""
-        around, found = self.joint.centres(values), []
-        errors = self._errors(self._settled(values), self._samples(self.joint.polish.horizon_s))
-        own = self._influence(errors, self._noise(errors), values, around)
-        for ahead_s in self.joint.polish.horizons_s:
-            steps = self._samples(ahead_s)
-            if steps == self._samples(self.joint.polish.horizon_s):
-                continue
-            at = values
-            for _ in range(_HORIZON_ROUNDS):
-                other = self._errors(self.steps.linearised(at), steps)
-                sizes = self._noise(other)
-                step, _, _ = self._step(other, sizes, at, around, (), steps)
-                at = np.clip(at + step, self.lower, self.upper)
-            theirs = self._influence(other, sizes, at, around, steps)
-            count = min(len(own), len(theirs))
-            spread = np.sqrt(((theirs[:count] - own[:count]) ** 2).sum(axis=0))
-            away = (at - values) / np.maximum(spread, 1e-12 * self.scale)
-            matters = np.abs(at - values) > _MATTERS * np.maximum(np.abs(values), 1e-3 * self.scale)
-            refused = tuple(
-                unknown.name
-                for unknown, one, counts in zip(self.joint.unknowns, away, matters, strict=True)
-                if unknown.kind == "coefficient" and abs(one) > _APART and counts
-            )
-            found.append(Horizon(steps * self.dt, at, away, refused))
-        return tuple(found)
-
-    def _influence(
-        self, errors: Sequence[_Errors], noise: Array, at: Array, centre: Array, overlap: int = 1
-    ) -> Array:
-        """What each block of time moves the estimate by, (blocks, m)."""
-        _, information, blocks = self._step(errors, noise, at, centre, (), overlap)
-        return np.asarray(np.linalg.solve(information, blocks.T).T)

@@ -30,9 +30,10 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.progress import Step
 from seatrial.estimation.gauss_newton import INITIALS, GaussNewton
-from seatrial.estimation.innovations import Horizon, Innovations
+from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.method import Method
+from seatrial.estimation.specification import Horizon, OtherDamping, horizons
 from seatrial.statistics.linearisation import Linearisation
 
 __all__ = ["Polished", "linearise", "polish", "with_horizons"]
@@ -69,7 +70,8 @@ class Polished:
     ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
     ``method_reason`` says why the method is what it is, "" where nothing speaks against output error.
     With the method "innovations" ``horizons`` are what predictions over other horizons say, once they were
-    made (`with_horizons`), and ``waves`` the waves of its noise model (`NoiseModel.waves`).
+    made (`with_horizons`), ``others`` what other models of the damping say that are as likely, and ``waves``
+    the waves of its noise model (`NoiseModel.waves`).
     """
 
     values: Array
@@ -88,6 +90,7 @@ class Polished:
     method: Method = "output"
     method_reason: str = ""
     horizons: tuple[Horizon, ...] = ()
+    others: tuple[OtherDamping, ...] = ()
     waves: Mapping[str, float | None] | None = None
 
     def rms(self, cost: float) -> float:
@@ -102,6 +105,7 @@ class Polished:
             "method": self.method,
             "method_reason": self.method_reason,
             "horizons": [one.to_dict(names) for one in self.horizons],
+            "others": [one.to_dict() for one in self.others],
             "waves": None if self.waves is None else dict(self.waves),
             "values": dict(zip(names, self.values.tolist(), strict=True)),
             "noise": self.noise.tolist(),
@@ -191,7 +195,7 @@ def with_horizons(joint: Joint, polished: Polished) -> Polished:
     """The joint estimate with what predictions over other horizons say, where it has a noise model."""
     if joint.method == "output" or not polished.rounds or polished.interrupted:
         return polished
-    return replace(polished, horizons=Innovations(joint).horizons(polished.values))
+    return replace(polished, horizons=horizons(Innovations(joint), polished.values))
 
 
 def linearise(

@@ -18,10 +18,6 @@ better than its mean (e > 1) tells a tenth of that, for it is not predicted anyw
 result unless the mean over the channels is higher by more than `_EVEN`, or a channel that the stages predict
 loses more than `_LOST` of R2 and half as much error variance again.
 
-Where a noise model is estimated along, quadratic damping of single velocities stands against cross-flow
-drag by strips, and the likelihood of held-out data judges (`quadratic_or_strips`): a slender hull that
-sideslips and turns at once is damped by neither velocity alone, and gains bend to make up for it.
-
 By the same rule coefficients that only a prior bounds (the gains of single thrusters) leave the joint
 estimate where it predicts held-out data worse with them: a wrong model bends them for want of better.
 
@@ -32,18 +28,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import SeatrialError
 from seatrial.base.progress import Step
 from seatrial.campaign.campaign import Campaign
-from seatrial.campaign.parameters import STRIPS
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
@@ -54,7 +47,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.score import Score
 
-__all__ = ["Choice", "choose", "likelihood_gain", "quadratic_or_strips", "with_or_without_presumed"]
+__all__ = ["Choice", "choose", "with_or_without_presumed"]
 
 _SHARE = 0.2
 """Part of every trial, at its end, that judges where the campaign holds nothing out."""
@@ -75,17 +68,6 @@ _LONGEST_S = 0.5
 
 _TELLING = 0.02
 """Differences of R2 below this mean nothing."""
-
-_LIKELIER = 10.0
-"""Log-likelihood of all held-out data from which the other damping is the result."""
-
-_BY_CHANCE = 2.0  # standard deviations of a difference over blocks of time
-
-_ROUNDS = 6
-"""Of the joint estimate with the other damping until the two are compared."""
-
-_STRIPS = 0.8
-"""Cross-flow drag coefficient to begin with: a cylinder of finite length (White 2011, table 7.3)."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +166,7 @@ def choose(
     polished : Polished
         Its joint estimate.
     begun : Joint, optional
-        The one that starts at the stages' values, where `quadratic_or_strips` took another one.
+        The one that starts at the stages' values, where `seatrial.identification.damping` took another one.
     stages : tuple of StageResult
     threads : int, optional
         Threads of the core; the choice does not depend on it.
@@ -270,99 +252,6 @@ def with_or_without_presumed(
         f"{', '.join(names)} keep the vehicle's values: with them free the joint estimate predicts {words}"
         f" worse (R2 {figures}, held to free)",
     )
-
-
-def quadratic_or_strips(
-    joint: Joint, polished: Polished, *, watch: Callable[[Step], None] | None = None
-) -> tuple[Joint, Polished, Callable[[Campaign], Campaign], tuple[str, ...]]:
-    """The joint estimate with quadratic damping, or with cross-flow drag by strips in place of it.
-
-    Each plane whose quadratic damping is free in both axes (``Y_vv`` and ``N_rr``, ``Z_ww`` and ``M_qq``) is
-    estimated again with one drag coefficient for all strips of the hull. It is the result where it makes
-    held-out data, or all where nothing is held out, more likely by `_LIKELIER` and by more than chance:
-    twice the standard deviation of the difference over blocks of time. Output error is left as it is: its
-    residual analysis names strips that are missing.
-
-    Parameters
-    ----------
-    joint, polished
-        With quadratic damping.
-    watch : callable, optional
-        As of `seatrial.estimation.joint_estimate.polish`.
-
-    Returns
-    -------
-    tuple
-        The joint estimate that is likelier, how it went, what makes a campaign one of its kind, and a
-        sentence for each plane that was compared.
-    """
-    kind: Callable[[Campaign], Campaign] = lambda campaign: campaign  # noqa: E731
-    if joint.method != "innovations" or polished.interrupted:
-        return joint, polished, kind, ()
-    said: list[str] = []
-    for name, made in STRIPS.items():
-        free = {unknown.name for unknown in joint.unknowns} - joint.hidden
-        info = joint.vehicle.coefficient_info()
-        if not {made[0], made[-1]} <= free or info.get(name, {}).get("upper") is None:
-            continue
-        replaced = made[0], made[-1]
-        change = partial(
-            Campaign.with_strips, name=name, bounds=(0.0, float(info[name]["upper"])), start=_STRIPS
-        )
-        ended = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
-        vehicle = joint.vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {name: _STRIPS})
-        other = Joint(
-            change(joint.campaign), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
-        )
-        other.method_reason, other.noise_model = joint.method_reason, joint.noise_model
-        start = [ended.get(one.name, own) for one, own in zip(other.unknowns, other.start, strict=True)]
-        whole = other.polish
-        other.polish = whole.model_copy(update={"rounds": min(whole.rounds, _ROUNDS), "horizons_s": ()})
-        again = polish(other, start=np.array(start), watch=watch)
-        other.polish = whole
-        if again.interrupted:
-            polished = replace(polished, interrupted=True)
-            break
-        held_out = bool(joint.steps(held_out=True)[0])
-        quadratic, strips = (
-            Innovations(one, held_out=held_out).likelihoods(end.values)
-            for one, end in ((joint, polished), (other, again))
-        )
-        better, chance = likelihood_gain(quadratic, strips)
-        taken = better > max(_LIKELIER, chance)
-        words = "held-out data" if held_out else "the log"
-        drag = f"cross-flow drag by strips ({name})", f"quadratic damping ({' and '.join(replaced)})"
-        chosen, rejected = drag if better > 0.0 else drag[::-1]
-        by = "beyond measure"
-        if math.isfinite(better):
-            luck = f", no more than chance: ± {chance / _BY_CHANCE:.0f}" if abs(better) <= chance else ""
-            by = f"by {abs(better):.0f} (log-likelihood{luck})"
-        kept = "" if taken or better <= 0.0 else "; the latter is kept"
-        said.append(f"{chosen[0].upper()}{chosen[1:]} makes {words} likelier {by} than {rejected}{kept}")
-        if taken:
-            again = polish(other, start=again.values, watch=watch)
-            joint, polished, kind = other, again, _after(kind, change)
-    return joint, polished, kind, tuple(said)
-
-
-def likelihood_gain(before: Array, after: Array) -> tuple[float, float]:
-    """By how much a log-likelihood (blocks,) by blocks of time grew, and how much chance makes of it.
-
-    The latter is twice the standard deviation of the difference, nil where one of them is of a model that
-    diverged.
-    """
-    if not np.isfinite(after).all():
-        return -math.inf, 0.0
-    if not np.isfinite(before).all():
-        return math.inf, 0.0
-    gain = after - before
-    return float(gain.sum()), _BY_CHANCE * float(gain.std() * math.sqrt(len(gain)))
-
-
-def _after(
-    first: Callable[[Campaign], Campaign], second: Callable[[Campaign], Campaign]
-) -> Callable[[Campaign], Campaign]:
-    return lambda campaign: second(first(campaign))
 
 
 def _compared(

@@ -267,7 +267,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         _held_table(fit, truth or {}),
         _conditional_table(fit),
         _nuisance_table(fit),
-        *(() if fit.assessment is None else (fit.assessment.horizon_table(),)),
+        *(() if fit.assessment is None else (fit.assessment.assumption_table(),)),
         _held_out_table(fit),
         *_beside_baselines(fit),
         _choice_table(fit),

@@ -33,7 +33,8 @@ from seatrial.diagnosis.assessment import Assessment, assess
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
-from seatrial.identification.choice import Choice, choose, quadratic_or_strips, with_or_without_presumed
+from seatrial.identification.choice import Choice, choose, with_or_without_presumed
+from seatrial.identification.damping import quadratic_or_strips
 from seatrial.identification.estimate import estimates
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.held import Conditional, conditional, joint_estimate_of

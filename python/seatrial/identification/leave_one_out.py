@@ -37,7 +37,8 @@ from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, versi
 from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.stage import plan
-from seatrial.identification.choice import choose, quadratic_or_strips, with_or_without_presumed
+from seatrial.identification.choice import choose, with_or_without_presumed
+from seatrial.identification.damping import quadratic_or_strips
 from seatrial.identification.held import joint_estimate_of
 from seatrial.identification.hold_out import left_out_score
 from seatrial.identification.identify import StageOrder

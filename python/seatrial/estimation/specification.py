@@ -1,0 +1,181 @@
+"""Estimates of the same coefficients under other assumptions: whether the model is right enough for them.
+
+A noise model may be wrong, and the estimate then depends on how far ahead is predicted. The unknowns are
+therefore estimated again from predictions over other horizons, with what was known at the start of each as
+instruments (`seatrial.estimation.instruments`), so that an autopilot's answer within a horizon does not bend
+them. A model of the damping may be wrong, and the log may not tell it from another one
+(`seatrial.identification.damping`). Where the difference is larger than three of its standard deviations,
+and larger than a tenth of the estimate, the coefficient is not identified.
+
+Standard deviations of differences are those of the sums over blocks of time longer than the correlation.
+
+Source: Hausman, *Specification tests in econometrics*, Econometrica 46 (1978) 1251.
+Held by ``tests/estimation/test_innovations.py``, ``tests/estimation/test_specification.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.estimation.innovations import Innovations
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.one_step import Span
+from seatrial.estimation.prediction_errors import Errors
+
+__all__ = ["Horizon", "OtherDamping", "horizons", "other_damping"]
+
+_APART, _MATTERS = 3.0, 0.1  # standard deviations of a difference, and part of the estimate
+
+_NOTHING = 0.01
+"""An estimate below this part of its scale is as good as zero, and a tenth of it does not matter."""
+
+_ROUNDS, _CLOSE = 4, 0.2  # rounds at most, and standard deviations of the step that ends them
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """Estimates (m,) from predictions ``ahead_s`` ahead, and how far from those of the fit.
+
+    ``away`` (m,) is the difference in its own standard deviations; ``refused`` names the coefficients that
+    are not identified because of it.
+    """
+
+    ahead_s: float
+    values: Array
+    away: Array
+    refused: tuple[str, ...]
+
+    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
+        """The same by the unknowns' names."""
+        return {
+            "ahead_s": self.ahead_s,
+            "values": dict(zip(names, self.values.tolist(), strict=True)),
+            "away": dict(zip(names, self.away.tolist(), strict=True)),
+            "refused": list(self.refused),
+        }
+
+
+@dataclass(frozen=True)
+class OtherDamping:
+    """Estimates with another model of the damping, which the log cannot tell from that of the fit.
+
+    ``damping`` and ``own`` are the two models in words, the fit's last; ``values`` and ``away`` are those of
+    the coefficients that both have; ``refused`` names those that are not identified because of it.
+    """
+
+    damping: str
+    own: str
+    values: Mapping[str, float]
+    away: Mapping[str, float]
+    refused: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        return asdict(self) | {"refused": list(self.refused)}
+
+
+def horizons(innovations: Innovations, values: Array) -> tuple[Horizon, ...]:
+    """Estimates from other horizons with the noise model held, beside the values (m,) of the fit.
+
+    With instruments; where these contradict the fit, of a coefficient the nearer one of that and of least
+    squares, which err for different reasons: waves that the noise model foretells badly, and answers to them.
+    """
+    joint, pull = innovations.joint, innovations.pull
+    found: list[Horizon] = []
+    fitted = innovations.samples(joint.polish.horizon_s)
+    own, at = _influence(innovations, values), values
+    for ahead_s in sorted(joint.polish.horizons_s):
+        steps = innovations.samples(ahead_s)
+        if steps == fitted:
+            continue
+        at, influence = _estimated(innovations, innovations.instrumented, values, at, steps)
+        away, shown = _away(values, own, at, influence), at
+        if any(map(_apart, away, values, at, pull.scale)):
+            plain, influence = _estimated(innovations, innovations.errors, values, values, steps)
+            theirs = _away(values, own, plain, influence)
+            nearer = np.abs(plain - values) < np.abs(at - values)
+            away, shown = np.where(nearer, theirs, away), np.where(nearer, plain, at)
+        refused = tuple(
+            unknown.name
+            for unknown, apart in zip(
+                joint.unknowns, map(_apart, away, values, shown, pull.scale), strict=True
+            )
+            if unknown.kind == "coefficient" and apart
+        )
+        found.append(Horizon(steps * innovations.dt, shown, away, refused))
+    return tuple(found)
+
+
+def _estimated(
+    innovations: Innovations,
+    errors_of: Callable[[Sequence[Span], int], list[Errors]],
+    around: Array,
+    start: Array,
+    steps: int,
+) -> tuple[Array, Array]:
+    """Estimate (m,) from predictions so many samples ahead, and the influence (b, m) of blocks of time."""
+    pull, at = innovations.pull, start
+    for _ in range(_ROUNDS):
+        errors = errors_of(innovations.steps.linearised(at), steps)
+        centre = innovations.joint.centres(around)
+        pulled = pull.step(errors, pull.noise(errors), at, centre, overlap=steps)
+        before, at = at, np.clip(at + pulled.step, pull.lower, pull.upper)
+        if np.all(np.abs(at - before) < _CLOSE * np.sqrt((pulled.influence**2).sum(axis=0))):
+            break
+    return at, pulled.influence
+
+
+def other_damping(
+    words: tuple[str, str], one: tuple[Joint, Array], other: tuple[Joint, Array]
+) -> OtherDamping:
+    """What another model of the damping says of the coefficients that it shares with the fit.
+
+    Parameters
+    ----------
+    words
+        The other model and that of the fit.
+    one, other
+        The fit and the estimate with the other model, each with its values.
+    """
+    (joint, values), (rival, theirs) = one, other
+    influences = [_influence(Innovations(who), at) for who, at in (one, other)]
+    names = [[unknown.name for unknown in who.unknowns] for who in (joint, rival)]
+    shared = [name for name in names[0] if name in names[1]]
+    mine, its = ([own.index(name) for name in shared] for own in names)
+    away = _away(values[mine], influences[0][:, mine], theirs[its], influences[1][:, its])
+    unknowns = [joint.unknowns[k] for k in mine]
+    return OtherDamping(
+        *words,
+        dict(zip(shared, theirs[its].tolist(), strict=True)),
+        dict(zip(shared, away.tolist(), strict=True)),
+        tuple(
+            unknown.name
+            for unknown, far, before, after in zip(unknowns, away, values[mine], theirs[its], strict=True)
+            if unknown.kind == "coefficient" and _apart(far, before, after, unknown.scale)
+        ),
+    )
+
+
+def _influence(innovations: Innovations, values: Array) -> Array:
+    """What each block of time moves the estimate by, (blocks, m)."""
+    joint, pull = innovations.joint, innovations.pull
+    spans = innovations.settled(values)
+    errors = innovations.instrumented(spans, innovations.samples(joint.polish.horizon_s))
+    return pull.step(errors, pull.noise(errors), values, joint.centres(values)).influence
+
+
+def _away(one: Array, influence: Array, other: Array, others: Array) -> Array:
+    """Difference (m,) of two estimates in its standard deviations, by the influences of the same blocks."""
+    count = min(len(influence), len(others))
+    spread = np.sqrt(((others[:count] - influence[:count]) ** 2).sum(axis=0))
+    return np.asarray((other - one) / np.maximum(spread, 1e-300))
+
+
+def _apart(away: float, one: float, other: float, scale: float) -> bool:
+    """Whether two estimates differ by more than chance, and by enough to matter."""
+    return bool(abs(away) > _APART and abs(other - one) > _MATTERS * max(abs(one), _NOTHING * scale))

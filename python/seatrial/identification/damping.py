@@ -1,0 +1,130 @@
+"""Quadratic damping or cross-flow drag by strips: which of the two a joint estimate has.
+
+Where a noise model is estimated along, quadratic damping of single velocities stands against cross-flow drag
+by strips: a slender hull that sideslips and turns at once is damped by neither velocity alone, and gains bend
+to make up for it. The likelihood of held-out data judges. Where it cannot tell the two apart, quadratic
+damping stays, and a coefficient of which the two say different things is not identified
+(`seatrial.estimation.specification`).
+
+Tests: ``tests/identification/test_choice.py``, ``tests/estimation/test_innovations.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.progress import Step
+from seatrial.campaign.campaign import Campaign
+from seatrial.campaign.parameters import STRIPS
+from seatrial.estimation.innovations import Innovations
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.joint_estimate import Polished, polish
+from seatrial.estimation.specification import other_damping
+
+__all__ = ["likelier_by", "quadratic_or_strips"]
+
+_LIKELIER = 10.0
+"""Log-likelihood of all held-out data from which the other damping is the result."""
+
+_BY_CHANCE = 2.0  # standard deviations of a difference over blocks of time
+
+_STRIPS = 0.8
+"""Cross-flow drag coefficient to begin with: a cylinder of finite length (White 2011, table 7.3)."""
+
+
+def quadratic_or_strips(
+    joint: Joint, polished: Polished, *, watch: Callable[[Step], None] | None = None
+) -> tuple[Joint, Polished, Callable[[Campaign], Campaign], tuple[str, ...]]:
+    """The joint estimate with quadratic damping, or with cross-flow drag by strips in place of it.
+
+    Each plane whose quadratic damping is free in both axes (``Y_vv`` and ``N_rr``, ``Z_ww`` and ``M_qq``) is
+    estimated again with one drag coefficient for all strips of the hull. It is the result where it makes
+    held-out data, or all where nothing is held out, more likely by `_LIKELIER` and by more than chance:
+    twice the standard deviation of the difference over blocks of time. Output error is left as it is: its
+    residual analysis names strips that are missing.
+
+    Parameters
+    ----------
+    joint, polished
+        With quadratic damping.
+    watch : callable, optional
+        As of `seatrial.estimation.joint_estimate.polish`.
+
+    Returns
+    -------
+    tuple
+        The joint estimate that is likelier, how it went, what makes a campaign one of its kind, and a
+        sentence for each plane that was compared.
+    """
+    kind: Callable[[Campaign], Campaign] = lambda campaign: campaign  # noqa: E731
+    if joint.method != "innovations" or polished.interrupted:
+        return joint, polished, kind, ()
+    said: list[str] = []
+    for name, made in STRIPS.items():
+        free = {unknown.name for unknown in joint.unknowns} - joint.hidden
+        info = joint.vehicle.coefficient_info()
+        if not {made[0], made[-1]} <= free or info.get(name, {}).get("upper") is None:
+            continue
+        replaced = made[0], made[-1]
+        change = partial(
+            Campaign.with_strips, name=name, bounds=(0.0, float(info[name]["upper"])), start=_STRIPS
+        )
+        ended = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
+        vehicle = joint.vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {name: _STRIPS})
+        other = Joint(
+            change(joint.campaign), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
+        )
+        other.method_reason, other.noise_model = joint.method_reason, joint.noise_model
+        start = [ended.get(one.name, own) for one, own in zip(other.unknowns, other.start, strict=True)]
+        again = polish(other, start=np.array(start), watch=watch)
+        if again.interrupted:
+            polished = replace(polished, interrupted=True)
+            break
+        held_out = bool(joint.steps(held_out=True)[0])
+        quadratic, strips = (
+            Innovations(one, held_out=held_out).likelihoods(end.values)
+            for one, end in ((joint, polished), (other, again))
+        )
+        better, chance = likelier_by(quadratic, strips)
+        taken = better > max(_LIKELIER, chance)
+        words = "held-out data" if held_out else "the log"
+        drag = f"cross-flow drag by strips ({name})", f"quadratic damping ({' and '.join(replaced)})"
+        chosen, rejected = drag if better > 0.0 else drag[::-1]
+        by = "beyond measure"
+        if math.isfinite(better):
+            luck = f", no more than chance: ± {chance / _BY_CHANCE:.0f}" if abs(better) <= chance else ""
+            by = f"by {abs(better):.0f} (log-likelihood{luck})"
+        kept = "" if taken or better <= 0.0 else "; the latter is kept"
+        said.append(f"{chosen[0].upper()}{chosen[1:]} makes {words} likelier {by} than {rejected}{kept}")
+        if taken:
+            joint, polished, kind = other, again, _after(kind, change)
+        elif abs(better) <= max(_LIKELIER, chance):
+            rival = other_damping((drag[0], drag[1]), (joint, polished.values), (other, again.values))
+            polished = replace(polished, others=(*polished.others, rival))
+    return joint, polished, kind, tuple(said)
+
+
+def likelier_by(before: Array, after: Array) -> tuple[float, float]:
+    """By how much a log-likelihood (blocks,) by blocks of time grew, and how much chance makes of it.
+
+    The latter is twice the standard deviation of the difference, nil where one of them is of a model that
+    diverged.
+    """
+    if not np.isfinite(after).all():
+        return -math.inf, 0.0
+    if not np.isfinite(before).all():
+        return math.inf, 0.0
+    gain = after - before
+    return float(gain.sum()), _BY_CHANCE * float(gain.std() * math.sqrt(len(gain)))
+
+
+def _after(
+    first: Callable[[Campaign], Campaign], second: Callable[[Campaign], Campaign]
+) -> Callable[[Campaign], Campaign]:
+    return lambda campaign: second(first(campaign))
