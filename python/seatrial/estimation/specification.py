@@ -5,12 +5,12 @@ therefore estimated again from predictions over other horizons, with what was kn
 instruments (`seatrial.estimation.instruments`), so that an autopilot's answer within a horizon does not bend
 them. A model of the damping may be wrong, and the log may not tell it from another one
 (`seatrial.identification.damping`). Where the difference is larger than three of its standard deviations,
-and larger than a tenth of the estimate, the coefficient is not identified.
+and larger than a twentieth of the estimate, the coefficient is not identified.
 
 Standard deviations of differences are those of the sums over blocks of time longer than the correlation.
 
 Source: Hausman, *Specification tests in econometrics*, Econometrica 46 (1978) 1251.
-Held by ``tests/estimation/test_innovations.py``, ``tests/estimation/test_specification.py``.
+Held by ``tests/estimation/test_innovations.py``.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from seatrial.estimation.prediction_errors import Errors
 
 __all__ = ["Horizon", "OtherDamping", "horizons", "other_damping"]
 
-_APART, _MATTERS = 3.0, 0.1  # standard deviations of a difference, and part of the estimate
+_APART, _MATTERS = 3.0, 0.05  # standard deviations of a difference, and part of the estimate
 
 _NOTHING = 0.01
-"""An estimate below this part of its scale is as good as zero, and a tenth of it does not matter."""
+"""An estimate below this part of its scale is as good as zero, and a twentieth of it does not matter."""
 
 _ROUNDS, _CLOSE = 4, 0.2  # rounds at most, and standard deviations of the step that ends them
 
