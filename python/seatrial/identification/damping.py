@@ -34,6 +34,9 @@ _LIKELIER = 10.0
 
 _BY_CHANCE = 2.0  # standard deviations of a difference over blocks of time
 
+_ROUNDS, _FAR = 6, 3.0
+"""Rounds after which strips are given up, where they are so many times as unlikely as chance makes them."""
+
 _STRIPS = 0.8
 """Cross-flow drag coefficient to begin with: a cylinder of finite length (White 2011, table 7.3)."""
 
@@ -75,23 +78,26 @@ def quadratic_or_strips(
         change = partial(
             Campaign.with_strips, name=name, bounds=(0.0, float(info[name]["upper"])), start=_STRIPS
         )
-        ended = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
+        known = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
         vehicle = joint.vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {name: _STRIPS})
         other = Joint(
             change(joint.campaign), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
         )
         other.method_reason, other.noise_model = joint.method_reason, joint.noise_model
-        start = [ended.get(one.name, own) for one, own in zip(other.unknowns, other.start, strict=True)]
-        again = polish(other, start=np.array(start), watch=watch)
-        if again.interrupted:
-            polished = replace(polished, interrupted=True)
-            break
-        held_out = bool(joint.steps(held_out=True)[0])
-        quadratic, strips = (
-            Innovations(one, held_out=held_out).likelihoods(end.values)
-            for one, end in ((joint, polished), (other, again))
-        )
-        better, chance = likelier_by(quadratic, strips)
+        start = [known.get(one.name, own) for one, own in zip(other.unknowns, other.start, strict=True)]
+        held_out, ended = bool(joint.steps(held_out=True)[0]), np.array(start)
+        for rounds in (_ROUNDS, other.polish.rounds):
+            again = polish(other, start=ended, rounds=min(rounds, other.polish.rounds), watch=watch)
+            ended = again.values
+            if again.interrupted:
+                return joint, replace(polished, interrupted=True), kind, tuple(said)
+            quadratic, strips = (
+                Innovations(one, held_out=held_out).likelihoods(end.values)
+                for one, end in ((joint, polished), (other, again))
+            )
+            better, chance = likelier_by(quadratic, strips)
+            if again.converged or better < -_FAR * max(_LIKELIER, chance):
+                break
         taken = better > max(_LIKELIER, chance)
         words = "held-out data" if held_out else "the log"
         drag = f"cross-flow drag by strips ({name})", f"quadratic damping ({' and '.join(replaced)})"

@@ -205,10 +205,10 @@ class FailureBoundary(RunResult):
 
     def report(self) -> Report:
         """Three lines, and a table of the boundaries."""
-        worst, next_step = _worst(self)
+        flights = self.prepared.flights
+        worst, next_step = flights.doubting(*_worst(self))
         names = " and ".join(self.variables)
         bounded = sum(one.side() == "has a boundary" for one in self.requirements)
-        flights = self.prepared.flights
         return Report(
             title=self.prepared.campaign.name,
             outcome="boundary" + (" (interrupted)" if self.interrupted else ""),

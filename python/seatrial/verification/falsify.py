@@ -211,6 +211,7 @@ class Falsification(RunResult):
             one = min(tried, key=lambda each: each.worst)
             worst = f"{one.requirement.name} comes nearest to failing, robustness {one.worst:.3g}"
             then = "widen the ranges in [verification] if worse can happen; how rarely it fails says --rare"
+        worst, then = self.prepared.flights.doubting(worst, then)
         return Report(
             title=self.prepared.campaign.name,
             outcome=("falsified" if bad else "not falsified")

@@ -33,7 +33,7 @@ from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
-from seatrial.flight.mismatch import mismatch
+from seatrial.flight.mismatch import ANOTHER, mismatch
 from seatrial.flight.sea import SeaState
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
@@ -123,6 +123,12 @@ class CampaignFlights:
     def doubt(self) -> str:
         """Why the autopilot does not belong to the vehicle that it believes in; empty where it does."""
         return mismatch(self.autopilot, self.fitted.vehicle if self.model is None else self.model)
+
+    def doubting(self, worst: str, next_step: str) -> tuple[str, str]:
+        """Worst problem and next step of a result, after the doubt about the autopilot where there is one."""
+        return (
+            (f"{self.doubt}; {worst}", f"{ANOTHER}; then verify again") if self.doubt else (worst, next_step)
+        )
 
     @property
     def left_out(self) -> tuple[str, ...]:

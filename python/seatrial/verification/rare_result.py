@@ -169,7 +169,7 @@ class RareFailures(RunResult):
         judged = [one for one in self.requirements if one.event is not None]
         held = sum(one.verdict == "held" for one in self.requirements)
         spent = sum(one.event.evaluations for one in judged if one.event is not None)
-        worst, next_step = _worst(self)
+        worst, next_step = self.prepared.flights.doubting(*_worst(self))
         return Report(
             title=self.prepared.campaign.name,
             outcome=self.outcome + (" (interrupted)" if self.interrupted else ""),

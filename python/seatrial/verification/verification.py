@@ -19,7 +19,6 @@ from seatrial.base.file_names import file_name, free_name
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import Content, RunResult, to_json
 from seatrial.flight.excesses import counted
-from seatrial.flight.mismatch import ANOTHER
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import share
 from seatrial.verification.comparison import AutopilotComparison
@@ -204,8 +203,7 @@ def report(found: Verification) -> Report:
             next_step = (
                 f"fly the worst one again to see where ({_again(found)}), then change mission or autopilot"
             )
-    if doubt := found.flights.doubt:
-        worst, next_step = f"{doubt}; {worst}", f"{ANOTHER}; then verify again"
+    worst, next_step = found.flights.doubting(worst, next_step)
     comparison = () if found.comparison is None else (*_against(found.comparison), _medians(found.comparison))
     causes = [
         f"{one.requirement.name}: {text}"
