@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import polars as pl
 import pytest
 
 from seatrial.base.arrays import Array
-from seatrial.estimation.instruments import instrumented, lag_s
+from seatrial.estimation.instruments import driven, instrumented, lag_s
 from seatrial.estimation.one_step import Span
 from seatrial.estimation.prediction_errors import Errors
+from seatrial.trial.record import Record
+from seatrial.trial.trial import Trial
 
 A, B, HORIZON = 0.95, 0.1, 15
 """``x[k+1] = A x[k] + B u[k] + w[k]``; the unknown is B, as the gain of a rudder is."""
@@ -74,3 +77,17 @@ def test_what_does_not_count_has_no_instrument() -> None:
     (made,) = instrumented([late], [first], [np.column_stack([u, x])], lag=5)
     np.testing.assert_array_equal(made.instrument[300:500], 0.0)
     assert np.isfinite(made.instrument).all()
+
+
+def test_trials_may_be_driven_by_different_things() -> None:
+    """A trial by commands and one by a wrench have the same columns, each zero in those of the other."""
+    t = np.arange(0.0, 5.0, 0.1)
+    motion = {"t_s": t, "u_m_s": np.sin(t)}
+    by_command = Trial.read(pl.DataFrame(motion | {"cmd.stern": np.cos(t)}))
+    wrench = {f"tau.{axis}": 2.0 * np.cos(t) for axis in ("X_n", "Y_n", "Z_n", "K_nm", "M_nm", "N_nm")}
+    by_wrench = Trial.read(pl.DataFrame(motion | wrench))
+    counted = np.ones((len(t), 12), dtype=bool)
+    one, other = driven([Record(by_command, "commands", counted), Record(by_wrench, "tau", counted)])
+    assert one.shape == other.shape == (len(t), 7)
+    np.testing.assert_allclose(one, np.column_stack([np.cos(t), *[np.zeros_like(t)] * 6]))
+    np.testing.assert_allclose(other, np.column_stack([np.zeros_like(t), *[2.0 * np.cos(t)] * 6]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +13,9 @@ import pytest
 import seatrial as st
 from seatrial.base.errors import CampaignError
 from seatrial.identification.fitted import Fitted
+from seatrial.verification.boundary import FailureBoundary
 from seatrial.verification.campaign import VerifiedCampaign, campaign_of, verified_campaign
+from seatrial.verification.falsify import Falsification
 from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.rare import run_rare
 from seatrial.verification.rare_result import RareFailures
@@ -171,3 +174,19 @@ def test_finished_populations_are_taken_up_again(tmp_path: Path) -> None:
 def test_bad_arguments_are_refused(arguments: dict[str, object], words: str) -> None:
     with pytest.raises(CampaignError, match=words):
         run_rare(prepared(HOLDS), **arguments)  # type: ignore[arg-type]
+
+
+def test_an_autopilot_of_another_vehicle_is_said_first() -> None:
+    """By what is searched as by what is verified."""
+    asked = prepared(HOLDS)
+    other = replace(asked, flights=asked.flights.with_autopilot(st.Autopilot.load("remus100")))
+    for one, doubted in ((asked, False), (other, True)):
+        for found in (
+            RareFailures(one, (), False),
+            Falsification(one, (), 2.0, False),
+            FailureBoundary(one, {"current_speed_m_s": (0.0, 1.0)}, (), np.zeros((0, 1)), 1, False),
+        ):
+            _, worst, next_step = found.report().lines()
+            assert worst.startswith("Worst: The autopilot was made for remus100, and ") is doubted
+            assert ("seatrial autopilot VEHICLE" in next_step) is doubted
+            assert len(found.to_dict()["warnings"]) == doubted

@@ -14,7 +14,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.report import Table
 from seatrial.campaign.parameters import Parameter
-from seatrial.diagnosis.advice import strayed
+from seatrial.diagnosis.advice import manoeuvre, role, strayed
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
 from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint, tried_terms
 from seatrial.estimation.gauss_newton import ran_away
@@ -23,6 +23,7 @@ from seatrial.estimation.joint_estimate import Polished, linearise, with_horizon
 from seatrial.statistics.information import InformationCriteria, information_criteria
 from seatrial.statistics.linearisation import Linearisation, Unknown
 from seatrial.statistics.uncertainty import Uncertainty, covariance
+from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -138,8 +139,7 @@ class Assessment:
         lines = [
             f"{name} is not identified: it is {self.uncertainty.estimate[names.index(name)]:.3g} with"
             f" {other.own}, {other.values[name]:.3g} with {other.damping}, and the log cannot tell which"
-            " damping is right; run turning circles and zigzags at several speeds and rudder angles, or hold"
-            " it at a value that you trust"
+            f" damping is right; {self._manoeuvre(other.strips)}, or hold it at a value that you trust"
             for other in self.polished.others
             for name in other.refused
         ]
@@ -153,6 +153,11 @@ class Assessment:
                     " value that you trust, or sail steps on top of the autopilot (seatrial plan)"
                 )
         return lines
+
+    def _manoeuvre(self, name: str) -> str:
+        """What this vehicle sails to tell a coefficient."""
+        vehicle = self.vehicle
+        return manoeuvre(role(name, pushed=pushed_axes(vehicle), fins=fins_and_groups(vehicle)))
 
     def assumption_table(self) -> Table:
         """Estimates over other horizons and with other damping; empty without a noise model."""

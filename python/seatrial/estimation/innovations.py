@@ -35,7 +35,7 @@ from seatrial.estimation.instruments import driven, instrumented, lag_s
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.one_step import OneStep, Path, Span
-from seatrial.estimation.prediction_errors import BLOCK_S, Errors, Pull
+from seatrial.estimation.prediction_errors import BLOCK_S, Errors, PredictionErrorCriterion
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.trial.linear_predictor import foretold
 from seatrial.trial.trial import Trial
@@ -116,7 +116,7 @@ class Innovations:
         self._told = joint.noise_model is not None
         self._likeliest: _Begun | None = None
         self.seen = [self.steps.states.index(name) for name in self.steps.channels]
-        self.pull = Pull(joint)
+        self.criterion = PredictionErrorCriterion(joint)
 
     def likelier(self, starts: Sequence[Array]) -> Array:
         """The start (m,) with which the log is most likely, each with noises of its own, which are kept.
@@ -144,18 +144,18 @@ class Innovations:
         ahead = self.samples(self.joint.polish.horizon_s)
         spans = self._first(at)
         errors = self.instrumented(spans, ahead)
-        noise, first = self.pull.noise(errors), None
+        noise, first = self.criterion.noise(errors), None
         try:
             while True:
-                cost = self.pull.cost(errors, noise)
+                cost = self.criterion.cost(errors, noise)
                 first = cost if first is None else first
                 if watch is not None:
                     watch(Step("polish", count, rounds, count, cost, time.monotonic() - began))
                 if count >= rounds or converged:
                     break
-                pulled = self.pull.step(errors, noise, at, self.joint.centres(start), fixed)
-                moved = np.clip(at + pulled.step, self.pull.lower, self.pull.upper)
-                size = np.sqrt(np.diag(np.linalg.pinv(pulled.information)))
+                taken = self.criterion.step(errors, noise, at, self.joint.centres(start), fixed)
+                moved = np.clip(at + taken.step, self.criterion.lower, self.criterion.upper)
+                size = np.sqrt(np.diag(np.linalg.pinv(taken.information)))
                 converged = bool(np.all(np.abs(moved - at) < _CLOSE * size)) and count > 0
                 at, count = moved, count + 1
                 spans = self._begun(at)
@@ -167,10 +167,10 @@ class Innovations:
                     spans = self._shaped(self.steps.linearised(at), at)
                     converged = self._waves() == waves
                 errors = self.instrumented(spans, ahead)
-                noise = self.pull.noise(errors)
+                noise = self.criterion.noise(errors)
         except KeyboardInterrupt:
             interrupted = True
-        cost = self.pull.cost(errors, noise)
+        cost = self.criterion.cost(errors, noise)
         return Outcome(
             at,
             noise,
@@ -189,7 +189,7 @@ class Innovations:
             self._first(values)
         spans = self.settled(values, extra)
         errors = self.instrumented(spans, self.samples(joint.polish.horizon_s))
-        noise = self.pull.noise(errors)
+        noise = self.criterion.noise(errors)
         pieces = []
         for one in errors:
             record = one.span.record
@@ -202,7 +202,7 @@ class Innovations:
                     t=t,
                     residual=residual,
                     counted=one.counted,
-                    weight=self.pull.weight(residual),
+                    weight=self.criterion.weight(residual),
                     jacobian=(one.instrument / noise[:, None]).reshape(*one.error.shape, size),
                     nu=trial.smooth_nu(t)[0],
                 )
@@ -412,16 +412,20 @@ class Innovations:
         late = self.errors(spans, ahead)
         if ahead == 1:
             return late
-        known = [self._known(span) for span in spans]
+        driving = driven(self.joint.data.records)
+        known = [
+            np.hstack([driving[span.record][span.first : span.last + 1], self._velocities(span)])
+            for span in spans
+        ]
         lag = max(round(lag_s(self._noises.wave_hz) / self.dt), 1)
         return instrumented(late, self.errors(spans, 1), known, lag)
 
-    def _known(self, span: Span) -> Array:
-        """What was known at each sample of a span: what drives the vehicle, and its simulated velocities."""
-        rows = slice(span.first, span.last + 1)
+    def _velocities(self, span: Span) -> Array:
+        """The velocities of the simulated axes that the filter knew at each sample of a span."""
         states, _ = self.steps.known(span.record)
-        velocities = [CHANNELS.index(name) for name in self.steps.velocities]
-        return np.hstack([driven(self.joint.data.records[span.record])[rows], states[2][rows][:, velocities]])
+        return states[2][span.first : span.last + 1][
+            :, [CHANNELS.index(name) for name in self.steps.velocities]
+        ]
 
     def errors(self, spans: Sequence[Span], ahead: int) -> list[Errors]:
         """Prediction errors of the spans so many samples ahead; every slope is its own instrument."""

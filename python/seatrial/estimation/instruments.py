@@ -43,14 +43,24 @@ def lag_s(wave_hz: float | None) -> float:
     return _LAG_S if wave_hz is None else _OF_A_WAVE / wave_hz
 
 
-def driven(record: Record) -> Array:
-    """What drives a record's vehicle, (n, k): commands, actuator signals or the wrench, each column once."""
+def driven(records: Sequence[Record]) -> list[Array]:
+    """What drives each record's vehicle, (n, k): commands, actuator signals, wrench; zero if it has none."""
+    signals = [_signals(record) for record in records]
+    names = sorted({name for one in signals for name in one})
+    found = [np.zeros((len(record.trial), len(names))) for record in records]
+    for rows, one in zip(found, signals, strict=True):
+        for name, values in one.items():
+            rows[:, names.index(name)] = np.nan_to_num(values)
+    return found
+
+
+def _signals(record: Record) -> dict[str, Array]:
+    """By name what drives a record's vehicle."""
     trial = record.trial
     if record.input == "tau":
-        return np.zeros((len(trial), 0)) if trial.tau is None else np.nan_to_num(trial.tau)
-    columns = list((trial.commands if record.input == "commands" else trial.measured).values())
-    apart = [one for k, one in enumerate(columns) if not any(np.array_equal(one, two) for two in columns[:k])]
-    return np.nan_to_num(np.column_stack(apart)) if apart else np.zeros((len(trial), 0))
+        return {} if trial.tau is None else {f"tau {k}": one for k, one in enumerate(trial.tau.T)}
+    own = trial.commands if record.input == "commands" else trial.measured
+    return {f"{record.input} {name}": one for name, one in own.items()}
 
 
 def instrumented(

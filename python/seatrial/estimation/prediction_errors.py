@@ -1,4 +1,4 @@
-"""Prediction errors of a filter, and how they pull an estimate.
+"""Prediction errors of a filter: the criterion of an estimate, and its Gauss-Newton step.
 
 The step d solves ``sum (Z' W S) d = sum Z' W e`` with e the errors, S their slopes by the unknowns, W the
 weight of Huber's loss and Z the instruments: what of the slopes was known when the prediction was made
@@ -21,7 +21,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import Span
 
-__all__ = ["BLOCK_S", "Errors", "Pull", "Pulled"]
+__all__ = ["BLOCK_S", "Errors", "GaussNewtonStep", "PredictionErrorCriterion"]
 
 BLOCK_S = 20.0
 """Length of the blocks of time over which sums are taken for standard deviations, s."""
@@ -38,11 +38,11 @@ class Errors:
     instrument: Array
 
 
-class Pulled(NamedTuple):
-    """What errors say of an estimate.
+class GaussNewtonStep(NamedTuple):
+    """A step (m,) of an estimate within its bounds.
 
-    ``step`` (m,) within the bounds, its ``information`` (m, m), and the ``influence`` (b, m) of each block of
-    time: what the step would be of its errors alone.
+    ``information`` (m, m) of the errors and priors; ``influence`` (b, m) of each block of time: the step that
+    its errors alone would give.
     """
 
     step: Array
@@ -50,8 +50,8 @@ class Pulled(NamedTuple):
     influence: Array
 
 
-class Pull:
-    """The bounds, priors and loss of a joint estimate, by which prediction errors pull it.
+class PredictionErrorCriterion:
+    """Robust sum of squares of prediction errors, with the bounds, priors and loss of a joint estimate.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Pull:
         centre: Array,
         fixed: Sequence[int] = (),
         overlap: int = 1,
-    ) -> Pulled:
+    ) -> GaussNewtonStep:
         """The step from a point (m,) with priors around another one; what is fixed stays.
 
         Predictions over a horizon of ``overlap`` samples overlap, and so many of them tell as much as one:
@@ -136,4 +136,4 @@ class Pull:
         found = lsq_linear(rows, target, (np.minimum(away[0], -1e-12), np.maximum(away[1], 1e-12)))
         step = np.zeros(len(at))
         step[free] = found.x * scale
-        return Pulled(step, information, np.linalg.solve(information, np.array(blocks).T).T)
+        return GaussNewtonStep(step, information, np.linalg.solve(information, np.array(blocks).T).T)

@@ -64,10 +64,12 @@ class Horizon:
 class OtherDamping:
     """Estimates with another model of the damping, which the log cannot tell from that of the fit.
 
-    ``damping`` and ``own`` are the two models in words, the fit's last; ``values`` and ``away`` are those of
-    the coefficients that both have; ``refused`` names those that are not identified because of it.
+    ``strips`` names the drag coefficient that stands against quadratic damping; ``damping`` and ``own`` are
+    the two models in words, the fit's last; ``values`` and ``away`` are those of the coefficients that both
+    have; ``refused`` names those that are not identified because of it.
     """
 
+    strips: str
     damping: str
     own: str
     values: Mapping[str, float]
@@ -85,7 +87,7 @@ def horizons(innovations: Innovations, values: Array) -> tuple[Horizon, ...]:
     With instruments; where these contradict the fit, of a coefficient the nearer one of that and of least
     squares, which err for different reasons: waves that the noise model foretells badly, and answers to them.
     """
-    joint, pull = innovations.joint, innovations.pull
+    joint, criterion = innovations.joint, innovations.criterion
     found: list[Horizon] = []
     fitted = innovations.samples(joint.polish.horizon_s)
     own, at = _influence(innovations, values), values
@@ -95,7 +97,7 @@ def horizons(innovations: Innovations, values: Array) -> tuple[Horizon, ...]:
             continue
         at, influence = _estimated(innovations, innovations.instrumented, values, at, steps)
         away, shown = _away(values, own, at, influence), at
-        if any(map(_apart, away, values, at, pull.scale)):
+        if any(map(_apart, away, values, at, criterion.scale)):
             plain, influence = _estimated(innovations, innovations.errors, values, values, steps)
             theirs = _away(values, own, plain, influence)
             nearer = np.abs(plain - values) < np.abs(at - values)
@@ -103,7 +105,7 @@ def horizons(innovations: Innovations, values: Array) -> tuple[Horizon, ...]:
         refused = tuple(
             unknown.name
             for unknown, apart in zip(
-                joint.unknowns, map(_apart, away, values, shown, pull.scale), strict=True
+                joint.unknowns, map(_apart, away, values, shown, criterion.scale), strict=True
             )
             if unknown.kind == "coefficient" and apart
         )
@@ -119,24 +121,26 @@ def _estimated(
     steps: int,
 ) -> tuple[Array, Array]:
     """Estimate (m,) from predictions so many samples ahead, and the influence (b, m) of blocks of time."""
-    pull, at = innovations.pull, start
+    criterion, at = innovations.criterion, start
     for _ in range(_ROUNDS):
         errors = errors_of(innovations.steps.linearised(at), steps)
         centre = innovations.joint.centres(around)
-        pulled = pull.step(errors, pull.noise(errors), at, centre, overlap=steps)
-        before, at = at, np.clip(at + pulled.step, pull.lower, pull.upper)
-        if np.all(np.abs(at - before) < _CLOSE * np.sqrt((pulled.influence**2).sum(axis=0))):
+        taken = criterion.step(errors, criterion.noise(errors), at, centre, overlap=steps)
+        before, at = at, np.clip(at + taken.step, criterion.lower, criterion.upper)
+        if np.all(np.abs(at - before) < _CLOSE * np.sqrt((taken.influence**2).sum(axis=0))):
             break
-    return at, pulled.influence
+    return at, taken.influence
 
 
 def other_damping(
-    words: tuple[str, str], one: tuple[Joint, Array], other: tuple[Joint, Array]
+    strips: str, words: tuple[str, str], one: tuple[Joint, Array], other: tuple[Joint, Array]
 ) -> OtherDamping:
     """What another model of the damping says of the coefficients that it shares with the fit.
 
     Parameters
     ----------
+    strips
+        The drag coefficient that stands against quadratic damping.
     words
         The other model and that of the fit.
     one, other
@@ -150,6 +154,7 @@ def other_damping(
     away = _away(values[mine], influences[0][:, mine], theirs[its], influences[1][:, its])
     unknowns = [joint.unknowns[k] for k in mine]
     return OtherDamping(
+        strips,
         *words,
         dict(zip(shared, theirs[its].tolist(), strict=True)),
         dict(zip(shared, away.tolist(), strict=True)),
@@ -163,10 +168,10 @@ def other_damping(
 
 def _influence(innovations: Innovations, values: Array) -> Array:
     """What each block of time moves the estimate by, (blocks, m)."""
-    joint, pull = innovations.joint, innovations.pull
+    joint, criterion = innovations.joint, innovations.criterion
     spans = innovations.settled(values)
     errors = innovations.instrumented(spans, innovations.samples(joint.polish.horizon_s))
-    return pull.step(errors, pull.noise(errors), values, joint.centres(values)).influence
+    return criterion.step(errors, criterion.noise(errors), values, joint.centres(values)).influence
 
 
 def _away(one: Array, influence: Array, other: Array, others: Array) -> Array:

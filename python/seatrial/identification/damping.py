@@ -111,7 +111,7 @@ def quadratic_or_strips(
         if taken:
             joint, polished, kind = other, again, _after(kind, change)
         elif abs(better) <= max(_LIKELIER, chance):
-            rival = other_damping((drag[0], drag[1]), (joint, polished.values), (other, again.values))
+            rival = other_damping(name, (drag[0], drag[1]), (joint, polished.values), (other, again.values))
             polished = replace(polished, others=(*polished.others, rival))
     return joint, polished, kind, tuple(said)
 

@@ -167,6 +167,7 @@ class FailureBoundary(RunResult):
             "variables": {name: list(ends) for name, ends in self.variables.items()},
             "missions": len(self.places) * self.runs_per_place,
             "interrupted": self.interrupted,
+            "warnings": self.prepared.flights.warnings,
             "confidence": self.prepared.flights.table.confidence,
             "requirements": [
                 {

@@ -178,6 +178,7 @@ class Falsification(RunResult):
             "campaign": self.prepared.campaign.name,
             "within": self.within,
             "interrupted": self.interrupted,
+            "warnings": self.prepared.flights.warnings,
             "requirements": [one.to_dict() for one in self.requirements],
         }
 

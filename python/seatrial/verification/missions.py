@@ -124,6 +124,11 @@ class CampaignFlights:
         """Why the autopilot does not belong to the vehicle that it believes in; empty where it does."""
         return mismatch(self.autopilot, self.fitted.vehicle if self.model is None else self.model)
 
+    @property
+    def warnings(self) -> list[str]:
+        """That doubt as a sentence, for the JSON of a result."""
+        return [f"{self.doubt}."] if self.doubt else []
+
     def doubting(self, worst: str, next_step: str) -> tuple[str, str]:
         """Worst problem and next step of a result, after the doubt about the autopilot where there is one."""
         return (

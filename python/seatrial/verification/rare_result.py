@@ -149,6 +149,7 @@ class RareFailures(RunResult):
             "campaign": self.prepared.campaign.name,
             "held": self.held,
             "interrupted": self.interrupted,
+            "warnings": self.prepared.flights.warnings,
             "requirements": [one.to_dict() for one in self.requirements],
         }
 

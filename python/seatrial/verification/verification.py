@@ -159,7 +159,7 @@ class Verification(RunResult):
             },
             "notes": list(self.notes),
             "doubt": self.doubt,
-            "warnings": [f"{self.flights.doubt}."] if self.flights.doubt else [],
+            "warnings": self.flights.warnings,
             "left_out": list(self.flights.left_out),
         }
 
