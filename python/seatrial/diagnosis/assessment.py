@@ -134,25 +134,31 @@ class Assessment:
         return [line, *self.refused()]
 
     def refused(self) -> list[str]:
-        """Sentences on coefficients on which other models of the damping, or several horizons, disagree."""
+        """Sentences on coefficients on which horizons or models of the damping disagree, worst first."""
         names = [unknown.name for unknown in self.unknowns]
-        lines = [
-            f"{name} is not identified: it is {self.uncertainty.estimate[names.index(name)]:.3g} with"
-            f" {other.own}, {other.values[name]:.3g} with {other.damping}, and the log cannot tell which"
-            f" damping is right; {self._manoeuvre(other.strips)}, or hold it at a value that you trust"
+        fit = dict(zip(names, self.uncertainty.estimate.tolist(), strict=True))
+        found = [
+            (
+                abs(other.away[name]),
+                f"{name} is not identified: it is {fit[name]:.3g} with {other.own}, {other.values[name]:.3g}"
+                f" with {other.damping}, and the log cannot tell which damping is right;"
+                f" {self._manoeuvre(other.strips)}, or hold it at a value that you trust",
+            )
             for other in self.polished.others
             for name in other.refused
         ]
         for horizon in self.polished.horizons:
             for name in horizon.refused:
                 place = names.index(name)
-                lines.append(
+                away = float(abs(horizon.away[place]))
+                said = (
                     f"{name} is not identified: predictions {horizon.ahead_s:g} s ahead say"
-                    f" {horizon.values[place]:.3g}, the fit {self.uncertainty.estimate[place]:.3g}, apart by"
-                    f" {abs(horizon.away[place]):.1f} standard deviations of the difference; hold it at a"
-                    " value that you trust, or sail steps on top of the autopilot (seatrial plan)"
+                    f" {horizon.values[place]:.3g}, the fit {fit[name]:.3g}, apart by {away:.1f} standard"
+                    " deviations of the difference; hold it at a value that you trust, or sail steps on top"
+                    " of the autopilot (seatrial plan)"
                 )
-        return lines
+                found.append((away, said))
+        return [said for _, said in sorted(found, key=lambda one: -one[0])]
 
     def _manoeuvre(self, name: str) -> str:
         """What this vehicle sails to tell a coefficient."""
