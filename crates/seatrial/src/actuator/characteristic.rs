@@ -138,7 +138,8 @@ impl<T: Real> Characteristic<T> {
                 flow.on(pull * (strength * n), strength, n)
             }
             Shape::Polynomial { ahead: f, astern: b, flow } => {
-                let [a0, a1, a11]: [T; 3] = std::array::from_fn(|i| T::select(astern, b[i], f[i]));
+                let pick = |i: usize| T::select(astern, b[i], f[i]);
+                let (a0, a1, a11) = (pick(0), pick(1), pick(2));
                 let s = signal.abs();
                 let magnitude = a11.mul_add(s, a1).mul_add(s, a0);
                 let force = T::select(astern, -magnitude, magnitude);

@@ -109,7 +109,7 @@ impl<T: Real> Autopilot<T> {
         if let Some(leap) = state.screen.look(measured, (patience, state.speed), elapsed) {
             state.follow(leap);
         }
-        let measured = &state.screen.believed().clone();
+        let measured = &{ *state.screen.believed() };
         if let Some(signals) = feedback {
             state.monitor.compare(signals, &self.settings.file.safety.actuator, dt);
         }

@@ -200,11 +200,23 @@ impl SafetyTable {
         ]
     }
 
+    #[inline(always)]
     fn reactions(&self) -> [Reaction; WATCHES] {
-        let [a, b, c, d, e, f] = self.stale().map(|s| s.reaction);
-        let (battery, actuator, progress) =
-            (self.battery.reaction, self.actuator.reaction, self.progress.reaction);
-        [a, b, c, d, e, f, self.depth, self.altitude, self.fence, self.time, battery, actuator, progress]
+        [
+            self.stale_position.reaction,
+            self.stale_depth.reaction,
+            self.stale_attitude.reaction,
+            self.stale_velocity.reaction,
+            self.stale_rates.reaction,
+            self.stale_altitude.reaction,
+            self.depth,
+            self.altitude,
+            self.fence,
+            self.time,
+            self.battery.reaction,
+            self.actuator.reaction,
+            self.progress.reaction,
+        ]
     }
 }
 

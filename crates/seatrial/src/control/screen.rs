@@ -318,7 +318,10 @@ impl<T: Real> Screen<T> {
     fn expected(&self, speed: T) -> Vec6<T> {
         let (known, zero) = (&self.believed, speed.zero());
         let young = |c: usize| known.age[c].lt(zero.splat(RATE_IS_OLD_S));
-        let nu = std::array::from_fn(|i| T::select(young(VELOCITY + i), known.channels[VELOCITY + i], zero));
+        let mut nu = [zero; 6];
+        for i in 0..6 {
+            nu[i] = T::select(young(VELOCITY + i), known.channels[VELOCITY + i], zero);
+        }
         let [roll, pitch, yaw] = known.attitude();
         // Nearer to the vertical, roll and yaw mean nothing.
         let pitch = pitch.clamped(zero.splat(-STEEPEST), zero.splat(STEEPEST));

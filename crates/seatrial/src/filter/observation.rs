@@ -22,7 +22,7 @@
 use super::estimate::{ATTITUDE, CURRENT, Estimate, GYRO_BIAS, POSITION, VELOCITY};
 use super::row::Row;
 use crate::model::kinematics::{Quaternion, cosine_of_pitch, euler_angle, quaternion_product, rotation};
-use crate::number::algebra::{Vec3, cross, dot, each, product, transposed_product};
+use crate::number::algebra::{Vec3, cross, dot, each, product, splat, transposed_product};
 use crate::number::real::Real;
 
 /// A known surface that throws back an echo.
@@ -194,9 +194,7 @@ impl<T: Real> Observation<T> {
             Self::Echo { along, arm, surface } => {
                 let (beam, from) = (product(&r, &along), point(at, &arm));
                 let (normal, offset, met) = match surface {
-                    Surface::Plane { normal, offset } => {
-                        (normal.map(|x| zero.splat(x)), zero.splat(offset), always)
-                    }
+                    Surface::Plane { normal, offset } => (splat(zero, &normal), zero.splat(offset), always),
                     Surface::Cylinder { centre, radius } => touching(&from, &beam, (centre, radius)),
                 };
                 let slope = dot(&normal, &beam);

@@ -150,10 +150,10 @@ impl<T: Real> Stage<T> {
         let [x, y, z] = weighed(&self.track, turned, &product(&self.rotation, &[du, dv, dw]));
         let (spun, more) =
             (quaternion_rate(turned, &self.rates), quaternion_rate(&self.attitude, &[dp, dq, dr]));
-        let [a, b, c, d] = [0, 1, 2, 3].map(|i| spun[i] + more[i]);
+        let attitude = |i: usize| spun[i] + more[i];
         let weighty = weighed(&self.by_attitude, turned, push);
         let [u, v, w, p, q, r] = weighed(&self.by_velocity, moving, &weighty);
-        [x, y, z, a, b, c, d, u, v, w, p, q, r]
+        [x, y, z, attitude(0), attitude(1), attitude(2), attitude(3), u, v, w, p, q, r]
     }
 
     /// [`Self::slope`] where only the attitude differs.
@@ -205,10 +205,11 @@ fn through<T: Real>(
     push: &Vec6<T>,
     h: f64,
 ) -> Column<T> {
-    for (stage, (node, weight, _)) in stages.iter().zip(STAGES).skip(from) {
+    for i in from..4 {
+        let (node, weight, _) = STAGES[i];
         // Nothing depends on the place.
         let [_, _, _, a, b, c, d, nu @ ..] = moved(start, &slope, node * h);
-        slope = stage.slope(&[a, b, c, d], &nu, push);
+        slope = stages[i].slope(&[a, b, c, d], &nu, push);
         end = moved(&end, &slope, weight * h);
     }
     end

@@ -19,7 +19,7 @@ use super::process::Process;
 use super::row::Row;
 use super::transition::{Return, Transition};
 use crate::model::vehicle::Instant;
-use crate::number::algebra::Vec6;
+use crate::number::algebra::{Vec6, each, splat};
 use crate::number::real::Real;
 
 /// What the model does not know.
@@ -95,7 +95,7 @@ impl<T: Real> Tracker<T> {
     pub fn new_in((process, noise, gate): (Process<T>, Noise, Gate), steps: usize, unit: T) -> Self {
         Self {
             process,
-            walk: noise.force_walk.map(|x| unit.splat(x)),
+            walk: splat(unit, &noise.force_walk),
             noise,
             gate,
             estimate: Estimate::at_rest_in(unit),
@@ -155,10 +155,7 @@ impl<T: Real> Tracker<T> {
         let [turned, shifted] = noise.offsets;
         let [u, v, w] = self.estimate.over_ground();
         let carried = (u * u + v * v + w * w) * (turned * turned) + shifted * shifted;
-        let [p, q, r] = [3, 4, 5].map(|i| {
-            let rate = self.estimate.motion.nu[i] * turned;
-            rate * rate
-        });
+        let [.., p, q, r] = each(&self.estimate.motion.nu, |rate| (rate * turned) * (rate * turned));
         for (i, square) in [q + r, r + p, p + q].into_iter().enumerate() {
             step.noise[POSITION + i] = carried * dt;
             step.noise[ATTITUDE + i] = square * dt;
@@ -256,7 +253,7 @@ impl<T: Real> Tracker<T> {
     /// Largest standard deviation of an attitude angle, rad.
     #[inline(always)]
     pub fn attitude_deviation(&self) -> T {
-        let [a, b, c] = [0, 1, 2].map(|i| self.state.deviation(ATTITUDE + i));
-        a.max(b).max(c)
+        let deviation = |i: usize| self.state.deviation(ATTITUDE + i);
+        deviation(0).max(deviation(1)).max(deviation(2))
     }
 }

@@ -256,8 +256,8 @@ impl<'a, T: Real> Motors<'a, T> {
     fn show(&mut self, k: usize, s: usize, half: usize) {
         if let Some(played) = self.played {
             self.now = played.at(k, s, half);
-            for (to, (signal, _)) in self.signals.iter_mut().zip(self.now) {
-                *to = self.unit.splat(*signal);
+            for i in 0..self.signals.len() {
+                self.signals[i] = self.unit.splat(self.now[i].0);
             }
             return;
         }

@@ -53,8 +53,8 @@ struct Seeds<P> {
     axes: Vec<usize>,
     /// All seeds of ν' that count, these velocities first.
     which: Vec<usize>,
-    /// Per eight of them the seeds of ν, rotation and position.
-    units: Vec<[P; SEEDS]>,
+    /// Per eight of them the seeds of ν, rotation and position, and the terms that depend on these.
+    units: Vec<([P; SEEDS], Summed)>,
     /// Unit vectors of seven: the attitude, and a velocity.
     motion: [P; 7],
     /// Whether the position acts on the motion.
@@ -108,9 +108,15 @@ impl<S: Simd> Seeds<f64x8<S>> {
         };
         let which: Vec<usize> = (0..SEEDS).filter(counts).collect();
         let unit = |is: &dyn Fn(usize) -> bool| f64x8::from_fn(simd, |lane| if is(lane) { 1.0 } else { 0.0 });
+        // In still water, without a tether, the rotation turns weight and buoyancy alone.
+        let restoring = Summed { restoring: true, ..Summed::default() };
+        let of = |some: &[usize]| match some.iter().all(|seed| (12..15).contains(seed)) {
+            true if !current && !tether => restoring,
+            _ => Summed::ALL,
+        };
         let units = which
             .chunks(LANES)
-            .map(|some| std::array::from_fn(|seed| unit(&|lane| some.get(lane) == Some(&seed))));
+            .map(|some| (std::array::from_fn(|seed| unit(&|lane| some.get(lane) == Some(&seed))), of(some)));
         let motion = std::array::from_fn(|seed| unit(&|lane| lane == seed));
         let axes = which.iter().copied().filter(|&seed| seed < 6).collect();
         Self { units: units.collect(), axes, which, motion, tether }
@@ -146,7 +152,11 @@ impl Stage {
             omega[i] = seeded(at.nu[3 + i], motion[4 + i]);
         }
         let r = rotation(&attitude);
-        self.rotation = r.map(|row| row.map(|x| x.value));
+        for i in 0..3 {
+            for j in 0..3 {
+                self.rotation[i][j] = r[i][j].value;
+            }
+        }
         let moved = product(&r, &v);
         for i in 0..3 {
             self.slope[i] = moved[i].value;
@@ -159,7 +169,7 @@ impl Stage {
         }
         // By the attitude through the rotation.
         let mut through = [motion[0].zero(); 6];
-        for (first, units) in seeds.units.iter().enumerate() {
+        for (first, (units, of)) in seeds.units.iter().enumerate() {
             let (mut nu, mut turn) = ([attitude[0]; 6], [[attitude[0]; 3]; 3]);
             let mut place = [attitude[0]; 3];
             for i in 0..6 {
@@ -172,7 +182,7 @@ impl Stage {
                 }
             }
             let frame = std::hint::black_box(frame);
-            let force = frame.force(Summed::ALL, (Some(&place), &turn), &nu, instant);
+            let force = frame.force(*of, (Some(&place), &turn), &nu, instant);
             let (mut values, mut slopes) = ([0.0; 6], [motion[0]; 6]);
             for i in 0..6 {
                 values[i] = force[i].value;
@@ -210,8 +220,8 @@ impl Stage {
 #[inline(always)]
 fn carried<P: Real>(changes: &[P], factors: &[f64], sum: P) -> P {
     let mut sum = sum;
-    for (change, &factor) in changes.iter().zip(factors) {
-        sum = change.mul_add(change.splat(factor), sum);
+    for i in 0..changes.len().min(factors.len()) {
+        sum = changes[i].mul_add(sum.splat(factors[i]), sum);
     }
     sum
 }
@@ -247,8 +257,8 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
             slope[3 + i] = carried(&row[10..13], &stage.attitude[i][4..], slope[3 + i]);
         }
         let mut nu = [none; 6];
-        for (to, &axis) in nu.iter_mut().zip(&seeds.axes) {
-            *to = row[7 + axis];
+        for i in 0..seeds.axes.len() {
+            nu[i] = row[7 + seeds.axes[i]];
         }
         for i in 0..6 {
             if plain.modes[i] == Mode::Free {
@@ -452,8 +462,8 @@ impl Batch<'_> {
                         }
                     }
                 }
-                for (from, to) in course.instants.iter().zip(&mut instants) {
-                    lift(from, to, unit, inflow);
+                for i in 0..3 {
+                    lift(&course.instants[i], &mut instants[i], unit, inflow);
                 }
                 state = self.varied_step(
                     (&plain.vehicle, frame),
@@ -516,7 +526,10 @@ impl Batch<'_> {
                 for i in 0..13 {
                     row[i] = tangent.slope[i].mul_add(node, row[i]);
                 }
-                let acting = tangent.course.as_ref().map_or(instants, |course| &course.instants);
+                let acting = match &tangent.course {
+                    Some(course) => &course.instants,
+                    None => instants,
+                };
                 let slope = tangent.slope_at(plain, stage, seeds, &row, &acting[instant]);
                 tangent.slope = slope;
                 for i in 0..13 {

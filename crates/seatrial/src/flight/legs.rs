@@ -74,11 +74,12 @@ impl Legs {
         let east = y - self.read(index, |leg| leg.from[1]);
         let (cosine, sine) = (self.read(index, |leg| leg.course[0]), self.read(index, |leg| leg.course[1]));
         let turning = (north * cosine + east * sine).lt(depth.zero());
-        let side = |k: usize| {
+        let mut band = [depth; 2];
+        for k in 0..2 {
             let (own, entry) = (self.read(index, |leg| leg.band[k]), self.read(index, |leg| leg.entry[k]));
-            T::select(turning, entry, own)
-        };
-        (depth - side(1)).max(side(0) - depth).max(depth.zero())
+            band[k] = T::select(turning, entry, own);
+        }
+        (depth - band[1]).max(band[0] - depth).max(depth.zero())
     }
 
     /// Cross-track error of a place (north, east, m) against the straight leg, m, positive to starboard.

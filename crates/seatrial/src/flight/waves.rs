@@ -209,7 +209,10 @@ impl<'a, T: Real> Waves<'a, T> {
             return;
         }
         self.now = if k == 0 { orbital(self.harmonics, place, 0.0) } else { self.next };
-        let then = std::array::from_fn(|i| velocity[i] * self.dt + place[i]);
+        let mut then = *place;
+        for axis in 0..3 {
+            then[axis] += velocity[axis] * self.dt;
+        }
         self.next = orbital(self.harmonics, &then, (k + 1) as f64 * self.dt);
     }
 
@@ -221,8 +224,9 @@ impl<'a, T: Real> Waves<'a, T> {
         }
         let share = time / self.dt;
         let between = |from: T, to: T| (to - from) * share + from;
-        let rate: Vec3<T> = std::array::from_fn(|i| between(self.now.rate[i], self.next.rate[i]));
+        let mut rate = current.rate;
         for axis in 0..3 {
+            rate[axis] = between(self.now.rate[axis], self.next.rate[axis]);
             current.velocity[axis] += between(self.now.velocity[axis], self.next.velocity[axis]);
             current.rate[axis] += rate[axis];
         }

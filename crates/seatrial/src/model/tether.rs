@@ -13,7 +13,7 @@
 //! Source: Faltinsen, *Sea Loads on Ships and Offshore Structures* (1990), chapter 6 (Morison's drag, here in one point);
 //! Hooke's law. Tests: `tests/laws/tether.rs`, `tests/diagnosis/test_missing_forces.py`.
 
-use crate::number::algebra::{Mat3, Vec3, Vec6, cross, product, transposed_product};
+use crate::number::algebra::{Mat3, Vec3, Vec6, cross, each, product, splat, transposed_product};
 use crate::number::real::Real;
 
 /// Squared speed (m²/s²) and length (m²) that round the roots at zero.
@@ -46,11 +46,11 @@ impl<T: Real> Tether<T> {
     #[inline(always)]
     pub fn add(&self, (position, r): (Option<&Vec3<T>>, &Mat3<T>), nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
         let [u, v, w, p, q, s] = *nu_r;
-        let arm = self.place.map(|x| u.splat(x));
+        let arm = splat(u, &self.place);
         let turning = cross(&[p, q, s], &arm);
         let moving = [u + turning[0], v + turning[1], w + turning[2]];
         let strength = length(&moving) * self.drag;
-        let mut force = moving.map(|x| -(x * strength));
+        let mut force = each(&moving, |x| -(x * strength));
         if let (Some(spring), Some(position)) = (&self.spring, position) {
             let out = product(r, &arm);
             let mut away = *position;

@@ -378,7 +378,8 @@ impl<T: Real> Vehicle<T> {
         for i in 0..6 {
             sum[i] = zero.splat(instant.tau[i]);
         }
-        for (actuator, thrust) in self.actuators.iter().zip(&instant.thrusts) {
+        for i in 0..instant.thrusts.len() {
+            let (actuator, thrust) = (&self.actuators[i], &instant.thrusts[i]);
             if !actuator.characteristic.has_inflow() {
                 sum = actuator.add(thrust.force, thrust.torque, &sum);
             }
@@ -390,10 +391,11 @@ impl<T: Real> Vehicle<T> {
     #[inline(always)]
     fn inflow(&self, instant: &Instant<T>, nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
         let mut sum = *tau;
-        for (fin, deflection) in self.fins.iter().zip(&instant.deflections) {
-            sum = fin.add(*deflection, nu_r, &sum);
+        for i in 0..instant.deflections.len() {
+            sum = self.fins[i].add(instant.deflections[i], nu_r, &sum);
         }
-        for (actuator, thrust) in self.actuators.iter().zip(&instant.thrusts) {
+        for i in 0..instant.thrusts.len() {
+            let (actuator, thrust) = (&self.actuators[i], &instant.thrusts[i]);
             if actuator.characteristic.has_inflow() {
                 let u_a = dot(&actuator.inflow, nu_r);
                 let force = thrust.force_per_inflow.mul_add(u_a, thrust.force);

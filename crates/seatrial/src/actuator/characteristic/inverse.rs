@@ -52,8 +52,8 @@ impl<T: Real> Characteristic<T> {
         let directed = T::select(wanted.lt(zero), wanted / ratio, wanted);
         let branches = match &self.shape {
             Shape::Quadratic { p1, flow } => {
-                let [ahead, astern] = [p1[0], p1[1] * ratio].map(|p| [zero, zero, p * (1.0 / 3600.0)]);
-                Some((ahead, astern, flow.p2))
+                let parabola = |p: T| [zero, zero, p * (1.0 / 3600.0)];
+                Some((parabola(p1[0]), parabola(p1[1] * ratio), flow.p2))
             }
             Shape::Polynomial { ahead, astern, flow } => {
                 let [a0, a1, a11] = *astern;

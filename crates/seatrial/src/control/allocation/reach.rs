@@ -12,7 +12,7 @@ use crate::actuator::characteristic::{Bias, Thrust};
 use crate::actuator::fin::Flow;
 use crate::description::{ActuatorDescription, Description, Effect};
 use crate::model::vehicle::Vehicle;
-use crate::number::algebra::{Vec6, dot};
+use crate::number::algebra::{Vec6, dot, splat};
 use crate::number::real::Real;
 
 /// What surrounds the actuators.
@@ -53,7 +53,7 @@ pub fn column<T: Real>(vehicle: &Vehicle<T>, k: usize) -> Vec6<T> {
             let fin = &vehicle.fins[k - vehicle.actuators.len()];
             let [x, y, z] = fin.place;
             let [a, b, c] = fin.normal;
-            [a, b, c, y * c - z * b, z * a - x * c, x * b - y * a].map(|component| unit.splat(component))
+            splat(unit, &[a, b, c, y * c - z * b, z * a - x * c, x * b - y * a])
         }
     }
 }
@@ -68,7 +68,7 @@ pub fn thrust<T: Real>(actuator: &Actuator<T>, command: T, voltage: f64) -> Thru
 #[inline(always)]
 pub fn reach<T: Real>(vehicle: &Vehicle<T>, k: usize, hold: &Hold, water: &Water<'_, T>) -> Reach<T> {
     let zero = water.nu_r[0].zero();
-    let [least, most] = hold.range().map(|x| zero.splat(x));
+    let [least, most] = splat(zero, &hold.range());
     let Some(thruster) = vehicle.actuators.get(k) else {
         let fin = &vehicle.fins[k - vehicle.actuators.len()];
         let flow = fin.flow(water.nu_r);

@@ -104,11 +104,11 @@ impl<T: Real> Shares<T> {
             self.trial[k] = self.trial[k].clamped(self.lowest[k], self.highest[k]);
         }
         self.clip();
-        let misses = [&self.share, &self.trial].map(|shares| {
+        let miss = |shares: &[T]| {
             let rest = Self::rest(&p.columns, target, |k| shares[k]);
             dot(&rest, &rest)
-        });
-        let better = T::both(zero.lt(saturated), misses[1].lt(misses[0]));
+        };
+        let better = T::both(zero.lt(saturated), miss(&self.trial).lt(miss(&self.share)));
         for k in 0..self.share.len() {
             self.share[k] = T::select(better, self.trial[k], self.share[k]);
         }

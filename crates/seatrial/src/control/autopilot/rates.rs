@@ -57,7 +57,8 @@ impl<T: Real> Rates<T> {
         let [roll, pitch, _] = measured.attitude();
         let ([p, q, r], [u, v, w]) = (measured.rates(), measured.velocity());
         let (zero, depth) = (u.zero(), measured.channels[DEPTH]);
-        let [no_u, no_v, no_w] = [0, 1, 2].map(|i| Self::blind(measured, i));
+        let [no_u, no_v, no_w] =
+            [Self::blind(measured, 0), Self::blind(measured, 1), Self::blind(measured, 2)];
         let blind = T::either(no_u, T::either(no_v, no_w));
         let ((s_roll, c_roll), (s_pitch, c_pitch)) = (roll.sin_cos(), pitch.sin_cos());
         let yaw = q.mul_add(s_roll, r * c_roll) / c_pitch.max(zero.splat(0.1));

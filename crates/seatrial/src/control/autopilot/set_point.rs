@@ -10,7 +10,7 @@
 //! Tests: `tests/closed_loop/set_points.rs`.
 
 use crate::control::guidance::Desired;
-use crate::number::algebra::Vec3;
+use crate::number::algebra::{Vec3, each};
 use crate::number::real::Real;
 
 /// The names of what may be set, in the order of [`SetPoint::of`].
@@ -55,7 +55,7 @@ impl<T: Real> SetPoint<T> {
     /// The same, with the plan moved only where the mask holds.
     #[inline(always)]
     pub(super) fn moved_only(&self, mask: T::Mask) -> Self {
-        Self { shift: self.shift.map(|x| T::select(mask, x, x.zero())), ..*self }
+        Self { shift: each(&self.shift, |x| T::select(mask, x, x.zero())), ..*self }
     }
 
     /// Puts what is given over what guidance asks for, which it did in the frame of the moved plan, where the mask

@@ -36,7 +36,7 @@ impl<T: Real> Autopilot<T> {
         let wanted = [desired.speed, desired.lateral, desired.depth, zero, state.pitch, desired.heading];
         let ([u, v, w], [p, q, r]) = (measured.velocity(), measured.rates());
         // What is too old is no velocity: a law must not push against it.
-        let blind = [0, 1, 2].map(|i| Rates::blind(measured, i));
+        let blind = [Rates::blind(measured, 0), Rates::blind(measured, 1), Rates::blind(measured, 2)];
         let known = |x: T, i: usize| T::select(blind[i], zero, x);
         let shown = [u, v, measured.channels[2], roll, pitch, yaw];
         let mut situation = Situation {

@@ -86,7 +86,8 @@ pub fn update<T: Real>(
     let work = Work::new(guidance, progress);
     let miss = work.miss(&place);
     progress.closest = progress.closest.min(miss);
-    let [x, y, z] = [0, 1, 2].map(|i| fix.position[i] - progress.passing[i]);
+    let from_passing = |i: usize| fix.position[i] - progress.passing[i];
+    let (x, y, z) = (from_passing(0), from_passing(1), from_passing(2));
     let behind = x.mul_add(x, y.mul_add(y, z * z)).sqrt();
     progress.passed_by = progress.passed_by.min(behind);
     let at_once = pass(guidance, progress, &place, passed, miss);

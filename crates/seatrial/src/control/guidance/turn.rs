@@ -136,7 +136,8 @@ pub fn path<T: Real>(
     }
     let zero = turn.radius.zero();
     // From the centre to the vehicle.
-    let [x, y] = [0, 1].map(|i| leg.end[i] - place.to_end[i] - turn.centre[i]);
+    let from_centre = |i: usize| leg.end[i] - place.to_end[i] - turn.centre[i];
+    let (x, y) = (from_centre(0), from_centre(1));
     let range = x.mul_add(x, y * y).sqrt().max(zero.splat(1e-6));
     let ahead = leg.speed * guidance.turn_delay / turn.radius.max(zero.splat(SHORTEST));
     let course = y.atan2(x) + turn.sense * std::f64::consts::FRAC_PI_2;

@@ -10,7 +10,7 @@ use crate::filter::swell::Swell;
 use crate::filter::tracker::Noise;
 use crate::model::kinematics::{Quaternion, rotation};
 use crate::model::vehicle::Vehicle;
-use crate::number::algebra::{Vec3, product};
+use crate::number::algebra::{Vec3, product, splat};
 use crate::number::real::Real;
 
 /// The kinds of sensors.
@@ -103,10 +103,10 @@ impl Landmark {
     /// What its range shows, or of a beacon its bearing; `beam`, rad, is where the sonar looks for the echo of a surface.
     #[inline(always)]
     pub fn observed<T: Real>(&self, bearing: bool, instrument: &Instrument, beam: T) -> Observation<T> {
-        let arm = instrument.arm.map(|x| beam.splat(x));
+        let arm = splat(beam, &instrument.arm);
         match *self {
             Self::Beacon(beacon) => {
-                let beacon = beacon.map(|x| beam.splat(x));
+                let beacon = splat(beam, &beacon);
                 if bearing {
                     Observation::Bearing { beacon, arm }
                 } else {
@@ -115,7 +115,7 @@ impl Landmark {
             }
             Self::Surface(surface) => {
                 let (sine, cosine) = beam.sin_cos();
-                let mount = instrument.mount.map(|x| beam.splat(x));
+                let mount = splat(beam, &instrument.mount);
                 let along = product(&rotation(&mount), &[cosine, sine, beam.zero()]);
                 Observation::Echo { along, arm, surface }
             }

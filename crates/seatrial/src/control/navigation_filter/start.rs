@@ -7,7 +7,7 @@ use super::{Instrument, NavigationFilter, finite};
 use crate::control::navigation::{VELOCITY as GROUND, WATER};
 use crate::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
 use crate::model::kinematics::{from_euler, quaternion_product};
-use crate::number::algebra::product;
+use crate::number::algebra::{product, splat};
 use crate::number::real::Real;
 
 /// Deviations at the start of what was not measured: velocity m/s, rates rad/s.
@@ -39,7 +39,7 @@ impl<T: Real> NavigationFilter<T> {
             return;
         }
         let (mut at, mut deviations) = (Estimate::at_rest_in(zero), [zero; STATES]);
-        let [w, x, y, z] = of(ATTITUDE_SENSOR).mount.map(|x| zero.splat(x));
+        let [w, x, y, z] = splat(zero, &of(ATTITUDE_SENSOR).mount);
         at.motion.attitude = quaternion_product(&from_euler(&angles), &[w, -x, -y, -z]);
         let spread = |kind: usize| of(kind).noise.hypot(of(kind).bias).max(1e-6);
         let (start, far) = self.fitting.start;
@@ -56,7 +56,7 @@ impl<T: Real> NavigationFilter<T> {
             for &(channel, kind) in fixes {
                 if self.fitting.instruments[kind].is_some() {
                     let fix = first(channel + if i < 2 { i } else { 0 });
-                    let arm = product(&turned, &of(kind).arm.map(|x| zero.splat(x)));
+                    let arm = product(&turned, &splat(zero, &of(kind).arm));
                     place = T::select(finite(fix), fix - arm[i], place);
                     deviation = T::select(finite(fix), zero.splat(spread(kind)), deviation);
                 }
