@@ -96,7 +96,9 @@ def test_a_chunk_whose_worker_is_lost_is_done_again_but_not_for_ever() -> None:
         done = list(run_chunks(squares(4), run, FORM, fleet=Counting(losses=3)))
         assert [one.value["square"] for one in done] == [0, 1, 4, 9]
         assert sorted(one.record["attempts"] for one in done) == [1, 2, 2, 2]
-        with pytest.raises(SeatrialError, match=r"number 0: its worker was lost 5 times.*run it here alone"):
+        with pytest.raises(
+            SeatrialError, match=r"number 0: its worker was lost 5 times.*run without an executor"
+        ):
             list(run_chunks(squares(1), run, FORM, fleet=Counting(losses=99)))
 
 

@@ -56,7 +56,7 @@ def test_a_file_s_limit_that_does_not_suit_is_named_with_both_scores() -> None:
     motor = identify_motor(measured(FREE, steps_of(*(0.0, 900.0, 1500.0, 300.0) * 4), rng()), start=start)
     assert motor.fitness.r2 > 0.999
     assert motor.written.r2 < 0.95
-    assert any("The motor as the vehicle file then holds it" in text for text in motor.sentences())
+    assert any("The motor as written to the vehicle file" in text for text in motor.sentences())
 
 
 @pytest.mark.parametrize("sizes", [(1500.0,), (1000.0, 1500.0)])

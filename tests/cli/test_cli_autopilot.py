@@ -148,7 +148,7 @@ def test_weak_points_ahead_warn_and_those_astern_are_notes() -> None:
 
     assert weak_points([row(-1.0, None), row(1.0, None)], (0.0, 1.0)) == ([], [])
     notes, warnings = weak_points([row(-1.0, 2.0), row(1.0, None)], (0.0, 1.0))
-    assert notes == ["Astern at 1.00 m/s and faster it is not sound; a mission does not go astern"]
+    assert notes == ["Astern at 1.00 m/s and faster a motion grows (pitch); a mission does not go astern"]
     assert not warnings
     notes, warnings = weak_points([row(0.0, None), row(1.0, 2.0)], (0.0, 0.6))
     assert not notes

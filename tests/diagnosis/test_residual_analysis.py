@@ -215,7 +215,7 @@ def test_signals_without_a_coefficient_are_named_with_what_to_do() -> None:
     assert found.signals[0].lag_s > 0.0
     assert "no coefficient has this form" in found.signals[0].sentence
     assert found.structural
-    assert "judge" in (found.warning or "")
+    assert "only the hold-out score" in (found.warning or "")
 
     lever = residual_plus(lin, 0, [4.0 * one / np.std(motion["r"]) for one in motion["r"]])
     first = analyse(lever).signals[0]

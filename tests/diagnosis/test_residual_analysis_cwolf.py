@@ -84,7 +84,7 @@ def test_the_term_that_cwolf_misses_ranks_first_with_its_value(
     assert first.gain > 5.0
     assert found.structural
     assert f"missing {name}" in (found.warning or "")
-    assert "hold-out score alone" in (found.warning or "")
+    assert "only the hold-out score" in (found.warning or "")
     # What is suggested explains all of it.
     assert len(found.suggestions) == 1
     assert not found.signals

@@ -131,7 +131,7 @@ def test_a_nuisance_parameter_that_hides_a_coefficient_is_named() -> None:
     assert found.verdicts == {"Y_0": "not identifiable", "Y_v": "identifiable"}
     assert found.combinations[0].kind == "nuisance"
     told = sentence(found, "Y_0")
-    assert told.startswith("Y_0: not to be told from current_east of leg;")
+    assert told.startswith("Y_0: cannot be separated from current_east of leg;")
     assert "opposite directions" in told
 
 
@@ -139,7 +139,7 @@ def test_a_nuisance_parameter_that_hides_a_pair_is_named() -> None:
     a, b, c, d = white(4)
     columns = {"X_u": a, "X_uu": b, "Y_v": c, "leg: bias_r": d, "leg: current_north": 20.0 * (a + b)}
     found = judge(made(columns, {}))
-    assert "not to be told from current_north of leg" in sentence(found, "X_u", "X_uu")
+    assert "cannot be separated from current_north of leg" in sentence(found, "X_u", "X_uu")
     del columns["leg: current_north"]
     assert judge(made(columns, {})).sentences == ()
 

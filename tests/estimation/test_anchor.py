@@ -148,7 +148,7 @@ def test_what_is_held_beside_the_thrust_is_named() -> None:
     assert held["mass and inertia"] == ("m - Z_wdot",)
     assert held["net weight"] == ("m g - B",)
     assert held["damping, lift and bias"] == ("X_uu", "Z_w", "Z_ww")
-    assert "Held at the vehicle file's values beside it: m - Z_wdot" in " ".join(found.sentences())
+    assert "Also held at the vehicle file's values: m - Z_wdot" in " ".join(found.sentences())
 
 
 def test_a_logged_wrench_carries_the_scale() -> None:
@@ -318,7 +318,7 @@ def test_after_the_identification_everything_is_told_and_disagreement_is_a_warni
     said = " ".join(report.sentences())
     # 1.2 by the pull, 0.32 to 0.50 by the dry mass beside 104 kg.
     assert "WARNING the anchors disagree: bollard pull 1.2 and dry mass" in said
-    assert "Over the thrust gain, whatever the scale: m - X_udot 104" in said
+    assert "Divided by the thrust gain, for any scale: m - X_udot 104" in said
     json.dumps(report.to_dict())
 
 

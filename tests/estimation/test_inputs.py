@@ -238,7 +238,7 @@ def test_the_scale_rests_on_the_lift_of_a_fin(tmp_path: Path) -> None:
     assert "The scale rests on the lift of rudder as in the vehicle file" in found.sentences()
     found = homogeneity(campaign(tmp_path, columns, vehicle=TWIN + RUDDER, free="XN"))
     assert "The scale rests on the thrust of main as in the vehicle file" in found.sentences()
-    assert "beside it: lift of rudder" in " ".join(found.sentences())
+    assert "values: lift of rudder" in " ".join(found.sentences())
 
 
 def test_the_thrust_is_that_behind_the_motor(tmp_path: Path) -> None:

@@ -63,8 +63,8 @@ def test_a_calm_loop_calls_for_a_filter_unless_another_trial_is_open() -> None:
     found = method_of(calm, ["log"])
     assert found.method == "innovations"
     assert found.why == (
-        "rudder_upper, rudder_lower answer measurements in every trial, and what none of them foretells"
-        " drives only 30 % of an axis' motion"
+        "rudder_upper, rudder_lower answer measurements in every trial, and commands independent of"
+        " feedback drive only 30 % of an axis' motion"
     )
     calm._verdicts["steps"] = {"N": replace(told, kind="open")}
     assert method_of(calm, ["log", "steps"]).method == "output"
@@ -73,7 +73,7 @@ def test_a_calm_loop_calls_for_a_filter_unless_another_trial_is_open() -> None:
 def test_a_campaign_that_asks_has_its_way_and_hears_what_speaks_against_it() -> None:
     told = method_of(campaign(joint='[joint]\nmethod = "output"'), ["log"])
     assert told.method == "output"
-    assert told.why.endswith('which bends gains: compare with method = "innovations"')
+    assert told.why.endswith('which biases gains: compare with method = "innovations"')
     asked = method_of(campaign(closed=False, joint='[joint]\nmethod = "innovations"'), ["log"])
     assert (asked.method, asked.why) == ("innovations", "the campaign asks for it")
 

@@ -135,7 +135,7 @@ def test_a_sequence_adds_nothing_at_the_waves() -> None:
 
 
 def test_what_cannot_be_reached_is_said() -> None:
-    assert "sail faster, deeper or in a calmer sea" in some(share=0.1).sentence
+    assert "go faster, deeper or into a calmer sea" in some(share=0.1).sentence
     assert "rudder_upper ±5.7 deg" in some().sentence
     assert "calmer" not in some().sentence
 

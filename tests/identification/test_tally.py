@@ -1,4 +1,4 @@
-"""How many of the coefficients the trials tell: the first word, the first sentence and the exit code."""
+"""How many of the coefficients the trials determine: the first word, the first sentence and the exit code."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ N_rdot = "default"
 @pytest.mark.parametrize(
     ("counts", "outcome", "words"),
     [
-        ((20, 0, 0, 0, 0), "identified", "The trials tell all 20 coefficients."),
-        ((1, 0, 0, 0, 0), "identified", "The trials tell the one coefficient."),
+        ((20, 0, 0, 0, 0), "identified", "The trials determine all 20 coefficients."),
+        ((1, 0, 0, 0, 0), "identified", "The trials determine the one coefficient."),
         ((11, 9, 0, 0, 0), "identified", "11 of 20 coefficients; 9 weak."),
         ((4, 4, 6, 0, 0), "partly identified", "4 of 14 coefficients; 4 weak, 6 not identifiable."),
         ((0, 3, 2, 0, 0), "weakly identified", "0 of 5 coefficients; 3 weak, 2 not identifiable."),
@@ -55,7 +55,7 @@ N_rdot = "default"
             "13 coefficients; 3 not identifiable, 5 hidden by feedback.",
         ),
         ((0, 0, 1, 0, 0), "not identified", "0 of 1 coefficient; 1 not identifiable."),
-        ((0, 0, 0, 0, 7), "identified", "Whether the trials tell the 7 coefficients is not judged."),
+        ((0, 0, 0, 0, 7), "identified", "Whether the trials determine the 7 coefficients is not judged."),
         ((10, 0, 10, 0, 0), "partly identified", "10 of 20 coefficients; 10 not identifiable."),
     ],
 )
@@ -94,7 +94,7 @@ def test_a_trial_that_tells_hardly_anything_is_called_so(
     result = CliRunner().invoke(app, ["identify", "campaign.toml", "--out", "run", "--no-figures"])
     assert result.exit_code == 0, result.output
     first = " ".join(result.stdout.split("Worst:")[0].split())
-    assert first.startswith("ahead-only: mostly not identified. The trials tell 1 of 7 coefficients; ")
+    assert first.startswith("ahead-only: mostly not identified. The trials determine 1 of 7 coefficients; ")
     known = json.loads(Path("run", "identification.json").read_text())
     assert known["outcome"] == "mostly not identified"
     assert known["tally"]["identifiable"] == 1

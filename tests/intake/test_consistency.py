@@ -61,6 +61,16 @@ def test_missing_roll_and_rates_are_said_with_what_they_cost() -> None:
     assert any("no p q r" in one for one in said)
 
 
+def test_few_samples_are_not_called_missing() -> None:
+    t = 0.1 * np.arange(30.0)
+    names = ("roll", "pitch", "yaw", "p", "q", "r", "u", "v", "w", "z")
+    said = consistency({name: Series(t, np.sin(t)) for name in names}).missing
+    assert said[0].startswith("fewer than 50 samples of roll, pitch, yaw, p, q, r, u, v, w, z:")
+    assert not any(
+        one.startswith(("no attitude", "no p q r", "no depth", "no velocity over")) for one in said
+    )
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("without", ["", "xy", "pqr"])

@@ -76,9 +76,7 @@ def test_what_reading_does_by_itself_comes_last_and_says_so() -> None:
     assert found is not None
     told = proposals({"turn": found}, {"turn": made.trials["turn"].report})
     assert [one.done for one in told] == sorted(one.done for one in told)
-    assert "signs.q = -1 (reading does so by itself)" in next(
-        one.text for one in told if "signs.q" in one.text
-    )
+    assert "signs.q = -1 (applied on reading)" in next(one.text for one in told if "signs.q" in one.text)
 
 
 def test_a_trial_that_was_given_as_one_is_not_compared() -> None:
@@ -116,7 +114,7 @@ def test_a_late_velocity_that_reading_leaves_is_said_with_the_command_to_run() -
     problem, _, remedy = said.partition("; ")
     assert "seatrial check" in remedy
     assert "delay_s.velocity = 0." in remedy
-    assert "position is too slow" in problem
+    assert "position samples are too sparse" in problem
 
 
 def test_a_velocity_that_reading_corrects_or_that_is_on_time_or_that_is_given_is_not_called_late() -> None:

@@ -295,3 +295,11 @@ def test_the_shorter_recording_behind_another_in_a_file_is_said_first(tmp_path: 
     assert report.outcome == "imported in part"
     assert "time begins again" in report.worst
     assert "split the file" in report.worst
+
+
+def test_a_log_of_three_seconds_is_called_too_short(tmp_path: Path) -> None:
+    t = 0.1 * np.arange(30.0)
+    columns = {"t_s": t, "u_m_s": 0.1 * t, "yaw_deg": t, "cmd.PU": 100.0 * t}
+    pl.DataFrame(columns).write_csv(tmp_path / "short.csv")
+    said = st.import_logs(tmp_path / "short.csv", vehicle="cwolf").summary()
+    assert "Worst: The longest trial lasts 2.9 s: too short to identify anything" in said

@@ -206,11 +206,24 @@ def test_convergence_has_a_panel_per_stage_and_readable_ticks() -> None:
 def test_characteristic_shows_force_at_rest_and_under_way() -> None:
     figure = characteristic(CWOLF, speeds_m_s=(1.0,))
     stern, vertical = figure.axes
-    curves = [[str(line.get_label()) for line in axes.get_lines()] for axes in (stern, vertical)]
-    assert [name for name in curves[0] if not name.startswith("_")] == ["at rest", "at 1 m/s ahead"]
-    assert [name for name in curves[1] if not name.startswith("_")] == ["at rest"]
+    [legend] = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["at rest", "at 1 m/s ahead"]
+    # Beside the curves two axes through zero.
+    assert [len(axes.get_lines()) - 2 for axes in (stern, vertical)] == [2, 1]
     # p1 n|n| at 2000 rpm = 82.66 N (golden table of the vehicle file); the lag leaves nothing.
     assert thrust(CWOLF, "SbU", [2000.0])[0] == pytest.approx(82.66, abs=0.01)
+
+
+@pytest.mark.filterwarnings("error")
+def test_three_kinds_of_actuators_have_room(tmp_path: Path) -> None:
+    remus = Vehicle.load("remus100")
+    weaker = {
+        name: 0.5 for name in remus.coefficients() if name.startswith("rudder") and name.endswith("gain")
+    }
+    figure = characteristic(remus.with_coefficients(weaker))
+    save(figure, tmp_path / "three")  # a layout without room warns
+    assert len(figure.axes) == 3
+    assert min(axes.get_position().width for axes in figure.axes) > 0.2
 
 
 def test_equal_characteristics_share_a_panel() -> None:

@@ -145,7 +145,7 @@ def test_a_count_reads_as_a_share_with_its_interval(failures: int, runs: int, te
     [
         (3, 2000, "held: at most 0.39 % of the missions fail (95 % confidence), 1 % is allowed"),
         (60, 2000, "failed: at least 2.3 % of the missions fail (95 % confidence), 1 % is allowed"),
-        (0, 100, "268 more without a failure would hold it at 97.5 % (half the risk, being another look)"),
+        (0, 100, "268 more missions without a failure would suffice at 97.5 % (half the risk, because"),
         (5, 1000, "more missions will probably decide it"),
     ],
 )

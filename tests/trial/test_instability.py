@@ -24,7 +24,9 @@ def test_a_torpedo_that_yaws_away_is_told_with_speed_and_time() -> None:
     vehicle = st.Vehicle.load("remus100")
     said = runs_away(vehicle, [ahead(1.5)], "XYN")
     time = math.log(10.0) / growth(vehicle, 1.5, "course")
-    assert re.search(rf"yaws away from a straight course of 1\.5 m/s tenfold in {time:.1f} s", said)
+    assert re.search(
+        rf"yaws off a straight course at 1\.5 m/s, and deviations grow tenfold in {time:.1f} s", said
+    )
 
 
 @pytest.mark.parametrize(

@@ -240,6 +240,17 @@ def test_law_a_vehicle_scores_one_on_its_own_simulation() -> None:
     assert min(result.r2.values()) > 1.0 - 1e-6
 
 
+def test_a_trial_shorter_than_the_time_ahead_is_said_first() -> None:
+    vehicle, t = CoreVehicle.load("cwolf"), np.arange(0.0, 3.0, 0.1)
+    run = vehicle.simulate(t, dict.fromkeys(vehicle.actuators, 600.0 + 0.0 * t))
+    columns = {"t_s": t, "u_m_s": run.nu[:, 0]} | {
+        f"cmd.{name}": 600.0 + 0.0 * t for name in vehicle.actuators
+    }
+    said = score(vehicle, Trial.read(columns, name="leg"), ahead_s=10.0).report("cwolf").text()
+    assert "Worst: No simulation lasts 10 s: the longest piece of the log has 2.9 s." in said
+    assert "--ahead 2.9" in said
+
+
 def test_a_replayed_channel_is_marked_and_is_no_evidence() -> None:
     vehicle, t = CoreVehicle.load("cwolf"), np.arange(0.0, 40.0, 0.1)
     commands = {name: 600.0 + 300.0 * np.sign(np.sin(0.3 * t)) for name in vehicle.actuators}

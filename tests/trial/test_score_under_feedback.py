@@ -46,7 +46,7 @@ def test_a_dominated_axis_has_no_score_and_heads_no_report() -> None:
     }
     report = found.report()
     assert report.good.startswith("no channel of s1 could be scored")
-    assert "commands answer waves" in report.worst
+    assert "commands react to waves" in report.worst
     assert "seatrial plan" in report.next_step
     assert found.to_dict()["blind"]["r"] == ["s1"]
     assert "feedback" in report.text()

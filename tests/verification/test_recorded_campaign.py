@@ -167,7 +167,7 @@ def change(table: pl.DataFrame, kind: str) -> pl.DataFrame:
         ("milliseconds", "the unit of t_s"),
         ("no number", "wrong: u: expected samples that are numbers"),
         ("commands alone", "no motion was recorded"),
-        ("no commands", "no trial of campaign.toml is driven by such"),
+        ("no commands", "no trial of campaign.toml has that input"),
         ("another vehicle", "commands of other_SbU"),
     ],
 )

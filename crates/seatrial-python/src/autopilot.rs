@@ -350,7 +350,7 @@ pub struct Helm {
 
 impl Helm {
     fn memory(&self) -> PyResult<MutexGuard<'_, Memory>> {
-        self.memory.lock().map_err(|_| refused("the helm was lost in an earlier error"))
+        self.memory.lock().map_err(|_| refused("the helm failed earlier; make a new one"))
     }
 
     /// The first actuator whose thrust depends on the supply voltage.

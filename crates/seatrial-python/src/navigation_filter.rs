@@ -40,7 +40,7 @@ pub struct Filter {
 
 impl Filter {
     fn memory(&self) -> PyResult<MutexGuard<'_, Memory>> {
-        self.memory.lock().map_err(|_| refused("the filter was lost in an earlier error"))
+        self.memory.lock().map_err(|_| refused("the filter failed earlier; make a new one"))
     }
 
     /// What another filter of this kind is made of, at a period, s.

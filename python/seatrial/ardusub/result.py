@@ -388,21 +388,21 @@ def _behind(found: LogTuning) -> tuple[str, ...]:
     ]
     sought = {name for loop in SOUGHT.values() for name in loop}
     told = [
-        f"What the model lacks and the fit part told: steady wrench {_short(rig.steady[2])} N down,"
+        f"Disturbances estimated from the fitted part: steady wrench {_short(rig.steady[2])} N down,"
         f" {', '.join(_short(x) for x in rig.steady[3:])} N m in roll, pitch, yaw; a wandering wrench of"
         f" {', '.join(_short(x) for x in wander[:3])} N and"
         f" {', '.join(_short(x) for x in wander[3:])} N m with a time constant of"
         f" {rig.wander_s:g} s; current {_short(float(found.reflight.current[0]))} m/s north,"
         f" {_short(float(found.reflight.current[1]))} m/s east.",
         Spread().sentence(),
-        "The missions judge the loops under the model that the log identified: what it misses, it misses"
-        " before and after.",
+        "The missions judge the loops under the model that the log identified: its errors affect the results"
+        " before and after the changes alike.",
     ]
     for one in found.reflight.shares:
         if one.width > _WIDE * one.rms:
             told.append(
                 f"The envelope of {one.channel} is {one.width / one.rms:.0f} times as wide as the log's rms:"
-                " that the log is inside tells little of it."
+                " staying inside it proves little."
             )
     if assumed:
         told.append(
@@ -410,7 +410,7 @@ def _behind(found: LogTuning) -> tuple[str, ...]:
             " --parameters."
         )
     if hidden := sorted(sought & set(assumed)):
-        told.append(f"Of these, {', '.join(hidden)} would be changed where their loop can be judged.")
+        told.append(f"Of these, tuning can change {', '.join(hidden)} if their loop can be judged.")
     return tuple(told)
 
 

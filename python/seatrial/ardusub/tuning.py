@@ -426,7 +426,8 @@ def tune_parameters(
             float(f"{start[name]:.4g}"),
             value,
             f"worst tenth of {count} missions: out of the corridor for {as_flown:.3f} s before,"
-            f" {best_cost:.3f} s after, {alone[name]:.3f} s without this change (with what margins lack)"
+            f" {best_cost:.3f} s after, {alone[name]:.3f} s without this change"
+            " (cost includes missing margins)"
             + ("; at the end of ArduPilot's range" if value > 0.95 * bounds[name][1] else ""),
             bounds[name],
         )

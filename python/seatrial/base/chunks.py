@@ -331,8 +331,8 @@ class _Window(Generic[V]):
         attempt = self.attempts[place] = self.attempts.get(place, 0) + 1
         if attempt > _ATTEMPTS:
             raise SeatrialError(
-                f"{chunk.part}: its worker was lost {_ATTEMPTS} times, so that it may be what ends them (is"
-                " there enough memory?); finished parts are kept, run it here alone to see why"
+                f"{chunk.part}: its worker was lost {_ATTEMPTS} times, perhaps because of this part (out"
+                " of memory?); finished parts are kept; run without an executor (without --dask) to see why"
             )
         function, arguments = chunk.order()
         self.pending[self.fleet.submit(chunk.name, attempt, function, *arguments)] = (place, chunk)

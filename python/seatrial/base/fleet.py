@@ -145,8 +145,8 @@ class _ExecutorFleet(Fleet):
 
     def _broken(self) -> SeatrialError:
         return SeatrialError(
-            f"executor: a worker process of {type(self._executor).__name__} ended, which then takes no more"
-            " work; finished parts are kept in the run directory: run again with a new executor (Dask"
+            f"executor: a worker process of {type(self._executor).__name__} ended, so this executor is"
+            " unusable; finished parts are kept in the run directory: run again with a new executor (Dask"
             " replaces lost workers)"
         )
 

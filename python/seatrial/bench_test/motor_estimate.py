@@ -329,13 +329,13 @@ class WrittenMotor:
         if self.least is not None:
             said.append(
                 f"{self.least} is written as {self.table[self.least]:g}, the least that the records allow:"
-                " the vehicle file would take the other rate limit for both, and the records rule that out."
+                " without it the vehicle file would reuse the other rate limit, which the records exclude."
             )
         if fitted_r2 - self.r2 > _WORSE:
             said.append(
-                f"The motor as the vehicle file then holds it follows the records with R\N{SUPERSCRIPT TWO}"
-                f" {self.r2:.4f}, the fit with {fitted_r2:.4f}: a limit that the file keeps, or has once for"
-                " both directions, does not suit; compare its keys with the sentences above."
+                f"The motor as written to the vehicle file follows the records with R\N{SUPERSCRIPT TWO}"
+                f" {self.r2:.4f}, the fit with {fitted_r2:.4f}: a limit that the file keeps, or shares"
+                " between directions, is wrong; compare its keys with the sentences above."
             )
         return said
 
@@ -422,8 +422,8 @@ class MotorEstimate:
         if self.below_minimum is not None and self.below_minimum_ratio is not None:
             what = "lifted to it" if self.below_minimum == "lift" else "dropped to zero"
             said.append(
-                f"Commands below the minimum are {what}: the other reading costs"
-                f" {self.below_minimum_ratio:.3g} times as much."
+                f"Commands below the minimum are {what}: the opposite assumption gives"
+                f" {self.below_minimum_ratio:.3g} times the cost."
             )
         if self.distinct_commands == 1:
             said.append(

@@ -283,14 +283,22 @@ def weak_points(
     ahead = [row for row in weak if row.speed_m_s >= 0.0]
     notes = []
     if len(ahead) < len(weak):
-        least = max(row.speed_m_s for row in weak if row.speed_m_s < 0.0)
-        notes.append(f"Astern at {-least:.2f} m/s and faster it is not sound; a mission does not go astern")
+        astern = [row for row in weak if row.speed_m_s < 0.0]
+        least = max(row.speed_m_s for row in astern)
+        notes.append(
+            f"Astern at {-least:.2f} m/s and faster {_weakness(astern)}; a mission does not go astern"
+        )
     if not ahead:
         return notes, []
     low, high = sound
-    grows = list(dict.fromkeys(row.grows for row in ahead if row.grows))
-    why = f"a motion grows ({', '.join(grows)})" if grows else "the margins are small"
+    why = _weakness(ahead)
     return notes, [f"keep the speed of missions between {low:.2f} and {high:.2f} m/s; elsewhere {why}"]
+
+
+def _weakness(rows: Sequence[MarginRow]) -> str:
+    """Why breakpoints are not sound: motions that grow, or else small margins."""
+    grows = list(dict.fromkeys(row.grows for row in rows if row.grows))
+    return f"a motion grows ({', '.join(grows)})" if grows else "the margins are small"
 
 
 def check_autopilot(

@@ -90,8 +90,8 @@ def _strips(vehicle: Vehicle) -> list[str]:
     """Cross-flow drag that stands in a vehicle twice: by strips and as quadratic damping."""
     values = vehicle.coefficients()
     return [
-        f"{join((name, *both))} are not zero: the strips of {name} make {join(both)} already; set"
-        f" {join(both)} to 0, unless an appendage beside the hull is meant"
+        f"{join((name, *both))} are not zero: the strips of {name} already include {join(both)}; set"
+        f" {join(both)} to 0, unless {'it describes' if len(both) == 1 else 'they describe'} an appendage"
         for name, made in STRIPS.items()
         if values.get(name) and (both := [one for one in made if values.get(one)])
     ]

@@ -100,8 +100,8 @@ def _cure(vehicle: Vehicle, plane: str) -> str:
             " the vehicle has fins"
         )
     return (
-        f"Too little lift behind against the Munk moment; if it is not so at sea, look at {lift} of the hull"
-        f" and at area and C_L_alpha of {' and '.join(fins)}"
+        f"Too little lift aft against the Munk moment; if the real vehicle is stable, check {lift} of the"
+        f" hull, and area and C_L_alpha of {' and '.join(fins)}"
     )
 
 

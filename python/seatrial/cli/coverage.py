@@ -20,7 +20,7 @@ def coverage(
         Path | None, typer.Option(help="Truth file for all trials instead of the recipes' own.")
     ] = None,
     analysed: Annotated[
-        int, typer.Option(min=0, help="Repetitions in which the residual analysis is asked as well.")
+        int, typer.Option(min=0, help="Repetitions that also run the residual analysis.")
     ] = 5,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Run directory; runs/NAME of the campaign by default.")

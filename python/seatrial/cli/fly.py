@@ -101,9 +101,7 @@ def fly(
     ] = None,
     seeds: Annotated[
         int | None,
-        typer.Option(
-            min=2, max=100_000, help="Fly so many seeds, from --seed on, and tell how the figures spread."
-        ),
+        typer.Option(min=2, max=100_000, help="Number of seeds to fly, from --seed on; reports the spread."),
     ] = None,
     payload: Annotated[
         Path | None,

@@ -30,7 +30,7 @@ def plan(
         typer.Argument(help="Vehicle file, built-in vehicle, or campaign file.", metavar="VEHICLE|CAMPAIGN"),
     ],
     coefficients: Annotated[
-        str | None, typer.Option(help="Those that count, as K_p,K_pp; all that are sought by default.")
+        str | None, typer.Option(help="Coefficients to plan for, as K_p,K_pp; all by default.")
     ] = None,
     duration: Annotated[float, typer.Option(min=10.0, max=86_400.0, help="Time for one trial, s.")] = 180.0,
     count: Annotated[int, typer.Option(min=1, max=20, help="Trials to plan.")] = 3,

@@ -135,8 +135,8 @@ def _seen(campaign: Campaign, trials: Sequence[Trial], file: Path) -> tuple[str,
         share = 1.0 - float(held.mean()) if trial.name in fitted and len(held) else 0.0
         if share > 0.0:
             said.append(
-                f"{file} fits {100.0 * share:.0f} % of {trial.name}: of a vehicle that it identified, only"
-                " the rest judges the prediction, as identify reports"
+                f"{file} fits {100.0 * share:.0f} % of {trial.name}: only the rest tests a vehicle"
+                " identified from it (see the report of identify)"
             )
     return tuple(said)
 

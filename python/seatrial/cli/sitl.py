@@ -13,7 +13,7 @@ __all__ = ["sitl"]
 
 
 def sitl(
-    vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle that is the physics.")],
+    vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle to simulate.")],
     parameters: Annotated[
         Path | None,
         typer.Option(
@@ -23,7 +23,7 @@ def sitl(
     channel: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="ACTUATOR=NUMBER", help="Servo channel of an actuator, if it is another; repeatable."
+            metavar="ACTUATOR=NUMBER", help="Override the servo channel of an actuator; repeatable."
         ),
     ] = None,
     host: Annotated[

@@ -33,7 +33,7 @@ def tune(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Run directory; runs/NAME-tuned by default.")
     ] = None,
-    relay: Annotated[bool, typer.Option(help="Assess a relay autotuning of the same loops beside.")] = False,
+    relay: Annotated[bool, typer.Option(help="Also assess relay autotuning of the same loops.")] = False,
     resume: Annotated[
         bool, typer.Option(help="Reuse what an earlier run finished from the same inputs.")
     ] = True,

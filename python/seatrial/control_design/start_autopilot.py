@@ -80,7 +80,8 @@ def autopilot_text(vehicle: Vehicle, start: StartGains) -> str:
     notes += [f"Weak: {place}: little margin or much overshoot; keep away from it." for place in start.weak]
     if start.modes[0].depth_by == "pitch":
         notes.append(
-            f"Slower than {start.speeds_m_s[0]:.2g} m/s through the water it is not level: plan to be faster."
+            f"Below {start.speeds_m_s[0]:.2g} m/s through the water the vehicle is not level: plan a higher"
+            " speed."
         )
     body = commented(tomlkit.dumps(_tables(vehicle, start)), _reasons(vehicle, start))
     return "".join(f"# {note}\n" for note in notes) + body
@@ -150,13 +151,13 @@ def _reasons(vehicle: Vehicle, start: StartGains) -> Mapping[tuple[str, str], st
             "fin_inflow",
         ): "fins steady the hull by themselves; following a noisy inflow they shake it",
         ("allocation", "weights"): "vertical thrusters do not leave heave to propellers near their minimum",
-        ("allocation", "start_share"): "noise asks for less, and starts nothing",
+        ("allocation", "start_share"): "noise stays below it and starts no motor",
         ("allocation", "stop_share"): "below the minimum revolutions: stops late, and seldom",
         ("safety", "stale_velocity"): "a Doppler log without bottom echoes for 10 s is no failure yet",
         ("safety", "surface_speed_m_s"): "fins need it",
         ("safety", "stale_depth"): "heavier than water: with all stopped it would sink",
-        ("safety", "depth"): "what dives against its planes is stopped: buoyancy brings it up",
-        ("safety", "actuator"): "what is left may not do: half of the planes cannot hold the bow up",
+        ("safety", "depth"): "if it dives against its planes, stop: buoyancy brings it up",
+        ("safety", "actuator"): "the rest may not suffice: half of the planes cannot hold the bow up",
     }
     if "pitch" in late:
         reasons["guidance", "lookahead_vertical_m"] = f"the same, {late['pitch']:.2g} s late"

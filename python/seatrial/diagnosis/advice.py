@@ -323,7 +323,7 @@ def absorbed(names: Sequence[str], nuisance: str) -> str:
     Examples
     --------
     >>> absorbed(["T_t"], "turn: latency_r")
-    "T_t: not to be told from latency_r of turn; add sharp steps, or measure the channel's latency on the
+    "T_t: cannot be separated from latency_r of turn; add sharp steps, or measure the channel's latency on the
     bench"
     """
     trial, _, what = nuisance.rpartition(": ")
@@ -335,7 +335,7 @@ def absorbed(names: Sequence[str], nuisance: str) -> str:
         "bias": "record a minute at rest, or calibrate the sensor",
         "force": BOTH_WAYS,
     }.get(what.partition("_")[0], f"take {what} from another source")
-    return f"{join(names)}: not to be told from {what}{f' of {trial}' if trial else ''}; {remedy}"
+    return f"{join(names)}: cannot be separated from {what}{f' of {trial}' if trial else ''}; {remedy}"
 
 
 def strayed(name: str, value: str, *, away: float, prior: str) -> str:

@@ -152,10 +152,10 @@ class Assessment:
                 place = names.index(name)
                 away = float(abs(horizon.away[place]))
                 said = (
-                    f"{name} is not identified: predictions {horizon.ahead_s:g} s ahead say"
-                    f" {horizon.values[place]:.3g}, the fit {fit[name]:.3g}, apart by {away:.1f} standard"
-                    " deviations of the difference; hold it at a value that you trust, or sail steps on top"
-                    " of the autopilot (seatrial plan)"
+                    f"{name} is not identified: predictions {horizon.ahead_s:g} s ahead give"
+                    f" {horizon.values[place]:.3g} and the fit gives {fit[name]:.3g}, {away:.1f} standard"
+                    " deviations of the difference apart; hold it at a value that you trust, or add steps to"
+                    " the autopilot's output (seatrial plan)"
                 )
                 found.append((away, said))
         return [said for _, said in sorted(found, key=lambda one: -one[0])]

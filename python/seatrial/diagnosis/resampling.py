@@ -119,7 +119,7 @@ def profile(
     if undetermined[held].any():
         raise ValueError(
             f"direction: the estimate does not determine {', '.join(names)} separately, so there is no"
-            " standard deviation to step by; hold what it determines, or give a prior"
+            " standard deviation to step by; step only unknowns that it determines, or give a prior"
         )
     part = transform[held]
     stiffness = np.linalg.inv(part @ part.T)

@@ -53,8 +53,8 @@ _EXCESS = 1.5
 _UNLIKELY = 0.01
 
 _INTERVALS = (
-    "intervals are about the best model in the class, and whether a change is for the better is for the"
-    " hold-out score alone to judge"
+    "intervals hold for the best model in the class; only the hold-out score shows whether a change is an"
+    " improvement"
 )
 
 
@@ -326,7 +326,7 @@ def _warning(
     if not (coloured or suggestions or signals):
         return None
     evidence = [
-        f"{one.channel} residual {one.excess:.2g} times the noise, remembered for {one.correlation_s:.2g} s"
+        f"{one.channel} residual {one.excess:.2g} times the noise, correlated over {one.correlation_s:.2g} s"
         for one in coloured
     ]
     if suggestions:

@@ -286,7 +286,7 @@ def _sensor_advice(channel: str, signal: str) -> str:
         return f"the sensor sits off the origin, free the nuisance parameter lever_{_LEVERS[channel, signal]}"
     if signal == "time":
         return "the sensor drifts, or the water does; free its bias per trial or use shorter trials"
-    return "check the sensor's scale and alignment; a force that is answered at once looks the same"
+    return "check the sensor's scale and alignment; a force that acts without delay looks the same"
 
 
 def _force_advice(channel: str, signal: str, estimated: Collection[str], known: Collection[str]) -> str:
@@ -309,7 +309,7 @@ def _force_advice(channel: str, signal: str, estimated: Collection[str], known: 
         suffix = f"{signal[1]}dot"
     name = f"{axis}_{suffix}"
     if name in estimated:
-        return f"{name} is estimated and does not suffice, its form or that of a neighbour is wrong"
+        return f"{name} is already estimated, so its form or that of a related term is wrong"
     if name in known:
         return f"free {name}"
     return (

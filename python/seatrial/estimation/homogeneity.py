@@ -85,8 +85,8 @@ class Homogeneity:
     def sentences(self) -> list[str]:
         """Name of the direction, and what the scale rests on."""
         said = [
-            "Scaled together, mass and added mass, damping, lift, weight in water, bias and thrust change no"
-            " motion: trials tell ratios, and the scale rests on what is held"
+            "Scaling mass, added mass, damping, lift, weight in water, bias and thrust together changes no"
+            " motion: trials give ratios, and held values set the scale"
         ]
         found = {one.kind: ", ".join(one.members) for one in self.held}
         strong = [kind for kind in found if kind != STATIC]
@@ -104,8 +104,8 @@ class Homogeneity:
         said.append(f"The scale rests on {words}")
         if beside := [f"lift of {found[LIFT]}" if kind == LIFT else found[kind] for kind in strong[1:]]:
             said.append(
-                f"Held at the vehicle file's values beside it: {'; '.join(beside)}. If the scale is wrong, so"
-                " is their share: free them or scale them too"
+                f"Also held at the vehicle file's values: {'; '.join(beside)}. If the scale is wrong, so is"
+                " their ratio to the other terms: free or rescale them"
             )
         return said
 

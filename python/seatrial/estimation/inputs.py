@@ -236,14 +236,13 @@ class InputJudgement:
             fins = [name for name in lost if name in self.fins]
             single = "lifts" if len(fins) == len(lost) else "thrusts and lifts" if fins else "thrust gains"
             said.append(
-                f"Single {single} of {_and(lost)} cannot be told apart by these inputs: what differs"
-                " between them shows only as coupling of the axes, which offset centres, levers and"
-                " off-diagonal damping imitate"
+                f"These inputs cannot separate the {single} of {_and(lost)}: their effects differ only in"
+                " axis coupling, which offset centres, levers and off-diagonal damping also cause"
             )
         if self.offered:
             axis = next((o for o in self.options if o.kind == "axis" and o.told_apart and lost), None)
             said.append(
-                f"Gains that may be freed, but for those that the scale rests on: {_keys(self.offered)}"
+                f"Gains that may be freed, except those that set the scale: {_keys(self.offered)}"
                 + (f"; or per axis, levers with relative bounds: {_keys(axis.names)}" if axis else "")
             )
         if self.freed:

@@ -5,7 +5,7 @@ waves only widen the intervals. In a closed loop the commands answer the waves, 
 the input, and gains are bent (Ljung 1999, section 13.4). In calm water the autopilot answers the noise of its
 sensors and what the model lacks. Predictions of a filter are compared then, or recommended where the
 campaign asks for output error. So they are where the vehicle runs away while its controls are held: a
-simulation then leaves the log whatever the coefficients are.
+simulation then diverges from the log for any coefficients.
 
 Tests: ``tests/estimation/test_method.py``.
 """
@@ -52,11 +52,11 @@ def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
     if fled := _runs_away(campaign, asked, trials):
         if asked.method == "automatic" and not asked.nuisances:
             return ByItself("innovations", fled)
-        return ByItself("output", f"{fled}, so that a simulation leaves the log: {_remedy(asked)}")
+        return ByItself("output", f"{fled}, so that a simulation diverges from the log: {_remedy(asked)}")
     if seen := _answered_waves(campaign, trials) or _answered(campaign, trials):
         if asked.method == "automatic" and not asked.nuisances:
             return ByItself("innovations", seen)
-        return ByItself("output", f"{seen}, which bends gains: {_remedy(asked)}")
+        return ByItself("output", f"{seen}, which biases gains: {_remedy(asked)}")
     return ByItself("output", "")
 
 
@@ -85,7 +85,8 @@ def _answered(campaign: Campaign, trials: Sequence[str]) -> str:
     if not closed:
         return ""
     told = min(one.told for one in closed)
-    share = f", and what none of them foretells drives only {100.0 * max(told, 0.0):.0f} % of an axis' motion"
+    percent = 100.0 * max(told, 0.0)
+    share = f", and commands independent of feedback drive only {percent:.0f} % of an axis' motion"
     return f"{_commands(closed)} answer measurements in every trial{share if told == told else ''}"
 
 

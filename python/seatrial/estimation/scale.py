@@ -348,7 +348,7 @@ class ScaleReport:
             )
         if self.ratios:
             told = ", ".join(f"{name} {value:.4g}" for name, value in self.ratios.items())
-            said.append(f"Over the thrust gain, whatever the scale: {told}")
+            said.append(f"Divided by the thrust gain, for any scale: {told}")
         return said
 
     def _disagreement(self) -> list[str]:

@@ -67,7 +67,7 @@ def coverage(
     truth : Truth, optional
         Simulates the trials instead of the recipes' own.
     analysed : int
-        Repetitions in which the residual analysis is asked as well.
+        Repetitions that also run the residual analysis.
     run_dir : str or Path, optional
         Folder for the results. Finished repetitions are kept beside it while the run goes on.
     progress : callable, optional

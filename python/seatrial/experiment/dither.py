@@ -145,8 +145,8 @@ class Dither:
         if self.tells:
             return f"{how}; {expected}"
         return (
-            f"{how}; {expected}; {100.0 * self.wanted:g} % and {100.0 * TOLD:.0f} % are wanted, but"
-            " the actuators have no more left: sail faster, deeper or in a calmer sea"
+            f"{how}; {expected}; the targets are {100.0 * self.wanted:g} % and {100.0 * TOLD:.0f} %, but"
+            " the actuators cannot give more: go faster, deeper or into a calmer sea"
         )
 
     @property

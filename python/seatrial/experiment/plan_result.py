@@ -299,7 +299,7 @@ def _report(found: Plan) -> Report:
     first, count = found.sequence[0].manoeuvre, len(found.sequence)
     unknown = _still_unknown(found)
     basis = (
-        "bounds and recorded trials, as if only their sensors' noise hid the vehicle"
+        "bounds and recorded trials, with sensor noise as the only error"
         if found.recorded
         else "the bounds only, nothing recorded"
     )
@@ -419,7 +419,7 @@ def _still_unknown(found: Plan) -> list[str]:
         groups.setdefault(best, []).append(f"{change.name} ({_percent(left)} %)" if best else change.name)
     return [
         f"Still unknown to more than {100 * _UNKNOWN:.0f} %, "
-        + (f"best shown by {best}" if best else "shown better by no manoeuvre that fits")
+        + (f"best shown by {best}" if best else "and no manoeuvre that fits improves it")
         + f": {', '.join(names)}"
         for best, names in groups.items()
     ]

@@ -519,8 +519,8 @@ def _speeds(flight: Flight) -> list[str]:
     stops = sum(stop.task == "hold" for stop in flight.route.stops)
     if stops and flight.loiter_radius > 0.0:
         found.append(
-            f"{flight.vehicle.name} cannot stop: at {stops} stop{'s' if stops > 1 else ''} it circles at"
-            f" {flight.loiter_radius:g} m, so much nearer to what stands beside them."
+            f"{flight.vehicle.name} cannot stop: at {stops} stop{'s' if stops > 1 else ''} it circles with a"
+            f" radius of {flight.loiter_radius:g} m, that much nearer to any obstacle."
         )
     return found
 

@@ -7,7 +7,7 @@ therefore judged outside the fit, ten seconds ahead, each with the nuisance para
 
 - on what the campaign holds out (`hold_out`, `hold_out_s`), which neither has seen;
 - with the method "innovations" by predictions from the state of a filter over the longest horizon, for a
-  replay of commands that answer waves, without the waves, judges no model;
+  replay of commands that react to waves, without the waves, cannot test a model;
 - where nothing is held out, on the last fifth of every trial, after both were fitted again without it: the
   stages by a descent from their optimum, the joint estimate from there. The winner's estimate from all data
   is the result.
@@ -128,13 +128,13 @@ class Choice:
         if self.result == "stages":
             return (
                 f"The stages are the result: the joint estimate predicts {self.judged_on} worse {figures}."
-                " The model misses something that the joint estimate pays for elsewhere: see the residual"
-                " analysis, free fewer coefficients or leave a trial out of [polish]"
+                " A missing model term biases the joint estimate: see the residual analysis, free fewer"
+                " coefficients or leave a trial out of [polish]"
             )
         how = "better than" if self.likelihood < -_EVEN else "as well as"
         said = f"The joint estimate is the result: it predicts {self.judged_on} {how} the stages {figures}"
         if self.fallen:
-            said += f"; {', '.join(self.fallen)} fell and paid for the rest"
+            said += f"; it is worse in {', '.join(self.fallen)}"
         return said
 
     def to_dict(self) -> dict[str, Any]:
@@ -175,7 +175,7 @@ def choose(
     if joint.method == "innovations" and not first:
         why = (
             "it was not compared with the stages, for no part of its trials is held out (hold_out_s), and a"
-            " replay of commands that answer waves, without the waves, judges no model"
+            " replay of commands that react to waves, without the waves, cannot test a model"
         )
         return Choice("joint estimate", why, {}, {}, 0.0, polished)
     if not first.keys() & second.keys():

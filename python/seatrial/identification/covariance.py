@@ -153,8 +153,7 @@ def coefficient_covariance(
         example = next((name for name in held if "." in name), held[0])
         notes.append(
             f"{', '.join(held)}: not identified, dominated by feedback; draws keep the vehicle file's values."
-            f' coefficients = {{ "{example}" = 20.0 }} under [verification] varies them by what you doubt, in'
-            " percent."
+            f' To vary them, give percent: coefficients = {{ "{example}" = 20.0 }} under [verification].'
         )
     if bench is not None:
         found, among = _with_thrust(found, among, bench, own, notes)
@@ -167,8 +166,8 @@ def _beyond(assessment: Assessment, scale: ScaleReport) -> list[str]:
     said = []
     if assessment.residual_analysis.warning:
         said.append(
-            f"{assessment.residual_analysis.warning}. Draws stay within that class; deviations on top, such"
-            ' as coefficients = { "*_uu" = 10.0 } under [verification], stand for what it lacks.'
+            f"{assessment.residual_analysis.warning}. Draws stay within that class; to cover what it"
+            ' lacks, add deviations such as coefficients = { "*_uu" = 10.0 } under [verification].'
         )
     if not scale.tested and any(one.kind != STATIC for one in scale.homogeneity.held):
         rests = scale.homogeneity.sentences()[1]
@@ -210,9 +209,9 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     if weak:
         said.insert(
             0,
-            f"{', '.join(weak)}: the data tell less than the campaign's bounds, and draws vary as a number"
-            " anywhere inside them (standard deviation 0.29 of their width); what hangs on that varies less"
-            " with it.",
+            f"{', '.join(weak)}: the data tell less than the campaign's bounds; draws have the spread of a"
+            " uniform distribution between them (standard deviation 0.29 of their width), and correlated"
+            " coefficients vary less as a result.",
         )
     return width[:, None] * bounded * width, said
 

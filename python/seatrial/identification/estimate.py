@@ -56,7 +56,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Tally:
-    """How many of the coefficients that were asked for the trials tell; the equal ones of a group are one.
+    """How many of the wanted coefficients the trials determine; the equal ones of a group are one.
 
     Attributes
     ----------
@@ -100,10 +100,10 @@ class Tally:
 
     @property
     def sentence(self) -> str:
-        """How many coefficients the trials tell, and what became of the others."""
+        """How many coefficients the trials determine, and what became of the others."""
         if self.not_judged == self.asked:
             what = "one coefficient" if self.asked == 1 else f"{self.asked} coefficients"
-            return f"Whether the trials tell the {what} is not judged."
+            return f"Whether the trials determine the {what} is not judged."
         others = [
             f"{count} {words}"
             for count, words in (
@@ -117,11 +117,11 @@ class Tally:
         if others:
             left = f"; {', '.join(others)}"
             plural = "" if self.asked == 1 else "s"
-            return f"The trials tell {self.identifiable} of {self.asked} coefficient{plural}{left}."
+            return f"The trials determine {self.identifiable} of {self.asked} coefficient{plural}{left}."
         return (
-            "The trials tell the one coefficient."
+            "The trials determine the one coefficient."
             if self.asked == 1
-            else f"The trials tell all {self.asked} coefficients."
+            else f"The trials determine all {self.asked} coefficients."
         )
 
 

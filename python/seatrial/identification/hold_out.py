@@ -109,9 +109,9 @@ class Restarts:
         if self.ahead_s >= AHEAD_S:
             return ()
         return (
-            f"predictions are judged {self.ahead_s:g} s ahead: while its controls are held the vehicle leaves"
-            " a straight course, or level trim, tenfold in that time, and what a simulation shows later is"
-            " the error of its first state",
+            f"predictions are judged {self.ahead_s:g} s ahead: with fixed controls, deviations from straight,"
+            " level motion grow tenfold in that time, and later a simulation shows only the error of its"
+            " initial state",
         )
 
 

@@ -141,7 +141,7 @@ class Identification(RunResult):
 
     @property
     def tally(self) -> Tally:
-        """How many of the coefficients that were asked for the trials tell.
+        """How many of the coefficients that were asked for the trials determine.
 
         Those that are known beforehand (``sd`` under [polish]) and that no stage frees are not asked for:
         they stand for what is not known exactly, as a nuisance parameter does.
@@ -352,7 +352,7 @@ def _filtered(fit: Identification) -> str:
         f"{f'Does not beat a baseline in {simpler}. ' if simpler else ''}Predicts held-out motion"
         f" {choice.ahead_s:g} s ahead from the state of a filter with R2 {_r2(r2[best])} in {best}, worst"
         f" {_r2(r2[worst])} in {worst} (1 is perfect, 0 no better than the mean); not scored farther ahead,"
-        " where commands answer waves"
+        " where commands react to waves"
     )
 
 
@@ -509,7 +509,7 @@ def _conditional_table(fit: Identification) -> Table:
         (one.name, one.unit, one.on, f"{one.change:+.3g}", f"{one.deviations:+.1f}")
         for one in fit.conditional
     ]
-    title = f"Estimates that would move were a held value {100.0 * SHARE:g} % larger"
+    title = f"Estimates that change if a held value is {100.0 * SHARE:g} % larger"
     return Table.of(title, ("coefficient", "unit", "held", "change", "in deviations"), rows, left=3)
 
 
@@ -682,6 +682,6 @@ def _joint_remarks(choice: Choice) -> list[str]:
     if not (polished.converged or polished.interrupted):
         lines.append(
             f"The joint estimate stopped after {polished.rounds} rounds before it had converged: raise rounds"
-            " under [polish]; if that does not help, the data do not tell all that is free"
+            " under [polish]; if that does not help, the data cannot determine all free values"
         )
     return [*lines, choice.sentence()]

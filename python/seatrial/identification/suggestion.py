@@ -183,8 +183,8 @@ def _held_out(fit: Identification) -> dict[str, float]:
     score = trials.get(POOLED) or (next(iter(trials.values())) if len(trials) == 1 else None)
     if score is None:
         raise CampaignError(
-            f"{fit.campaign.source}: nothing is held out, or no common score of it, so that no one can say"
-            " whether a further coefficient predicts better; set hold_out or hold_out_s of a trial"
+            f"{fit.campaign.source}: nothing is held out or it has no common score, so a further coefficient"
+            " cannot be judged; set hold_out or hold_out_s of a trial"
         )
     return {channel: value for channel, value in score.r2.items() if math.isfinite(value)}
 

@@ -186,7 +186,7 @@ def _corrections(drafted: Sequence[DraftedTrial]) -> list[str]:
     shared = {where: entries for where, entries in _found(drafted).items() if _common(drafted, entries)}
     if not shared:
         return []
-    lines = ["# The channels do not tell one motion; these corrections would bring them together. None is"]
+    lines = ["# The channels contradict one another; these corrections would make them agree. None is"]
     lines += ["# applied: remove the # of a table and of the keys in it that you accept."]
     for table in dict.fromkeys(table for table, _ in shared):
         lines.append(f"# [{table}]")
@@ -323,7 +323,10 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
         ]
     lines += ["# All coefficients and trials at once, with standard deviations.", "[polish]"]
     if said := runs_away(vehicle, [one.trial for one in usable], freed):
-        words = f"A filter's predictions, because {said}: a simulation leaves the log whatever is estimated."
+        words = (
+            f"Uses a filter's predictions, because {said}: a simulation diverges from the log for any"
+            " coefficients."
+        )
         lines += [
             *textwrap.wrap(words, 95, initial_indent="# ", subsequent_indent="# "),
             line("method", "innovations"),

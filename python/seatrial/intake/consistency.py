@@ -28,7 +28,7 @@ from seatrial.intake.consistency_wording import (
     unlike_sentence,
 )
 from seatrial.trial.kinematic_fit import Curve, robust_rms
-from seatrial.trial.kinematic_series import Series, checked
+from seatrial.trial.kinematic_series import INPUTS, Series, checked
 from seatrial.trial.kinematics import Channels
 from seatrial.trial.tilt import certain_tilt
 
@@ -64,8 +64,11 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
     >>> len(found.corrections), found.current
     (0, None)
     """
-    known = {name: one for name, one in checked(series).items() if len(one.t) >= _FEWEST}
-    said = list(missing(known))
+    given = checked(series)
+    known = {name: one for name, one in given.items() if len(one.t) >= _FEWEST}
+    said = list(missing(given))
+    if few := [name for name in given if name not in known and not name.startswith(INPUTS)]:
+        said.insert(0, f"fewer than {_FEWEST} samples of {', '.join(few)}: not compared with other channels")
     if not {"pitch", "yaw"} & set(known):
         return Consistency((), tuple(said))
     corrections = _angles(known)

@@ -89,7 +89,7 @@ def slow_current(channels: Channels) -> SlowCurrent | str:
     known &= held & ~_gains_way(np.hypot(ground[:, 0], ground[:, 1]), known, t)
     turning = _recently(np.abs(course_rate) > _STRAIGHT, t)
     if (known & ~turning).sum() * grid.step < 2.0 * _SETTLED_S:
-        return "no straight leg under a held command: the current is not told"
+        return "no straight leg under a held command: the current stays unknown"
     if 1.0 - np.abs(np.mean(np.exp(1j * yaw[known]))) < 0.3:
         return "legs in one heading only: a current cannot be told from the speed through the water"
     design[:, 0, 0], design[:, 0, 1] = np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw)
@@ -169,7 +169,7 @@ def _held(channels: Channels, t: Array) -> tuple[Mask, Array, str]:
     if found:
         _, name, n = found[0]
         return everywhere, _lagged(n, _HULL_S, step), f"legs, turns and the command of {name}"
-    return everywhere, np.ones(len(t)), "legs and turns, taken to be sailed at one thrust"
+    return everywhere, np.ones(len(t)), "legs and turns at an assumed constant thrust"
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def _told(legs: _Legs, source: str) -> SlowCurrent | str:
 
     parts = _averaged(legs)
     if parts is None:
-        return "too few samples of legs under a held command: the current is not told"
+        return "too few samples of legs under a held command: the current stays unknown"
     start = np.array([np.log(_WALK), *np.log([0.02, 0.02, 0.05, 0.05]), 0.0])
     used = start.size if legs.shared else 3
     options = {"xatol": 0.02, "fatol": 0.05, "maxfev": 400}
@@ -213,7 +213,7 @@ def _told(legs: _Legs, source: str) -> SlowCurrent | str:
         sd = np.hypot(sd, parts.by_share(best))
     wide = float(np.sqrt(np.mean(sd**2)))
     if wide > _WIDEST:
-        return f"the current is not told: {source} leave it uncertain by {wide:.2f} m/s"
+        return f"the current stays unknown: {source} leave it uncertain by {wide:.2f} m/s"
     return SlowCurrent(
         parts.knots,
         current,

@@ -100,10 +100,10 @@ def late_velocity(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
             if one.key == "delay_s.velocity":
                 word = "late" if float(one.value) > 0.0 else "early"
                 return (
-                    f"{LATE}{name} is {abs(float(one.value)):.2f} s {word}, and its position is too slow for"
-                    " reading to find that: forces are fitted to a motion of another time; run seatrial check"
-                    f" {campaign.source}, paste what it proposes ({one.line} under [corrections]) and"
-                    " identify again",
+                    f"{LATE}{name} is {abs(float(one.value)):.2f} s {word}, and its position samples are"
+                    " too sparse to correct this on reading, so forces are fitted at the wrong times; run"
+                    f" seatrial check {campaign.source}, paste its proposal ({one.line} under [corrections])"
+                    " and identify again",
                 )
     return ()
 
@@ -160,9 +160,7 @@ def proposals(
                 "; map.toml of the import proposes the same delay as the clock of"
                 f" {', '.join(sorted(files))}: accept one of the two"
             )
-        made.append(
-            Proposal(text + (" (reading does so by itself)" if done else ""), trials, _effect(best), done)
-        )
+        made.append(Proposal(text + (" (applied on reading)" if done else ""), trials, _effect(best), done))
     made += [_current(name, current) for name, one in found.items() if (current := accepted(one)) is not None]
     return tuple(sorted(made, key=lambda one: (one.done, -one.effect)))
 

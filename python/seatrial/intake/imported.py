@@ -25,6 +25,8 @@ __all__ = ["Imported", "ImportedTrial"]
 
 _SHOWN = 10  # problems; the others are details
 
+_SHORTEST_S = 10.0  # a segment of a stage, unless the campaign says otherwise
+
 
 @dataclass(frozen=True, eq=False)
 class ImportedTrial:
@@ -177,7 +179,7 @@ def _report(made: Imported) -> Report:
     actuators = sum(name.startswith("cmd.") for name in made.columns)
     reports = {one.name: one.trial.report for one in made.trials}
     proposed = proposals({one.name: one.consistency for one in made.trials}, reports)
-    applied = "none applied" + (" but by reading where it says so" if any(p.done for p in proposed) else "")
+    applied = "none applied" + (" except where marked" if any(p.done for p in proposed) else "")
     return Report(
         title=", ".join(printable(log.path.name, 40) for log in made.survey.logs[:4])
         + (f" and {len(made.survey.logs) - 4} more" if len(made.survey.logs) > 4 else ""),
@@ -231,6 +233,12 @@ def _problems(made: Imported) -> Iterator[str]:
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
     yield from _left_out(made)
+    longest = max((float(one.trial.t[-1] - one.trial.t[0]) for one in made.trials), default=0.0)
+    if longest < _SHORTEST_S:
+        yield (
+            f"the longest trial lasts {longest:.3g} s: too short to identify anything; log at least"
+            f" {_SHORTEST_S:g} s of a manoeuvre, and as much again to judge the result"
+        )
     if not any(one.trial.inputs for one in made.trials):
         yield "no commands of actuators and no wrench are in the logs: nothing can be identified"
     elif made.vehicle is not None and made.unmatched:
@@ -273,7 +281,7 @@ def _problems(made: Imported) -> Iterator[str]:
         if one.absent:
             apart = 2 * len(one.absent) > len(made.columns) and len(made.trials) > 1
             yield f"trial {one.name}: its logs have no {', '.join(one.absent)}" + (
-                "; they name most channels otherwise: import them apart" if apart else ""
+                "; most of their channels have other names: import them separately" if apart else ""
             )
         known = [f"{log.path.name}: {note}" for log in made.survey.logs for note in log.notes]
         yield from (f"trial {one.name}: {note}" for note in one.notes if note not in known)

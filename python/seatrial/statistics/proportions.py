@@ -150,7 +150,8 @@ class FailureProbability:
         --------
         >>> print(FailureProbability(0, 100).sentence(0.01))
         undecided: at most 3 % of the missions fail (95 % confidence), 1 % is allowed;
-        268 more without a failure would hold it at 97.5 % (half the risk, being another look)
+        268 more missions without a failure would suffice at 97.5 %
+        (half the risk, because it is a second look)
         """
         verdict, sure = self.verdict(allowed), f"({100.0 * self.confidence:g} % confidence)"
         limit = f"{share(allowed)} is allowed"
@@ -160,10 +161,11 @@ class FailureProbability:
         if verdict == "held":
             return said
         again = self.looked_at_again
-        careful = f"at {100.0 * again.confidence:.6g} % (half the risk, being another look)"
+        careful = f"at {100.0 * again.confidence:.6g} % (half the risk, because it is a second look)"
         if self.failures == 0:
             more = runs_needed(allowed, confidence=again.confidence) - self.runs
-            return f"{said}; {more} more without a failure would hold it {careful}"
+            missions = "mission" if more == 1 else "missions"
+            return f"{said}; {more} more {missions} without a failure would suffice {careful}"
         about = further_runs(self, allowed)
         if about is None:
             return f"{said}; the share is so close to it that a billion missions may not decide it"

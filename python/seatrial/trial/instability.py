@@ -50,8 +50,8 @@ def runs_away(vehicle: Vehicle, trials: Sequence[Trial], free: str, segment_s: f
         for verb, speed, tenfold_s in _tenfold(vehicle, trial, free):
             if tenfold_s < _SHARE * segment_s:
                 return (
-                    f"the vehicle that the search starts from {verb} away from a straight course of"
-                    f" {speed:.1f} m/s tenfold in {tenfold_s:.1f} s while its controls are held"
+                    f"with fixed controls the start vehicle {verb} off a straight course at {speed:.1f} m/s,"
+                    f" and deviations grow tenfold in {tenfold_s:.1f} s"
                 )
     return ""
 

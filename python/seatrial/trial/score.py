@@ -157,7 +157,7 @@ class Score(Mapping[str, ChannelScore]):
             told.setdefault(names, []).append(channel)
         return "; ".join(
             f"{', '.join(channels)} {'is' if len(channels) == 1 else 'are'} not scored in {', '.join(names)}:"
-            " commands answer waves there, and a replay of them without the waves judges no model"
+            " commands react to waves there, and replaying them without the waves cannot test a model"
             for names, channels in told.items()
         )
 
@@ -329,6 +329,10 @@ def _verdict(score: Score) -> tuple[str, str, str]:
     worst = f"{least}: mean error {scale * score.mae[least]:.3g} {unit}, R2 {r2[least]:.3f}"
     if score.blind:
         return good, score.blind_words, _TELLING
+    longest = max(float(one.trial.t[one.stop - 1] - one.trial.t[one.start]) for one in score.windows)
+    if np.isfinite(score.ahead_s) and longest < _NEARLY * score.ahead_s:
+        short = f"no simulation lasts {score.ahead_s:g} s: the longest piece of the log has {longest:.3g} s"
+        return good, short, f"score a longer trial, or with --ahead {longest:.2g}"
     if r2[least] < _POOR:
         return good, worst, f"identify with trials that excite {least}, or compare vehicles with --against"
     return good, worst, "compare with another vehicle (--against) or go on to tune the autopilot"
@@ -338,6 +342,8 @@ _TELLING = (
     "judge these axes on a trial with preset steps or a dither on top of the autopilot (seatrial plan with"
     " the campaign of this log)"
 )
+
+_NEARLY = 0.9  # share of the time ahead that the longest window lasts at least
 
 _POOR = 0.8  # R2 below which a channel is worth another identification
 

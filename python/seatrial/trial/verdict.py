@@ -69,8 +69,8 @@ NOTHING = 0.05
 
 _DRAG = ("X_u", "X_uu", "Y_v", "Y_vv", "Z_w", "Z_ww")
 _TRIAL = (
-    "run seatrial plan with the campaign of this log: it proposes a dither on top of the autopilot that tells"
-    " it"
+    "run seatrial plan with the campaign of this log: it proposes a dither on top of the autopilot that makes"
+    " the axis identifiable"
 )
 _LONG_S = 300.0  # shorter logs do not tell so small a share from chance
 _WAY = 3.0  # robust deviations of the velocity
@@ -147,12 +147,15 @@ class Verdict:
         told = f"{100.0 * max(self.told, 0.0):.0f} % of the motion"
         if self.kind == "closed and informative":
             waves = "" if math.isfinite(self.wave_period_s) else ", and no waves were seen"
-            return f"{who} is closed and informative: what no measurement foretells drives {told}{waves}"
+            return (
+                f"{who} is in closed loop but informative: commands independent of feedback drive"
+                f" {told}{waves}"
+            )
         by = f"by waves of {self.wave_period_s:.1f} s" if math.isfinite(self.wave_period_s) else "itself"
         verb = "follows" if len(self.commands) == 1 else "follow"
         return (
-            f"{who} is dominated by feedback: {', '.join(self.commands)} {verb} the motion {by}, and what no"
-            f" measurement foretells drives only {told}; this log cannot tell how the axis answers them"
+            f"{who} is dominated by feedback: {', '.join(self.commands)} {verb} the motion {by}, and"
+            f" commands independent of feedback drive only {told}; this log cannot tell how the axis responds"
         )
 
 

@@ -429,7 +429,7 @@ def _amplitude(
     load = abs(float(about.tau[LOOPS.index(loop)])) if about is not None else 0.0
     d = max(share * within, _OVER_LOAD * load)
     if d > _MOST * within:
-        return d, f"a load of {load:.3g} within a reach of {within:.3g} leaves a relay no room"
+        return d, f"a load of {load:.3g} out of at most {within:.3g} leaves no room for a relay"
     return d, ""
 
 

@@ -487,8 +487,8 @@ def _guided(tuning: Tuning) -> list[str]:
         for name in sorted(found.gains)
     )
     return [
-        f"Guidance for the tuned loops: {moved}. Steps of the path, with the tuned loops: time-weighted error"
-        f" {found.after['time']:.2g} s, before {found.before['time']:.2g} s; beyond 30 % of overshoot"
+        f"Guidance for the tuned loops: {moved}. Path steps with the tuned loops: time-weighted error"
+        f" {found.after['time']:.2g} s, before {found.before['time']:.2g} s; overshoot beyond 30 %:"
         f" {seconds(found.after['violation'])} s, before {seconds(found.before['violation'])} s."
     ]
 

@@ -327,7 +327,7 @@ def verified_campaign(
     if table.navigation == "filter":
         notes.append(
             "The autopilot goes by the estimate of a navigation filter on the vehicle that it believes in;"
-            " the filter is told of the middle of the gusts and seas that are drawn."
+            " the filter assumes the mid-range of the drawn gusts and seas."
         )
     if table.coefficients == "covariance" and not flights.fitted.names:
         notes.append("Every vehicle flies with the same coefficients, because their covariance is unknown.")

@@ -204,8 +204,8 @@ def find_causes(
     >>> reserve = 0.4 - speed + rng.normal(0.0, 0.02, 400)
     >>> causes = [Cause("X_uu", drag, "kg/m"), Cause("current speed", speed, "m/s")]
     >>> print(find_causes(reserve > 0.0, reserve, causes=causes)[0])
-    failures go with current speed: 0.446 m/s on average against 0.197 m/s; AUC 0.99; 0 % of the missions
-    fail in its lowest fifth, 89 % in its highest
+    failures go with current speed: mean 0.446 m/s in failures, 0.197 m/s otherwise; AUC 0.99; 0 % of the
+    missions fail in its lowest fifth, 89 % in its highest
     """
     return find_causes_of_all([(held, reserve)], causes=causes, level=level)[0]
 
@@ -422,8 +422,8 @@ def _number(cause: Influence) -> str:
             else ""
         )
         return (
-            f"failures go with {cause.name} {side} its median: {cause.failed:.3g}{unit} away on average"
-            f" against {cause.held:.3g}{unit}; AUC of that distance {cause.auc:.2f}{fifths}"
+            f"failures go with {cause.name} {side} its median: mean distance {cause.failed:.3g}{unit} in"
+            f" failures, {cause.held:.3g}{unit} otherwise; AUC of that distance {cause.auc:.2f}{fifths}"
         )
     fifths = (
         f"; {share(rates[0])} of the missions fail in its lowest fifth, {share(rates[-1])} in its highest"
@@ -431,8 +431,8 @@ def _number(cause: Influence) -> str:
         else ""
     )
     return (
-        f"failures go with {cause.name}: {cause.failed:.3g}{unit} on average against {cause.held:.3g}{unit};"
-        f" AUC {cause.auc:.2f}{fifths}"
+        f"failures go with {cause.name}: mean {cause.failed:.3g}{unit} in failures, {cause.held:.3g}{unit}"
+        f" otherwise; AUC {cause.auc:.2f}{fifths}"
     )
 
 

@@ -211,7 +211,10 @@ class Falsification(RunResult):
         elif tried:
             one = min(tried, key=lambda each: each.worst)
             worst = f"{one.requirement.name} comes nearest to failing, robustness {one.worst:.3g}"
-            then = "widen the ranges in [verification] if worse can happen; how rarely it fails says --rare"
+            then = (
+                "widen the ranges in [verification] if worse can happen; --rare gives the probability of"
+                " failure"
+            )
         worst, then = self.prepared.flights.doubting(worst, then)
         return Report(
             title=self.prepared.campaign.name,

@@ -221,8 +221,9 @@ def _worst(found: RareFailures) -> tuple[str, str]:
         one, event = max(failing, key=lambda pair: pair[1].estimate / pair[0].requirement.allowed)
         return (
             f"{one.requirement.name} fails in {event.estimate:.2g} of the missions"
-            f" ({event.interval[0]:.2g} to {event.interval[1]:.2g}); {one.requirement.allowed:.2g} may",
-            "look at what its failures have in common below, then tune, or change that",
+            f" ({event.interval[0]:.2g} to {event.interval[1]:.2g}); {one.requirement.allowed:.2g} is"
+            " allowed",
+            "see below what its failures have in common, then change that or tune",
         )
     if any(one.why_not for one in found.requirements):
         one = next(one for one in found.requirements if one.why_not)
@@ -288,7 +289,7 @@ def _table(requirements: Sequence[RareRequirement]) -> Table:
 def _drawn(one: RareRequirement) -> list[str]:
     """What failing missions have in common, and how far out the likeliest is."""
     said = [
-        f"{name}: {mean:.3g} in the mean, {usual:.3g} in all draws ({shift:+.1f} sd);"
+        f"{name}: mean {mean:.3g} in failures, {usual:.3g} in all draws ({shift:+.1f} sd);"
         f" {one.likeliest[name]:.3g} in the likeliest failure"
         for name, (mean, usual, shift) in list(one.common.items())[:_SHOWN]
         if abs(shift) >= _SHIFTED

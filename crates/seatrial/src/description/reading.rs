@@ -157,7 +157,7 @@ impl Description {
         }
         if let Some(i) = (names::CROSS_FLOW..names::TETHER).find(|&i| c[i] != 0.0 && !self.uses(i)) {
             return Err(format!(
-                "coefficient {}: the shape of the hull is missing, from which its strips are cut; give [cross_flow] with x_m and diameter_m, or [geometry]",
+                "coefficient {}: the shape of the hull is missing, which defines its strips; give [cross_flow] with x_m and diameter_m, or [geometry]",
                 self.layout.name(i)
             ));
         }

@@ -198,12 +198,12 @@ impl FilterStep<'_> {
         }
         if self.description.file.tether.as_ref().is_some_and(|tether| tether.spring().is_some()) {
             return refused(
-                "the filter in C does not know the pull of a tether, which goes by the place; leave anchor_m and slack_m out",
+                "the filter in C does not know the pull of a tether, which depends on the position; leave anchor_m and slack_m out",
             );
         }
         if self.fitting.instruments[ATTITUDE_SENSOR].is_none() {
             return refused(
-                "a filter begins with roll, pitch and yaw; expected a sensor of the attitude, found none",
+                "expected a sensor of the attitude, found none; a filter starts from roll, pitch and yaw",
             );
         }
         Ok(())

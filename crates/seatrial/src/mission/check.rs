@@ -106,7 +106,7 @@ fn fence(mission: &Mission, k: usize) -> Result<(), String> {
     }
     let mut edges = (0..fence.len()).map(|i| [fence[i], fence[(i + 1) % fence.len()]]);
     if edges.clone().any(|edge| cross_each_other([from, to], edge)) {
-        return Err("expected a way inside limits.fence_m, but the straight way there crosses it; go round by further waypoints".into());
+        return Err("expected a path inside limits.fence_m, but the straight path there crosses it; add waypoints that go round".into());
     }
     match mission.waypoints[k].task {
         Task::Circle { radius, .. } if edges.any(|[a, b]| distance_to_stretch(to, a, b) < radius) => {

@@ -174,7 +174,7 @@ fn places_beyond_the_limits_are_refused() {
         ),
         (
             format!("{fence}; {legs}[[legs]]; north_m = 20; east_m = 40"),
-            "leg 2: \"waypoint 2\": expected a way inside limits.fence_m",
+            "leg 2: \"waypoint 2\": expected a path inside limits.fence_m",
         ),
         (
             format!("{fence}; {legs}[[legs]]; north_m = 0; east_m = 0; circle_radius_m = 11; turns = 1"),

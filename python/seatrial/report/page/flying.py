@@ -444,7 +444,7 @@ def _note(runs: Sequence[RunFolder], voltage_v: float | None) -> str:
     told = {} if flown is None else flown.facts.get("options") or {}
     said = []
     if told.get("model") not in (None, told.get("sources", {}).get("vehicle")) and told.get("model"):
-        said.append("Here the autopilot believes in the vehicle that flies.")
+        said.append("Here the autopilot's model is the vehicle that flies.")
     if voltage_v is not None:
         said.append(f"The supply is {voltage_v:g} V.")
     return " ".join(said)

@@ -109,7 +109,7 @@ class Margins {
     const round = (x) => (Number.isFinite(x) ? shown(Number(x.toPrecision(3))) : "none");
     this.table.replaceChildren(tableOf(`Margins of the ${one.loop} loop, ${point.mode} at ${shown(point.speed)} m/s`, ["margin", "original", "changed"], rows.map(([name, x, y]) => [name, round(x), round(y)])));
     this.drawing.setAttribute("aria-label", `Bode and Nyquist of the ${one.loop} loop: phase margin ${round(a.phase)} degrees, changed ${round(b.phase)}; gain margin ${round(decibel(a.gain))} dB, changed ${round(decibel(b.gain))}`);
-    this.said.textContent = `${point.stable ? "" : "With the gains of the file a motion grows at this point: its margins are distances from the edge of stability, from beyond it. "}Linear motion about straight level flight of the vehicle of this report, opened at this loop, the others closed, perfect sensors. The curves follow this loop's own gains; gains of other loops, coefficients and water do not change them.`;
+    this.said.textContent = `${point.stable ? "" : "With the gains of the file this point is unstable: its margins show how far it is from stability. "}Linear motion about straight level flight of the vehicle of this report, opened at this loop, the others closed, perfect sensors. The curves follow this loop's own gains; gains of other loops, coefficients and water do not change them.`;
   }
 
   bode(width, first, second) {

@@ -55,10 +55,10 @@ _FIGURES = {
 }
 
 _BEGINNINGS = {
-    "trial_": "Measured against simulated, ten seconds ahead again and again, in the trial",
+    "trial_": "Measured and simulated, restarted every ten seconds, in the trial",
     "corridor_": "Corridor and responses of the loop",
     "responses_": "Step responses over the set points of the loop",
-    "causes_": "What the missions have in common that miss the requirement",
+    "causes_": "What the missions that miss the requirement have in common",
     "worst_": "The worst mission for the requirement",
     "motor_": "Step of the motor",
 }

@@ -411,7 +411,7 @@ def _scores(fit: Identification, trial: str, channel: str) -> str:
         for kind, remark in (("ahead", f"{fit.restarts.ahead_s:g} s ahead"), ("free", "free run")):
             row = fit.scores.get(part, {}).get(kind, {}).get(trial)
             if row is not None and channel in row and row[channel].blind:
-                found = ["none, commands answer waves"]
+                found = ["none, commands react to waves"]
             elif row is not None and channel in row and row[channel].n > 1:
                 found.append(f"{tidy(row[channel].r2)} ({remark})")
         if found:

@@ -8,6 +8,7 @@ plane; thrust over command at rest and under way has a panel per group of like a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -282,7 +283,7 @@ def _circles(axes: Axes, vehicle: Vehicle, turning: tuple[Turn, ...], voltage_v:
     panel_title(axes, "turning circles", f"outer side at {outer:.4g} {facts[first]['unit']}")
 
 
-_POINTS = 161
+_POINTS, _COLUMNS = 161, 3
 
 _CURVE_DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), "-", (0, (5, 1.5)))
 
@@ -320,15 +321,23 @@ def characteristic(
                 panels[name] = ([group], steps, curves)
             else:
                 panels[like][0].append(group)
-        figure = new_figure(2.8, width_in=COLUMN_IN if len(panels) == 1 else WIDTH_IN)
-        grid = figure.subplots(1, len(panels), squeeze=False)
-        for axes, (name, (alike, steps, curves)) in zip(grid[0], panels.items(), strict=True):
+        columns = min(len(panels), _COLUMNS)
+        rows = -(-len(panels) // columns)
+        figure = new_figure(0.3 + 2.5 * rows, width_in=COLUMN_IN if columns == 1 else WIDTH_IN)
+        grid = figure.subplots(rows, columns, squeeze=False)
+        labels = dict.fromkeys(label for _, _, curves in panels.values() for label, _ in curves)
+        styles = dict(zip(labels, zip(cycle(CYCLE), cycle(_CURVE_DASHES), strict=False), strict=False))
+        drawn = {}
+        for axes in grid.flat[len(panels) :]:
+            axes.set_axis_off()
+        for axes, (name, (alike, steps, curves)) in zip(grid.flat, panels.items(), strict=False):
             unit = str(facts[name]["unit"]).replace("us", "\N{MICRO SIGN}s")
             fin = facts[name]["kind"] == "fin"
             shown = np.degrees(steps) if unit == "rad" else steps
             unit = "deg" if unit == "rad" else unit
-            for colour, dashes, (label, force) in zip(CYCLE, _CURVE_DASHES, curves, strict=False):
-                axes.plot(shown, force, color=colour, linestyle=dashes, label=label)
+            for label, force in curves:
+                colour, dashes = styles[label]
+                (drawn[label],) = axes.plot(shown, force, color=colour, linestyle=dashes)
             axes.axhline(0.0, color="#262626", linewidth=0.5)
             axes.axvline(0.0, color="#262626", linewidth=0.5)
             neutral = float(facts[name]["neutral"])
@@ -336,9 +345,9 @@ def characteristic(
                 f"command from neutral ({neutral:g} {unit}), {unit}" if neutral else f"command, {unit}"
             )
             axes.set_ylabel("fin force, N" if fin else "thrust, N")
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
-            axes.locator_params(nbins=6)
+            axes.locator_params(nbins=6 if columns < _COLUMNS else 5)
             panel_title(axes, ", ".join(alike), f"as {name}")
+        figure.legend(drawn.values(), drawn, loc="outside lower center", ncols=3)
     return figure
 
 

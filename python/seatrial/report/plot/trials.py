@@ -324,7 +324,7 @@ def _joined(
 def _remark(scores: Mapping[str, Score], channel: str) -> str:
     """Mean error and R2 of every vehicle, in the order of the legend."""
     if any(score[channel].blind for score in scores.values()):
-        return "not scored, commands answer waves"
+        return "not scored, commands react to waves"
     scale = 1.0 / DEGREE if channel in _DEGREES else 1.0
     errors = [scale * score[channel].mae for score in scores.values()]
     words = " | ".join(f"{error:#.2g}" if error < 10.0 else f"{error:.0f}" for error in errors)

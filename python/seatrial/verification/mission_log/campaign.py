@@ -262,8 +262,8 @@ def campaign_reference(
     trials = [name for name in campaign.trials if campaign.input_of(name) == judged.input]
     if not trials:
         raise CampaignError(
-            f"{judged.log.trial.name}: the log has {_HAS[judged.input]}, and no trial of {campaign.source} is"
-            f" driven by such; log what drives the trials, or {_GIVE}"
+            f"{judged.log.trial.name}: the log has {_HAS[judged.input]}, but no trial of {campaign.source}"
+            f" has that input; log the same input as the trials, or {_GIVE}"
         )
     return spread_of_reference([part for name in trials for part in parts(campaign_log(campaign, name))])
 

@@ -114,7 +114,7 @@ def judge_model(
     spread, notes = _spread(reference, windows, ahead_s), []
     windows = windows.without(hidden)
     if not windows.channels:
-        reason = "On every axis commands answer waves: no channel of the log can judge a model."
+        reason = "On every axis commands react to waves: no channel of the log can test a model."
         return ModelJudgement(_QUIET, reason)
     if reference is None:
         notes.append(

@@ -310,7 +310,8 @@ def _how_good(verdict: LogVerdict) -> str:
     chance = (
         f", p = {one.p_text}"
         if much
-        else f"; model errors last, and a valid model is outside for as long with probability {one.p_text}"
+        else "; model errors are correlated in time: a valid model is outside this long with probability"
+        f" {one.p_text}"
     )
     return (
         f"{judged}; {name} is outside its"

@@ -321,13 +321,13 @@ fn modes(file: &AutopilotFile) -> Result<Vec<Mode>, String> {
         };
         if !active[by] {
             return Err(format!(
-                "{at}.depth_by: expected a loop at work, found \"{}\" not among loops",
+                "{at}.depth_by: expected one of the mode's loops, found \"{}\"; add it to loops",
                 LOOPS[by]
             ));
         }
         if table.depth_by == DepthBy::Pitch && active[crate::control::control_law::HEAVE] {
             return Err(format!(
-                "{at}.loops: expected no \"heave\" where the depth is by pitch; take one of the two"
+                "{at}.loops: expected no \"heave\" with depth_by = \"pitch\"; choose one of the two"
             ));
         }
         let (from_speed, hysteresis) = (table.from_speed_m_s, table.hysteresis_m_s);
