@@ -162,7 +162,7 @@ def test_impossible_vehicles_are_thrown_away_and_told() -> None:
     assert "physically impossible" in drawn.sentence()
     assert fitted.drawn(1, 5, nominal_first=True).sentence() == ""
     assert drawn.doubt().startswith(f"{100 * lost:.2g} % of the vehicles drawn")
-    assert "most often for X_u" in drawn.doubt()
+    assert "most often by X_u" in drawn.doubt()
     assert "staircase of speeds" in fitted.doubt()
     sure = Fitted(Vehicle.load("cwolf"), ("X_u",), np.array([[1.0]]))
     assert sure.doubt() == ""

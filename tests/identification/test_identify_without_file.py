@@ -224,7 +224,7 @@ def test_impossible_vehicles_are_said_in_the_first_line(fit: st.Identification) 
     wide_fit = Fitted(fit.vehicle, wide.names, wide.matrix)
     first = replace(fit, doubt=wide_fit.doubt()).summary().splitlines()[0]
     assert "% of the vehicles drawn from the standard deviations are physically impossible" in first
-    assert "X_uu" in first
+    assert "most often by X_uu, whose standard deviation is too large for its value" in first
     assert fit.doubt == fit.to_dict()["doubt"] == ""
 
 

@@ -100,9 +100,8 @@ class Drawn:
         one = role(name, pushed=self.pushed)
         return (
             f"{100 * self.impossible:.2g} % of the vehicles drawn from the standard deviations are physically"
-            " impossible (damping that adds energy, negative mass or gain) and were drawn again, most often"
-            f" for {name}: its standard deviation is too large for its value; {manoeuvre(one)} and"
-            " identify again, or hold it at a value that you trust"
+            f" impossible, most often by {name}, whose standard deviation is too large for its value;"
+            f" {manoeuvre(one)} and identify again, or hold it at a value that you trust"
         )
 
 

@@ -281,7 +281,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         sections=(
             Section(tables=(*tables, _meaning_table(fit), _stage_table(fit))),
             Section(tables=(_score_table(fit),), details=True),
-            Section("Remarks", tuple(advice(fit)), details=True),
+            Section("Remarks", (*([fit.doubt] if fit.doubt else []), *advice(fit)), details=True),
         ),
     )
 
@@ -299,7 +299,8 @@ def _how_good(fit: Identification) -> str:
         count = choice.polished.rounds
         said.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
     if fit.doubt:
-        said[-1] = f"{said[-1].rstrip('.')}. {fit.doubt[0].upper()}{fit.doubt[1:]}"
+        problem, _, _ = fit.doubt.partition("; ")
+        said[-1] = f"{said[-1].rstrip('.')}. {problem[0].upper()}{problem[1:]}"
     return " ".join((fit.tally.sentence, *said) if fit.coefficients or fit.held else said)
 
 
