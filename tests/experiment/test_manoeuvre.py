@@ -379,3 +379,26 @@ def test_what_cannot_be_sailed_is_refused() -> None:
         Limits(depth_m=-1.0)
     with pytest.raises(VehicleError, match="two positive lengths"):
         Limits(area_m=(10.0, 0.0))
+
+
+@pytest.mark.parametrize("name", ["remus100", "lauv"])
+def test_fins_move_under_way_and_rest_at_rest(name: str) -> None:
+    vehicle = Vehicle.load(name)
+    thrusters, facts = Thrusters(vehicle), vehicle.actuator_info()
+    [yaw] = thrusters.combinations_of("N")
+    assert yaw.needs_way
+    assert not any(one.needs_way for one in thrusters.drivers)
+    # Half of the largest force, and so about half of the angle at which the fin stalls, at any speed.
+    turning = zigzag(thrusters, yaw, duration_s=60.0, ahead="half", amplitude=0.5)
+    rudder = np.asarray(turning.commands["rudder_upper"])
+    assert 0.35 < np.abs(rudder).max() / largest(facts["rudder_upper"], 1.0) < 0.55
+    assert "50 % of the fins' force" in turning.words
+    nu = np.asarray(simulated(vehicle, turning).nu)
+    assert np.ptp(np.rad2deg(nu[:, 5])) > 2.0
+    found, refused = proposals(vehicle, duration_s=60.0)
+    moving = [one.manoeuvre for one in found if one.manoeuvre.kind != "free decay"]
+    for one in moving:
+        assert any(np.ptp(values) > 0.0 for values in one.commands.values()), one.name
+    assert not any("yaw" in one and "ahead" not in one for one in [*refused, *(one.name for one in moving)])
+    fins = [one for one in moving if any(np.ptp(one.commands[fin]) > 0.0 for fin in facts if "rudder" in fin)]
+    assert {one.kind for one in fins} >= {"zigzag", "spiral", "multisine"}

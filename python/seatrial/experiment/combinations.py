@@ -3,7 +3,8 @@
 A combination is the least-norm pattern of thrusts of one actuator group for one row of the wrench,
 ``f = pinv(B_controllable) e_i`` (Fossen 2011, section 12.3, with lengths scaled by half the hull); where no
 group alone can do it, all actuators together. Patterns add as thrusts; the inverse of each actuator's
-characteristic at rest turns thrusts into commands, so that the limits of the motors hold.
+characteristic at rest turns thrusts into commands, so that the limits of the motors hold. A fin's is that at
+1 m/s ahead: the force grows with the square of the speed, its share of the largest one stays.
 
 Held by ``tests/experiment/test_manoeuvre.py``.
 """
@@ -39,6 +40,8 @@ _WEAK = 0.02  # singular values below this share of the largest command nothing 
 
 _POINTS, _PER_POINT = 100, 8
 
+_WAY_M_S = 1.0  # at which a fin's force is read
+
 _DIGITS = {"rpm": 1, "us": 1, "N": 2}
 
 
@@ -47,13 +50,15 @@ class Combination:
     """Thrusts (actuators,) in N of one actuator group for a wrench of one along an axis, N or N m.
 
     ``group`` is "all" where all actuators work together. ``purity`` is the share of its wrench, with moments
-    taken at half the hull's length, that lies in the axis: one where it pushes nothing else.
+    taken at half the hull's length, that lies in the axis: one where it pushes nothing else. One that
+    ``needs_way`` moves fins: at rest it does nothing.
     """
 
     axis: str
     group: str
     thrusts: tuple[float, ...]
     purity: float
+    needs_way: bool = False
 
     @property
     def motion(self) -> str:
@@ -75,7 +80,7 @@ class Thrusters:
     names
         Actuators in the vehicle's order.
     lower, upper
-        Largest thrusts (actuators,) in N against and along their directions.
+        Largest thrusts (actuators,) in N against and along their directions, of fins at 1 m/s ahead.
     combinations
         One `Combination` per axis and actuator group that can command it.
 
@@ -104,6 +109,11 @@ class Thrusters:
             key=lambda combination: -combination.purity,
         )
 
+    @property
+    def drivers(self) -> list[Combination]:
+        """Combinations that drive the vehicle ahead from rest, the purest first."""
+        return [one for one in self.combinations_of("X") if not one.needs_way]
+
     def reach(self, combination: Combination, besides: Array | None = None) -> tuple[float, float]:
         """Largest wrenches against and along the axis, N or N m, beside other thrusts (actuators,)."""
         pattern = np.array(combination.thrusts)
@@ -115,13 +125,13 @@ class Thrusters:
     ) -> Array:
         """Thrusts (n, actuators) in N for levels (n,) from -1 to 1 of what the combination reaches.
 
-        Even, +1 and -1 push equally hard; otherwise each is the largest in its own sense, and a propeller is
-        weaker astern.
+        Even, +1 and -1 push equally hard where levels of both signs are asked and both can be given;
+        otherwise each is the largest in its own sense, and a propeller is weaker astern.
         """
         against, along = self.reach(combination, besides)
-        if even:
-            against = along = min(against, along)
         level = np.asarray(level, dtype=float)
+        if even and level.min(initial=0.0) < 0.0 < level.max(initial=0.0) and min(against, along) > 0.0:
+            against = along = min(against, along)
         return np.outer(level * np.where(level > 0.0, along, against), combination.thrusts)
 
     def ahead(self, word: str) -> Array:
@@ -132,7 +142,7 @@ class Thrusters:
         VehicleError
             Another word, or nothing drives the vehicle ahead.
         """
-        surge = self.combinations_of("X")
+        surge = self.drivers
         if not surge or word not in AHEAD:
             reason = f"expected one of {', '.join(AHEAD)}" if surge else "nothing drives this vehicle ahead"
             raise VehicleError(f"ahead {word!r}: {reason}")
@@ -152,7 +162,7 @@ class Thrusters:
     def trim(self) -> Array:
         """Thrusts (actuators,) in N that carry the net weight of the level vehicle; zero where none can."""
         none = np.zeros(len(self.names))
-        heave = self.combinations_of("Z")
+        heave = [one for one in self.combinations_of("Z") if not one.needs_way]
         if not heave:
             return none
         needed = -float(np.asarray(self.vehicle.forces(np.zeros(6), (0.0, 0.0, 0.0))["restoring"])[2])
@@ -166,6 +176,8 @@ class Thrusters:
 
     def _curve(self, name: str) -> tuple[Array, Array]:
         """Thrust in N, strictly rising, and the command that gives it, motor settled."""
+        from seatrial._core import State
+
         facts = self._facts[name]
         wrench = np.asarray(facts["wrench"], dtype=float)
         row = int(np.argmax(np.abs(wrench)))
@@ -174,9 +186,11 @@ class Thrusters:
         hold = settling_s(self.vehicle)
         t = np.arange(_PER_POINT * len(shares)) * hold / _PER_POINT
         commands = np.array([command(facts, float(share)) for share in shares])
+        way = _WAY_M_S if facts["kind"] == "fin" else 0.0
         run = self.vehicle.simulate(
             t,
             {name: np.repeat(commands, _PER_POINT)},
+            State(nu=[way, 0.0, 0.0, 0.0, 0.0, 0.0]),
             free="",
             voltage_v=voltage_for(self.vehicle, t, self.voltage_v),
             max_step_s=hold,
@@ -204,6 +218,8 @@ def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
     places = {name: k for k, name in enumerate(vehicle.actuators)}
     groups = [(group, [places[name] for name in names]) for group, names in actuator_groups(vehicle).items()]
     everything = ("all", list(places.values()))
+    facts = vehicle.actuator_info()
+    fins = np.array([facts[name]["kind"] == "fin" for name in vehicle.actuators])
     found: list[Combination] = []
     for group, members in [*(groups if len(groups) > 1 else []), everything]:
         accepted: list[Array] = []
@@ -219,7 +235,9 @@ def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
                 continue
             accepted.append(unit)
             pushed = float(matrix[AXES.index(axis)] @ pattern)
-            found.append(Combination(axis, group, tuple(float(x) for x in pattern / pushed), purity))
+            thrusts = tuple(float(x) for x in pattern / pushed)
+            needs_way = bool((np.abs(unit[fins]) > 1e-6).any())
+            found.append(Combination(axis, group, thrusts, purity, needs_way))
     order = [*(group for group, _ in groups), "all"]
     return tuple(
         sorted(found, key=lambda combination: (order.index(combination.group), AXES.index(combination.axis)))

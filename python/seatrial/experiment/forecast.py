@@ -328,36 +328,41 @@ def _sketches(thrusters: Thrusters) -> Iterator[Build]:
     def of(make: Callable[..., Manoeuvre], what: object, **fixed: object) -> Build:
         return lambda span, size: make(thrusters, what, duration_s=span, amplitude=size, **fixed)
 
-    surge = bool(thrusters.combinations_of("X"))
+    surge = bool(thrusters.drivers)
     for combination in thrusters.combinations:
-        yield of(manoeuvre.staircase, combination)
-        if combination.axis == "X":
-            yield of(manoeuvre.staircase, combination, both=False)
-        yield of(manoeuvre.coast_down, combination)
-        yield of(manoeuvre.multisine, [combination])
         vertical = combination.axis in "ZM"
-        if vertical:
-            yield of(manoeuvre.dive, combination)
+        if not combination.needs_way:
+            yield of(manoeuvre.staircase, combination)
+            if combination.axis == "X":
+                yield of(manoeuvre.staircase, combination, both=False)
+            yield of(manoeuvre.coast_down, combination)
+            yield of(manoeuvre.multisine, [combination])
+            if vertical:
+                yield of(manoeuvre.dive, combination)
         for ahead in AHEAD if surge and combination.axis != "X" else ():
             yield of(manoeuvre.dive if vertical else manoeuvre.zigzag, combination, ahead=ahead)
             if combination.axis == "N":
                 yield of(manoeuvre.spiral, combination, ahead=ahead)
-    together = _one_per_axis(thrusters)
-    if len(together) > 1:
-        yield of(manoeuvre.multisine, together)
-        for ahead in AHEAD if surge else ():
+            if combination.needs_way:
+                yield of(manoeuvre.multisine, [combination], ahead=ahead)
+    for ahead in (None, *(AHEAD if surge else ())):
+        together = _one_per_axis(thrusters, way=ahead is not None)
+        if len(together) > 1:
             yield of(manoeuvre.multisine, together, ahead=ahead)
 
 
-def _one_per_axis(thrusters: Thrusters) -> list[Combination]:
-    """The purest combination of every axis."""
-    return [combinations[0] for axis in "XYZKMN" if (combinations := thrusters.combinations_of(axis))]
+def _one_per_axis(thrusters: Thrusters, *, way: bool) -> list[Combination]:
+    """The purest combination of every axis, at rest or under way."""
+    found = (
+        [one for one in thrusters.combinations_of(axis) if way or not one.needs_way] for axis in "XYZKMN"
+    )
+    return [combinations[0] for combinations in found if combinations]
 
 
 def _decays(thrusters: Thrusters, duration_s: float, limits: Limits) -> Iterator[Manoeuvre]:
     """Free decays of what has a righting moment, and of heave where the vehicle rises or sinks."""
     rest = statics(thrusters.vehicle)
-    ways = (None, "half") if thrusters.combinations_of("X") else (None,)
+    ways = (None, "half") if thrusters.drivers else (None,)
     angle = max((a for a in _ANGLES_DEG if a <= 0.9 * limits.tilt_deg), default=0.5 * limits.tilt_deg)
     for axis, period in (("K", rest.roll_period_s), ("M", rest.pitch_period_s)):
         if period is None:

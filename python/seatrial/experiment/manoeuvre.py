@@ -272,8 +272,8 @@ def zigzag(
         (
             "zigzag",
             f"zigzag {_called(thrusters, combination)}, {ahead} ahead",
-            f"{ahead} ahead; {combination.motion} to both sides in turn with {100 * amplitude:.0f} % of the"
-            f" thrust that is left, switched every {switch_s:g} s",
+            f"{ahead} ahead; {combination.motion} to both sides in turn with {100 * amplitude:.0f} % of"
+            f" {_left(combination)}, switched every {switch_s:g} s",
         ),
         [(combination, lambda t, span: zigzag_levels(t, span, switch_s=switch_s))],
         duration_s=duration_s,
@@ -296,8 +296,8 @@ def spiral(
         (
             "spiral",
             f"spiral {_called(thrusters, combination)}, {ahead} ahead",
-            f"{ahead} ahead; {combination.motion} in three steps to {100 * amplitude:.0f} % of the"
-            " thrust that is left, to starboard and then to port",
+            f"{ahead} ahead; {combination.motion} in three steps to {100 * amplitude:.0f} % of"
+            f" {_left(combination)}, to starboard and then to port",
         ),
         [(combination, spiral_levels)],
         duration_s=duration_s,
@@ -322,8 +322,8 @@ def dive(
         (
             "dive",
             f"dive by {_called(thrusters, combination)}, {way}",
-            f"{way}; {combination.motion} down and up in turn with {100 * amplitude:.0f} % of the thrust"
-            f" that is left, switched every {switch_s:g} s",
+            f"{way}; {combination.motion} down and up in turn with {100 * amplitude:.0f} % of"
+            f" {_left(combination)}, switched every {switch_s:g} s",
         ),
         [(combination, lambda t, span: zigzag_levels(t, span, switch_s=switch_s))],
         duration_s=duration_s,
@@ -357,7 +357,7 @@ def multisine(
             "multisine",
             f"multisine {which}{way}",
             f"{begun}{spoken} excited from {band_hz[0]:g} to {band_hz[1]:g} Hz with"
-            f" {100 * amplitude:.0f} % of the thrust",
+            f" {100 * amplitude:.0f} % of {_all(combinations)}",
         ),
         [(combination, part(index)) for index, combination in enumerate(combinations)],
         duration_s=duration_s,
@@ -395,6 +395,19 @@ def _manoeuvre(
     travels = ahead is not None or any(combination.axis == "X" for combination, _ in parts)
     return Manoeuvre(
         name, kind, words, t, thrusters.commands(thrusts), pause_s=TURN_BACK_S if travels else SETTLE_S
+    )
+
+
+def _left(combination: Combination) -> str:
+    """What a combination takes a share of beside the thrust ahead."""
+    return "the fins' force" if combination.needs_way else "the thrust that is left"
+
+
+def _all(combinations: Sequence[Combination]) -> str:
+    """What combinations take a share of."""
+    kinds = {one.needs_way for one in combinations}
+    return (
+        "thrust and fins' force" if len(kinds) > 1 else "the fins' force" if True in kinds else "the thrust"
     )
 
 
