@@ -31,6 +31,7 @@ from seatrial.control_design.start_guidance import (
 )
 from seatrial.control_design.trim import trim
 from seatrial.vehicle.authority import LOOPS, ROWS, delays
+from seatrial.vehicle.turning import turning_radius
 
 NAMES = ("cwolf", "remus100", "lauv", "bluerov2-heavy", "beluga")
 
@@ -270,3 +271,12 @@ def test_bad_input_a_vehicle_that_cannot_be_steered_is_refused() -> None:
         ValueError, match=r"expected a vehicle that commands X, N and Z or M; .*N: the vehicle file"
     ):
         start_gains(Vehicle.from_toml(text))
+
+
+def test_a_vehicle_that_turns_widely_circles_wider_than_it_must() -> None:
+    lauv = Vehicle.load("lauv")
+    weak = lauv.with_coefficients({f"rudder_{half}.gain": 0.25 for half in ("upper", "lower")})
+    begun = start_gains(weak)
+    radii = [turning_radius(weak, speed) for speed in begun.speeds_m_s if speed > 0.0]
+    tightest = max(radius for radius in radii if radius is not None)
+    assert guidance(weak, begun)[0]["loiter_radius_m"] == pytest.approx(1.25 * tightest, rel=0.01)

@@ -188,6 +188,8 @@ _TURN_SHARE = 0.2  # of the speed while the bow is a right angle off: who can st
 
 _HOLD_RADIUS_M, _WATCH = 2.0, 2.5  # largest; watch radius over hold radius
 
+_LEAST_LOITER_M, _LOITER = 5.0, 1.25  # radius of a circle in place of a station; over the tightest one
+
 _WEATHERVANE = 5.0  # times the hold gain: well damped in currents from 0.2 m/s on
 
 
@@ -200,6 +202,8 @@ def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[
     by_pitch = mode.depth_by == "pitch"
     surge, heading = start.loops["surge"], start.loops["heading"]
     turn = _steady_turn(vehicle, cruise, _SHARE * heading.tau_max)
+    tightest = 0.0 if "heave" in start.loops else _tightest(vehicle, start)
+    circle = 1.5 * cruise / max(min(turn, np.deg2rad(_TURN_DEG_S)), 1e-3)
     table: dict[str, Any] = {"method": "integral"}
     late: dict[str, float] = {}
     for key, loop in (("lookahead_m", "heading"), ("lookahead_vertical_m", "pitch")):
@@ -214,7 +218,7 @@ def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[
         "speed_max_m_s": 0.9 * start.speeds_m_s[-1],
         "acceleration_max_m_s2": min(0.5 * _SHARE * surge.tau_max / mass, cruise / _START_S),
         "turn_rate_max_deg_s": float(min(_TURN_DEG_S, np.rad2deg(turn))),
-        "loiter_radius_m": max(5.0, 1.5 * cruise / max(min(turn, np.deg2rad(_TURN_DEG_S)), 1e-3)),
+        "loiter_radius_m": max(_LEAST_LOITER_M, circle, _LOITER * tightest),
         "hold_gain_per_s": hold,
     }
     if "sway" not in start.loops:  # else it slows down and turns on the spot
@@ -237,6 +241,12 @@ def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[
     return {
         key: value if isinstance(value, str) else three_digits(value) for key, value in table.items()
     }, late
+
+
+def _tightest(vehicle: Vehicle, start: StartGains) -> float:
+    """Radius in m of the tightest circle that the vehicle turns at every speed ahead; zero without any."""
+    radii = (turning_radius(vehicle, speed) for speed in start.speeds_m_s if speed > 0.0)
+    return max((radius for radius in radii if radius is not None), default=0.0)
 
 
 def _lookahead(vehicle: Vehicle, start: StartGains, mode: Mode, loop: str) -> tuple[float, float]:
