@@ -470,7 +470,7 @@ def test_the_verb_prints_the_plan_and_writes_it(tmp_path: Path, monkeypatch: pyt
 
 def test_a_trial_is_drawn_on_one_page(default: Plan, tmp_path: Path) -> None:
     figure = planned_trial(CWOLF, default, trial=2)
-    assert {axes.get_title(loc="left") for axes in figure.axes} >= {"Commands", "Track", "What it tells"}
+    assert {axes.get_title(loc="left") for axes in figure.axes} >= {"Commands", "Track", "Coefficients"}
     assert save(figure, tmp_path / "trial", formats=("png",)) == [tmp_path / "trial.png"]
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial.base.arrays import Array
 from seatrial.experiment.forecast import START_TILT_DEG, UNEVEN, simulated, uneven
 from seatrial.report.plot.style import (
     CYCLE,
@@ -19,7 +20,7 @@ from seatrial.report.plot.style import (
     new_figure,
     panel_title,
 )
-from seatrial.vehicle.actuators import NOMINAL_V
+from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, largest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,22 +78,34 @@ def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: fl
 
 
 def _commands(axes: Axes, vehicle: Vehicle, manoeuvre: Manoeuvre) -> None:
-    """Commands, one line for actuators that do the same."""
-    alike: dict[bytes, list[str]] = {}
+    """Commands, one line for actuators that do the same; shares of the largest where units differ."""
+    facts = vehicle.actuator_info()
+    units = {str(one["unit"]) for one in facts.values()}
+    groups = {tuple(members): group for group, members in actuator_groups(vehicle).items()}
+
+    def shown(name: str) -> Array:
+        values = np.asarray(manoeuvre.commands[name], dtype=float)
+        if len(units) == 1:
+            return values
+        away = values - float(facts[name]["neutral"])
+        sides = [largest(facts[name], -1.0 if facts[name]["reversed"] else 1.0)]
+        sides.append(largest(facts[name], 1.0 if facts[name]["reversed"] else -1.0))
+        return 100.0 * away / np.where(away < 0.0, max(sides[1], 1e-12), max(sides[0], 1e-12))
+
+    alike: dict[tuple[str, bytes], list[str]] = {}
     for name, values in manoeuvre.commands.items():
-        alike.setdefault(np.asarray(values).tobytes(), []).append(name)
+        alike.setdefault((str(facts[name]["unit"]), np.asarray(values).tobytes()), []).append(name)
     for k, names in enumerate(alike.values()):
         axes.step(
             manoeuvre.t,
-            manoeuvre.commands[names[0]],
+            shown(names[0]),
             where="post",
             color=CYCLE[k % len(CYCLE)],
             linestyle="-" if k < len(CYCLE) else "--",
             linewidth=0.9,
-            label=", ".join(names),
+            label=groups.get(tuple(names), ", ".join(names)),
         )
-    units = {str(facts["unit"]) for facts in vehicle.actuator_info().values()}
-    axes.set_ylabel(f"command, {' or '.join(sorted(units))}")
+    axes.set_ylabel(f"command, {min(units)}" if len(units) == 1 else "% of the largest")
     axes.set_xlim(manoeuvre.t[0], manoeuvre.t[-1])
     panel_title(axes, "Commands")
     _legend(axes, *axes.get_legend_handles_labels(), columns=4)
@@ -153,7 +166,7 @@ def _told(axes: Axes, one: Ranked) -> None:
     axes.set_ylim(-0.7, len(rows) - 0.3)
     axes.set_xlabel("standard deviation, % of the value")
     _legend(axes, *axes.get_legend_handles_labels())
-    panel_title(axes, "What it tells")
+    panel_title(axes, "Coefficients")
 
 
 def _legend(axes: Axes, handles: Sequence[Any], labels: Sequence[str], *, columns: int = 3) -> None:
