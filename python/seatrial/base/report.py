@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-__all__ = ["REPORT_FILE", "Column", "Report", "Section", "Table", "text_table"]
+__all__ = ["REPORT_FILE", "Column", "Report", "Section", "Table", "appended", "text_table"]
 
 REPORT_FILE = "report.json"
 """Name of the report as plain data in a run directory; a page is rendered from it."""
@@ -260,3 +260,17 @@ def _sentence(text: str) -> str:
 def _key(text: str) -> str:
     """What two sentences that say the same have in common."""
     return text.strip().removesuffix(".").lower()
+
+
+def appended(said: str, doubt: str) -> str:
+    """A first line with a doubt about it behind it, without what to do about the doubt (after "; ").
+
+    Examples
+    --------
+    >>> appended("2 of 2 requirements held", "a tenth of the vehicles are impossible; identify again")
+    '2 of 2 requirements held. A tenth of the vehicles are impossible'
+    """
+    if not doubt:
+        return said
+    problem, _, _ = doubt.partition("; ")
+    return f"{said.rstrip('.')}. {problem[0].upper()}{problem[1:]}"

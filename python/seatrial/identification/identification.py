@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import parquet
 from seatrial.base.channels import CHANNELS, MOTIONS, readable
-from seatrial.base.report import Column, Report, Section, Table
+from seatrial.base.report import Column, Report, Section, Table, appended
 from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
@@ -298,10 +298,8 @@ def _how_good(fit: Identification) -> str:
     if choice is not None and not (choice.polished.converged or choice.polished.interrupted):
         count = choice.polished.rounds
         said.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
-    if fit.doubt:
-        problem, _, _ = fit.doubt.partition("; ")
-        said[-1] = f"{said[-1].rstrip('.')}. {problem[0].upper()}{problem[1:]}"
-    return " ".join((fit.tally.sentence, *said) if fit.coefficients or fit.held else said)
+    line = " ".join((fit.tally.sentence, *said) if fit.coefficients or fit.held else said)
+    return appended(line, fit.doubt)
 
 
 def _judged(fit: Identification) -> Score | None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Section, Table, appended
 from seatrial.base.run import RunResult, to_json
 from seatrial.flight.mismatch import tuned_for
 from seatrial.tuning.performance import Performance
@@ -285,7 +285,7 @@ def report(tuning: Tuning) -> Report:
         )
         for performance in reversed(tuning.performance)
     ]
-    tables = responses[:1]
+    tables, doubt = responses[:1], tuning.plan.fitted.doubt()
     if len(tuning.performance) > 1:
         tables.append(
             Table.of(
@@ -304,7 +304,12 @@ def report(tuning: Tuning) -> Report:
         next_step=next_step,
         sections=(
             Section(tables=tuple(tables)),
-            Section("Remarks", (*said, _effort(tuning)), tuple(responses[1:]), details=True),
+            Section(
+                "Remarks",
+                (*filter(None, [doubt]), *said, _effort(tuning)),
+                tuple(responses[1:]),
+                details=True,
+            ),
         ),
     )
 
@@ -325,11 +330,11 @@ def _how_good(tuning: Tuning) -> str:
         phase, row = min(phases, key=lambda pair: pair[0])
         least = f"; least phase margin {phase:.0f} deg ({row.loop} at {row.speed_m_s:.2f} m/s)"
     held = min((trial.held for trial in tuned.trials), default=1.0)
-    doubt = f"{said}. " if (said := tuning.plan.fitted.doubt()) else ""
-    return doubt + (
+    line = (
         f"{inside} of {len(tuned.trials)} responses of the vehicle stay within their corridors{before}; of"
         f" {tuned.samples} drawn vehicles at least {held:.0%}{least}"
     )
+    return appended(line, tuning.plan.fitted.doubt())
 
 
 def _worst(tuning: Tuning) -> tuple[str, str]:

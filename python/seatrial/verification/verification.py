@@ -16,7 +16,7 @@ import numpy as np
 
 from seatrial.base.chunks import RECORDS
 from seatrial.base.file_names import file_name, free_name
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Section, Table, appended
 from seatrial.base.run import Content, RunResult, to_json
 from seatrial.flight.excesses import counted
 from seatrial.statistics import proportions
@@ -215,6 +215,7 @@ def report(found: Verification) -> Report:
     ]
     causes += [_of_case(one) for one in found.cases]
     details = ["\n  ".join(line.strip() for line in requirement_lines(one)) for one in found.requirements]
+    closing = time_sentence(found), again(found)
     tables = (_requirement_table(found), _mission_table(found), _worst_table(found), *comparison)
     return Report(
         title=found.campaign.name,
@@ -227,7 +228,7 @@ def report(found: Verification) -> Report:
             Section("Requirements", tuple(details), details=True),
             Section(
                 "Notes",
-                (*found.notes, *found.flights.left_out, time_sentence(found), again(found)),
+                (*filter(None, [found.doubt]), *found.notes, *found.flights.left_out, *closing),
                 details=True,
             ),
         ),
@@ -240,12 +241,12 @@ def _how_good(found: Verification) -> str:
     held = sum(one.verdict == "held" for one in found.requirements)
     counted = f"{flown} missions" if flown == found.asked else f"{flown} of {found.asked} missions"
     every = np.all([one.judgement.held for one in found.requirements], axis=0)
-    doubt = f"{found.doubt}. " if found.doubt else ""
-    return doubt + (
+    line = (
         f"{held} of {len(found.requirements)} requirements held by {flights.autopilot.name} on"
         f" {flights.fitted.vehicle.name}; {share(float(np.mean(every)))} of {counted}"
         f" ({', '.join(flights.titles)}, seed {flights.seed}) hold all of them"
     )
+    return appended(line, found.doubt)
 
 
 def _of_case(one: FlownCase) -> str:
