@@ -138,7 +138,7 @@ def _loops(loops: tuple[Feedback, ...]) -> list[str]:
         for one in sorted(loops, key=lambda one: -one.explained)
     )
     return [
-        f"recorded in closed loop: {follows}. A fit on such data may bend gains and damping, and its score"
+        f"recorded in closed loop: {follows}. A fit on such data may bias gains and damping, and its score"
         " also rates the controller: add a trial with preset steps of them"
     ]
 
