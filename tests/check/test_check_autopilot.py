@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -127,6 +128,18 @@ def test_a_loiter_circle_that_is_too_tight_is_told() -> None:
         found = check_autopilot(Autopilot.from_toml(text), vehicle=remus)
         assert warned(found, "leaves little room") == tight
         assert said(found, f"station-keeping is a circle of {radius:g} m")
+
+
+@pytest.mark.parametrize("name", ["remus100", "lauv"])
+def test_a_lookahead_that_is_too_short_is_told(name: str) -> None:
+    vehicle, own = Vehicle.load(name), Autopilot.load(name)
+    assert not warned(check_autopilot(own, vehicle=vehicle), "nearly oscillates")
+    for key, what in (("lookahead_m", "course"), ("lookahead_vertical_m", "depth")):
+        table = tomllib.loads(own.to_toml())["guidance"]
+        short = own.with_gains({f"guidance.{key}": 0.3 * table[key]})
+        assert warned(
+            check_autopilot(short, vehicle=vehicle), f"the {what} nearly oscillates about a path: {key}"
+        )
 
 
 def test_every_watch_and_reaction_has_its_words() -> None:

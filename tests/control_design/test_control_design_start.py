@@ -23,9 +23,13 @@ from seatrial.control_design.pole_placement import law
 from seatrial.control_design.start_autopilot import autopilot_text, commented, start_autopilot
 from seatrial.control_design.start_gains import StartGains, start_gains
 from seatrial.control_design.start_guidance import (
+    CLOSEST,
+    PATH_RAD_S,
     following_delay,
     guidance,
     heavy,
+    least_lookahead,
+    lookahead,
     safety,
     without_substitute,
 )
@@ -280,3 +284,21 @@ def test_a_vehicle_that_turns_widely_circles_wider_than_it_must() -> None:
     radii = [turning_radius(weak, speed) for speed in begun.speeds_m_s if speed > 0.0]
     tightest = max(radius for radius in radii if radius is not None)
     assert guidance(weak, begun)[0]["loiter_radius_m"] == pytest.approx(1.25 * tightest, rel=0.01)
+
+
+def test_a_pitch_that_overshoots_gets_a_longer_lookahead() -> None:
+    lauv = Vehicle.load("lauv")
+    # A hull that turns away from the flow, which its planes hold.
+    unsteady = lauv.with_coefficients({"M_uw": -4.0 * lauv.coefficients()["M_uw"]})
+    begun = start_gains(unsteady)
+    k = int(np.argmin(np.abs(np.array(begun.speeds_m_s) - 0.6 * begun.top_m_s[1])))
+    gains = {name: of.gains[k] for name, of in begun.loops.items()}
+    flight = begun.modes[-1], begun.speeds_m_s[k], gains, begun.late
+    plain, _ = lookahead(unsteady, flight, "pitch", begun.loops["pitch"].reference_rad_s, begun.period_s)
+    table, _ = guidance(unsteady, begun)
+    assert table["lookahead_vertical_m"] > 1.1 * plain
+    # Of a pure integral with a delay of 1 s.
+    delayed = np.exp(-1j * PATH_RAD_S) / (1j * PATH_RAD_S)
+    distance = least_lookahead(delayed)
+    assert np.abs(1.0 + delayed / distance).min() == pytest.approx(CLOSEST, abs=0.02)
+    assert np.abs(1.0 + 1.5 * delayed / distance).min() < CLOSEST

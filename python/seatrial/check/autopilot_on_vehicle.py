@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.control_design.autopilot_facts import AutopilotFacts, AutopilotMode, refuse_misfit
+from seatrial.control_design.autopilot_facts import AutopilotFacts, AutopilotMode, mode_at, refuse_misfit
 from seatrial.control_design.mode_table import top_speeds
+from seatrial.control_design.start_guidance import least_lookahead_of
 from seatrial.flight.mismatch import mismatch
 from seatrial.vehicle.authority import LOOPS, ROWS, reach, thrusts
 from seatrial.vehicle.stability import statics
@@ -25,6 +26,8 @@ __all__ = ["on_vehicle"]
 _RANK = 1e-2  # of the largest singular value: what cannot be used in practice
 
 _LOITER = 1.2  # of the tightest circle: room for control
+
+_SHORT = 1.2  # times the lookahead is needed: a path oscillates
 
 
 def on_vehicle(
@@ -52,6 +55,7 @@ def on_vehicle(
     return notes, [
         *([doubt] if doubt else []),
         *warnings,
+        *_paths(facts, vehicle, top),
         *_circle(facts, vehicle, voltage_v),
         *_buoyancy(facts, vehicle),
     ]
@@ -125,6 +129,31 @@ def _not_commanded(matrix: Any, rows: Sequence[str]) -> list[str]:
         else:
             kept.append(row)
     return missing
+
+
+def _paths(facts: AutopilotFacts, vehicle: Vehicle, top: float) -> list[str]:
+    """Lookahead distances behind which a path would oscillate at a breakpoint that the vehicle reaches."""
+    if facts.control != "pid":
+        return []
+    warnings = []
+    holds = facts.guidance["lookahead_speed_m_s"]
+    for loop, key in (("heading", "lookahead_m"), ("pitch", "lookahead_vertical_m")):
+        worst = (_SHORT, 0.0, 0.0)
+        for speed in (speed for speed in facts.speeds_m_s if 0.0 < speed <= top):
+            mode = mode_at(facts, speed)
+            if loop not in mode.loops or (loop == "pitch" and mode.depth_by != "pitch"):
+                continue
+            share = float(np.clip(speed / holds, 0.5, 1.0)) if holds > 0.0 else 1.0
+            least = least_lookahead_of(vehicle, facts, loop, speed) / share
+            if least > worst[0] * facts.guidance[key]:
+                worst = (least / facts.guidance[key], speed, least)
+        if worst[1]:
+            warnings.append(
+                f"at {worst[1]:.2f} m/s the {'course' if loop == 'heading' else 'depth'} nearly oscillates"
+                f" about a path: {key} = {facts.guidance[key]:g} is short of the {worst[2]:.3g} m that the"
+                f" {loop} loop needs; raise it or fly slower"
+            )
+    return warnings
 
 
 def _circle(facts: AutopilotFacts, vehicle: Vehicle, voltage_v: float) -> list[str]:

@@ -9,9 +9,10 @@ that delay. With
 
 a phase margin of 61 deg is left, of 47 deg with the integral (kappa = U/4 takes atan(1/4)), and of 36 deg at
 1.6 times that speed. In the vertical plane alike, with ``theta - w/U``. A longer lookahead is smoother and
-slower: the integral has learnt the drift after about ten of them. tau is the phase of the linear motion
-behind lag and dead time at that crossover, over its frequency; the third-order reference filter has ``3
-atan(w / w_r) / w`` of it, 3/w_r when slow.
+slower: the integral has learnt the drift after about ten of them. Where the loop of the path would still come
+closer to -1 than `CLOSEST` at some speed, as behind a pitch that overshoots, the distance is longer. tau is
+the phase of the linear motion behind lag and dead time at that crossover, over its frequency; the third-order
+reference filter has ``3 atan(w / w_r) / w`` of it, 3/w_r when slow.
 
 Turns begin on the identified turning circle (`seatrial.vehicle.turning`), half of tau early; a vehicle with
 sway turns on the spot instead.
@@ -32,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.autopilot_facts import autopilot_facts, mode_at
+from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.control_design.loops import Sampled, plant, reference_drive, restoring_law, sampled
 from seatrial.control_design.mode_table import Mode, flies, mode_trim
 from seatrial.control_design.operating_points import mode_law, mode_loop
@@ -45,15 +46,20 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
 __all__ = [
+    "CLOSEST",
     "CROSSINGS",
     "CRUISE_LEG",
     "INTEGRAL_SHARES",
     "LEAST_LENGTHS",
+    "PATH_RAD_S",
     "following_delay",
     "guidance",
     "heavy",
+    "least_lookahead",
+    "least_lookahead_of",
     "lookahead",
     "lookahead_of",
+    "path_loop",
     "safety",
     "steady_speed",
     "without_substitute",
@@ -82,15 +88,24 @@ def lookahead(
 
     ``flight`` is the mode, the speed in m/s, the gains of its loops there, and the delays of its rows.
     """
+    tau = _delay_at_crossover(*_followed(vehicle, flight, loop, period_s), reference_rad_s)
+    return CROSSINGS * flight[1] * tau, tau
+
+
+def _followed(
+    vehicle: Vehicle,
+    flight: tuple[Mode, float, dict[str, LoopGain], dict[str, Delay]],
+    loop: str,
+    period_s: float,
+) -> tuple[Sampled, tuple[Array, Array], tuple[str, float, float]]:
+    """System, laws and loop of `following_delay` for a flight of `lookahead`."""
     mode, speed, gains, late = flight
     rows = "".join(ROWS[LOOPS.index(name)] for name in LOOPS if name in mode.loops)
     at = mode_trim(vehicle, speed, mode)
     system = sampled(plant(vehicle, at, mode.loops, motion=MOTION), late, period_s, mode.loops)
     own = law({name: gains[name] for name in mode.loops}, speed)
-    both = (own, own + restoring_law(vehicle, rows))
     inertia = float(np.asarray(vehicle.mass_matrix())[LOOPS.index(loop), LOOPS.index(loop)])
-    tau = _delay_at_crossover(system, both, (loop, speed, inertia), reference_rad_s)
-    return CROSSINGS * speed * tau, tau
+    return system, (own, own + restoring_law(vehicle, rows)), (loop, speed, inertia)
 
 
 def lookahead_of(
@@ -119,14 +134,28 @@ def lookahead_of(
     >>> abs(distance - autopilot.gains()["guidance.lookahead_m"]) < 0.1
     True
     """
-    facts = autopilot_facts(autopilot)
+    tau = _delay_at_crossover(*_followed_by(vehicle, autopilot_facts(autopilot), loop, speed, late_s))
+    return CROSSINGS * speed * tau, tau
+
+
+def least_lookahead_of(vehicle: Vehicle, facts: AutopilotFacts, loop: str, speed: float) -> float:
+    """The shortest lookahead in m behind which an autopilot's own gains keep a path at a speed, m/s.
+
+    Of a loop that works there; zero where any does. Parameters are those of `lookahead_of`.
+    """
+    return least_lookahead(path_loop(*_followed_by(vehicle, facts, loop, speed, {})))
+
+
+def _followed_by(
+    vehicle: Vehicle, facts: AutopilotFacts, loop: str, speed: float, late_s: Mapping[str, float]
+) -> tuple[Sampled, tuple[Array, Array], tuple[str, float, float], float]:
+    """System, laws, loop and reference of `following_delay` for an autopilot's own gains."""
     mode = mode_at(facts, speed).name
     at = mode_loop(vehicle, facts, mode, speed, measured_late_s=late_s, motion=MOTION)
     own = mode_law(facts, mode, at.loops, speed)
     inertia = float(np.asarray(vehicle.mass_matrix())[LOOPS.index(loop), LOOPS.index(loop)])
     reference = facts.loops[loop].get("reference_rad_s") or np.inf
-    tau = _delay_at_crossover(at.system, (own, own + at.known), (loop, speed, inertia), reference)
-    return CROSSINGS * speed * tau, tau
+    return at.system, (own, own + at.known), (loop, speed, inertia), reference
 
 
 def _delay_at_crossover(
@@ -152,17 +181,44 @@ def following_delay(
     ``laws`` are those of the loops, without and with the feed-forward at the measured attitude; ``loop`` its
     name, the speed in m/s and the inertia of the row, which is fed forward.
     """
+    lag = -float(np.angle(_course(system, laws, loop, omega))) % (2.0 * np.pi)
+    lag -= 2.0 * np.pi if lag > 1.5 * np.pi else 0.0
+    return (lag + 3.0 * float(np.arctan(omega / reference_rad_s))) / omega
+
+
+def _course(
+    system: Sampled, laws: tuple[Array, Array], loop: tuple[str, float, float], omega: float
+) -> complex:
+    """Angle of the course over a filtered reference of the loop's angle, at omega (rad/s)."""
     name, speed, inertia = loop
-    own, fed = laws
     z = np.exp(1j * omega * system.period_s)
-    step, drive = reference_drive(system, (own, fed), name, (1j * omega, inertia))
+    step, drive = reference_drive(system, laws, name, (1j * omega, inertia))
     x = np.linalg.solve(z * np.eye(len(step)) - step, drive)
     (angle, one), (flow, sign) = _WAY[name]
     answer = one * x[system.seen[system.columns.index(angle)]]
-    answer += sign * x[system.seen[system.columns.index(flow)]] / speed
-    lag = -float(np.angle(answer)) % (2.0 * np.pi)
-    lag -= 2.0 * np.pi if lag > 1.5 * np.pi else 0.0
-    return (lag + 3.0 * float(np.arctan(omega / reference_rad_s))) / omega
+    return complex(answer + sign * x[system.seen[system.columns.index(flow)]] / speed)
+
+
+def path_loop(
+    system: Sampled, laws: tuple[Array, Array], loop: tuple[str, float, float], reference_rad_s: float
+) -> Array:
+    """Open loop of the line of sight for a lookahead of one metre, complex, over `PATH_RAD_S`.
+
+    ``U/(j w) F(j w) G(j w)``: the course follows a filtered reference by ``G``, the reference filter is
+    ``F``. Over a lookahead distance it is the open loop of the path. Parameters are those of
+    `following_delay`.
+    """
+    speed = loop[1]
+    course = np.array([_course(system, laws, loop, omega) for omega in PATH_RAD_S])
+    s = 1j * PATH_RAD_S
+    return np.asarray(speed / s * (1.0 / (1.0 + s / reference_rad_s)) ** 3 * course)
+
+
+PATH_RAD_S = np.geomspace(0.01, 8.0, 120)
+"""Frequencies at which the loop of a path is judged, rad/s."""
+
+CLOSEST = 0.4
+"""Least distance of that loop from -1: a sensitivity of 2.5."""
 
 
 CRUISE_LEG = 0.6
@@ -209,7 +265,7 @@ def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[
     for key, loop in (("lookahead_m", "heading"), ("lookahead_vertical_m", "pitch")):
         if loop == "heading" or by_pitch:
             distance, late[loop] = _lookahead(vehicle, start, mode, loop)
-            table[key] = max(distance, LEAST_LENGTHS * length)
+            table[key] = _widened(vehicle, start, loop, max(distance, LEAST_LENGTHS * length))
     hold = min(0.2 * float(np.median([gain.bandwidth for gain in surge.gains])), 0.2)
     table |= {
         "lookahead_speed_m_s": start.speeds_m_s[_nearest(start, cruise)],
@@ -247,6 +303,34 @@ def _tightest(vehicle: Vehicle, start: StartGains) -> float:
     """Radius in m of the tightest circle that the vehicle turns at every speed ahead; zero without any."""
     radii = (turning_radius(vehicle, speed) for speed in start.speeds_m_s if speed > 0.0)
     return max((radius for radius in radii if radius is not None), default=0.0)
+
+
+def _widened(vehicle: Vehicle, start: StartGains, loop: str, distance: float) -> float:
+    """The lookahead distance in m, longer where the path's loop would come close to -1 at some speed.
+
+    It holds for the cruising speed, shrinks below it to a half at the least and stays above it.
+    """
+    cruise = start.speeds_m_s[_nearest(start, CRUISE_LEG * start.top_m_s[1])]
+    least = 0.0
+    for k, speed in enumerate(start.speeds_m_s):
+        mode = next((mode for mode in start.modes if flies(mode, start.modes, speed)), None)
+        if speed <= 0.0 or mode is None or loop not in mode.loops:
+            continue
+        gains = {name: of.gains[k] for name, of in start.loops.items()}
+        open_loop = path_loop(
+            *_followed(vehicle, (mode, speed, gains, start.late), loop, start.period_s),
+            start.loops[loop].reference_rad_s,
+        )
+        least = max(least, least_lookahead(open_loop) / float(np.clip(speed / cruise, 0.5, 1.0)))
+    return max(distance, least)
+
+
+def least_lookahead(open_loop: Array) -> float:
+    """The shortest lookahead in m whose `path_loop` stays `CLOSEST` away from -1."""
+    distances = np.geomspace(0.05, 1000.0, 400)
+    apart = np.abs(1.0 + open_loop / distances[:, None]).min(axis=1)
+    close = np.flatnonzero(apart < CLOSEST)
+    return float(distances[min(close[-1] + 1, len(distances) - 1)]) if len(close) else 0.0
 
 
 def _lookahead(vehicle: Vehicle, start: StartGains, mode: Mode, loop: str) -> tuple[float, float]:
