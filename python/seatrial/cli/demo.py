@@ -85,7 +85,8 @@ def _cwolf(
     campaign = Campaign.load(example / "campaign.toml")
     if not quiet:
         console.rule(
-            "CWolf: four stages of Taubert et al. (2014), trials GENERATED from a truth vehicle", align="left"
+            "CWolf: stages as in Taubert et al. (2014), and roll; trials GENERATED from a truth vehicle",
+            align="left",
         )
     fit = _identified(campaign, folder, threads=threads, quiet=quiet, truth=truth.vehicle.coefficients())
     logs = folder / "trials"

@@ -44,8 +44,8 @@ def import_(
     """List what logs hold, and draft a project from them: map, vehicle, campaign and trials.
 
     Without --out it lists every topic and field with rate, range, unit and what it is taken for. A model of
-    another simulator (.sdf, .urdf, .xacro, .scn, .xml) becomes a vehicle file, --out FILE.toml, with a report
-    on what contradicts itself.
+    another simulator (.sdf, .urdf, .xacro, .scn, .world, .xml) becomes a vehicle file, --out FILE.toml, with
+    a report on what contradicts itself.
     """
     from seatrial.simulators.convert import ENDINGS
 

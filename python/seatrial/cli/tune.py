@@ -21,7 +21,10 @@ __all__ = ["draw", "fitted_source", "tune", "tuned"]
 
 
 def tune(
-    campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML) with [tuning].")],
+    campaign: Annotated[
+        Path,
+        typer.Argument(help="Campaign file (TOML) with [tuning]. Without that table, the defaults hold."),
+    ],
     run: Annotated[
         Path | None,
         typer.Option(
