@@ -87,8 +87,8 @@ def test_contact_is_no_success() -> None:
     assert flight.outcome == "complete"
     assert not flight.complete
     first = str(flight).splitlines()
-    assert "too near to what stands in the water" in first[0]
-    assert "m inside what stands in the water" in first[1]
+    assert "too near to an obstacle" in first[0]
+    assert "m inside an obstacle" in first[1]
 
 
 def test_a_vehicle_that_leaves_the_water_is_told_when_and_where() -> None:

@@ -27,7 +27,7 @@ def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
     [
         (
             {"clearance_m": (4.4, 6.0, -0.2), "clearance_reserve_m": (-0.6, 1.0, -5.2)},
-            "2 of 3 flights came too near to what stands in the water, the worst is c: 0.20 m inside"
+            "2 of 3 flights came too near to an obstacle, the worst is c: 0.20 m inside"
             " (promised: 5 m) at 20.0 s",
         ),
         (

@@ -177,6 +177,6 @@ def test_the_first_lines_tell_who_came_too_near_or_left_the_water(tmp_path: Path
     found = flown(tmp_path, pile + easy)
     hit, count = found.report().worst, int((found.flown.metrics["clearance_m"] <= 0.0).sum())
     assert count > 0
-    assert f"{count} of 4 missions came too near to what stands in the water" in hit
+    assert f"{count} of 4 missions came too near to an obstacle" in hit
     assert re.search(r"the worst is mission \d: \d\.\d\d m inside at \d+\.\d s", hit)
     assert "too near" not in flown(tmp_path, easy).report().worst

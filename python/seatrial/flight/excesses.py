@@ -82,7 +82,7 @@ def counted(
 
     kinds: tuple[tuple[str, Mask, Any, Callable[[int], str], str], ...] = (
         (
-            "came too near to what stands in the water",
+            "came too near to an obstacle",
             too_near(metrics, promised),
             np.fmin(clear, np.asarray(metrics["clearance_reserve_m"], dtype=float)),
             nearness,

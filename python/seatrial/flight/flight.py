@@ -132,7 +132,7 @@ class Flight(FlightLog):
         """How it ended; one that missed waypoints or came too near to something is not called complete."""
         if self.outcome != "complete" or self.complete:
             return self.outcome
-        faults = ["too near to what stands in the water"] if too_near(self) else []
+        faults = ["too near to an obstacle"] if too_near(self) else []
         faults += ["the bottom touched"] if touched(self) else []
         faults += [] if all(leg.reached for leg in self.legs) else ["waypoints missed"]
         return f"flown to its end, {' and '.join(faults)}"
@@ -469,7 +469,7 @@ def _clear(flight: Flight) -> list[str]:
     if promised > 0.0 and reserve < 0.0:
         said += f", {-reserve:.2f} m more"
     near = f"The hull came to {clear:.2f} m from" if clear > 0.0 else f"The hull was {-clear:.2f} m inside"
-    return [f"{near} what stands in the water, {when}{said if promised > 0.0 else ''}."]
+    return [f"{near} an obstacle, {when}{said if promised > 0.0 else ''}."]
 
 
 def _at(flight: Flight, time_s: float) -> str:

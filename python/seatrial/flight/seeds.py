@@ -65,7 +65,7 @@ class Seeds:
         which = f"; not complete: seed {', '.join(map(str, others[:8]))}" if others else ""
         near = ""
         if self.too_near:
-            near = f"; too near to what stands in the water: seed {', '.join(map(str, self.too_near[:8]))}"
+            near = f"; too near to an obstacle: seed {', '.join(map(str, self.too_near[:8]))}"
         if self.touched:
             near += f"; touched the bottom: seed {', '.join(map(str, self.touched[:8]))}"
         return f"{len(self.seeds)} seeds from {self.seeds[0]} on: {ends}{which}{near}."

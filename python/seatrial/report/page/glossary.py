@@ -30,7 +30,7 @@ _TERMS: tuple[tuple[str, str, str], ...] = (
         " a linear model.",
     ),
     ("breakpoint", r"breakpoint", "A speed at which the gains are given; between two they are interpolated."),
-    ("clearance", r"clear", "Smallest distance of the hull from what stands in the water."),
+    ("clearance", r"clear", "Smallest distance of the hull from obstacles."),
     (
         "corridor",
         r"corridor",
