@@ -12,7 +12,7 @@ import numpy as np
 
 from seatrial.control_design.autopilot_facts import AutopilotFacts, AutopilotMode, mode_at, refuse_misfit
 from seatrial.control_design.mode_table import top_speeds
-from seatrial.control_design.start_guidance import least_lookahead_of
+from seatrial.control_design.start_guidance import least_lookahead_of, lookahead_share
 from seatrial.flight.mismatch import mismatch
 from seatrial.vehicle.authority import LOOPS, ROWS, reach, thrusts
 from seatrial.vehicle.stability import statics
@@ -27,7 +27,7 @@ _RANK = 1e-2  # of the largest singular value: what cannot be used in practice
 
 _LOITER = 1.2  # of the tightest circle: room for control
 
-_SHORT = 1.2  # times the lookahead is needed: a path oscillates
+_SHORT = 1.2  # needed over given lookahead from which on a path nearly oscillates
 
 
 def on_vehicle(
@@ -143,8 +143,7 @@ def _paths(facts: AutopilotFacts, vehicle: Vehicle, top: float) -> list[str]:
             mode = mode_at(facts, speed)
             if loop not in mode.loops or (loop == "pitch" and mode.depth_by != "pitch"):
                 continue
-            share = float(np.clip(speed / holds, 0.5, 1.0)) if holds > 0.0 else 1.0
-            least = least_lookahead_of(vehicle, facts, loop, speed) / share
+            least = least_lookahead_of(vehicle, facts, loop, speed) / lookahead_share(speed, holds)
             if least > worst[0] * facts.guidance[key]:
                 worst = (least / facts.guidance[key], speed, least)
         if worst[1]:

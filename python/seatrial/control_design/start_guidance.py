@@ -59,6 +59,7 @@ __all__ = [
     "least_lookahead_of",
     "lookahead",
     "lookahead_of",
+    "lookahead_share",
     "path_loop",
     "safety",
     "steady_speed",
@@ -316,13 +317,20 @@ def _widened(vehicle: Vehicle, start: StartGains, loop: str, distance: float) ->
         mode = next((mode for mode in start.modes if flies(mode, start.modes, speed)), None)
         if speed <= 0.0 or mode is None or loop not in mode.loops:
             continue
+        if loop == "pitch" and mode.depth_by != "pitch":
+            continue
         gains = {name: of.gains[k] for name, of in start.loops.items()}
         open_loop = path_loop(
             *_followed(vehicle, (mode, speed, gains, start.late), loop, start.period_s),
             start.loops[loop].reference_rad_s,
         )
-        least = max(least, least_lookahead(open_loop) / float(np.clip(speed / cruise, 0.5, 1.0)))
+        least = max(least, least_lookahead(open_loop) / lookahead_share(speed, cruise))
     return max(distance, least)
+
+
+def lookahead_share(speed: float, holds: float) -> float:
+    """Share of a lookahead distance at a speed, m/s, where it holds for another, as in the core."""
+    return float(np.clip(speed / holds, 0.5, 1.0)) if holds > 0.0 else 1.0
 
 
 def least_lookahead(open_loop: Array) -> float:

@@ -281,7 +281,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         sections=(
             Section(tables=(*tables, _meaning_table(fit), _stage_table(fit))),
             Section(tables=(_score_table(fit),), details=True),
-            Section("Remarks", (*([fit.doubt] if fit.doubt else []), *advice(fit)), details=True),
+            Section("Remarks", (*filter(None, [fit.doubt]), *advice(fit)), details=True),
         ),
     )
 

@@ -88,9 +88,9 @@ def _commands(axes: Axes, vehicle: Vehicle, manoeuvre: Manoeuvre) -> None:
         if len(units) == 1:
             return values
         away = values - float(facts[name]["neutral"])
-        sides = [largest(facts[name], -1.0 if facts[name]["reversed"] else 1.0)]
-        sides.append(largest(facts[name], 1.0 if facts[name]["reversed"] else -1.0))
-        return 100.0 * away / np.where(away < 0.0, max(sides[1], 1e-12), max(sides[0], 1e-12))
+        sense = -1.0 if facts[name]["reversed"] else 1.0
+        above, below = (max(largest(facts[name], side), 1e-12) for side in (sense, -sense))
+        return 100.0 * away / np.where(away < 0.0, below, above)
 
     alike: dict[tuple[str, bytes], list[str]] = {}
     for name, values in manoeuvre.commands.items():
