@@ -1,4 +1,4 @@
-"""One uniform time base: continuous channels linearly between neighbours, commands held, gaps left open.
+"""One uniform time base: channels linearly between neighbours, means of commands, gaps left open.
 
 A point of the base is valid where both neighbouring samples are good and no further apart than `GAP` times
 the sensor's own usual interval; elsewhere the value is a fill that no criterion may use. Stamps that came in
@@ -64,9 +64,31 @@ def uniform(t: Array, rate_hz: float | None, file: str = "recording") -> Array:
 
 
 def held(signal: Signal, t: Array) -> Array:
-    """Last sample at or before each time, shape (n, k); before the first one, the first."""
-    index = np.searchsorted(signal.t, t + _TICK * np.min(np.diff(t)), side="right") - 1
-    return signal.y[np.maximum(index, 0)]
+    """Means of a command over the steps that begin at the uniform times `t`, shape (n, k).
+
+    A command acts from its stamp until the next one; before the first, the first acts. The simulation holds
+    one value over a step: with the mean of the step every command acts at its own stamp. The value in force
+    at the beginning of the step would come late by up to a step, by half of one on average.
+    """
+    step = (t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
+    # Stamps that are those of the base but for rounding are the base's; seconds since 1970 are coarse.
+    places = (signal.t - t[0]) / step
+    whole = np.round(places)
+    tick = max(_TICK, 4.0 * float(np.spacing(abs(t[-1]))) / step)
+    places = np.where(np.abs(places - whole) <= tick, whole, places)
+    begins = np.arange(len(t), dtype=float)
+    before = np.maximum(np.searchsorted(places, begins, side="right") - 1, 0)
+    value = signal.y[before]
+    # Every later command of a step adds its change, for the share of the step that is left.
+    inside = (places > 0.0) & (places < len(t)) & (places != np.floor(places))
+    inside[:1] = False
+    samples = np.flatnonzero(inside)
+    steps = np.floor(places[samples]).astype(np.int_)
+    share = 1.0 - (places[samples] - steps)
+    change = signal.y[samples] - signal.y[samples - 1]
+    result = np.array(value, dtype=float)
+    np.add.at(result, steps, share[:, None] * change)
+    return result
 
 
 def linear(signal: Signal, t: Array) -> tuple[Array, Mask]:
