@@ -29,7 +29,7 @@ _LEAST_TILT, _LEAST_HEADING = 0.3 * DEGREE, 1.0 * DEGREE
 
 _LEAST_BIAS = 0.03 * DEGREE  # per s, of a gyro
 
-_SURE_BIAS = 0.003  # m/s: what a Doppler log's own bias of w may be
+_SURE_BIAS = 0.001  # m/s: what data sheets of Doppler logs allow beside a share of the speed
 
 _LEAST_FORCE = 0.03  # m/s^2
 
