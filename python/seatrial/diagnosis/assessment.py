@@ -15,6 +15,7 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.report import Table
 from seatrial.campaign.parameters import Parameter
 from seatrial.diagnosis.advice import manoeuvre, role, strayed
+from seatrial.diagnosis.bounds import ContradictedBounds, contradicted_bounds
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
 from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint, tried_terms
 from seatrial.estimation.gauss_newton import ran_away
@@ -58,6 +59,8 @@ class Assessment:
         AIC and BIC, for the choice between models.
     residual_analysis
         Autocorrelation of the residuals, missing terms, signals that the residuals follow.
+    bounds
+        Bounds that the data contradict, and what the estimate would be without them; None without any.
     """
 
     vehicle: Vehicle
@@ -68,6 +71,7 @@ class Assessment:
     identifiability: Identifiability
     criteria: InformationCriteria
     residual_analysis: ResidualAnalysis
+    bounds: ContradictedBounds | None = None
 
     @property
     def verdicts(self) -> dict[str, str]:
@@ -76,6 +80,7 @@ class Assessment:
         lost = {name for name, bound in known if bound is not None}
         lost |= {name for horizon in self.polished.horizons for name in horizon.refused}
         lost |= {name for other in self.polished.others for name in other.refused}
+        lost |= set() if self.bounds is None else set(self.bounds.refused)
         told = self.identifiability.verdicts.items()
         return {name: "not identifiable" if name in lost else verdict for name, verdict in told}
 
@@ -134,7 +139,7 @@ class Assessment:
         return [line, *self.refused()]
 
     def refused(self) -> list[str]:
-        """Sentences on coefficients on which horizons or models of the damping disagree, worst first."""
+        """Sentences on coefficients that other horizons, damping or bounds contradict, worst first."""
         names = [unknown.name for unknown in self.unknowns]
         fit = dict(zip(names, self.uncertainty.estimate.tolist(), strict=True))
         found = [
@@ -158,7 +163,26 @@ class Assessment:
                     " the autopilot's output (seatrial plan)"
                 )
                 found.append((away, said))
+        found += self._bent(fit)
         return [said for _, said in sorted(found, key=lambda one: -one[0])]
+
+    def _bent(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
+        """Sentences on coefficients that make up for a bound that the data contradict, with their size."""
+        if self.bounds is None:
+            return []
+        bounded, pull = max(self.bounds.pulls.items(), key=lambda one: one[1])
+        end = self.uncertainty.at_bound[self.uncertainty.names.index(bounded)]
+        return [
+            (
+                abs(self.bounds.away[name]),
+                f"{name} is not identified: {bounded} ends at its {end} bound, the data lead {pull:.1f}"
+                f" standard deviations beyond it, and without such bounds {name} would be"
+                f" {self.bounds.values[name]:.3g} instead of {fit[name]:.3g}; widen the bounds of"
+                f" {', '.join(self.bounds.pulls)} where values beyond make sense, else hold {name} at a value"
+                " that you trust, for the model lacks something there",
+            )
+            for name in self.bounds.refused
+        ]
 
     def _manoeuvre(self, name: str) -> str:
         """What this vehicle sails to tell a coefficient."""
@@ -166,13 +190,15 @@ class Assessment:
         return manoeuvre(role(name, pushed=pushed_axes(vehicle), fins=fins_and_groups(vehicle)))
 
     def assumption_table(self) -> Table:
-        """Estimates over other horizons and with other damping; empty without a noise model."""
+        """Estimates over other horizons, with other damping, and without bounds that the data contradict."""
         polished, names = self.polished, [unknown.name for unknown in self.unknowns]
         columns: list[tuple[str, Mapping[str, float], Mapping[str, float], tuple[str, ...]]] = [
             (f"{one.ahead_s:g} s ahead", _named(names, one.values), _named(names, one.away), one.refused)
             for one in polished.horizons
         ]
         columns += [(one.damping, one.values, one.away, one.refused) for one in polished.others]
+        if (free := self.bounds) is not None:
+            columns.append(("without contradicted bounds", free.values, free.away, free.refused))
         rows = []
         for place, name in enumerate(names):
             fit = f"{self.uncertainty.estimate[place]:.4g}"
@@ -207,6 +233,7 @@ class Assessment:
             "identifiability": self.identifiability.to_dict(),
             "information_criteria": self.criteria.to_dict(),
             "residual_analysis": self.residual_analysis.to_dict(),
+            "bounds": None if self.bounds is None else self.bounds.to_dict(),
             "sentences": self.sentences(),
         }
 
@@ -302,4 +329,5 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
         residual_analysis=analyse_joint(
             joint, polished.values, initial=polished.initial, noise=polished.noise, refits=0, tried=tried
         ),
+        bounds=contradicted_bounds(lin, found),
     )
