@@ -743,7 +743,7 @@ class Vehicle:
 
         t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
         the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
-        actuators'; voltage_v (n,), V; max_step_s, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
+        actuators'; voltage_v (n,) or one number, V; max_step_s, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
         """
     def table_voltages(self, /) -> dict[str, tuple[float, float]]:
         """

@@ -16,6 +16,7 @@ from seatrial.bench_test.characteristic import motor_warnings
 from seatrial.bench_test.motor_estimate import MotorParameter
 from seatrial.cli import app
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 BENCH = """
 format = 1
 name = "basin"
@@ -264,6 +265,39 @@ def test_a_recipe_is_answered_in_words(here: Path, name: str, old: str, new: str
 def test_simulate_refuses_before_it_writes(here: Path, options: list[str], words: str) -> None:
     (here / "gyro.toml").write_text("format = 1\n[sensors.gyro]\nnoise_deg_s = 0.1\n")
     refused(here, ["simulate", "cwolf", "c.csv", *options], words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["simulate", "v.toml", "c.csv", "--out", "v.toml"], "expected the ending .csv or .parquet"),
+        (["simulate", "there.toml", "--out", "there.toml"], "expected the ending .csv"),
+        *((["export", form, "v.toml", "--out", "v.toml"], "--out v.toml: expected the ending")
+          for form in ("sdf", "uuv", "stonefish")),
+        (["export", "sdf", "v.xml", "--out", "v.xml"], "--out v.xml: this is the file of the vehicle"),
+        (["export", "csv", "c.csv", "--out", "./c.csv"], "--out c.csv: this is the file of the recording"),
+        (["export", "csv", "there", "--columns-from", "ahead.toml", "--out", "log.csv"],
+         "--out log.csv: this is the file of the recording"),
+        (["autopilot", "v.toml", "--out", "v.toml", "--force"], "this is the file of the vehicle"),
+        (["autopilot", "v.toml", "--out", "linked.toml", "--force"], "this is the file of the vehicle"),
+        (["sitl", "cwolf", "--log", "v.toml"], "--log v.toml: expected the ending .csv or .parquet"),
+        (["plan", "ahead.toml", "--out", "log.csv"], "--out log.csv: this is the file of trial there"),
+        (["plan", "ahead.toml", "--out", "ahead.csv"], "--out ahead.toml: this is the file of the target"),
+    ],
+)  # fmt: skip
+def test_no_verb_writes_over_what_it_reads(here: Path, arguments: list[str], words: str) -> None:
+    for name in ("v.toml", "v.xml"):
+        (here / name).write_text((EXAMPLES / "starter" / "vehicle.toml").read_text())
+    (here / "linked.toml").symlink_to("v.toml")
+    (here / "log.csv").write_text(commands())
+    (here / "ahead.toml").write_text(CAMPAIGN.replace('"there.toml"', '"log.csv"'))
+    refused(here, arguments, words)
+
+
+def test_a_file_in_another_encoding_is_to_be_saved_as_utf_8(here: Path) -> None:
+    (here / "latin.toml").write_bytes('format = 1\nname = "caf\u00e9"\n'.encode("latin-1"))
+    for verb in ("check", "identify"):
+        refused(here, [verb, "latin.toml"], "(not a text file in UTF-8); save it as UTF-8")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import seatrial as st
 from seatrial._core import file_text
-from seatrial.base.file_names import LONGEST_NAME, file_name, free_name
+from seatrial.base.file_names import LONGEST_NAME, file_name, free_name, no_file
 from seatrial.base.run import part_file
 from seatrial.base.toml_file import file_kind, text_of
 from seatrial.cli import app
@@ -165,6 +165,15 @@ def test_names_inside_files_lead_nowhere_else(tmp_path: Path, monkeypatch: pytes
         "check-x----------out", "check-m", "fly-x----------out-x----------out", "scores",
         "plan-x----------out",
     }  # fmt: skip
+
+
+def test_a_link_that_leads_to_no_file_is_called_a_link(tmp_path: Path) -> None:
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    (tmp_path / "c").symlink_to("away.csv")
+    assert no_file(tmp_path / "a") == f"{tmp_path}/a is a link to b, and leads to no file"
+    assert no_file(tmp_path / "c") == f"{tmp_path}/c is a link to away.csv, and leads to no file"
+    assert no_file(tmp_path / "d") == f"there is no file {tmp_path}/d"
 
 
 def test_text_of_keeps_its_words(tmp_path: Path) -> None:

@@ -16,10 +16,20 @@ import polars as pl
 import pytest
 from typer.testing import CliRunner
 
-from seatrial.base.atomic_write import write_atomic, write_table
+from seatrial.base.atomic_write import whole_folder, write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError
 from seatrial.base.progress import Clock
-from seatrial.base.run import RUN_FILE, RunDirectory, check_writable, only_user, part_file, run_facts, to_json
+from seatrial.base.run import (
+    RUN_FILE,
+    Kind,
+    RunDirectory,
+    belongs_to_run,
+    check_writable,
+    only_user,
+    part_file,
+    run_facts,
+    to_json,
+)
 from seatrial.cli import app
 from seatrial.intake.import_logs import import_logs
 
@@ -58,6 +68,118 @@ def test_second_run_replaces_the_first_as_a_whole(tmp_path: Path) -> None:
     assert name_in(tmp_path / "run") == "2"
     assert entries(tmp_path / "run") == [RUN_FILE]
     assert entries(tmp_path) == ["run"]
+
+
+def publish_kind(path: Path, kind: Kind, **files: str) -> None:
+    with RunDirectory(path, kind) as run:
+        facts = run_facts(kind, "x", clock=Clock().stop(), inputs={})
+        run.publish(facts, {file.replace("_", "."): text for file, text in files.items()})
+
+
+def test_a_run_of_another_kind_is_left_alone(tmp_path: Path) -> None:
+    publish_kind(tmp_path / "run", "identification", vehicle_toml="fitted")
+    words = r"expected an earlier flight or an empty folder, found a run of another kind \(identification\)"
+    with pytest.raises(SeatrialError, match=words):
+        RunDirectory(tmp_path / "run", "flight")
+    with pytest.raises(SeatrialError, match=words):
+        check_writable(tmp_path / "run", "flight")
+    with RunDirectory(tmp_path / "run") as run, pytest.raises(SeatrialError, match=words):
+        run.publish({"kind": "flight"}, {})
+    assert (tmp_path / "run/vehicle.toml").read_text() == "fitted"
+    assert entries(tmp_path) == ["run"]
+
+
+def test_a_file_called_run_json_of_another_program_is_left_alone(tmp_path: Path) -> None:
+    for text in ("{}", '{"kind": "marathon"}', "[1]", "no JSON"):
+        (tmp_path / RUN_FILE).write_text(text)
+        with pytest.raises(SeatrialError, match=r"found a run\.json of another program"):
+            RunDirectory(tmp_path, "flight")
+
+
+def test_a_tuning_of_parameters_replaces_the_replay_that_is_part_of_it(tmp_path: Path) -> None:
+    publish_kind(tmp_path / "run", "replay")
+    publish_kind(tmp_path / "run", "ardusub")
+    with pytest.raises(SeatrialError, match=r"another kind \(ardusub\)"):
+        publish_kind(tmp_path / "run", "replay")
+
+
+def test_files_of_somebody_else_outlive_a_replaced_run(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    publish_kind(run, "flight", flight_json="old", seeds_csv="old")
+    (run / "figures").mkdir()
+    (run / "figures/track.png").write_text("drawn")
+    belongs_to_run(run / "figures", [run / "figures/track.png"])
+    (run / "figures/mine.png").write_text("mine")
+    (run / "notes/empty").mkdir(parents=True)
+    (run / "notes/my_notes.txt").write_text("mine")
+    (run / "notes/link").symlink_to("nowhere")
+    (run / "elsewhere").symlink_to(tmp_path)
+    for _ in range(2):
+        publish_kind(run, "flight", flight_json="new")
+        assert (run / "flight.json").read_text() == "new"
+        assert entries(run) == ["elsewhere", "figures", "flight.json", "notes", RUN_FILE]
+        assert entries(run / "figures") == ["mine.png"]
+        assert entries(run / "notes") == ["empty", "link", "my_notes.txt"]
+        assert (run / "elsewhere").readlink() == tmp_path
+        assert json.loads((run / RUN_FILE).read_text())["files"] == ["flight.json"]
+    assert entries(tmp_path) == ["run"]
+
+
+def test_a_run_that_does_not_tell_its_files_keeps_all_but_its_figures(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    (run / "figures").mkdir(parents=True)
+    for name in ("figures/old.png", "my_notes.txt", "flight.json"):
+        (run / name).write_text("old")
+    (run / RUN_FILE).write_text('{"kind": "flight"}')
+    publish_kind(run, "flight", flight_json="new")
+    assert entries(run) == ["flight.json", "my_notes.txt", RUN_FILE]
+    assert (run / "flight.json").read_text() == "new"
+
+
+def test_a_full_disk_leaves_no_copy_of_what_is_somebody_elses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publish_kind(tmp_path / "run", "flight")
+    (tmp_path / "run/my_notes.txt").write_text("mine")
+    run = RunDirectory(tmp_path / "run", "flight")
+
+    def full(self: Path, target: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "rename", full)
+    with run, pytest.raises(SeatrialError, match="the disk is full"):
+        run.publish({"kind": "flight"}, {})
+    assert entries(tmp_path) == ["run"]
+    assert (tmp_path / "run/my_notes.txt").read_text() == "mine"
+
+
+def test_files_drawn_by_many_processes_are_all_noted(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    publish_kind(run, "flight")
+    code = """
+    from pathlib import Path
+    from seatrial.base.run import belongs_to_run
+    print("ready", flush=True)
+    for number in range(20):
+        belongs_to_run(Path(sys.argv[1]), [Path(sys.argv[1]) / f"{sys.argv[2]}-{number}.png"])
+    """
+    drawing = [other_process(code, run, letter) for letter in "abc"]
+    assert [one.wait(60) for one in drawing] == [0, 0, 0]
+    assert len(json.loads((run / RUN_FILE).read_text())["files"]) == 60
+
+
+def test_the_root_is_no_run_and_the_folder_above_goes_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    for call in (RunDirectory, lambda path: only_user(path).__enter__()):
+        with pytest.raises(SeatrialError, match="/: expected a folder with a name of its own"):
+            call("/")
+    with pytest.raises(SeatrialError, match=f"{tmp_path}: it holds files but no run.json"):
+        RunDirectory("..")
+    with only_user(".."):
+        assert (tmp_path.parent / f"{tmp_path.name}.lock").is_file()
 
 
 def test_finished_part_is_found_again_only_for_the_same_inputs(tmp_path: Path) -> None:
@@ -114,7 +236,7 @@ def test_a_run_that_is_not_published_leaves_its_parts_and_nothing_else(tmp_path:
     assert entries(tmp_path) == []
     with RunDirectory(tmp_path / "run") as run:
         run.keep("one", "a", {})
-    check_writable(tmp_path / "run")
+    check_writable(tmp_path / "run", "flight")
     assert entries(tmp_path) == ["run.partial"]
     assert entries(tmp_path / "run.partial") == ["stages"]
 
@@ -153,7 +275,7 @@ def test_a_second_writer_is_refused_at_once_and_a_killed_one_is_no_obstacle(tmp_
         for words in (f"process {other.pid} on {socket.gethostname()}, since 20", "choose another folder"):
             assert words in str(refused.value)
         with pytest.raises(SeatrialError, match="in use by process"):
-            check_writable(tmp_path / "run")
+            check_writable(tmp_path / "run", "flight")
         assert entries(tmp_path) == ["run.lock", "run.partial"]
     finally:
         other.send_signal(signal.SIGKILL)
@@ -357,6 +479,58 @@ def test_a_file_that_cannot_be_finished_leaves_the_former_one(
     assert [path.read_text() for path in tmp_path.iterdir()] == ["former"]
 
 
+@pytest.mark.parametrize("there", [False, True], ids=["new", "empty"])
+@pytest.mark.parametrize("last", [1, 2])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["new", "p/q"],
+        ["import", "log.csv", "--out", "p/q", "--no-figures"],
+        ["export", "c", "cwolf", "--out", "p/q"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_folder_that_cannot_be_finished_is_as_it_was(
+    arguments: list[str], last: int, there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that is full at the first file or at a later one leaves no half of a project."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log.csv").write_text(
+        "time_s,u_m_s\n" + "".join(f"{0.1 * k:.1f},{0.01 * k:.2f}\n" for k in range(50))
+    )
+    if there:
+        (tmp_path / "p/q").mkdir(parents=True)
+    before = sorted(tmp_path.rglob("*"))
+    synced = os.fsync
+    left = last
+
+    def full(descriptor: int) -> None:
+        nonlocal left
+        left -= 1
+        if left < 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        synced(descriptor)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        said = CliRunner().invoke(app, arguments)
+    assert said.exit_code == 2, said.output
+    assert "No space left on device" in said.stderr
+    assert sorted(tmp_path.rglob("*")) == before
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+
+
+def test_a_folder_that_holds_something_keeps_what_was_finished_in_it(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    (tmp_path / "link").symlink_to("nowhere")
+    with pytest.raises(FileExistsError), whole_folder(tmp_path):  # noqa: PT012
+        (tmp_path / "new.txt").touch(exist_ok=False)
+        (tmp_path / "mine.txt").touch(exist_ok=False)
+    with pytest.raises(FileExistsError), whole_folder(tmp_path / "link"):
+        pass
+    assert entries(tmp_path) == ["link", "mine.txt", "new.txt"]
+
+
 def test_of_many_writers_of_a_new_file_one_wins_and_its_file_is_whole(tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path; from seatrial.base.atomic_write import write_atomic\n"
@@ -427,6 +601,39 @@ def test_every_verb_that_writes_is_refused_a_folder_in_use(
         assert f"kill {os.getpid()}" in said.stderr
         assert [path.name for path in tmp_path.iterdir()] == [f"{out.name}.lock"]
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fly", "cwolf", "cwolf", CAGE],
+        ["fly", "cwolf", "cwolf", CAGE, "--realtime", "--speed", "1000"],
+        ["coverage", CWOLF],
+        ["identify", CWOLF],
+        ["tune", CWOLF],
+        ["verify", CWOLF],
+        ["verify", CWOLF, "--rare"],
+        ["verify", CWOLF, "--falsify"],
+        ["verify", CWOLF, "--boundary", "current_speed_m_s=0:1"],
+        ["verify", CWOLF, "--log", CWOLF],
+        ["bench", str(EXAMPLES / "t200" / "bench.toml"), "--no-figures"],
+        ["ardusub", CWOLF],
+        ["ardusub", CWOLF, "--replay-only"],
+    ],
+    ids=lambda arguments: " ".join(Path(word).name for word in arguments),
+)
+def test_every_verb_leaves_a_run_of_another_kind_alone(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Refused before any work; nothing of the run, and nothing that somebody else put there, is gone."""
+    monkeypatch.chdir(tmp_path)
+    publish_kind(tmp_path / "out", "plan", plan_json="{}")
+    (tmp_path / "out/my_notes.txt").write_text("mine")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    said = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path / "out")])
+    assert said.exit_code == 2, said.output
+    assert "found a run of another kind (plan), which is left alone; choose another folder" in said.stderr
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
 def test_an_import_is_refused_a_folder_in_use(tmp_path: Path) -> None:

@@ -77,6 +77,19 @@ def test_a_curve_that_falls_is_warned_of_with_its_place(tmp_path: Path) -> None:
     assert float(warning.split(" and ")[1].split()[0]) == pytest.approx(bottom, abs=20.0)
 
 
+def test_a_record_that_is_pulled_twice_or_the_other_way_is_warned_of(tmp_path: Path) -> None:
+    path = both_ways(tmp_path)
+    made = pl.read_csv(tmp_path / "astern.csv")
+    made.select(sorted(made.columns)).write_csv(tmp_path / "copy.csv")
+    path.write_text(path.read_text() + pull("again", keys='axis = "X"').replace("again.csv", "copy.csv"))
+    (warning,) = [text for text in bench(path).warnings if "once more" in text]
+    assert warning.startswith("pull again holds the points of pull astern once more")
+    (tmp_path / "ahead.csv").write_bytes((tmp_path / "copy.csv").read_bytes())
+    found = bench(path)
+    assert any("ahead.csv lies ahead; is it the right record?" in text for text in found.warnings)
+    assert "stern: ahead was not tested; the thrust ahead that the vehicle file had is kept" in said(found)
+
+
 def test_honest_curves_are_not_warned_of(tmp_path: Path) -> None:
     for order in ("2\nthrough_origin = true", '"square"', '"points"'):
         assert bench(both_ways(tmp_path, more=f"[regression]\norder = {order}\n")).warnings == ()

@@ -221,7 +221,10 @@ def test_missing_files_are_named(tmp_path: Path) -> None:
         ),
         (WHOLE.replace("segment_s", "channels = { v = 1.0 }\nsegment_s"), ["no channel 'v'", "it has u"]),
         (WHOLE.replace('"X"', '"X", measured = "N"'), ["axis N is measured", "no channel 'r'"]),
-        (WHOLE.replace("segment_s", 'after = ["surge"]\nsegment_s'), ["wait for one another"]),
+        (
+            WHOLE.replace("segment_s", 'after = ["surge"]\nsegment_s'),
+            ["it names the stage itself; remove it"],
+        ),
         (WHOLE.replace("segment_s", 'after = ["sway"]\nsegment_s'), ["unknown stage 'sway'"]),
         (WHOLE + STAGE + COEFFICIENTS, ["two stages are called 'surge'"]),
         (

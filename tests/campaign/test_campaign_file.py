@@ -125,6 +125,32 @@ def test_refusal_says_where_what_and_what_was_found(text: str, words: list[str])
         assert word in message
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (HEAD + "[trials]" + STAGE + COEFFICIENTS, "trials is empty; add [trials.NAME]"),
+        (HEAD + STAGE + COEFFICIENTS, "trials is missing; add [trials.NAME]"),
+        (
+            HEAD + TRIAL + "places = { velocity_m = [1.0] }" + STAGE + COEFFICIENTS,
+            "tank.toml: trials, surge, places, key velocity_m: expected 3 entries, found 1; correct the list",
+        ),
+        (
+            HEAD + TRIAL + "hold_out_s = [[1.0, 2.0, 3.0]]" + STAGE + COEFFICIENTS,
+            "tank.toml: trials, surge, key hold_out_s[1]: expected 2 entries, found 3; correct the list",
+        ),
+        (
+            HEAD + TRIAL + 'file = "other.csv"',
+            "tank.toml: line 8: file stands there for the second time; keep one of them",
+        ),
+        (HEAD + TRIAL + TRIAL, "tank.toml: line 9: [trials.surge] stands there for the second time"),
+    ],
+)
+def test_what_is_empty_short_or_given_twice_is_named(text: str, words: str) -> None:
+    found = refusal(text)
+    assert words in found
+    assert "\n" not in found
+
+
 def test_all_mistakes_are_listed_at_once() -> None:
     text = HEAD + TRIAL + 'rate_hz = "10"' + STAGE + "segment_s = 0.0" + COEFFICIENTS
     lines = refusal(text).splitlines()

@@ -173,8 +173,13 @@ def test_law_growth_is_that_of_the_simulated_disturbance() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"z_b": 0.02}, "roll and pitch not stable at rest"),
+        (
+            {"z_b": 0.02},
+            "roll and pitch not stable at rest: the centre of buoyancy is 20 mm below the centre",
+        ),
+        ({"z_b": 0.0}, "the centre of buoyancy is not above the centre of gravity"),
         ({"B": 800.0}, "of the weight"),
+        ({"B": 5.3}, "N is -100 % of the weight"),
         ({"X_u": 3.0}, "X_u = +3 is positive"),
         ({"N_rr": 100.0}, "damping and lift add energy"),
         ({"N_uv": 600.0}, "damping and lift add energy"),
@@ -182,10 +187,43 @@ def test_law_growth_is_that_of_the_simulated_disturbance() -> None:
         ({"I_z": 7.1e4}, "I_z = 7.1e+04 kg m2"),
         ({"X_udot": -3710.0}, "X_udot = -3710 against 135"),
         ({"z_b": -20.0}, "centre of buoyancy lies outside the hull"),
+        ({"I_x": 3.0, "I_y": 30.0, "I_z": 71.0}, "I_z = 71 kg m2 is more than I_x + I_y = 33"),
+        ({"I_x": 3.0, "I_y": 71.0, "I_z": 30.0}, "I_y = 71 kg m2 is more than I_x + I_z = 33"),
+        ({"SbU.p2": 0.5, "PU.p2": 0.5}, "of SbU and PU is positive"),
     ],
 )
 def test_what_cannot_be_meant_is_named(change: dict[str, float], words: str) -> None:
     assert warned(CWOLF.with_coefficients(dict(change)), words)
+
+
+def test_damping_that_drives_on_without_end_is_named_beside_what_can_still_be_said() -> None:
+    """Drag of the wrong sign: no speed at all is steady."""
+    check = check_vehicle(CWOLF.with_coefficients({"X_uu": 9.781}))
+    assert check.speeds == check.cruises == ()
+    assert any("X_uu = +9.781 is positive" in text for text in check.warnings)
+    assert any("reaches no steady speed" in text for text in check.notes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "minimum_ahead = 150.0",
+            "minimum_ahead = 3000.0",
+            "minimum_ahead = 3000 above maximum_ahead = 2000",
+        ),
+        ("rho_kg_m3 = 1025.0", "rho_kg_m3 = 1.025", "rho_kg_m3 = 1.025 is not the density of water"),
+    ],
+)
+def test_what_cannot_be_meant_in_a_file_is_named(old: str, new: str, words: str) -> None:
+    text = CWOLF.to_toml()
+    assert old in text
+    assert any(words in said for said in implausible(Vehicle.from_toml(text.replace(old, new))))
+
+
+def test_a_density_of_other_units_does_not_doubt_the_mass() -> None:
+    text = CWOLF.to_toml().replace("rho_kg_m3 = 1025.0", "rho_kg_m3 = 1.025")
+    assert not any("m = 135 kg" in said for said in implausible(Vehicle.from_toml(text)))
 
 
 def test_energy_is_added_in_the_direction_that_is_named() -> None:
@@ -217,6 +255,11 @@ def test_rows_that_cannot_be_commanded_are_named() -> None:
     )
     assert 'controllable = ["X", "K"]' in text
     assert any("controllable lists K" in complaint for complaint in implausible(Vehicle.from_toml(text)))
+
+
+def test_a_row_that_is_listed_twice_is_named() -> None:
+    vehicle = made(("one", [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]), top='controllable = ["X", "X"]')
+    assert "controllable lists X 2 times; name each row once" in implausible(vehicle)
 
 
 def test_an_actuator_far_outside_the_hull_is_named() -> None:

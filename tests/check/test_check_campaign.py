@@ -116,3 +116,33 @@ def test_a_start_vehicle_that_diverges_is_said_before_a_search(folder: Path) -> 
     # The search itself finds vehicles that do not.
     damped = campaign(folder, coefficients="X_uu = { bounds = [-40.0, 4000.0] }", vehicle="driven.toml")
     assert any("diverges" in text for text in check_campaign(damped).warnings)
+
+
+def again(folder: Path, lines: str, *, trials: str = '["zigzag"]') -> Campaign:
+    """The campaign of `folder` with further trials and those of its stage."""
+    campaign(folder)
+    text = (folder / "campaign.toml").read_text()
+    text = text.replace('trials = ["zigzag"]', f"trials = {trials}")
+    text = text.replace('file = "zigzag.csv"', f'file = "zigzag.csv"\nhold_out_s = [[40.0, 60.0]]\n{lines}')
+    (folder / "campaign.toml").write_text(text)
+    return Campaign.load(folder / "campaign.toml")
+
+
+@pytest.mark.parametrize(("file", "end"), [("zigzag.csv", 40), ("copy.csv", 140)])
+def test_the_same_recording_under_two_names_counts_twice(folder: Path, file: str, end: int) -> None:
+    log = pl.read_csv(folder / "zigzag.csv").with_columns(pl.col("t_s") + 100.0)
+    if file == "copy.csv":  # the same rows, written in another way
+        log.select(sorted(log.columns)).write_csv(folder / "copy.csv")
+    lines = f'[trials.more]\nfile = "{file}"\nhold_out_s = [[{end}.0, {end + 20}.0]]'
+    made = again(folder, lines, trials='["zigzag", "more"]')
+    (said,) = [text for text in check_campaign(made).warnings if "same recording" in text]
+    assert said.startswith("WARNING: trials zigzag and more hold the same recording, which counts 2 times")
+
+
+def test_training_data_cannot_be_held_out_under_another_name(folder: Path) -> None:
+    words = "trial 'judge' holds out what trial 'zigzag' is fitted to"
+    whole = again(folder, '[trials.judge]\nfile = "zigzag.csv"\nhold_out = true')
+    assert words in refused_by_both(whole)
+    part = again(folder, '[trials.judge]\nfile = "zigzag.csv"\nhold_out_s = [[40.0, 60.0]]')
+    assert check_campaign(part).problems == ()
+    assert not [text for text in check_campaign(part).warnings if "same recording" in text]

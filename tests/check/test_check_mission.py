@@ -245,6 +245,11 @@ def test_a_speed_beyond_the_top_speed_is_told_with_its_leg() -> None:
     assert warned(found, 'leg 2 "dash" asks for 4 m/s, more than the top speed of 3.18 m/s')
 
 
+def test_a_vehicle_without_a_steady_speed_is_told() -> None:
+    driven = CWOLF.with_coefficients({"X_uu": 9.781})
+    assert warned(check_mission(made(at(100.0, 0.0)), vehicle=driven), "cwolf reaches no steady speed")
+
+
 def test_a_vehicle_that_cannot_stop_is_not_asked_to() -> None:
     mission = made(at(100.0, 0.0, 'hold_s = 10.0\nlabel = "sample"\n'))
     assert warned(check_mission(mission, vehicle=REMUS), 'leg 1 "sample" asks for station-keeping')

@@ -19,6 +19,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from seatrial._core import Vehicle
+from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Progress, Step
 from seatrial.bench_test.evaluate import bench
 from seatrial.cli import app
@@ -248,6 +249,37 @@ def test_identify_with_another_recording(starter: Path, here: Path) -> None:
     result = call("identify", starter / "campaign.toml", *arguments)
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["stages"]
+
+
+def test_a_score_of_nothing_is_bad_input(here: Path) -> None:
+    """The reason, what is wrong with the recording, and JSON all the same."""
+    table = {"t_s": [1.7e12 + 100.0 * k for k in range(100)], "u_m_s": [0.0] * 100}
+    table |= {f"cmd.{name}": [0.0] * 100 for name in Vehicle.load("cwolf").actuators}
+    pl.DataFrame(table).write_csv(here / "still.csv")
+    told = call("score", "cwolf", "still.csv", "--ahead", "2000")
+    refused(told, "cwolf: no channel of still.csv could be scored: ")
+    assert "still: time: read as s, 0.01 Hz, and looks like ms (Unix time in ms)" in " ".join(
+        told.stdout.split()
+    )
+    result = call("score", "cwolf", "still.csv", "--ahead", "2000", "--json")
+    assert result.exit_code == 2
+    assert json.loads(result.stdout)["trials"] == ["still"]
+
+
+def test_a_given_trial_that_the_campaign_has_not_is_said(
+    starter: Path, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*given: Any, **options: Any) -> None:
+        raise CampaignError("stopped")
+
+    monkeypatch.setattr("seatrial.cli.identify.run_identification", stopped)
+    shutil.copy(starter / "logs" / "straight.csv", here / "other.csv")
+    wrong = call("identify", starter / "campaign.toml", "--trial", "straigt=other.csv")
+    refused(wrong, "has no trial 'straigt'; did you mean \"straight\"?")
+    added = call("identify", starter / "campaign.toml", "--trial", "harbour=other.csv")
+    refused(added, "Trial harbour is not in", "it is added, held out, and only judges", "stopped")
+    same = call("identify", starter / "campaign.toml", "--trial", "straight=other.csv")
+    assert "only judges" not in same.stderr
 
 
 def test_a_run_directory_that_cannot_be_written_is_refused(starter: Path, here: Path) -> None:

@@ -204,6 +204,8 @@ def test_the_flight_of_the_verb_is_that_of_the_function() -> None:
         (["cwolf", "cwolf", "out.toml", "--turbulence", "7"], "turbulence: expected a standard deviation"),
         (["cwolf", "cwolf", "out.toml", "--seabed", "1"], "seabed: expected the start"),
         (["cwolf", "cwolf", "out.toml", "--sensors", "none.toml"], "none.toml"),
+        (["cwolf", "cwolf", "out.toml", "--speed", "0"], "--speed: needs --realtime; add it"),
+        (["cwolf", "cwolf", "out.toml", "--watchdog", "2"], "--watchdog: needs --realtime; add it"),
         (["cwolf", "cwolf", "out.toml", "--out", "out.toml"], "expected a folder, found a file"),
     ],
 )

@@ -30,7 +30,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with a campaign and its mission."""
     monkeypatch.chdir(tmp_path)
     Path("campaign.toml").write_text(text())
-    Path("out.toml").write_text(OUT)
+    for name in ("out.toml", "mission.xml"):
+        Path(name).write_text(OUT)
     return tmp_path
 
 
@@ -88,6 +89,8 @@ def test_failed_and_undecided_are_exit_code_1(holds: str) -> None:
         (["--run", "."], "expected a run directory of `seatrial identify`"),
         (["--mission", "away.toml"], "away.toml"),
         (["--compare"], "expected another autopilot"),
+        (["--junit", "campaign.toml"], '--junit campaign.toml: expected the ending .xml, found ".toml"'),
+        (["--mission", "mission.xml", "--junit", "mission.xml"], "this is the file of mission mission.xml"),
         (["--junit", "/proc/away/junit.xml"], "--junit /proc/away/junit.xml: cannot be written"),
     ],
 )

@@ -95,6 +95,12 @@ def test_a_terminal_of_few_letters_spells_signs(here: Path, verb: str) -> None:
         assert "deg" in said
 
 
+def test_a_working_directory_that_is_gone_is_said(here: Path) -> None:
+    done = shell(here, "mkdir gone; cd gone; rmdir ../gone; seatrial check cwolf")
+    assert done.returncode == 2
+    assert b"seatrial: the working directory is gone; change to a folder that is there" in done.stderr
+
+
 def test_a_path_of_no_encoding_is_shown(here: Path) -> None:
     done = shell(here, "seatrial check $'bad\\xff.toml'", PYTHONIOENCODING="utf-8")
     assert done.returncode == 2

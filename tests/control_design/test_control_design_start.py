@@ -277,6 +277,17 @@ def test_bad_input_a_vehicle_that_cannot_be_steered_is_refused() -> None:
         start_gains(Vehicle.from_toml(text))
 
 
+def test_bad_input_a_vehicle_without_actuators_or_steady_speed_is_refused() -> None:
+    bare = Vehicle.from_toml(
+        'format = 1\nname = "bare"\n[geometry]\nlength_m = 1.0\ndiameter_m = 0.3\n[coefficients]\nm = 10.0\n'
+    )
+    with pytest.raises(ValueError, match="has no actuators"):
+        start_gains(bare)
+    driven = Vehicle.load("cwolf").with_coefficients({"X_uu": 9.781})
+    with pytest.raises(ValueError, match=r"reaches no steady speed .* found X_uu = \+9.781"):
+        start_gains(driven)
+
+
 def test_a_vehicle_that_turns_widely_circles_wider_than_it_must() -> None:
     lauv = Vehicle.load("lauv")
     weak = lauv.with_coefficients({f"rudder_{half}.gain": 0.25 for half in ("upper", "lower")})

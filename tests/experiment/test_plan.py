@@ -281,6 +281,15 @@ def test_what_cannot_be_planned_is_refused(options: dict[str, Any], words: str) 
         plan(CWOLF, **options)
 
 
+def test_what_nothing_moves_is_not_told_to_give_more_room() -> None:
+    bare = Vehicle.from_toml(
+        'format = 1\nname = "bare"\n[geometry]\nlength_m = 1.0\ndiameter_m = 0.3\n'
+        "[coefficients]\nm = 10.0\nX_u = -5.0\n"
+    )
+    with pytest.raises(CampaignError, match="bare: has no actuators and does not right itself"):
+        plan(bare, coefficients=["X_u"])
+
+
 def test_a_plan_can_be_interrupted() -> None:
     def stop(state: Progress) -> None:
         if state.fraction > 0.2:

@@ -31,6 +31,10 @@ def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
             " (promised: 5 m) at 20.0 s",
         ),
         (
+            {"clearance_m": (4.9, 6.0, -0.2), "clearance_reserve_m": (4.9, 1.0, -0.2)},
+            "1 of 3 flights came too near to an obstacle, the worst is c: 0.20 m inside at 20.0 s",
+        ),
+        (
             {"altitude_smallest_m": (np.inf, -0.3, 0.0)},
             "2 of 3 flights touched the bottom, the worst is b: 0.30 m below it",
         ),

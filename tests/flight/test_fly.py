@@ -192,6 +192,10 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"seabed": math.nan}, "seabed: expected its depth in m"),
     ({"seabed": 2.0}, "seabed: expected the start"),
     ({"initial": [0.0, 0.0, 0.0]}, r"initial: expected an st\.State"),
+    (
+        {"initial": st.State(position=[0.0, 0.0, -50.0])},
+        "initial: expected a place in the water, .* 50 m above",
+    ),
     ({"sensors": "typicall"}, "typicall"),
     ({"model": "nowhere.toml"}, "nowhere"),
 ]

@@ -99,11 +99,11 @@ def test_a_filter_follows_a_run_by_commands_and_a_late_doppler_log() -> None:
 
 
 def test_a_filter_begins_when_the_attitude_is_known() -> None:
-    navigation = st.NavigationFilter("cwolf", start=[5.0, 6.0, 7.0])
+    navigation = st.NavigationFilter("cwolf", start=[5.0, 600.0, 7.0])
     assert navigation.step({"x": 1.0, "roll": 0.0}) == {}
     assert navigation.waiting_for == ["roll", "pitch", "yaw"]
     told = navigation.step({"pitch": 0.0, "yaw": 1.0})
-    assert (told["x"], told["y"], told["z"]) == pytest.approx((1.0, 6.0, 7.0))
+    assert (told["x"], told["y"], told["z"]) == pytest.approx((1.0, 600.0, 7.0))
     assert navigation.waiting_for == []
 
 
@@ -190,6 +190,9 @@ def test_acoustics_find_the_place_of_a_vehicle_that_starts_in_doubt() -> None:
     ("settings", "message"),
     [
         ({"period_s": 0.0}, "period_s"),
+        ({"start": [1.0, 2.0]}, "start: expected three finite numbers, north, east, down in m, found"),
+        ({"tilt": {"dvl": [1.0]}}, "tilt: dvl: expected three finite numbers, roll, pitch, yaw in rad"),
+        ({"seabed": "a"}, "seabed: expected its depth in m"),
         ({"force": [1.0, 2.0]}, "force: expected 6"),
         ({"tilt": {"sonar": [0.0, 0.0, 0.0]}}, 'no sensor "sonar"'),
         ({"landmarks": {"a": (1.0, 2.0)}}, "expected a Beacon, Wall or Pen"),

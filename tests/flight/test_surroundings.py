@@ -100,6 +100,17 @@ def test_the_clearance_is_to_the_edge_of_the_nearest_obstacle() -> None:
     assert np.isinf(out().metrics["clearance_m"]) or np.isnan(out().metrics["clearance_m"])
 
 
+def test_an_obstacle_without_a_promise_keeps_no_reserve_within() -> None:
+    far = "[[obstacles]]\nnorth_m = 30.0\neast_m = 300.0\nradius_m = 2.0\ndistance_m = 3.0\n"
+    here = "[[obstacles]]\nnorth_m = 30.0\neast_m = 0.0\nradius_m = 6.0\n"
+    for text in (here, here + far):
+        flight = st.fly("cwolf", "cwolf", mission(OUT + text))
+        assert flight.metrics["clearance_m"] < -1.0
+        assert flight.metrics["clearance_reserve_m"] == flight.metrics["clearance_m"]
+        # What is promised of the other one was kept.
+        assert "promises" not in flight.report().worst
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

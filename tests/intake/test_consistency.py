@@ -109,6 +109,13 @@ def test_law_values_lie_within_four_deviations_of_the_truth(
     assert np.all(error <= 4.0 * sd + 5e-4)  # 5e-4: values are rounded for a file
 
 
+def test_a_vehicle_at_rest_tells_no_correction() -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    names = ("x", "y", "z", "u", "v", "w", "p", "q", "r", "roll", "pitch", "yaw")
+    found = consistency({name: Series(t, 0.0 * t) for name in names})
+    assert found.corrections == ()
+
+
 def test_a_unit_is_recognised_by_its_size() -> None:
     assert of(several(), "scale.velocity").value == 1e-3
     assert "mm/s" in of(several(), "scale.velocity").sentence

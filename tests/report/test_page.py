@@ -197,6 +197,22 @@ def test_a_changed_page_is_refused(
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.parametrize(
+    ("facts", "words"),
+    [
+        ("{}", "found no kind; repeat the run"),
+        ('{"kind": 3, "versions": [1]}', r"found kind 3, versions \[1\]; repeat the run"),
+    ],
+)
+def test_facts_that_no_run_wrote_are_bad_input(tmp_path: Path, facts: str, words: str) -> None:
+    (tmp_path / "run.json").write_text(facts)
+    (tmp_path / "summary.txt").write_text("One: it is\nTwo: bad\nThree: go on\n")
+    with pytest.raises(SeatrialError, match=words):
+        RunFolder.read(tmp_path)
+    (tmp_path / "run.json").write_text('{"kind": "tuning"}')
+    assert "Run directory" in write_page([tmp_path], tmp_path / "a.html").read_text()
+
+
 def test_what_is_no_page_or_no_run_is_bad_input(written: Path, run: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.html"
     text = written.read_text()

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial._core import Vehicle as CoreVehicle
-from seatrial.base.errors import TrialError
+from seatrial.base.errors import TrialError, VehicleError
 from seatrial.trial.comparison import compare
 from seatrial.trial.score import score
 from seatrial.trial.trial import Trial
@@ -65,6 +65,14 @@ def trial(**more: Any) -> Trial:
 
 def judged(*arguments: Any, **options: Any) -> Any:
     return score(*arguments, **options)
+
+
+def test_a_vehicle_may_be_named() -> None:
+    own = Trial.read(motion.columns(T), name="own")
+    with pytest.raises(VehicleError, match='did you mean "cwolf"'):
+        score("cwolff", own)
+    with pytest.raises(TrialError, match=r"expected a trial or a list of trials, found 'own\.csv'"):
+        score("cwolf", "own.csv")  # type: ignore[arg-type]
 
 
 def test_a_perfect_simulation_scores_one(core: SimpleNamespace) -> None:
@@ -142,6 +150,9 @@ def test_a_diverged_simulation_is_a_number(core: SimpleNamespace) -> None:
     result = judged(Vehicle(), trial())
     assert result["u"].r2 == -np.inf
     assert result["u"].mae == np.inf
+    assert not result.unscored
+    core.error[:] = np.nan
+    assert judged(Vehicle(), trial()).unscored.startswith("the simulation diverges in u, v, w, p")
 
 
 def test_the_wrench_drives_the_vehicle_where_no_command_is_recorded(core: SimpleNamespace) -> None:
@@ -163,6 +174,11 @@ def test_the_wrench_drives_the_vehicle_where_no_command_is_recorded(core: Simple
         (Vehicle(), {"channels": ["yow"]}, r'channel "yow" is not in the trials; did you mean "yaw"'),
         (Vehicle(), {"ahead_s": 0.0}, r"ahead_s: expected a positive time in s, found 0\.0"),
         (Vehicle(), {"start_s": 70.0}, r"run: no window can start from 70 s"),
+        (
+            Vehicle(),
+            {"start_s": 50.0, "stop_s": 10.0},
+            r"expected a start before the stop, found 50 s and 10 s",
+        ),
         (
             Vehicle(needs_voltage=True),
             {},

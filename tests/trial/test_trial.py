@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,10 @@ import pytest
 
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError
+from seatrial.logs.formats import open_log
+from seatrial.trial.predictions import Predictions
 from seatrial.trial.trial import Trial
+from seatrial.verification.mission_log.log import MissionLog
 from tests.trial import motion
 
 T = np.arange(0.0, 20.0, 0.1)
@@ -285,6 +289,87 @@ def test_bad_cells_are_answered_with_file_row_and_value(
     with pytest.raises(TrialError, match=message) as caught:
         Trial.read(path)
     assert str(caught.value).startswith(str(path))
+
+
+@pytest.mark.parametrize("form", ["quoted", "blanks", "text below", "tabs"])
+def test_an_empty_cell_is_no_sample_in_any_layout(form: str, tmp_path: Path) -> None:
+    """law: quotes, blanks and the separator change nothing of a log of two rates."""
+    rows = [f"{0.1 * k:.1f},{0.05 * k if k % 4 == 0 else ''},{k}" for k in range(200)]
+    header = "t_s,u_m_s,cmd.stern"
+    plain = Trial.read(write(tmp_path / "plain.csv", rows, header))
+    if form == "text below":  # every column is read as text
+        other = [f'{row},"{"" if k < 150 else "a"}"' for k, row in enumerate(rows)]
+        read = Trial.read(write(tmp_path / "log.csv", other, f"{header},word"))
+    else:
+        turned: Callable[[str], str] = {
+            "quoted": lambda row: ",".join(f'"{cell}"' for cell in row.split(",")),
+            "blanks": lambda row: row.replace(",", ", "),
+            "tabs": lambda row: row.replace(",", "\t"),
+        }[form]
+        read = Trial.read(write(tmp_path / "log.csv", [turned(row) for row in rows], turned(header)))
+    np.testing.assert_array_equal(read.t, plain.t)
+    np.testing.assert_array_equal(read.valid, plain.valid)
+    np.testing.assert_array_equal(read.observed, plain.observed)
+
+
+def test_a_size_that_no_vehicle_reaches_is_no_sample(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    rows = [
+        f"{0.1 * k:.1f},{'1e300' if k == 30 else 0.05 * k},{'-1e300' if k == 40 else k}" for k in range(200)
+    ]
+    trial = Trial.read(write(tmp_path / "log.csv", rows, "t_s,u_m_s,cmd.stern"))
+    words = "as no vehicle has them, count as NaN; state the column's unit"
+    assert f"1 samples beyond 10000 m/s, {words}" in findings(trial, "u_m_s")
+    assert f"1 samples beyond 1e+09, {words}" in findings(trial, "cmd.stern")
+    assert np.flatnonzero(~trial.valid[:, CHANNELS.index("u")]).tolist() == [30]
+    assert trial.commands["stern"][40] == 39.0
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize(
+    ("start", "step", "said"),
+    [
+        (
+            1.7e12,
+            100.0,
+            "error    time: read as s, 0.01 Hz, and looks like ms (Unix time in ms); state the unit",
+        ),
+        (1.7e15, 1e5, "looks like us (Unix time in us)"),
+        (0.0, 100.0, "warning  time: read as s, 0.01 Hz, and looks like ms (whole numbers that rise"),
+        (0.0, 0.1, ""),
+        (1.7e9, 0.1, ""),
+    ],
+)
+def test_times_in_another_unit_than_s_are_said(tmp_path: Path, start: float, step: float, said: str) -> None:
+    rows = [f"{start + step * k!r},{0.05 * k}" for k in range(100)]
+    path = write(tmp_path / "log.csv", rows)
+    found = findings(Trial.read(path, align=False), "time")
+    assert said in found if said else not found
+    if said.startswith("error"):
+        in_ms = Trial.read(path, columns={"t_s": {"from": "t_s", "unit": "ms"}}, align=False)
+        assert not findings(in_ms, "time")
+
+
+def test_columns_of_one_name_are_refused_where_they_are_used(tmp_path: Path) -> None:
+    rows = [f"{0.1 * k:.1f},{0.05 * k},1,{0.04 * k},2" for k in range(20)]
+    path = write(tmp_path / "log.csv", rows, "t_s,u_m_s,note,u_m_s,note")
+    words = 'columns 2 and 4 have one name, "u_m_s", and it is used.*rename the others in the file'
+    for call in (Trial.read, Predictions.read, MissionLog.read):
+        with pytest.raises(TrialError, match=words):
+            call(path)
+    with pytest.raises(TrialError, match='columns 3 and 5 have one name, "note"'):
+        Trial.read(path, columns={"v_m_s": "note"})
+    other = write(tmp_path / "other.csv", [row[:-2] for row in rows], "t_s,u_m_s,note,note")
+    assert Trial.read(other).valid[:, CHANNELS.index("u")].all()
+    assert open_log(path).notes[0].startswith('columns 2 and 4 have one name, "u_m_s"')
+
+
+def test_lines_that_end_in_a_carriage_return_alone_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"t_s,u_m_s\r" + b"".join(b"%d,1\r" % k for k in range(20)))
+    with pytest.raises(TrialError, match=r"its lines end in a carriage return alone; .*save it"):
+        Trial.read(path)
 
 
 def test_a_quaternion_of_zeros_is_refused(table: dict[str, Any]) -> None:

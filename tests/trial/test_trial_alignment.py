@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 
 from seatrial.trial.trial import Trial
@@ -48,6 +49,17 @@ def test_a_sensor_that_does_not_follow_the_pose_is_neither_shifted_nor_reversed(
     assert "velocity" not in trial.report.latencies
     assert "sign reversed" not in str(trial.report)
     assert "u: does not follow the recorded pose" in str(trial.report)
+
+
+@pytest.mark.parametrize(("rate", "yaw"), [(0.0, 0.0), (0.0, 7.0), (1.5, 0.0)])
+def test_no_latency_is_estimated_of_a_sensor_that_never_moves(rate: float, yaw: float) -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    still = 0.0 * t
+    names = ("p_deg_s", "q_deg_s", "r_deg_s", "roll_deg", "pitch_deg", "yaw_deg")
+    values = dict.fromkeys(names, still) | {"r_deg_s": still + rate, "yaw_deg": still + yaw}
+    trial = Trial.read(pl.DataFrame({"t_s": t, **values}))
+    assert trial.report is not None
+    assert "rates: latency not estimated: too little motion" in str(trial.report)
 
 
 def test_opposite_signs_are_reversed_and_the_map_entry_given() -> None:

@@ -11,8 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.base.errors import CampaignError
+from seatrial.campaign.verification_table import parse_verification
+from seatrial.flight.mission import Mission
 from seatrial.verification.expression import CALLS, KNOWN, Metric, parse, unit_of
-from seatrial.verification.requirement import Judgement, Requirement
+from seatrial.verification.requirement import Judgement, Requirement, default_requirements
 from tests.flight.flying import flown
 
 NAN, INF = math.nan, math.inf
@@ -268,3 +270,14 @@ def test_the_figures_of_a_flight_are_known() -> None:
     numbers = {name for name, values in flown().metrics.items() if isinstance(values, float)}
     assert numbers - {"ending", "alert", "alert_cause"} <= set(KNOWN)
     assert set(CALLS) == {"abs", "min", "max", "sqrt"}
+
+
+def test_missions_that_only_dive_are_not_asked_for_a_course() -> None:
+    table = parse_verification('[verification]\nmissions = ["dive.toml"]', "campaign.toml")
+    leg = '[[legs]]\nkind = "waypoint"\nlabel = "{0}"\nnorth_m = {1}\neast_m = 0.0\ndepth_m = {2}\n'
+    head = 'format = 1\nname = "dive"\nspeed_m_s = 0.4\nacceptance_radius_m = 2.0\n'
+    dive = Mission.from_toml(head + leg.format("down", 0.0, 4.0) + leg.format("up", 3.0, 1.0))
+    line = Mission.from_toml(head + leg.format("out", 30.0, 4.0))
+    assert [one.holds for one in default_requirements(table, [dive])][1] == "depth_excursion_m <= 2"
+    assert [one.holds for one in default_requirements(table, [line])][1] == "true_cross_track_p95_m <= 2"
+    assert [one.holds for one in default_requirements(table, [line, dive])][1] == "depth_excursion_m <= 2"

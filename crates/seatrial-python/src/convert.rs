@@ -37,6 +37,14 @@ impl Numbers {
         }
     }
 
+    /// The numbers of shape `(n,)`, or one number n times.
+    pub fn held(self, name: &str, n: usize) -> PyResult<Vec<f64>> {
+        match self.shape[..] {
+            [] => Ok(vec![self.values[0]; n]),
+            _ => self.vector(name),
+        }
+    }
+
     /// The rows of shape `(n, C)`, or the one row of shape `(C,)`.
     pub fn rows<const C: usize>(&self, name: &str) -> PyResult<Vec<[f64; C]>> {
         match self.shape[..] {
@@ -288,10 +296,7 @@ impl Named {
 
     /// One series `(n,)` per name, or one number for all of it; none when missing.
     pub fn held(map: Option<Self>, n: usize) -> PyResult<BTreeMap<String, Vec<f64>>> {
-        let series = |(name, x): (String, Numbers)| match x.shape[..] {
-            [] => Ok((name, vec![x.values[0]; n])),
-            _ => x.vector(&name).map(|values| (name, values)),
-        };
+        let series = |(name, x): (String, Numbers)| x.held(&name, n).map(|values| (name, values));
         map.into_iter().flat_map(|m| m.0).map(series).collect()
     }
 

@@ -396,12 +396,13 @@ pub fn inputs(
     g: Option<f64>,
 ) -> PyResult<Inputs> {
     let t = t.vector("t")?;
+    let n = t.len();
     Ok(Inputs {
-        commands: Named::held(commands, t.len())?,
         t,
+        commands: Named::held(commands, n)?,
         current: optional_rows("current", current)?,
         tau: optional_rows("tau", tau)?,
-        voltage: voltage_v.map_or(Ok(Vec::new()), |v| v.vector("voltage_v"))?,
+        voltage: voltage_v.map_or(Ok(Vec::new()), |v| v.held("voltage_v", n))?,
         rho,
         g,
         ..Inputs::default()

@@ -37,14 +37,17 @@ pub fn simulate_batch(
     let mut sought = Vec::new();
     let mut columns: Vec<Vec<f64>> = Vec::new();
     for (name, values) in Named::vectors(Some(coefficients))? {
-        sought.push(description.layout.find(&name).map_err(refused)?);
+        let index = description.layout.find(&name).map_err(refused)?;
+        sought.push(index);
         if columns.first().is_some_and(|c| c.len() != values.len()) || values.is_empty() {
             return Err(refused(format!(
                 "coefficients: expected arrays of one length, found {} for {name}",
                 values.len()
             )));
         }
-        columns.push(values);
+        // The run of a value that no vehicle has is no number, as that of an impossible mass matrix.
+        let possible = |x: f64| if description.complaint(index, x).is_some() { f64::NAN } else { x };
+        columns.push(values.into_iter().map(possible).collect());
     }
     let count = columns.first().map_or(1, Vec::len);
     let values: Vec<f64> = (0..count).flat_map(|k| columns.iter().map(move |c| c[k])).collect();

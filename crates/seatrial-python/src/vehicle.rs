@@ -23,6 +23,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// A speed that can be one.
+fn finite(speed_m_s: f64) -> PyResult<f64> {
+    if !speed_m_s.is_finite() {
+        return Err(refused(format!("speed_m_s: expected a finite number in m/s, found {speed_m_s}")));
+    }
+    Ok(speed_m_s)
+}
+
 /// A vehicle: hull, mass, coefficients and actuators. Immutable.
 #[pyclass(frozen, module = "seatrial")]
 pub struct Vehicle {
@@ -238,8 +246,8 @@ impl Vehicle {
     /// produced with all six rows held; controlled_share: with the controllable ones held; reach: largest wrench in
     /// positive and negative direction, N or N m; size: the row's weight over the largest singular value.
     #[pyo3(signature = (speed_m_s = 0.0))]
-    fn authority(&self, speed_m_s: f64) -> BTreeMap<&'static str, BTreeMap<&'static str, Fact>> {
-        let found = authority(&self.description, speed_m_s);
+    fn authority(&self, speed_m_s: f64) -> PyResult<BTreeMap<&'static str, BTreeMap<&'static str, Fact>>> {
+        let found = authority(&self.description, finite(speed_m_s)?);
         let facts = |row: &RowAuthority| {
             fact_map(BTreeMap::from([
                 ("controllable", Value::Flag(row.controllable)),
@@ -249,13 +257,13 @@ impl Vehicle {
                 ("size", Value::Number(row.size)),
             ]))
         };
-        found.rows.iter().map(|row| (row.row, facts(row))).collect()
+        Ok(found.rows.iter().map(|row| (row.row, facts(row))).collect())
     }
 
     /// The same in sentences: what cannot be commanded, and what remains after the loss of each actuator.
     #[pyo3(signature = (speed_m_s = 0.0))]
-    fn authority_sentences(&self, speed_m_s: f64) -> Vec<String> {
-        authority(&self.description, speed_m_s).sentences()
+    fn authority_sentences(&self, speed_m_s: f64) -> PyResult<Vec<String>> {
+        Ok(authority(&self.description, finite(speed_m_s)?).sentences())
     }
 
     /// The acceleration nu' under the wrench tau, body frame, m/s2 and rad/s2.
@@ -362,7 +370,7 @@ impl Vehicle {
     ///
     /// t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
     /// the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
-    /// actuators'; voltage_v (n,), V; max_step_s, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
+    /// actuators'; voltage_v (n,) or one number, V; max_step_s, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
     #[pyo3(signature = (t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage_v = None, max_step_s = 0.02, rho = None, g = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
     fn simulate(

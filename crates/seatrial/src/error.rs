@@ -40,11 +40,14 @@ pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> St
         .into_iter()
         .map(|name| {
             let (wanted, known) = (wanted.to_lowercase(), name.to_lowercase());
-            (strsim::damerau_levenshtein(&wanted, &known), strsim::levenshtein(&wanted, &known), name)
+            let distance = strsim::damerau_levenshtein(&wanted, &known);
+            let other = wanted.replace('_', "") != known.replace('_', "");
+            ((distance, other, Reverse(strsim::levenshtein(&wanted, &known))), name)
         })
-        // Of names as near as one another the one whose letters changed places: two changes without that.
-        .min_by_key(|(distance, changes, _)| (*distance, Reverse(*changes)))
-        .map(|(distance, _, name)| (distance, name));
+        // Of names as near as one another the one with the same letters, then the one whose letters changed places: two
+        // changes without that.
+        .min_by_key(|(order, _)| *order)
+        .map(|((distance, ..), name)| (distance, name));
     match near {
         Some((distance, name)) if distance <= 1 + wanted.len() / 3 => {
             format!("; did you mean \"{name}\"?")

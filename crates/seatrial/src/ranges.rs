@@ -13,7 +13,7 @@
 mod rows;
 mod walk;
 
-pub use rows::{AUTOPILOT, COEFFICIENTS, MISSION, VEHICLE};
+pub use rows::{AUTOPILOT, COEFFICIENTS, MISSION, VEHICLE, WATER};
 pub(crate) use walk::check;
 
 /// What the numbers of one key may be.

@@ -102,6 +102,11 @@ pub(crate) fn explain(error: &toml::de::Error, text: &str) -> String {
             return format!("{place}{key}: expected a number, found {value}; write {whole}.{after}");
         }
     }
+    if message == "duplicate key" {
+        let row = line.and_then(|n| text.lines().nth(n - 1)).unwrap_or_default();
+        let key = row.split_once('=').map_or(row, |(key, _)| key).trim();
+        return format!("{place}{key} stands there for the second time; keep one of them");
+    }
     match quoted.split_first() {
         Some((unknown, known)) if message.starts_with("unknown") => {
             format!("{place}{message}{}", nearest(unknown, known.iter().copied()))

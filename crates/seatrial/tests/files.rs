@@ -341,3 +341,14 @@ fn what_is_no_number_is_named_with_its_key() {
 fn letters_that_changed_places_are_the_nearest_name() {
     says(&complaint("X_udot = -5.0", "Y_vu = -5.0"), &["did you mean \"Y_uv\"?"]);
 }
+
+#[test]
+fn letters_without_their_underscore_are_the_nearest_name() {
+    says(&complaint("X_udot = -5.0", "Xuu = -5.0"), &["did you mean \"X_uu\"?"]);
+    says(&complaint("X_udot = -5.0", "Nrr = -5.0"), &["did you mean \"N_rr\"?"]);
+}
+
+#[test]
+fn a_key_that_is_given_twice_is_named() {
+    says(&complaint("m = 30.0", "m = 30.0\nm = 31.0"), &["line 11: m stands there for the second time"]);
+}

@@ -99,7 +99,7 @@ def tune_log(
             f"{parameters.source}: expected parameters of ArduSub 4.0 or later, found those of 3.5"
             f" ({_old_names(parameters)}); its controllers are others: take the file that the vehicle writes"
         )
-    with RunDirectory(folder, resume=resume) as run:
+    with RunDirectory(folder, "ardusub", resume=resume) as run:
         say(0.0, f"replaying {Path(log).name}")
         replayed = replay(log, parameters=parameters)
         flown, assumed = _flown_with(replayed, parameters)

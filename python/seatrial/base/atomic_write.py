@@ -1,13 +1,17 @@
 """Atomic writes: a file is complete or not there, since it is written under another name and then renamed.
 
-Held by ``test_a_file_that_cannot_be_finished_leaves_the_former_one``.
+A folder of files that belong together is there with all of them, or as it was (`whole_folder`).
+Held by ``test_a_file_that_cannot_be_finished_leaves_the_former_one`` and
+``test_a_folder_that_cannot_be_finished_is_as_it_was``.
 """
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +21,7 @@ from seatrial.base.forked import before_table
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["parquet", "write_atomic", "write_table"]
+__all__ = ["make_folders", "parquet", "remove", "whole_folder", "write_atomic", "write_table"]
 
 
 def write_atomic(path: Path, content: bytes | Callable[[Path], None], *, new: bool = False) -> None:
@@ -68,6 +72,42 @@ def _publish_new(partial: Path, path: Path) -> None:
         partial.replace(path)
         return
     partial.unlink()
+
+
+def make_folders(folder: Path) -> list[Path]:
+    """Folders that had to be made, the outermost first."""
+    missing = [entry for entry in (folder, *folder.parents) if not entry.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    return missing[::-1]
+
+
+def remove(entry: Path) -> None:
+    """Remove a file, a link, or a folder with all that is in it; nothing where it is gone already."""
+    if entry.is_dir() and not entry.is_symlink():
+        shutil.rmtree(entry)
+    else:
+        entry.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def whole_folder(folder: Path) -> Iterator[None]:
+    """Make a folder for files that belong together; where the work in it fails, it is away or empty again.
+
+    A folder that held something before keeps what was finished in it.
+    """
+    place = folder.absolute()
+    missing = [entry for entry in (place, *place.parents) if not os.path.lexists(entry)]
+    empty = place.is_dir() and not any(place.iterdir())
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:  # Ctrl-C, too
+        with contextlib.suppress(OSError):
+            for entry in [place] if missing else [*place.iterdir()] if empty else []:
+                remove(entry)
+            for above in missing[1:]:
+                above.rmdir()
+        raise
 
 
 def parquet(frame: pl.DataFrame) -> bytes:

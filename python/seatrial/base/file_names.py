@@ -5,11 +5,14 @@ Held by ``tests/base/test_hostile_paths.py``.
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Mapping, Sequence
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryFile
 
-__all__ = ["LONGEST_NAME", "file_name", "free_name", "no_file"]
+from seatrial.base.errors import SeatrialError, reason
+
+__all__ = ["LONGEST_NAME", "check_place", "file_name", "free_name", "no_file"]
 
 LONGEST_NAME = 80
 """Bytes of a name; file systems take 255, and endings are appended."""
@@ -39,6 +42,69 @@ def free_name(name: str, taken: Container[str]) -> str:
     return next(one for one in numbered if one not in taken)
 
 
+def check_place(
+    path: Path,
+    option: str,
+    *,
+    endings: Sequence[str] = (),
+    inputs: Mapping[str, str | Path | None] | None = None,
+    folder_made: bool = False,
+) -> None:
+    """Refuse the place of a file to be written, before the work whose result it gets.
+
+    Parameters
+    ----------
+    path : Path
+    option : str
+        That named it, for messages.
+    endings : sequence of str, optional
+        That it may have; any when empty.
+    inputs : mapping of str to str, Path or None, optional
+        What the work reads, by what it is ("the commands"): it is not overwritten. Names of what is built in
+        are left out.
+    folder_made : bool, optional
+        Whether the writer makes the folder.
+
+    Raises
+    ------
+    SeatrialError
+        The ending is another one, the file is read by the work, it is a folder, or cannot be written there.
+    """
+    if endings and path.suffix not in endings:
+        raise SeatrialError(
+            f'{option} {path}: expected the ending {" or ".join(endings)}, found "{path.suffix}"; give'
+            " another name"
+        )
+    for what, source in (inputs or {}).items():
+        if source is not None and _same_file(path, Path(source)):
+            raise SeatrialError(f"{option} {path}: this is the file of {what}; give another name")
+    if path.is_dir():
+        raise SeatrialError(f"{option} {path}: expected a file, found a folder; give a file name")
+    folder = path.absolute().parent
+    if folder_made:
+        folder = next(above for above in path.absolute().parents if above.exists())
+        if not folder.is_dir():
+            raise SeatrialError(f"{option} {path}: {folder} is a file, not a folder; choose another place")
+    elif not folder.is_dir():
+        raise SeatrialError(
+            f"{option} {path}: there is no folder {path.parent}; make it or give another name"
+        )
+    try:
+        TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise SeatrialError(
+            f"{option} {path}: cannot be written ({reason(error)}); choose another place"
+        ) from None
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one file, through links as well."""
+    try:
+        return one.samefile(other)
+    except (OSError, ValueError):  # one of them is not there
+        return False
+
+
 def no_file(path: Path) -> str | None:
     """Clause on what is at a path where a regular file is expected; None where there is one.
 
@@ -50,6 +116,8 @@ def no_file(path: Path) -> str | None:
     if path.is_file():
         return None
     if not path.exists():
+        if path.is_symlink():
+            return f"{path} is a link to {path.readlink()}, and leads to no file"
         return f"there is no file {path}"
     what = "a folder" if path.is_dir() else "a device, a pipe or a socket"
     return f"{path} is {what}, not a file"

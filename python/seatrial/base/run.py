@@ -7,11 +7,14 @@ command finds it again by that hash: after Ctrl-C, after ``kill -9``, or after t
 run is over, the whole folder is renamed into place, so that a reader sees all of it or nothing. While a
 process works in the folder it holds ``<name>.lock``, and a second one is refused at once.
 
+A run replaces an earlier one of its own kind alone, and of that only what the earlier one wrote: files that
+somebody else put into the folder are there afterwards, too.
+
 ``run.json`` has the same keys in every verb (`run_facts`):
 
 =============== ====================================================================================
 kind            identification, random starts, plan, coverage, tuning, verification, log verdict, flight,
-                bench test
+                bench test and so on (`Kind`)
 name            of the campaign, the mission or the bench file
 options         what the caller asked for beside the files, by name
 seed            of all random numbers, null without any
@@ -23,6 +26,7 @@ versions        of seatrial, of the packages that numbers depend on, and of Pyth
 simd            instruction set that the core ran on
 platform        operating system and machine
 sha256          SHA-256 of every input, by name
+files           what `RunDirectory.publish` wrote, and what was drawn into the folder later (`belongs_to_run`)
 =============== ====================================================================================
 
 Held by ``tests/base/test_run.py``.
@@ -42,15 +46,15 @@ import shutil
 import socket
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 from seatrial._core import simd_level
-from seatrial.base.atomic_write import write_atomic
+from seatrial.base.atomic_write import make_folders, remove, write_atomic
 from seatrial.base.errors import SeatrialError
 from seatrial.base.file_names import file_name
 from seatrial.base.progress import Clock
@@ -58,8 +62,10 @@ from seatrial.base.progress import Clock
 __all__ = [
     "RUN_FILE",
     "Content",
+    "Kind",
     "RunDirectory",
     "RunResult",
+    "belongs_to_run",
     "check_writable",
     "only_user",
     "part_file",
@@ -75,7 +81,35 @@ Content = str | bytes | Callable[[Path], None]
 RUN_FILE = "run.json"
 """The file that makes a folder a run directory."""
 
+Kind = Literal[
+    "ardusub",
+    "bench test",
+    "coverage",
+    "failure boundary",
+    "falsification",
+    "flight",
+    "identification",
+    "leave one out",
+    "log verdict",
+    "plan",
+    "random starts",
+    "rare failures",
+    "replay",
+    "tuning",
+    "verification",
+]
+"""What ``run.json`` calls a run."""
+
 _PARTS = "stages"
+
+_FIGURES = "figures"
+"""Folder of figures in a run directory."""
+
+_FILES = "files"
+"""Key of ``run.json``."""
+
+_CONTAINS: Mapping[str, tuple[str, ...]] = {"ardusub": ("replay",)}
+"""Kinds whose files are among those of another one, which may therefore replace them."""
 
 _LONGEST_NAME = 240  # file systems take 255 bytes, and ".partial" is appended
 
@@ -90,17 +124,21 @@ class RunDirectory:
     path : str, Path or None
         Made when it does not exist; an earlier run's is replaced by `publish`. None: nothing is kept, so that
         a caller needs no second path through its code.
+    kind : str, optional
+        Of the run: a folder with one of another kind is refused now rather than by `publish`.
     resume : bool, optional
         Whether `finished` finds what an earlier run kept.
 
     Raises
     ------
     SeatrialError
-        The folder cannot be written, holds something that is not a run, or another process works in it.
+        The folder cannot be written, holds something that is not a run or one of another kind, or another
+        process works in it.
     """
 
-    def __init__(self, path: str | Path | None, *, resume: bool = True) -> None:
-        self.path = None if path is None else Path(path).absolute()
+    def __init__(self, path: str | Path | None, kind: Kind | None = None, *, resume: bool = True) -> None:
+        self.path = None if path is None else _absolute(path)
+        self.kind = kind
         self.resume = resume
         self._temporary: set[str] = set()  # entries of the workspace that only a published run needs
         self._carried: set[str] = set()
@@ -110,7 +148,7 @@ class RunDirectory:
             return
         _refuse_name(self.path)
         try:
-            self._made = _make_folders(self.path.parent)
+            self._made = make_folders(self.path.parent)
             self._release = weakref.finalize(self, _unlock, *_lock(self.path))
             self._open()
         except OSError as error:
@@ -226,8 +264,10 @@ class RunDirectory:
         """
         if self.path is None:
             raise ValueError("publish: expected a run with a folder, found one without")
+        _refuse_kind(self.path, facts.get("kind"))
         names = {RUN_FILE, *(Path(name).parts[0] for name in files)} - {_PARTS}
         self._temporary |= names
+        facts = {**facts, _FILES: sorted(files)}
         try:
             for name in self._carried:
                 if not (self.workspace / name).exists():
@@ -235,6 +275,7 @@ class RunDirectory:
             for name, content in {**files, RUN_FILE: to_json(facts)}.items():
                 self.leave(name, content)
             self._sweep(self._temporary | {_PARTS})
+            self._temporary |= _carry_foreign(self.path, self.workspace)
             self._rename()
         except OSError as error:
             raise _refusal(self.path, error) from None
@@ -246,10 +287,10 @@ class RunDirectory:
         if self._release is not None and self._release.alive:
             for name in self._temporary:
                 with contextlib.suppress(OSError):
-                    _remove(self.workspace / name)
-            with contextlib.suppress(OSError):  # what else lies there stays
-                (self.workspace / _PARTS).rmdir()
-                self.workspace.rmdir()
+                    remove(self.workspace / name)
+            for folder in (self.workspace / _PARTS, self.workspace):
+                with contextlib.suppress(OSError):  # what else lies there stays
+                    folder.rmdir()
         self._unlock()
         for folder in reversed(self._made):
             with contextlib.suppress(OSError):
@@ -263,6 +304,8 @@ class RunDirectory:
         if former.is_dir() and not self.path.exists():  # killed between the two renames of `publish`
             former.rename(self.path)
         _refuse_content(self.path)
+        if self.kind is not None:
+            _refuse_kind(self.path, self.kind)
         parts = self.workspace / _PARTS
         parts.mkdir(parents=True, exist_ok=True)
         for torn in parts.glob("*.writing"):
@@ -275,7 +318,7 @@ class RunDirectory:
         """Remove from the workspace what an earlier run left there and this one does not publish."""
         for entry in self.workspace.iterdir():
             if entry.name not in wanted:
-                _remove(entry)
+                remove(entry)
         with contextlib.suppress(OSError):  # it stays where it holds parts
             (self.workspace / _PARTS).rmdir()
 
@@ -294,6 +337,7 @@ class RunDirectory:
                 former.rename(self.path)
             raise
         if former.exists():
+            _carry_foreign(former, self.path)  # what came while the folders changed places
             shutil.rmtree(former)
 
     def _unlock(self) -> None:
@@ -317,26 +361,53 @@ class RunResult(ABC):
         Parameters
         ----------
         run_dir : str or Path
-            Made when it does not exist; an earlier run's is replaced.
+            Made when it does not exist; an earlier run of this kind is replaced.
 
         Raises
         ------
         SeatrialError
-            The directory cannot be written, or another process works in it; nothing is left half-written.
+            The directory cannot be written, holds a run of another kind, or another process works in it;
+            nothing is left half-written.
         """
         with RunDirectory(run_dir) as run:
             return run.publish(self.facts, self.files())
 
 
-def check_writable(path: str | Path) -> None:
-    """Refuse a run directory that cannot be written, before a long run; nothing stays behind.
+def check_writable(path: str | Path, kind: Kind) -> None:
+    """Refuse a run directory that a run of this kind cannot write, before a long run; nothing stays behind.
 
     Raises
     ------
     SeatrialError
-        The folder cannot be written, holds something that is not a run, or another process works in it.
+        See `RunDirectory`.
     """
-    RunDirectory(path).close()
+    RunDirectory(path, kind).close()
+
+
+def belongs_to_run(folder: Path, written: Iterable[Path]) -> None:
+    """Note what was written into a published run: it goes with the run when another one replaces that.
+
+    Parameters
+    ----------
+    folder : Path
+        Run directory, or its folder of figures; nothing happens where it is neither.
+    written : iterable of Path
+        Files in it.
+
+    Raises
+    ------
+    OSError
+        The run's ``run.json`` cannot be written.
+    """
+    run = folder.parent if folder.name == _FIGURES and not (folder / RUN_FILE).is_file() else folder
+    names = {path.relative_to(run).as_posix() for path in written}
+    if not (run / RUN_FILE).is_file():
+        return
+    with _alone_in(run):
+        facts = _facts_in(run)
+        known = facts.get(_FILES)
+        if isinstance(known, list) and not names <= set(known):
+            write_atomic(run / RUN_FILE, to_json({**facts, _FILES: sorted({*known, *names})}).encode())
 
 
 @contextlib.contextmanager
@@ -348,10 +419,10 @@ def only_user(folder: str | Path) -> Iterator[None]:
     SeatrialError
         Another process works in it, or its lock cannot be written.
     """
-    path = Path(folder).absolute()
+    path = _absolute(folder)
     _refuse_name(path)
     try:
-        made = _make_folders(path.parent)
+        made = make_folders(path.parent)
         held = _lock(path)
     except OSError as error:
         raise _refusal(path, error) from None
@@ -365,7 +436,7 @@ def only_user(folder: str | Path) -> Iterator[None]:
 
 
 def run_facts(
-    kind: str,
+    kind: Kind,
     name: str,
     *,
     clock: Clock,
@@ -448,18 +519,67 @@ def _beside(path: Path | None, pattern: str) -> Path:
     return path.with_name(pattern.format(path.name))
 
 
-def _remove(entry: Path) -> None:
-    if entry.is_dir():
-        shutil.rmtree(entry)
-    else:
-        entry.unlink(missing_ok=True)
+@contextlib.contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Nobody else changes the ``run.json`` of a published run; its lock may be held by our own verb."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
-def _make_folders(folder: Path) -> list[Path]:
-    """Folders that had to be made, the outermost first."""
-    missing = [entry for entry in (folder, *folder.parents) if not entry.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    return missing[::-1]
+def _facts_in(folder: Path) -> dict[str, Any]:
+    """Content of the ``run.json`` of a folder; empty where there is none that can be read."""
+    try:
+        found = json.loads((folder / RUN_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _carry_foreign(source: Path, target: Path) -> set[str]:
+    """Put what somebody else left in a run into the one that replaces it; the entries of that, by name.
+
+    A file keeps its inode where the file system has hard links. A name that the new run has stays the run's.
+    """
+    carried = set()
+    for name in _foreign(source) if source.is_dir() else ():
+        old, new = source / name, target / name
+        if os.path.lexists(new):
+            continue
+        carried.add(name.parts[0])
+        new.parent.mkdir(parents=True, exist_ok=True)
+        if old.is_dir() and not old.is_symlink():
+            new.mkdir()
+            continue
+        try:
+            os.link(old, new, follow_symlinks=False)
+        except OSError:
+            shutil.copy2(old, new, follow_symlinks=False)
+    return carried
+
+
+def _foreign(run: Path) -> Iterator[Path]:
+    """Files, links and empty folders in a run that the run did not write, relative to it."""
+    known = _facts_in(run).get(_FILES)
+    # Before runs told their files, what lay in these two folders was theirs.
+    folders = (_PARTS,) if isinstance(known, list) else (_PARTS, _FIGURES)
+    own = {RUN_FILE, *map(str, known if isinstance(known, list) else ())}
+
+    def refuse(error: OSError) -> None:
+        raise error
+
+    for top, inside, files in os.walk(run, onerror=refuse):
+        place = Path(top)
+        links = [name for name in inside if (place / name).is_symlink()]
+        empty = [] if inside or files or place == run else [place]
+        for path in (*empty, *(place / name for name in (*links, *files))):
+            name = path.relative_to(run)
+            if name.parts[0] not in folders and name.as_posix() not in own:
+                yield name
 
 
 def _lock(run: Path) -> tuple[int, Path, int]:
@@ -528,7 +648,18 @@ def _in_use(run: Path, holder: bytes) -> str:
     )
 
 
+def _absolute(path: str | Path) -> Path:
+    """The path from the root on, with the folder's own name at the end."""
+    whole = Path(path).absolute()
+    return whole.resolve() if whole.name == ".." else whole
+
+
 def _refuse_name(path: Path) -> None:
+    if not path.name:
+        raise SeatrialError(
+            f"run directory {path}: expected a folder with a name of its own, to make or to replace; name one"
+            " in it"
+        )
     size = len(os.fsencode(path.name))
     if size > _LONGEST_NAME:
         raise SeatrialError(
@@ -546,6 +677,23 @@ def _refuse_content(path: Path) -> None:
         raise SeatrialError(
             f"run directory {path}: it holds files but no {RUN_FILE}, so it is no earlier run"
             " and is left alone; choose an empty or another folder"
+        )
+
+
+def _refuse_kind(path: Path, kind: object) -> None:
+    """Refuse to replace a run by one of another kind."""
+    if not (path / RUN_FILE).is_file():
+        return
+    found = _facts_in(path).get("kind")
+    if found != kind and found not in _CONTAINS.get(str(kind), ()):
+        what = (
+            f"a run of another kind ({found})"
+            if found in get_args(Kind)
+            else f"a {RUN_FILE} of another program"
+        )
+        raise SeatrialError(
+            f"run directory {path}: expected an earlier {kind} or an empty folder, found {what}, which is"
+            " left alone; choose another folder, or move this one away"
         )
 
 

@@ -106,10 +106,11 @@ _EXPECTED = {
     "dict_type": "expected a table",
     "model_type": "expected a table",
     "too_short": "expected at least one entry",
-    "too_long": "expected fewer entries",
 }
 """What was expected, by pydantic's name of the error, where its own words speak of Python."""
 
+
+_WRONG_LENGTH = "too_long"  # pydantic's name for a list of fixed length with too many entries
 
 _LARGEST_FILE = 2_000_000
 """Characters: more takes the reader seconds, and no one writes it."""
@@ -137,7 +138,8 @@ def text_of(
     try:
         return file_text(path)
     except ValueError as wrong:  # of the file, or of a zero byte in the path
-        raise error(f"{path}: not readable as {what} ({wrong}); {advice}") from None
+        remedy = "save it as UTF-8" if "UTF-8" in str(wrong) else advice
+        raise error(f"{path}: not readable as {what} ({wrong}); {remedy}") from None
 
 
 def tables(text: str, source: str, *, error: type[SeatrialError] = CampaignError) -> dict[str, Any]:
@@ -159,9 +161,20 @@ def tables(text: str, source: str, *, error: type[SeatrialError] = CampaignError
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as wrong:
-        raise error(f"{source}: not a TOML file: {wrong}") from None
+        raise error(f"{source}: {_given_twice(text, str(wrong)) or f'not a TOML file: {wrong}'}") from None
     except RecursionError:
         raise error(f"{source}: too many tables or lists within each other; remove some") from None
+
+
+def _given_twice(text: str, wrong: str) -> str | None:
+    """Which key or table stands in a text twice, where that is what the reader says is `wrong`."""
+    found = re.match(r"Cannot (?:overwrite a value|declare .* twice) \(at (?:line (\d+)|end)", wrong)
+    if found is None:
+        return None
+    lines = text.rstrip().splitlines()
+    line = int(found[1] or len(lines))
+    key = lines[line - 1].partition("=")[0].strip()
+    return f"line {line}: {key} stands there for the second time; keep one of them"
 
 
 def checked(
@@ -201,6 +214,7 @@ def checked(
             for d in details
             if not any(len(p) > len(d["loc"]) and p[: len(d["loc"])] == d["loc"] for p in paths)
         ]
+        own = _whole_lists(data, own)
         lines = [_message(data, source, detail) for detail in own[:_MOST_MESSAGES]]
         if len(own) > _MOST_MESSAGES:
             lines.append(f"{source}: {len(own) - _MOST_MESSAGES} more of this kind")
@@ -218,11 +232,29 @@ def _refuse(
         raise error("\n".join(f"{source}: {_key_path(data, where)}: {text}" for where, text in found))
 
 
+def _whole_lists(data: Any, details: Iterable[Any]) -> list[Any]:
+    """The details, with one for each list that is too short in place of one for each entry that it lacks."""
+    found: list[Any] = []
+    for detail in details:
+        *outer, place = detail["loc"] or ("",)
+        if detail["type"] != "missing" or not isinstance(place, int):
+            found.append(detail)
+            continue
+        if found and found[-1]["type"] == _WRONG_LENGTH and found[-1]["loc"] == tuple(outer):
+            found.pop()  # the last entry that is missing tells how many there should be
+        count = {"max_length": place + 1, "actual_length": len(detail["input"])}
+        found.append({"type": _WRONG_LENGTH, "loc": tuple(outer), "input": detail["input"], "ctx": count})
+    return found
+
+
 def _message(data: Mapping[str, Any], source: str, detail: Any) -> str:
     where = _key_path(data, detail["loc"])
     found = detail["input"]
     if detail["type"] == "missing":
         return f"{source}: {where}: this key is required and missing; add it"
+    if detail["type"] == _WRONG_LENGTH:
+        most, count = detail["ctx"]["max_length"], detail["ctx"]["actual_length"]
+        return f"{source}: {where}: expected {most} entries, found {count}; correct the list"
     text = str(detail["msg"]).removeprefix("Value error, ")
     if detail["type"] == "value_error":
         return f"{source}: {where}: {text}"

@@ -47,6 +47,7 @@ __all__ = [
     "curve_warnings",
     "fit_unit",
     "motor_warnings",
+    "pull_warnings",
 ]
 
 SIDES = {"ahead": 1.0, "astern": -1.0}
@@ -347,6 +348,33 @@ def motor_warnings(unit: str, motor: MotorEstimate) -> list[str]:
         for name, one in motor.parameters.items()
         if name in ("T_1", "T_t") and one.value is not None and one.value > _SLOWEST_S
     ]
+
+
+def pull_warnings(records: Sequence[PullPoints]) -> list[str]:
+    """Sentences on a group's pulls that are no measurement of their own, or not of what they are called."""
+    warnings = []
+    for record in records:
+        sign = SIDES.get(record.name.lower())
+        if sign is not None and not (sign * record.signal > 0.0).any():
+            warnings.append(
+                f"pull {record.name}: no point of {record.file} lies {record.name.lower()}; is it the right"
+                " record?"
+            )
+    for k, record in enumerate(records):
+        same = [other.name for other in records[:k] if _equal(record, other)]
+        if same:
+            warnings.append(
+                f"pull {record.name} holds the points of pull {same[0]} once more: they count twice, and the"
+                " standard deviations come out too small; remove one"
+            )
+    return warnings
+
+
+def _equal(one: PullPoints, other: PullPoints) -> bool:
+    """Whether two pulls hold the same points, whatever side they are said to pull to."""
+    return np.array_equal(one.signal, other.signal) and np.array_equal(
+        np.abs(one.thrust), np.abs(other.thrust)
+    )
 
 
 def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:

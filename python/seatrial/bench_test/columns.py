@@ -93,10 +93,12 @@ def read_bench_table(
     TrialError
         The file cannot be read, or the map names what is not there.
     """
-    table, file, _ = read_table(path, reader, columns_of(columns))
+    read = read_table(path, reader, columns_of(columns))
+    table, file = read.table, read.file
     if table.height == 0:
         raise TrialError(f"{file}: expected rows of samples, found the header only")
     sources = _sources(table.columns, columns or {}, vehicle, file)
+    read.refuse_twice(source.column for source in sources.values())
     t = time_base(table, sources["t_s"], file) if "t_s" in sources else None
     return BenchTable(
         file=file,

@@ -19,7 +19,13 @@ from seatrial.base.file_names import no_file
 from seatrial.base.progress import Clock
 from seatrial.base.run import run_facts, sha256
 from seatrial.base.toml_file import file_path, is_path, text_of
-from seatrial.bench_test.characteristic import UnitFit, curve_warnings, fit_unit, motor_warnings
+from seatrial.bench_test.characteristic import (
+    UnitFit,
+    curve_warnings,
+    fit_unit,
+    motor_warnings,
+    pull_warnings,
+)
 from seatrial.bench_test.columns import Unit, listed, read_bench_table, unit_of
 from seatrial.bench_test.file import BenchFile, Pull, Steps, parse
 from seatrial.bench_test.pulls import PullPoints, distance, read_pull
@@ -162,6 +168,7 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
         with_motors.text, driven, list(fits.values()), {}, name=file.name, rho=file.rho_kg_m3
     )
     warnings = [text for name, (_, motor) in motors.items() for text in motor_warnings(name, motor)]
+    warnings += [text for _, records in pulled.values() for text in pull_warnings(records)]
     warnings += [text for fit in fits.values() for text in curve_warnings(fit, driven)]
     return BenchTest(
         file=file,

@@ -39,6 +39,8 @@ _SAME = 1e-9
 
 _UNREACHABLE = "the motor does not turn this way"
 
+_UNTESTED = "not tested, kept"
+
 
 def _entry_of(
     fit: UnitFit, old: Mapping[str, Any], users: Sequence[str], vehicle: Vehicle, rho: float | None
@@ -100,7 +102,7 @@ def _quadratic(
             # Without its own number astern would follow the new one ahead.
             written = float(old.get(key, old[f"{name}_ahead"]))
             entry[key] = _unchanged(written, _old_thrust(users, "p1", side, vehicle) / divisor)
-            remarks[key] = "not tested, kept"
+            remarks[key] = _UNTESTED
             continue
         scale = PER_MINUTE * factor / divisor
         entry[key] = _rounded(float(regression.fit.coefficients[0]) * scale)
@@ -132,10 +134,10 @@ def _polynomial(
                 _unchanged(float(written), _old_thrust(users, name, side, vehicle))
                 for name, written in zip(_TERMS, old[side], strict=True)
             ]
-            remarks[side] = "not tested, kept"
+            remarks[side] = _UNTESTED
         elif old.get("kind") == "quadratic":
             p1 = _old_thrust(users, "p1", side, vehicle)
-            entry[side], remarks[side] = [0.0, 0.0, _rounded(p1 / PER_MINUTE)], "not tested, kept"
+            entry[side], remarks[side] = [0.0, 0.0, _rounded(p1 / PER_MINUTE)], _UNTESTED
         else:
             raise VehicleError(
                 f'{side} was not tested and the old characteristic (kind = "{old.get("kind")}") has no'
@@ -269,6 +271,11 @@ def write_results(
             new = _own_entry(document, "characteristics", "characteristic", old_name, users, fit.unit.name)
             _put(document["characteristics"][new], entry, remarks, name, drop=True)
             notes.append(_said("characteristic", old_name, new, fit.unit.name, fit.kind))
+            notes += [
+                f"{fit.unit.name}: {side} was not tested; the thrust {side} that the vehicle file had is kept"
+                for side in SIDES
+                if any(remark == _UNTESTED and key.endswith(side) for key, remark in remarks.items())
+            ]
             lost = sorted(key for key in ("p2", "alpha2") if old.get(key) and key not in entry)
             if lost:
                 notes.append(

@@ -367,10 +367,11 @@ class CampaignFile(Section):
         alone = self.tuning is not None or self.verification is not None
         for key, given in (("trials", self.trials), ("stages", self.stages)):
             if not given and not alone:
-                table = "[trials]" if key == "trials" else "[[stages]]"
+                entry = "[trials.NAME]" if key == "trials" else "[[stages]]"
+                is_ = "is empty" if key in self.model_fields_set else "is missing"
                 raise ValueError(
-                    f"{key} is missing; add {table} to identify a vehicle, or [tuning] or [verification] to"
-                    " tune or verify an autopilot"
+                    f"{key} {is_}; add {entry} to identify a vehicle, or [tuning] or [verification] to tune"
+                    " or verify an autopilot"
                 )
         return self
 
@@ -401,6 +402,10 @@ def in_order(stages: tuple[Stage, ...], source: str) -> tuple[Stage, ...]:
     names = set(known)
     for stage in stages:
         for name in stage.after:
+            if name == stage.name:
+                raise CampaignError(
+                    f"{source}: stage {name!r}, key after: it names the stage itself; remove it"
+                )
             if name not in names:
                 raise CampaignError(
                     f"{source}: stage {stage.name!r}, key after: unknown stage {name!r}{nearest(name, known)}"

@@ -80,11 +80,13 @@ def energy_sentences(
 def vehicle_warnings(rows: Sequence[LegRow], vehicle: Vehicle, voltage_v: float) -> list[str]:
     """Sentences about what the vehicle cannot do of the mission."""
     from seatrial.vehicle.authority import commandable
-    from seatrial.vehicle.steady_state import drivers, speeds
+    from seatrial.vehicle.steady_state import drivers, top_speed, unbounded
 
     if not drivers(vehicle):
         return [f"no actuator of {vehicle.name} drives ahead"]
-    top = speeds(vehicle, voltage_v=voltage_v, shares=(1.0,))[-1].speed_m_s
+    if (fastest := top_speed(vehicle, voltage_v=voltage_v)) is None:
+        return [unbounded(vehicle)]
+    top = fastest.speed_m_s
     fast = [row for row in rows if row.speed_m_s > top]
     sentences = []
     if fast:
@@ -113,12 +115,13 @@ def speed_reserve(
     vehicle: Vehicle, rows: Sequence[LegRow], current: tuple[float, float, float] | None, voltage_v: float
 ) -> list[str]:
     """Sentence about legs whose speed over ground leaves nothing against the current."""
-    from seatrial.vehicle.steady_state import drivers, speeds
+    from seatrial.vehicle.steady_state import top_speed
 
-    if current is None or not any(current) or not drivers(vehicle):
+    if current is None or not any(current):
         return []
-    against = float(np.hypot(current[0], current[1]))
-    top = speeds(vehicle, voltage_v=voltage_v, shares=(1.0,))[-1].speed_m_s
+    if (fastest := top_speed(vehicle, voltage_v=voltage_v)) is None:
+        return []
+    against, top = float(np.hypot(current[0], current[1])), fastest.speed_m_s
     if short := [row for row in rows if row.speed_m_s <= top < row.speed_m_s + against]:
         worst = max(short, key=lambda row: row.speed_m_s)
         return [

@@ -14,6 +14,7 @@ from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.campaign.parameters import STRIPS
 from seatrial.diagnosis.advice import join
 from seatrial.vehicle.authority import commanded_rows
+from seatrial.vehicle.stability import positive_damping
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -21,15 +22,44 @@ if TYPE_CHECKING:
 __all__ = ["beyond_tables", "implausible", "unused_rows"]
 
 
+_LIGHTEST, _HEAVIEST = 950.0, 1300.0  # kg/m3: hot water, the Dead Sea
+
+_INERTIAS = ("I_x", "I_y", "I_z")
+
+_ROUNDED = 1.005  # values of three digits may pass a bound
+
+
 def implausible(vehicle: Vehicle) -> list[str]:
     """Sentences about values that are probably wrong, each with what to look at."""
-    about = (_size, _inertia, _signs, _strips, _tether, _positions, _rows)
+    about = (
+        _density,
+        _size,
+        _inertia,
+        _triangle,
+        _signs,
+        _motors,
+        _thrust,
+        _strips,
+        _tether,
+        _positions,
+        _rows,
+    )
     return [sentence for of in about for sentence in of(vehicle)]
+
+
+def _density(vehicle: Vehicle) -> list[str]:
+    rho = vehicle.environment()["rho"]
+    if _LIGHTEST <= rho <= _HEAVIEST:
+        return []
+    return [
+        f"rho_kg_m3 = {rho:g} is not the density of water, which is 1000 in a lake and 1025 in the sea; is it"
+        " in kg/m3?"
+    ]
 
 
 def _size(vehicle: Vehicle) -> list[str]:
     values, box = vehicle.coefficients(), vehicle.geometry()
-    if not box:
+    if not box or _density(vehicle):  # without the density no mass of water is known
         return []
     displaced = vehicle.environment()["rho"] * box["length"] * box["diameter"] * box["height"]
     share = values["m"] / displaced
@@ -66,16 +96,56 @@ def _inertia(vehicle: Vehicle) -> list[str]:
     return found
 
 
+def _triangle(vehicle: Vehicle) -> list[str]:
+    """No body has a moment of inertia above the sum of the other two, whatever point they are about."""
+    values = vehicle.coefficients()
+    found = []
+    for k, name in enumerate(_INERTIAS):
+        others = [_INERTIAS[k - 1], _INERTIAS[k - 2]]
+        most = sum(values[other] for other in others)
+        if values[name] > _ROUNDED * most:
+            found.append(
+                f"{name} = {values[name]:.4g} kg m2 is more than {' + '.join(sorted(others))} = {most:.4g}"
+                " kg m2, which no body has; correct the moments of inertia"
+            )
+    return found
+
+
+def _motors(vehicle: Vehicle) -> list[str]:
+    """Motors whose least speed lies above their largest."""
+    found: dict[str, list[str]] = {}
+    for name, facts in vehicle.actuator_info().items():
+        for side in ("ahead", "astern"):
+            least, most = float(facts[f"minimum_{side}"]), float(facts[f"maximum_{side}"])
+            if least > most > 0.0:
+                wrong = f"minimum_{side} = {least:g} above maximum_{side} = {most:g}"
+                found.setdefault(wrong, []).append(name)
+    return [
+        f"{wrong} of {join(names)}: no command lies between; correct the motor"
+        for wrong, names in found.items()
+    ]
+
+
+def _thrust(vehicle: Vehicle) -> list[str]:
+    """Thrust falls with the inflow: its slope over the speed is negative."""
+    values = vehicle.coefficients()
+    wrong = [name for name in vehicle.actuators if values.get(f"{name}.p2", 0.0) > 0.0]
+    if not wrong:
+        return []
+    return [
+        f"p2 (alpha2) of {join(wrong)} is positive: the thrust would grow with the inflow; it is negative"
+    ]
+
+
 def _signs(vehicle: Vehicle) -> list[str]:
     """Diagonal damping is negative in Fossen's convention, added mass is not far above the vehicle's own."""
-    values, found = vehicle.coefficients(), []
+    values = vehicle.coefficients()
+    found = [
+        f"{name} = {value:+.4g} is positive: it drives the vehicle on. Damping derivatives are negative"
+        " (force on the vehicle)"
+        for name, value in positive_damping(vehicle).items()
+    ]
     for row, axis in zip(AXES, VELOCITIES, strict=True):
-        for name in (f"{row}_{axis}", f"{row}_{axis}{axis}"):
-            if values.get(name, 0.0) > 0.0:
-                found.append(
-                    f"{name} = {values[name]:+.4g} is positive: it drives the vehicle on. Damping derivatives"
-                    " are negative (force on the vehicle)"
-                )
         own = values["m"] if row in "XYZ" else values[f"I_{'xyz'['KMN'.index(row)]}"]
         added = -values.get(f"{row}_{axis}dot", 0.0)
         if added > 10.0 * own or added < 0.0:
@@ -130,11 +200,17 @@ def _rows(vehicle: Vehicle) -> list[str]:
     able = commanded_rows(vehicle)
     declared = vehicle.controllable
     lacking = [row for row in declared if row not in able]
+    found = [
+        f"controllable lists {row} {declared.count(row)} times; name each row once"
+        for row in dict.fromkeys(declared)
+        if declared.count(row) > 1
+    ]
     if not lacking:
-        return []
+        return found
     return [
+        *found,
         f"controllable lists {', '.join(lacking)}, which the actuators cannot command independently of"
-        " the others; correct controllable, or positions and directions"
+        " the others; correct controllable, or positions and directions",
     ]
 
 

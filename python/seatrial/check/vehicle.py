@@ -32,6 +32,7 @@ from seatrial.vehicle.steady_state import (
     turn_kinds,
     turning_senses,
     turns,
+    unbounded,
 )
 from seatrial.vehicle.turning import FinTurn, fin_turn, rudders
 
@@ -382,7 +383,8 @@ def _statics_notes(rest: Statics) -> list[str]:
     buoyancy = (
         "neutrally buoyant"
         if abs(share) < 0.01
-        else f"{abs(rest.net_n):.3g} N {kind} ({share:+.2g} % of its weight): it {motion} with motors stopped"
+        else f"{abs(rest.net_n):.3g} N {kind} ({_percent(share)} of its weight): it {motion} with motors"
+        " stopped"
     )
     notes = [f"Buoyancy: {buoyancy}"]
     periods = [("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s)]
@@ -399,17 +401,22 @@ def _static_warnings(rest: Statics) -> list[str]:
     if unstable := [
         n for n, p in (("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s)) if p is None
     ]:
+        place = f"is {1e3 * abs(rest.b_over_g_m):.3g} mm below" if rest.b_over_g_m < 0.0 else "is not above"
         found.append(
-            f"{' and '.join(unstable)} not stable at rest: the centre of buoyancy is"
-            f" {1e3 * abs(rest.b_over_g_m):.3g} mm below the centre of gravity; z points down, so z_b has to"
-            " be smaller than z_g"
+            f"{' and '.join(unstable)} not stable at rest: the centre of buoyancy {place} the centre of"
+            " gravity; z points down, so z_b has to be smaller than z_g"
         )
     if abs(rest.net_n) > 0.05 * rest.weight_n:
         found.append(
-            f"B - m g = {rest.net_n:+.4g} N is {100.0 * rest.net_n / rest.weight_n:+.2g} % of the weight; a"
-            " submerged vehicle is trimmed to a few tenths of a per cent. Is B in N?"
+            f"B - m g = {rest.net_n:+.4g} N is {_percent(100.0 * rest.net_n / rest.weight_n)} of the weight;"
+            " a submerged vehicle is trimmed to a few tenths of a per cent. Is B in N?"
         )
     return found
+
+
+def _percent(share: float) -> str:
+    """A share in per cent with its sign: two digits of a small one, no decimals of a large one."""
+    return f"{share:+.0f} %" if abs(share) >= 9.95 else f"{share:+.2g} %"
 
 
 def _cruises(
@@ -434,7 +441,9 @@ def _cruises(
 
 def _speed_notes(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) -> list[str]:
     if not rows:
-        return ["Speed: no actuator drives ahead"]
+        return (
+            ["Speed: no actuator drives ahead"] if not drivers(vehicle) else [f"Speed: {unbounded(vehicle)}"]
+        )
     top = rows[-1]
     notes = [f"Top speed: {top.speed_m_s:.2f} m/s ({top.speed_kn:.1f} kn) at {top.command:.4g} {top.unit}"]
     if (far := farthest(vehicle, voltage_v=voltage_v)) is not None:

@@ -63,7 +63,7 @@ def ardusub(
     from seatrial.cli.console import answer, formats, long_work, print_json, say
 
     folder = out or Path("runs") / file_name(f"ardusub-{log.stem}")
-    check_writable(folder)
+    check_writable(folder, "replay" if replay_only else "ardusub")
     given = None if parameters is None else ParameterFile.load(parameters)
     found: Replay | LogTuning
     if replay_only:

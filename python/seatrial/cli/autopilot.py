@@ -36,12 +36,17 @@ def autopilot(
     """Write an autopilot with start gains from a vehicle's model, and say what they are worth."""
     from seatrial._core import Autopilot, Vehicle
     from seatrial.base.atomic_write import write_atomic
+    from seatrial.base.file_names import check_place
     from seatrial.check.autopilot import StartGains, check_autopilot
     from seatrial.cli.console import answer, print_json
     from seatrial.control_design.margin_report import autopilot_margins, sound_speeds
     from seatrial.control_design.start_autopilot import start_autopilot
 
-    _check_place(out, force=force)
+    check_place(out, "--out", inputs={"the vehicle": vehicle})
+    if out.exists() and not force:
+        raise SeatrialError(
+            f"--out {out}: this file exists and is not overwritten; give another name, or --force"
+        )
     loaded = Vehicle.load(vehicle)
     text = start_autopilot(loaded, law=law, period_s=period_s)
     made = Autopilot.from_toml(text, str(out))
@@ -77,14 +82,3 @@ def _left_out(text: str) -> list[str]:
     """Why there is no loop for a row, from the comments at the head of the file."""
     head = text.partition("\nformat")[0].splitlines()
     return [line.removeprefix("# ") for line in head if line.startswith("# No ")]
-
-
-def _check_place(out: Path, *, force: bool) -> None:
-    if out.is_dir():
-        raise SeatrialError(f"--out {out}: expected a file, found a folder; give a file name")
-    if out.exists() and not force:
-        raise SeatrialError(
-            f"--out {out}: this file exists and is not overwritten; give another name, or --force"
-        )
-    if not out.absolute().parent.is_dir():
-        raise SeatrialError(f"--out {out}: there is no folder {out.parent}; make it or give another name")

@@ -189,12 +189,13 @@ def _check_options(voltage: float, speed_kn: list[float], seabed: float | None) 
 
 def _kind(target: str) -> str:
     """What the file is; a vehicle where nothing tells."""
-    from seatrial._core import Vehicle, file_text
-    from seatrial.base.toml_file import VEHICLE, file_kind, tables
+    from seatrial._core import Vehicle
+    from seatrial.base.toml_file import VEHICLE, file_kind, tables, text_of
 
     kind = file_kind(target)
     if kind is None and Path(target).suffix == ".toml" and Path(target).is_file():
-        tables(file_text(target), target, error=SeatrialError)  # a mistake in the text is said as it is
+        text = text_of(target, "a vehicle, campaign, mission or autopilot file", error=SeatrialError)
+        tables(text, target, error=SeatrialError)  # a mistake in the text is said as it is
     if kind is not None and kind in _ADVICE:
         raise SeatrialError(
             f"{target}: expected a vehicle, campaign, mission or autopilot file, found {kind};"

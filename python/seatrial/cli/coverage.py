@@ -23,7 +23,7 @@ def coverage(
         int, typer.Option(min=0, help="Repetitions that also run the residual analysis.")
     ] = 5,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Run directory; runs/NAME of the campaign by default.")
+        Path | None, typer.Option("--out", "-o", help="Run directory; runs/NAME-coverage by default.")
     ] = None,
     resume: Annotated[
         bool, typer.Option(help="Reuse repetitions that an earlier run finished from the same inputs.")
@@ -44,7 +44,7 @@ def coverage(
 
     loaded = Campaign.load(campaign)
     named = loaded.name if truth is None else f"{loaded.name}-{truth.stem}"
-    folder = out or Path("runs") / named
+    folder = out or Path("runs") / f"{named}-coverage"
     with workers(dask) as fleet, search_progress("first repetition", quiet=json) as progress:
         found = covered(
             loaded,

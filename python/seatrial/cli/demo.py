@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from seatrial.base.run import RUN_FILE
+from seatrial.base.run import RUN_FILE, belongs_to_run
 from seatrial.cli.console import Threads
 from seatrial.cli.new import EXAMPLES
 from seatrial.cli.report import reported
@@ -91,9 +91,10 @@ def _cwolf(
     fit = _identified(campaign, folder, threads=threads, quiet=quiet, truth=truth.vehicle.coefficients())
     logs = folder / "trials"
     logs.mkdir(exist_ok=True)
-    for name in campaign.trials:
-        if (path := campaign.path_of(name)) is not None:
-            Recipe.load(path).save(logs / f"generated-{name}.csv")
+    recipes = {name: path for name in campaign.trials if (path := campaign.path_of(name)) is not None}
+    for name, path in recipes.items():
+        Recipe.load(path).save(logs / f"generated-{name}.csv")
+    belongs_to_run(folder, [logs / f"generated-{name}.csv" for name in recipes])
     if not quiet:
         console.print(f"Generated trials in {logs}\n", soft_wrap=True, markup=False)
     return fit, truth.vehicle

@@ -17,6 +17,13 @@ if TYPE_CHECKING:
 
 __all__ = ["export"]
 
+_ENDINGS = {
+    "sdf": (".sdf", ".world", ".xml"),
+    "uuv": (".urdf", ".xacro", ".xml"),
+    "stonefish": (".scn", ".xml"),
+}
+"""Of models, as the simulators name theirs."""
+
 
 def export(
     form: Annotated[
@@ -147,12 +154,12 @@ def _table_written(
 ) -> None:
     """Write a table of samples and say so."""
     from seatrial.base.errors import TrialError
+    from seatrial.base.file_names import check_place
     from seatrial.base.report import Report
     from seatrial.cli.console import answer, print_json
     from seatrial.trial.export import export as write
 
-    if out.suffix != f".{form}":
-        raise TrialError(f'--out {out}: expected the ending .{form}, found "{out.suffix}"')
+    check_place(out, "--out", endings=(f".{form}",), inputs=_sources(trial, columns_from))
     units = {}
     for entry in unit or ():
         column, equals, name = entry.partition("=")
@@ -180,15 +187,29 @@ def _table_written(
 
 def _model(form: str, vehicle: str, out: Path, *, json: bool) -> None:
     """Write a vehicle for another simulator."""
+    from seatrial.base.file_names import check_place
     from seatrial.cli.console import answer, print_json
     from seatrial.simulators.convert import export_model, write_text
 
+    check_place(out, "--out", endings=_ENDINGS[form], inputs={"the vehicle": vehicle})
     made = export_model(vehicle, form)
     write_text(out, made.text)
     if json:
         print_json(made.to_dict() | {"file": str(out)})
     else:
         answer(made.report(str(out)))
+
+
+def _sources(trial: str, columns_from: Path | None) -> dict[str, str | Path | None]:
+    """Files that a trial is read from, by what they are."""
+    found: dict[str, str | Path | None] = {"the recording": trial, "the column map": columns_from}
+    if columns_from is not None:
+        from seatrial.campaign.campaign import Campaign
+
+        campaign = Campaign.load(columns_from)
+        if trial in campaign.trials:
+            found["the recording"] = campaign.path_of(trial)
+    return found
 
 
 def _table(trial: str, columns_from: Path | None) -> pl.DataFrame:

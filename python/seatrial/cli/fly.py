@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_flight", "fly"]
 
+_WATCHDOG_S = 0.5
+
 
 def fly(
     vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle that flies.")],
@@ -112,7 +114,7 @@ def fly(
     live: LivePort = None,
     record: Record = None,
     hardware: Hardware = None,
-    watchdog: Watchdog = 0.5,
+    watchdog: Watchdog = _WATCHDOG_S,
     figures: Figures = True,
     pdf: Pdf = False,
     page: Page = None,
@@ -132,7 +134,13 @@ def fly(
     from seatrial.flight.seeds import fly_seeds
 
     sources = (vehicle, autopilot, mission)
-    by_the_clock = {"--live": live is not None, "--record": record, "--hardware": hardware}
+    by_the_clock = {
+        "--speed": speed != 1.0,
+        "--live": live is not None,
+        "--record": record,
+        "--hardware": hardware,
+        "--watchdog": watchdog != _WATCHDOG_S,
+    }
     if realtime:
         fly_by_the_clock(
             sources,
@@ -169,7 +177,7 @@ def fly(
     if given := [name for name, value in by_the_clock.items() if value]:
         raise SimulationError(f"{', '.join(given)}: needs --realtime; add it")
     if out is not None:
-        check_writable(out)
+        check_writable(out, "flight")
     options: dict[str, Any] = {
         "model": model,
         "sensors": sensors,
@@ -190,7 +198,7 @@ def fly(
     many = None if seeds is None else fly_seeds(*sources, count=seeds, first=seed, options=options)
     beside = {} if many is None else {"seeds.parquet": many.parquet()}
     folder = out or Path("runs") / _folder(flight)
-    check_writable(folder)
+    check_writable(folder, "flight")
 
     def saved() -> str:
         flight.save(folder, beside=beside)

@@ -71,18 +71,23 @@ def identify(
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import answer, formats, print_json, reading_progress
+    from seatrial.cli.streams import note
 
-    loaded = Campaign.load(campaign, trials=_replacements(trial or []), progress=reading_progress(quiet=json))
+    given = _replacements(trial or [])
+    loaded = Campaign.load(campaign, trials=given, progress=reading_progress(quiet=json))
+    for added in _added(loaded, given):
+        if not json:
+            note(f"Trial {added} is not in {campaign}: it is added, held out, and only judges.")
     name = loaded.name
     if locked_axes is not None:
         loaded, name = loaded.with_locked_axes(_mode(locked_axes)), f"{name}-{locked_axes}"
     folder = out or Path("runs") / name
     beside = folder.with_name(f"{folder.name}-random-starts")
     if random_starts is not None:
-        check_writable(beside)  # refused now rather than after the search
+        check_writable(beside, "random starts")  # refused now rather than after the search
     without = folder.with_name(f"{folder.name}-leave-one-out")
     if leave_one_out:
-        check_writable(without)
+        check_writable(without, "leave one out")
     fit = run_identification(loaded, folder, threads=threads, dask=dask, resume=resume, quiet=json)
     again: Restarts | None = None
     left_out: LeaveOneOut | None = None
@@ -190,6 +195,22 @@ def _replacements(entries: list[str]) -> dict[str, str]:
             raise CampaignError(f"--trial {entry}: {wrong}; correct the path")
         trials[name] = path
     return trials
+
+
+def _added(campaign: Campaign, given: dict[str, str]) -> list[str]:
+    """Names of given trials that the campaign has not; one that is nearly that of a trial is refused."""
+    from seatrial.base.errors import CampaignError, nearest
+
+    known = campaign.file.trials
+    new = [name for name in given if name not in known]
+    for name in new:
+        near = nearest(name, known)
+        if near.endswith("?"):
+            raise CampaignError(
+                f"--trial {name}={given[name]}: {campaign.source} has no trial {name!r}{near} For one more"
+                " trial that only judges, give a name that is not so near"
+            )
+    return new
 
 
 def _restart(

@@ -87,13 +87,13 @@ def import_(
 def _model(model: Path, out: Path | None, *, force: bool, verbose: bool, json: bool) -> None:
     """Read a model of another simulator, and write the vehicle file where --out says."""
     from seatrial.base.errors import VehicleError
+    from seatrial.base.file_names import check_place
     from seatrial.cli.console import answer, print_json
     from seatrial.simulators.convert import import_model, write_text
 
     found = import_model(model)
     if out is not None:
-        if out.suffix != ".toml":
-            raise VehicleError(f"--out {out}: expected the vehicle file to write, FILE.toml")
+        check_place(out, "--out", endings=(".toml",))
         if out.exists() and not force:
             raise VehicleError(f"{out}: is there already; choose another name or give --force")
         write_text(out, found.text)

@@ -47,6 +47,7 @@ def new(
     if from_report is not None:
         _from_report(from_report, folder)
         return
+    from seatrial.base.atomic_write import whole_folder
     from seatrial.base.errors import SeatrialError
     from seatrial.base.report import Report, Section
     from seatrial.cli.console import answer
@@ -56,17 +57,17 @@ def new(
         raise SeatrialError(f"{folder}: expected an empty or a new folder, found files; choose another name")
     starter = EXAMPLES / "starter"
     try:
-        for records in _RECORDS:
-            (folder / records).mkdir(parents=True, exist_ok=True)
-        for name in _FILES:
-            (folder / name).write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
+        with whole_folder(folder):
+            for records, names in _RECORDS.items():
+                (folder / records).mkdir(exist_ok=True)
+                for name in names:
+                    Recipe.load(starter / records / f"{name}.toml").save(folder / records / f"{name}.csv")
+            for name in _FILES:
+                (folder / name).write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
     except OSError as error:
         raise SeatrialError(
             f"{folder}: cannot be written ({error.strerror}); choose a folder that you may write to"
         ) from None
-    for records, names in _RECORDS.items():
-        for name in names:
-            Recipe.load(starter / records / f"{name}.toml").save(folder / records / f"{name}.csv")
     count = sum(map(len, _RECORDS.values()))
     report = Report(
         title=str(folder),

@@ -72,19 +72,26 @@ def plan(
     Everything is simulated: open loop, on the model as it is. Plan again after each trial. Where waves and
     the autopilot hide a gain in a campaign's trials, a dither for the autopilot's output is written too.
     """
-    from seatrial.base.errors import TrialError
+    from seatrial.base.file_names import check_place
     from seatrial.base.run import only_user
     from seatrial.cli.console import answer, formats, print_json, say, search_progress
     from seatrial.experiment.forecast import Limits
     from seatrial.experiment.plan import plan as planned
 
-    if out is not None and out.suffix != ".csv":
-        raise TrialError(f'--out {out}: expected the ending .csv, found "{out.suffix}"')
+    if out is not None:
+        check_place(out, "--out", endings=(".csv",), folder_made=True)
     limits = Limits(depth_m=max_depth, area_m=_area(area), tilt_deg=max_tilt)
     usual = (sensors, current) == (SENSORS, CURRENT_M_S)
     instruments = None if usual else _instruments(sensors, current)
     loaded, vehicle = _load(target)
     first = out or Path("runs") / file_name(f"plan-{vehicle.name}") / "trial.csv"
+    paths = [
+        first if number == 1 else first.with_name(f"{first.stem}-{number}.csv")
+        for number in range(1, count + 1)
+    ]
+    for path in paths:
+        check_place(path, "--out", inputs=_recordings(loaded), folder_made=True)
+        check_place(path.with_suffix(".toml"), "--out", inputs={"the target": target}, folder_made=True)
     with only_user(first):
         with search_progress("reading", quiet=json) as progress:
             found = planned(
@@ -99,10 +106,6 @@ def plan(
                 threads=threads,
                 progress=progress,
             )
-        paths = [
-            first if number == 1 else first.with_name(f"{first.stem}-{number}.csv")
-            for number in range(1, count + 1)
-        ]
         written = [file for number, path in enumerate(paths, 1) for file in found.write(path, trial=number)]
         written += found.write_dithers(first.parent)
 
@@ -161,6 +164,15 @@ def _load(target: str) -> tuple[Vehicle | Campaign, Vehicle]:
 
     campaign = Campaign.load(target, progress=reading_progress())
     return campaign, campaign.vehicle
+
+
+def _recordings(loaded: Vehicle | Campaign) -> dict[str, str | Path | None]:
+    """Files of a campaign's trials, by what they are."""
+    from seatrial.campaign.campaign import Campaign
+
+    if not isinstance(loaded, Campaign):
+        return {}
+    return {f"trial {name}": loaded.path_of(name) for name in loaded.trials}
 
 
 def _list(text: str | None) -> list[str] | None:

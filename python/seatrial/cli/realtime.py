@@ -83,7 +83,7 @@ def fly_by_the_clock(
             " --realtime"
         )
     if out is not None:
-        check_writable(out)
+        check_writable(out, "flight")
 
     def ready(port: int | None) -> None:
         if port is not None and not json:

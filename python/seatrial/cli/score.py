@@ -75,6 +75,7 @@ def score(
     from seatrial.base.report import Section
     from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import answer, check_axes, formats, print_json
+    from seatrial.cli.streams import BAD_INPUT, complain
     from seatrial.identification.hold_out import freed
     from seatrial.trial.comparison import compare
     from seatrial.trial.predictions import Predictions, is_table
@@ -112,6 +113,8 @@ def score(
         own = [trial for name, trial in zip(trials, chosen, strict=True) if name in campaign.trials]
         seen = Section(sentences=_seen(campaign, own, columns_from))
         report = replace(report, sections=(seen, *report.sections))
+    broken = tuple(f"{trial.name}: {said}" for trial in chosen for said in trial.report.errors)
+    report = replace(report, sections=(Section(sentences=broken), *report.sections))
 
     def drawn() -> list[Path]:
         if out is None:
@@ -124,6 +127,11 @@ def score(
         print_json(found.to_dict() | ({} if out is None else {"figures": [str(path) for path in drawn()]}))
     else:
         answer(report, verbose=verbose, draw=drawn)
+    unscored = {label: one.unscored for label, one in scores.items()}
+    if all(unscored.values()):
+        for label, why in unscored.items():
+            complain(f"{label}: no channel of {', '.join(trials)} could be scored: {why}")
+        raise typer.Exit(BAD_INPUT)
 
 
 def _seen(campaign: Campaign, trials: Sequence[Trial], file: Path) -> tuple[str, ...]:

@@ -84,13 +84,15 @@ def simulate(
     loaded = Vehicle.load(vehicle)
     kind = "run" if sensors is None else "log"
     target = out or commands.with_name(f"{commands.stem}-{kind}.csv")
-    _check_ending(target, _ENDINGS if sensors is None else _ENDINGS[:1])
-    if run is not None:
-        _check_ending(run, _ENDINGS)
     check_axes(free, "--free")
     if held and free != "XYZKMN":
         raise TrialError("--held and --free: a tied vehicle moves along no axis; give one of them")
-    _check_places(commands, target, run)
+    read: dict[str, str | Path | None] = {
+        "the commands": commands,
+        "the vehicle": vehicle,
+        "the sensors": sensors,
+    }
+    _check_places(target, run, read, log=sensors is not None)
     if sensors is None:
         for option, value in (("--seed", seed), ("--bottom", bottom), ("--run", run)):
             if value is not None:
@@ -148,10 +150,7 @@ def _recipe(
             raise TrialError(f"{option}: a recipe says this itself; leave the option out")
     out, run = places
     target = out or path.with_name(f"{path.stem}-log.csv")
-    _check_ending(target, _ENDINGS[:1])
-    if run is not None:
-        _check_ending(run, _ENDINGS)
-    _check_places(path, target, run)
+    _check_places(target, run, {"the recipe": path}, log=True)
     recipe = Recipe.load(path)
     recipe = recipe if seed is None else recipe.with_seed(seed)
     recipe.save(target)
@@ -182,28 +181,14 @@ def _write(frame: pl.DataFrame, path: Path, option: str) -> None:
     write_table(frame, path, advice=f"choose another place with {option}")
 
 
-def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
-    """Refuse a file whose ending is none of these."""
+def _check_places(target: Path, run: Path | None, inputs: dict[str, str | Path | None], *, log: bool) -> None:
+    """Refuse a place that does not fit, an input, and one file over another."""
     from seatrial.base.errors import TrialError
+    from seatrial.base.file_names import check_place
 
-    if path.suffix not in endings:
-        why = "" if len(endings) > 1 else "; the first lines of a log say that it was generated"
-        raise TrialError(f'{path}: expected the ending {" or ".join(endings)}, found "{path.suffix}"{why}')
-
-
-def _check_places(commands: Path, target: Path, run: Path | None) -> None:
-    """Refuse to write over the commands, one file over another, and into a folder that is not there."""
-    from seatrial.base.errors import TrialError
-
-    places = {"--out": target} | ({} if run is None else {"--run": run})
-    for option, path in places.items():
-        if path.resolve() == commands.resolve():
-            raise TrialError(f"{option} {path}: this is the file of the commands; give another name")
-        if not path.absolute().parent.is_dir():
-            raise TrialError(
-                f"{option} {path}: there is no folder {path.parent}; make it or give another name"
-            )
-        if path.is_dir():
-            raise TrialError(f"{option} {path}: expected a file, found a folder; give another name")
-    if run is not None and run.resolve() == target.resolve():
-        raise TrialError(f"--run {run}: the log goes to this file; give another name")
+    # The first lines of a log say that it was generated, which Parquet has no place for.
+    check_place(target, "--out", endings=_ENDINGS[:1] if log else _ENDINGS, inputs=inputs)
+    if run is not None:
+        check_place(run, "--run", endings=_ENDINGS, inputs=inputs)
+        if run.resolve() == target.resolve():
+            raise TrialError(f"--run {run}: the log goes to this file; give another name")

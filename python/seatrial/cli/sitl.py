@@ -63,16 +63,18 @@ def sitl(
 
     from seatrial._core import State
     from seatrial.base.atomic_write import write_table
-    from seatrial.base.errors import SimulationError
-    from seatrial.base.run import check_writable
+    from seatrial.base.file_names import check_place
     from seatrial.cli.console import answer, print_json
     from seatrial.cli.streams import INTERRUPTED, note
     from seatrial.realtime.ardupilot_link import sitl as serve
 
     if log is not None:
-        if log.suffix not in (".csv", ".parquet"):
-            raise SimulationError(f'--log {log}: expected the ending .csv or .parquet, found "{log.suffix}"')
-        check_writable(log.parent)
+        check_place(
+            log,
+            "--log",
+            endings=(".csv", ".parquet"),
+            inputs={"the vehicle": vehicle, "the parameters": parameters, "the sensors": sensors},
+        )
 
     def ready(address: tuple[str, int]) -> None:
         if not json:

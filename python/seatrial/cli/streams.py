@@ -121,11 +121,23 @@ def complain(message: str) -> None:
     note(f"seatrial: {message}")
 
 
+def _nowhere() -> bool:
+    """Whether the working directory was removed under the process."""
+    try:
+        os.getcwd()  # noqa: PTH109
+    except FileNotFoundError:
+        return True
+    return False
+
+
 def exit_code(error: OSError) -> int:
     """Exit code after a file or a stream failed; what happened is said on standard error."""
     if error.errno == errno.EPIPE:
         still()
         return BROKEN_PIPE
+    if error.errno == errno.ENOENT and not error.filename and _nowhere():
+        complain("the working directory is gone; change to a folder that is there, then run again")
+        return BAD_INPUT
     full = error.errno in (errno.ENOSPC, errno.EDQUOT)
     where = f"{error.filename}: " if error.filename else ""
     advice = "free some space and run again" if full else "check the path and its permissions"

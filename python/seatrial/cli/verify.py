@@ -139,6 +139,7 @@ def verify(
     undecided, 2 for bad input.
     Ctrl-C keeps the missions flown; the same command goes on from there.
     """
+    from seatrial.base.file_names import check_place
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import answer, formats, print_json, reading_progress
@@ -241,9 +242,11 @@ def verify(
         _replay(prepared, replay, out, drawing=drawing, page=page, verbose=verbose, json=json)
         return
     folder = out or Path("runs") / f"{loaded.name}-verified"
-    check_writable(folder)
+    check_writable(folder, "verification")
     if junit is not None:
-        _refuse_place(junit)
+        read = {"the campaign": campaign, "the vehicle": run, "the autopilot": autopilot}
+        read |= {f"mission {path}": path for path in mission or ()}
+        check_place(junit, "--junit", endings=(".xml",), inputs=read, folder_made=True)
     found = verified(prepared, folder, threads=threads, dask=dask, resume=resume, quiet=json)
     if junit is not None:
         _write(junit, found.junit())
@@ -305,7 +308,7 @@ def _falsify(
     from seatrial.verification.falsify import WITHIN, run_falsification
 
     folder = out or Path("runs") / f"{prepared.campaign.name}-falsified"
-    check_writable(folder)
+    check_writable(folder, "falsification")
     with search_progress("first missions", quiet=json) as progress:
         found = run_falsification(
             prepared,
@@ -358,7 +361,7 @@ def _rare(
     from seatrial.verification.rare_result import SIZE
 
     folder = out or Path("runs") / f"{prepared.campaign.name}-rare"
-    check_writable(folder)
+    check_writable(folder, "rare failures")
     with workers(dask) as fleet, search_progress("first missions", quiet=json) as progress:
         found = run_rare(
             prepared,
@@ -452,25 +455,6 @@ def _replay(
     report = flight.report(sections=(Section("Requirements", tuple(said)),))
     answer(report, verbose=verbose, results=results, draw=drawn)
     reported(page, [folder])
-
-
-def _refuse_place(path: Path) -> None:
-    """Refuse a file that cannot be written, before anything flies."""
-    from tempfile import TemporaryFile
-
-    from seatrial.base.errors import SeatrialError, reason
-
-    if path.is_dir():
-        raise SeatrialError(f"--junit {path}: expected a file, found a folder; name a file in it")
-    above = next(folder for folder in path.absolute().parents if folder.exists())
-    if not above.is_dir():
-        raise SeatrialError(f"--junit {path}: {above} is a file, not a folder; choose another place")
-    try:
-        TemporaryFile(dir=above).close()
-    except OSError as error:
-        raise SeatrialError(
-            f"--junit {path}: cannot be written ({reason(error)}); choose another place"
-        ) from None
 
 
 def _write(path: Path, text: str) -> None:

@@ -36,7 +36,7 @@ def verify_boundary(
 
     folder = out or Path("runs") / f"{prepared.campaign.name}-boundary"
     variables = _ranges(asked)
-    check_writable(folder)
+    check_writable(folder, "failure boundary")
     with workers(dask) as fleet, search_progress("first missions", quiet=json) as progress:
         found = run_boundary(
             prepared,

@@ -55,7 +55,7 @@ def verify_log(
             f"--mission: a log is one mission, found {len(missions)}; give the one that was flown"
         )
     folder = out or Path("runs") / f"{campaign.name}-log-{_safe(log)}"
-    check_writable(folder)
+    check_writable(folder, "log verdict")
     found, judged = verify_campaign_log(
         campaign,
         campaign.vehicle if fit is None else fit,

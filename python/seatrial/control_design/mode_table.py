@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.base.errors import VehicleError
 from seatrial.control_design.trim import Trim, level, trim
 from seatrial.vehicle.actuators import NOMINAL_V, command
 from seatrial.vehicle.authority import LOOPS, ROWS, reach
-from seatrial.vehicle.steady_state import drivers, steady
+from seatrial.vehicle.steady_state import drivers, steady, unbounded
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -56,13 +57,21 @@ class Mode:
 
 
 def top_speeds(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[float, float]:
-    """Top speeds astern (not positive) and ahead, m/s, straight at the largest commands."""
+    """Top speeds astern (not positive) and ahead, m/s, straight at the largest commands.
+
+    Raises
+    ------
+    VehicleError
+        The speed grows beyond all bounds.
+    """
     facts, found = vehicle.actuator_info(), []
     for share in (-1.0, 1.0):
         commands = {name: command(facts[name], share * sense) for name, sense in drivers(vehicle).items()}
         found.append(
             float(steady(vehicle, commands, free="X", voltage_v=voltage_v).nu[0]) if commands else 0.0
         )
+    if not np.isfinite(found).all():
+        raise VehicleError(unbounded(vehicle))
     return min(found[0], 0.0), found[1]
 
 

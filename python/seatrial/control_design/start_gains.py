@@ -115,6 +115,10 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
     >>> sorted(start.left_out)
     ['K', 'Y']
     """
+    if not vehicle.actuators:
+        raise ValueError(
+            "the vehicle has no actuators; give its [[thrusters]] or [[fins]] in the vehicle file"
+        )
     top = top_speeds(vehicle, voltage_v=voltage_v)
     left_out = commandable(vehicle, 0.6 * top[1], voltage_v=voltage_v)
     rows = "".join(row for row in ROWS if row not in left_out)

@@ -102,7 +102,7 @@ def coverage(
     outside: dict[str, tuple[float, float]] = {}
     interrupted = False
     threads = threads_of(threads, executor)
-    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+    with RunDirectory(run_dir, "coverage", resume=resume) as run, fleet_of(executor) as fleet:
         work = _Repetitions(generated, seeds, run, clock, progress, threads, fleet)
         try:
             outside = generated.outside(Joint(generated.logged(first), threads=threads))

@@ -13,7 +13,7 @@ each trial. Held by ``tests/experiment/test_plan.py``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -141,10 +141,7 @@ def plan(
     tell(0.1, "manoeuvres that fit into the limits")
     fitting, refused = _fitting(vehicle, candidates, budget_s, limits, voltage_v)
     if not fitting:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in list(refused.items())[:3])
-        raise CampaignError(
-            f"{vehicle.name}: no manoeuvre fits into the limits ({reasons}); give more room or time"
-        )
+        raise CampaignError(f"{vehicle.name}: {_none_fits(vehicle, refused)}")
     informations: list[Array] = []
     for index, proposal in enumerate(fitting):
         tell(0.2 + 0.8 * index / len(fitting), proposal.manoeuvre.name, index, len(fitting))
@@ -266,6 +263,19 @@ def _counting(sought: Sequence[Parameter], names: Sequence[str]) -> Array:
         if name not in known_names:
             raise CampaignError(f"coefficients: unknown name {name!r}{nearest(name, known_names)}")
     return np.array([not names or parameter.name in names for parameter in sought])
+
+
+def _none_fits(vehicle: Vehicle, refused: Mapping[str, str]) -> str:
+    """Why no manoeuvre is left, and what to do; `refused` holds the reason of each that was tried."""
+    if refused:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in list(refused.items())[:3])
+        return f"no manoeuvre fits into the limits ({reasons}); give more room or time"
+    if not vehicle.actuators:
+        return (
+            "has no actuators and does not right itself, so that no manoeuvre moves it; give its"
+            " [[thrusters]] or [[fins]] in the vehicle file"
+        )
+    return "no manoeuvre fits: there is none to choose from"
 
 
 def _fitting(

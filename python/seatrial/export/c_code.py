@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial._core import Autopilot, Vehicle, autopilot_c, vehicle_c
-from seatrial.base.atomic_write import write_atomic
+from seatrial.base.atomic_write import whole_folder, write_atomic
 from seatrial.base.errors import SimulationError, reason
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.toml_file import loaded
@@ -347,17 +347,16 @@ def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:
     SimulationError
         One cannot be written.
     """
-    paths = []
-    for name, text in texts.items():
-        path = folder / name
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_atomic(path, text if isinstance(text, bytes) else text.encode())
-        except OSError as error:
-            raise SimulationError(
-                f"{path}: cannot be written ({reason(error)}); choose another folder"
-            ) from None
-        paths.append(path)
+    paths = [folder / name for name in texts]
+    try:
+        with whole_folder(folder):
+            for path, text in zip(paths, texts.values(), strict=True):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_atomic(path, text if isinstance(text, bytes) else text.encode())
+    except OSError as error:
+        raise SimulationError(
+            f"{folder}: cannot be written ({reason(error)}); choose another folder"
+        ) from None
     return paths
 
 

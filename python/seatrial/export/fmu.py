@@ -50,21 +50,23 @@ class FmuExport:
     programs
         What is in them.
     compiler
-        The C compiler that built their binaries; empty where there was none and they hold sources only.
+        The C compiler that built their binaries; empty where they hold sources only.
     samples
         Vehicles of the covariance among the parameter sets.
+    binary
+        Whether a binary was asked for.
     """
 
     files: list[Path]
     programs: Programs
     compiler: str
     samples: int
+    binary: bool = True
 
     def report(self) -> Report:
         """The units, what they hold and what runs them."""
-        binary = (
-            f"binary for {platform()} by {self.compiler}" if self.compiler else "sources only: no C compiler"
-        )
+        none = "sources only: no C compiler is there" if self.binary else "sources only, as asked for"
+        binary = f"binary for {platform()} by {self.compiler}" if self.compiler else none
         rows = [
             (
                 program.prefix,
@@ -168,7 +170,8 @@ def export_fmu(
         of_program = sampled if program is programs.vehicle else {}
         for version in ("2.0", "3.0"):
             units[f"{program.prefix}.fmi{version[0]}.fmu"] = _unit(program, version, of_program, builder)
-    return FmuExport(written(Path(out), units), programs, builder, len(next(iter(sampled.values()), ())))
+    count = len(next(iter(sampled.values()), ()))
+    return FmuExport(written(Path(out), units), programs, builder, count, binary=compiler != "")
 
 
 def _samples(fitted: Fitted, program: Program, samples: int, seed: int) -> dict[str, Array]:

@@ -57,6 +57,8 @@ TURBULENCE_TIMES_S = (60.0, 2.0)
 
 _HOUR_S = 3600.0
 
+_HIGHEST_START_M = 1.0  # above the surface: a wave, or a depth sensor with an offset, may show as much
+
 
 @dataclass(frozen=True)
 class Circumstances:
@@ -570,6 +572,11 @@ def _states(initial: Any) -> tuple[State, ...]:
     for state in given:
         if not isinstance(state, State):
             raise SimulationError(f"initial: expected an st.State, found {state!r}")
+        if (depth := float(state.position[2])) < -_HIGHEST_START_M:
+            raise SimulationError(
+                f"initial: expected a place in the water, found a depth of {depth:g} m, {-depth:g} m above"
+                " the surface; depth is positive down"
+            )
     return given
 
 

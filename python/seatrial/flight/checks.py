@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Corridor",
+    "checked_bottom",
     "checked_columns",
     "checked_corridors",
     "checked_failures",
@@ -34,6 +35,7 @@ __all__ = [
     "checked_step",
     "checked_supply",
     "checked_times",
+    "checked_triple",
     "checked_turbulence",
     "checked_vector",
     "is_number",
@@ -154,16 +156,19 @@ def checked_rows(name: str, value: Any) -> Array:
     return rows
 
 
-def checked_seabed(value: ArrayLike | None, path: Route) -> tuple[float, float, float] | None:
-    """Depth of the bottom and its slopes; a mission along the bottom needs one."""
-    if value is None:
-        for k, stop in enumerate(path.stops):
-            if stop.vertical == "altitude":
-                raise SimulationError(
-                    f"seabed: leg {k + 1} ({stop.label}) of {path.name} follows the bottom, and there is"
-                    " none; give its depth in m"
-                )
-        return None
+def checked_triple(name: str, value: Any, parts: str) -> tuple[float, float, float]:
+    """Three finite numbers; `parts` says of what, in which unit."""
+    try:
+        row = np.asarray(value, float)
+    except (TypeError, ValueError):
+        row = np.empty(0)
+    if row.shape != (3,) or not np.isfinite(row).all():
+        raise SimulationError(f"{name}: expected three finite numbers, {parts}, found {value!r}")
+    return float(row[0]), float(row[1]), float(row[2])
+
+
+def checked_bottom(value: Any) -> tuple[float, float, float]:
+    """Depth of the bottom in m and its slopes north and east, from a depth alone or all three."""
     try:
         bottom = np.atleast_1d(np.asarray(value, float))
     except (TypeError, ValueError):
@@ -174,7 +179,20 @@ def checked_seabed(value: ArrayLike | None, path: Route) -> tuple[float, float, 
         raise SimulationError(
             f"seabed: expected its depth in m, or (depth, slope north, slope east), found {value!r}"
         )
-    depth, north, east = (float(x) for x in bottom)
+    return float(bottom[0]), float(bottom[1]), float(bottom[2])
+
+
+def checked_seabed(value: ArrayLike | None, path: Route) -> tuple[float, float, float] | None:
+    """Depth of the bottom and its slopes; a mission along the bottom needs one."""
+    if value is None:
+        for k, stop in enumerate(path.stops):
+            if stop.vertical == "altitude":
+                raise SimulationError(
+                    f"seabed: leg {k + 1} ({stop.label}) of {path.name} follows the bottom, and there is"
+                    " none; give its depth in m"
+                )
+        return None
+    depth, north, east = checked_bottom(value)
     places = [("the start", path.start, path.start[2])]
     places += [
         (f"leg {k + 1} ({stop.label})", stop.position, stop.position[2] if stop.vertical == "depth" else 0.0)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Mask
 from seatrial.flight.metrics import OFF_PROMISE
 
-__all__ = ["IN_THE_AIR_M", "STEEP_DEG", "counted", "too_near", "touched"]
+__all__ = ["IN_THE_AIR_M", "STEEP_DEG", "counted", "promise_counts", "too_near", "touched"]
 
 IN_THE_AIR_M = 0.1
 """Height above the surface, m, from which a vehicle has left the water: less is a wave."""
@@ -40,6 +40,11 @@ def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
     """
     clear, reserve = (np.asarray(metrics[name]) for name in ("clearance_m", "clearance_reserve_m"))
     return np.asarray((clear <= 0.0) | (reserve < -OFF_PROMISE * np.asarray(promised_m)))
+
+
+def promise_counts(clear_m: float, reserve_m: float) -> bool:
+    """Whether a promise was what came nearest to being broken, and not an obstacle that has none."""
+    return reserve_m < clear_m - 1e-6
 
 
 def touched(metrics: Mapping[str, Any]) -> Mask:
@@ -74,20 +79,15 @@ def counted(
         for name in ("clearance_m", "altitude_smallest_m", "depth_smallest_m", "pitch_largest_deg")
     )
     promised = np.broadcast_to(np.asarray(promised_m, dtype=float), clear.shape)
+    kept = np.asarray(metrics["clearance_reserve_m"], dtype=float)
 
     def nearness(k: int) -> str:
-        asked = f" (promised: {promised[k]:g} m)" if promised[k] > 0.0 else ""
+        asked = f" (promised: {promised[k]:g} m)" if promise_counts(clear[k], kept[k]) else ""
         where = f"{clear[k]:.2f} m away" if clear[k] > 0.0 else f"{-clear[k]:.2f} m inside"
         return where + asked
 
     kinds: tuple[tuple[str, Mask, Any, Callable[[int], str], str], ...] = (
-        (
-            "came too near to an obstacle",
-            too_near(metrics, promised),
-            np.fmin(clear, np.asarray(metrics["clearance_reserve_m"], dtype=float)),
-            nearness,
-            "clearance_time_s",
-        ),
+        ("came too near to an obstacle", too_near(metrics, promised), kept, nearness, "clearance_time_s"),
         ("touched the bottom", touched(metrics), altitude, lambda k: f"{-altitude[k]:.2f} m below it", ""),
         (
             "rose above the surface",

@@ -465,11 +465,11 @@ def _clear(flight: Flight) -> list[str]:
         return []
     when = _at(flight, flight.metrics["clearance_time_s"])
     promised, reserve = flight.mission.promised_m, flight.metrics["clearance_reserve_m"]
-    said = f"; the mission promises {promised:g} m"
-    if promised > 0.0 and reserve < 0.0:
+    said = f"; the mission promises {promised:g} m" if excesses.promise_counts(clear, reserve) else ""
+    if said and reserve < 0.0:
         said += f", {-reserve:.2f} m more"
     near = f"The hull came to {clear:.2f} m from" if clear > 0.0 else f"The hull was {-clear:.2f} m inside"
-    return [f"{near} an obstacle, {when}{said if promised > 0.0 else ''}."]
+    return [f"{near} an obstacle, {when}{said}."]
 
 
 def _at(flight: Flight, time_s: float) -> str:

@@ -52,6 +52,7 @@ __all__ = [
     "loops_of",
     "metrics_of",
     "quantile",
+    "reserve",
     "switches",
 ]
 
@@ -111,7 +112,22 @@ def metrics_of(flights: Flights) -> dict[str, Array]:
         counts = getattr(flights, f"{error}_counts")
         for name, share in _QUANTILES.items():
             found[f"{error}_{name}_m"] = quantile(counts, share, largest=found[f"{error}_largest_m"])
+    found["clearance_reserve_m"] = reserve(found["clearance_m"], found["clearance_reserve_m"])
     return found
+
+
+def reserve(clear_m: Array, beyond_m: Array) -> Array:
+    """Smallest clearance beyond what is promised of each obstacle, m, 0 m of one without a promise.
+
+    Parameters
+    ----------
+    clear_m : ndarray
+        Smallest clearance of all obstacles, m.
+    beyond_m : ndarray
+        Smallest clearance beyond the promise of those that have one, m.
+    """
+    # Of an obstacle with a promise the clearance is the larger of the two, so that it does not count here.
+    return np.asarray(np.fmin(clear_m, beyond_m))
 
 
 def quantile(counts: Array, share: float, *, largest: Array) -> Array:

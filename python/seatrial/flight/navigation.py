@@ -20,7 +20,7 @@ from seatrial._core import Filter, Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError, nearest
 from seatrial.base.toml_file import loaded
-from seatrial.flight.checks import checked_vector, within
+from seatrial.flight.checks import checked_bottom, checked_triple, within
 from seatrial.flight.sea import SeaState
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.sensors.sensor import KINDS, Sensor
@@ -222,7 +222,7 @@ class NavigationFilter:
             "current_time_s": time,
             "gyro_walk": 1e-6,
             "gate": (float(gate), float(patience_s)),
-            "start": (*_triple(checked_vector("start", start)), float(start_deviation_m)),
+            "start": (*checked_triple("start", start, "north, east, down in m"), float(start_deviation_m)),
             "longest_age_s": float(longest_age_s),
             "exact_model": exact_model,
         }
@@ -475,7 +475,7 @@ def _instruments(
             raise SimulationError(f'tilt: the vehicle has no sensor "{kind}"{nearest(kind, rows)}')
     level = (0.0, 0.0, 0.0)
     return {
-        kind: (*row, *_triple(checked_vector(f"tilt: {kind}", tilt.get(kind, level))))
+        kind: (*row, *checked_triple(f"tilt: {kind}", tilt.get(kind, level), "roll, pitch, yaw in rad"))
         for kind, row in rows.items()
     }
 
@@ -502,8 +502,7 @@ def _landmarks(landmarks: Mapping[str, Beacon | Wall | Pen]) -> list[tuple[str, 
 
 def _bottom(seabed: ArrayLike) -> tuple[float, float, float, float]:
     """Unit normal and offset of the bottom's plane."""
-    given = np.atleast_1d(np.asarray(seabed, float))
-    depth, north, east = _triple(given if given.shape == (3,) else np.array([float(given[0]), 0.0, 0.0]))
+    depth, north, east = checked_bottom(seabed)
     normal = np.array([-north, -east, 1.0])
     size = float(np.linalg.norm(normal))
     return (-north / size, -east / size, 1.0 / size, depth / size)
@@ -516,7 +515,3 @@ def _positive(name: str, values: ArrayLike | None, count: int) -> Array | None:
     if array.shape != (count,) or not (np.isfinite(array).all() and (array >= 0.0).all()):
         raise SimulationError(f"{name}: expected {count} standard deviations from zero on, found {values!r}")
     return array
-
-
-def _triple(row: Sequence[float] | Array) -> tuple[float, float, float]:
-    return float(row[0]), float(row[1]), float(row[2])

@@ -412,7 +412,7 @@ def run_identification(
 ) -> Identification:
     """Identification of the campaign's vehicle: every stage run, the result polished and judged."""
     clock = Clock()
-    with RunDirectory(run_dir, resume=resume) as run:
+    with RunDirectory(run_dir, "identification", resume=resume) as run:
         ready = prepare(campaign, threads=threads)  # refuses a bad campaign before a search
         campaign, plans, before, notes = ready.campaign, ready.plans, ready.sentences, ready.no_joint
         fitted = dict.fromkeys(name for plan in plans for name in plan.stage.trials)

@@ -249,7 +249,7 @@ def leave_one_out(
     found: list[LeftOut] = []
     interrupted = False
     hashes = input_hashes(campaign)
-    with RunDirectory(run_dir, resume=resume) as run:
+    with RunDirectory(run_dir, "leave one out", resume=resume) as run:
         try:
             for number, name in enumerate(names):
                 show = None if progress is None else _whole(progress, name, number, len(names), clock)

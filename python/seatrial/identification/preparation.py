@@ -15,6 +15,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, frozen_sentences, plan, start_cost, step_sentences
 from seatrial.identification.held import Held, hold_untold, sentences
+from seatrial.identification.repeated import repeated_sentences
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
             f"{campaign.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
             " only tunes or verifies an autopilot"
         )
-    silent = _actuators_without_column(campaign)
+    silent = (*repeated_sentences(campaign), *_actuators_without_column(campaign))
     whole, (campaign, held) = campaign, identifiable(campaign)
     plans = plan(campaign)
     judge_scale(campaign)

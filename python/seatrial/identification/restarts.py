@@ -103,7 +103,7 @@ def restarts(
     records: list[Mapping[str, Any]] = []
     interrupted = False
     threads = threads_of(threads, executor)
-    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+    with RunDirectory(run_dir, "random starts", resume=resume) as run, fleet_of(executor) as fleet:
         shared, inputs = Shared(campaign), _inputs(campaign, seed)
 
         def here(chunk: Chunk[Stages]) -> Stages:

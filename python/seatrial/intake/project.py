@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.atomic_write import write_atomic, write_table
+from seatrial.base.atomic_write import whole_folder, write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError, reason
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, line
 from seatrial.intake.consistency_trials import accepted
@@ -199,22 +199,23 @@ def write_project(
     }
     kept = []
     try:
-        (folder / "trials").mkdir(parents=True, exist_ok=True)
-        for one, table in zip(drafted, recorded, strict=True):
-            write_table(table.table, folder / one.file)
-        for name, text in texts.items():
-            if edited(folder, name) and (folder / name).read_text(encoding="utf-8") != text:
-                kept.append(name)
-            else:
-                write_atomic(folder / name, text.encode())
-        hashes = {
-            name: hashlib.sha256(text.encode()).hexdigest()
-            for name, text in texts.items()
-            if name not in kept
-        }
-        hashes |= {name: _hashes(folder).get(name, "") for name in kept}
-        record = {"format": 1, "written": hashes} | made.to_dict() | {"kept": kept}
-        write_atomic(folder / _OWN, json.dumps(_plain(record), indent=1, ensure_ascii=False).encode())
+        with whole_folder(folder):
+            (folder / "trials").mkdir(parents=True, exist_ok=True)
+            for one, table in zip(drafted, recorded, strict=True):
+                write_table(table.table, folder / one.file)
+            for name, text in texts.items():
+                if edited(folder, name) and (folder / name).read_text(encoding="utf-8") != text:
+                    kept.append(name)
+                else:
+                    write_atomic(folder / name, text.encode())
+            hashes = {
+                name: hashlib.sha256(text.encode()).hexdigest()
+                for name, text in texts.items()
+                if name not in kept
+            }
+            hashes |= {name: _hashes(folder).get(name, "") for name in kept}
+            record = {"format": 1, "written": hashes} | made.to_dict() | {"kept": kept}
+            write_atomic(folder / _OWN, json.dumps(_plain(record), indent=1, ensure_ascii=False).encode())
     except OSError as error:
         raise SeatrialError(
             f"{folder}: cannot be written ({reason(error)}); choose a folder that you may write to"

@@ -29,7 +29,7 @@ from seatrial.logs.log import MOST_FIELDS, Chunk, Log, Share, printable
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Layout", "Table", "encoding_of", "layout_of", "open_log"]
+__all__ = ["Layout", "Table", "encoding_of", "layout_of", "open_log", "shared_name", "stripped"]
 
 _HEAD_BYTES = 262_144
 _HEAD_ROWS = 200
@@ -59,6 +59,8 @@ class Layout:
         Whether the file has a row of names.
     plain
         Whether the row of names is the first, and the values follow it.
+    twice
+        Places, from 1, of the columns that share a name; all but the first of them are numbered in `names`.
     """
 
     encoding: str
@@ -70,6 +72,7 @@ class Layout:
     units: tuple[str, ...]
     named: bool
     plain: bool
+    twice: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
 
 def open_log(path: Path) -> Log:
@@ -92,6 +95,9 @@ class Table(Log):
     def __post_init__(self) -> None:
         if not self.layout.named:
             self.remark("no row of names: the columns are called column_1, column_2, ...")
+        for name, places in self.layout.twice.items():
+            called = ", ".join(f'"{printable(self.layout.names[k - 1])}"' for k in places)
+            self.note(f"{shared_name(name, places)}; here they are called {called}: rename them in the file")
 
     @property
     def topic(self) -> str:
@@ -259,14 +265,16 @@ class Table(Log):
             text = re.sub(r"[ \t]+", " ", re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text))
         widest = len(layout.names)
         try:
-            return pl.read_csv(
-                io.BytesIO(text.encode()),
-                separator=layout.separator,
-                has_header=False,
-                schema=dict.fromkeys(layout.names, pl.String),
-                comment_prefix=layout.comment or None,
-                truncate_ragged_lines=True,
-                quote_char='"',
+            return stripped(
+                pl.read_csv(
+                    io.BytesIO(text.encode()),
+                    separator=layout.separator,
+                    has_header=False,
+                    schema=dict.fromkeys(layout.names, pl.String),
+                    comment_prefix=layout.comment or None,
+                    truncate_ragged_lines=True,
+                    quote_char='"',
+                )
             )
         except pl.exceptions.NoDataError:
             return pl.DataFrame(schema=dict.fromkeys(layout.names, pl.String))
@@ -310,6 +318,25 @@ class _Time:
         if rest is not None:
             t = t + 1e-9 * table._numbers(cells[rest], 0, [], Counter())
         return np.asarray(t)
+
+
+def stripped(table: pl.DataFrame) -> pl.DataFrame:
+    """The table with no blanks around cells of text; one with nothing in it, quoted or not, is null."""
+    import polars as pl
+
+    return table.with_columns(pl.col(pl.String).str.strip_chars().replace("", None))
+
+
+def shared_name(name: str, places: Sequence[int]) -> str:
+    """Clause on columns of one name.
+
+    Examples
+    --------
+    >>> shared_name("u_m_s", (2, 5))
+    'columns 2 and 5 have one name, "u_m_s"'
+    """
+    *before, last = map(str, places)
+    return f'columns {", ".join(before)} and {last} have one name, "{printable(name)}"'
 
 
 _ALONG = 0.999  # correlation of a column with its rows that makes it a time though steps fall
@@ -389,16 +416,21 @@ def layout_of(path: Path) -> Layout:
     if not above and comment:  # "# t x y": the names are a comment
         commented = [_cut(line.lstrip("#% \t"), separator) for k, line in kept if line.startswith(comment)]
         above = [cells for cells in commented if len(cells) == width]
-    names, units = _names(above, width)
+    names, units, twice = _names(above, width)
     if len(names) > MOST_FIELDS:
         raise TrialError(f"{path}: {len(names)} columns; expected at most {MOST_FIELDS}")
     return Layout(
         encoding, separator, decimal_comma, comment, rows[first][0], tuple(names), tuple(units), bool(above),
-        plain=first == 1 and len(above) == 1,
+        plain=first == 1 and len(above) == 1, twice=twice,
     )  # fmt: skip
 
 
 def _encoding(head: bytes, path: Path) -> str:
+    if b"\r" in head and b"\n" not in head:
+        raise TrialError(
+            f"{path}: its lines end in a carriage return alone; expected a line feed, or both: save it with"
+            " the line ends of Unix or Windows"
+        )
     for mark, name in ((codecs.BOM_UTF8, "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
         if head.startswith(mark):
             return name
@@ -419,7 +451,9 @@ def _cut(line: str, separator: str) -> list[str]:
         return line.split()
     if '"' not in line:
         return [cell.strip() for cell in line.split(separator)]
-    pattern = rf'\s*(?:"((?:[^"]|"")*)"|([^{re.escape(separator)}]*))\s*(?:{re.escape(separator)}|$)'
+    end = re.escape(separator)
+    blank = rf"[^\S{end}]*"  # a tab that separates is none
+    pattern = rf'{blank}(?:"((?:[^"]|"")*)"|([^{end}]*)){blank}(?:{end}|$)'
     cells = [a.replace('""', '"') if a else b.strip() for a, b in re.findall(pattern, line + separator)]
     return cells[: line.count(separator) + 1] if len(cells) > line.count(separator) + 1 else cells
 
@@ -431,8 +465,10 @@ def _separator(lines: Sequence[str]) -> str:
     def merit(separator: str) -> tuple[float, int]:
         counts = Counter(len(_cut(line, separator)) for line in sample)
         width, rows = counts.most_common(1)[0]
-        numbers = np.mean([_number(cell, True) for line in sample[:20] for cell in _cut(line, separator)])
-        return (rows / len(sample) * (width > 1) * (0.2 + float(numbers)), width)
+        # In a log of several rates most cells may be empty.
+        filled = [cell for line in sample[:20] for cell in _cut(line, separator) if cell]
+        numbers = float(np.mean([_number(cell, True) for cell in filled])) if filled else 0.0
+        return (rows / len(sample) * (width > 1) * (0.2 + numbers), width)
 
     # A decimal comma makes the comma cut regularly too: then semicolon, tab or blank cut into whole numbers.
     for separator in (";", "\t"):
@@ -478,10 +514,10 @@ _UNIT = re.compile(r"^[\[(]?\s*(-|1|%|°|°c|deg\w*|rad\w*|[numkc]?m|[mu]?s|sec|
                    r"none|n/a|unitless)?\s*[\])]?$", re.IGNORECASE)  # fmt: skip
 
 
-def _names(above: Sequence[list[str]], width: int) -> tuple[list[str], list[str]]:
-    """Names and units of the columns from the rows above the values."""
+def _names(above: Sequence[list[str]], width: int) -> tuple[list[str], list[str], dict[str, tuple[int, ...]]]:
+    """Names and units of the columns from the rows above the values; places of those that share a name."""
     if not above:
-        return [f"column_{k + 1}" for k in range(width)], [""] * width
+        return [f"column_{k + 1}" for k in range(width)], [""] * width, {}
     last = above[-1]
     some = [cell for cell in last if cell]
     if len(above) > 1 and (not some or np.mean([bool(_UNIT.match(cell)) for cell in some]) > 0.8):
@@ -491,10 +527,12 @@ def _names(above: Sequence[list[str]], width: int) -> tuple[list[str], list[str]
         units = [
             found[1].strip() if (found := re.search(r"[\[(]([^\])]*)[\])]\s*$", n)) else "" for n in names
         ]
-    seen: Counter[str] = Counter()
+    places: dict[str, list[int]] = {}
     unique = []
     for k, name in enumerate(names):
         name = name.strip() or f"column_{k + 1}"
-        seen[name] += 1
-        unique.append(name if seen[name] == 1 else f"{name}_{seen[name]}")
-    return unique, [unit if unit not in ("-", "1", "none", "n/a", "unitless") else "" for unit in units]
+        known = places.setdefault(name, [])
+        known.append(k + 1)
+        unique.append(name if len(known) == 1 else f"{name}_{len(known)}")
+    units = [unit if unit not in ("-", "1", "none", "n/a", "unitless") else "" for unit in units]
+    return unique, units, {name: tuple(known) for name, known in places.items() if len(known) > 1}

@@ -83,6 +83,11 @@ _NOT_ZERO = ("rate_hz", "dropout_every_s", "max_range_m")
 class Sensor:
     """A sensor's imperfections.
 
+    Noise, bias, quantum and outlier are in the unit in which the kind logs, angles in degrees: deg/s of
+    ``gyro``, deg of ``attitude`` and ``bearing``, m/s of ``dvl`` and ``dvl_water``, m of ``depth``,
+    ``position``, ``gps``, ``usbl`` and ``range``, V of ``voltage``, N of ``load_cell``, the command's unit of
+    ``revolutions``. All other numbers are in SI units and radians.
+
     Attributes
     ----------
     noise

@@ -227,7 +227,7 @@ def _latency(found: _Compared, step: float) -> Latency | None:
         return None
     parameter = Parameter(key, _STEP_S, 0.0, always=True, shift=True)
     fit = fitted(residual, [parameter], found.grid, [{key: delay} for delay in sorted({0.0, rough}, key=abs)])
-    if fit is None or abs(fit.values[key]) > _LARGEST_S:
+    if fit is None or abs(fit.values.get(key, np.inf)) > _LARGEST_S:  # no value: the sensor never moves
         return None
     seconds, deviation = fit.values[key], fit.sd[key]
     y, known = found.shown(seconds)

@@ -31,7 +31,10 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Group:
-    """Columns that one sensor gives together: a vector in one frame, or a scalar."""
+    """Columns that one sensor gives together: a vector in one frame, or a scalar.
+
+    ``most`` is a size in SI that no vehicle reaches: a larger number is no measurement.
+    """
 
     name: str
     columns: tuple[str, ...]
@@ -39,13 +42,14 @@ class Group:
     unit: str
     factor: float = 1.0
     frame: Literal["earth", "body", "attitude", ""] = ""
+    most: float = 1e9
 
 
 GROUPS = (
     Group("position", ("x_m", "y_m", "z_m"), ("x", "y", "z"), "m", 1.0, "earth"),
     Group("quaternion", ("q_w", "q_x", "q_y", "q_z"), ("q_w", "q_x", "q_y", "q_z"), "", 1.0, "attitude"),
     Group("euler", ("roll_deg", "pitch_deg", "yaw_deg"), ("roll", "pitch", "yaw"), "rad", DEGREE, "attitude"),
-    Group("velocity", ("u_m_s", "v_m_s", "w_m_s"), ("u", "v", "w"), "m/s", 1.0, "body"),
+    Group("velocity", ("u_m_s", "v_m_s", "w_m_s"), ("u", "v", "w"), "m/s", 1.0, "body", 1e4),
     Group(
         "water velocity",
         ("u_water_m_s", "v_water_m_s", "w_water_m_s"),
@@ -53,6 +57,7 @@ GROUPS = (
         "m/s",
         1.0,
         "body",
+        1e4,
     ),
     Group("rates", ("p_deg_s", "q_deg_s", "r_deg_s"), ("p", "q", "r"), "rad/s", DEGREE, "body"),
     Group("force", ("tau.X_n", "tau.Y_n", "tau.Z_n"), ("X", "Y", "Z"), "N", 1.0, "body"),
@@ -64,6 +69,7 @@ GROUPS = (
         "m/s",
         1.0,
         "earth",
+        1e4,
     ),
     Group("voltage", ("voltage_v",), ("voltage",), "V"),
 )

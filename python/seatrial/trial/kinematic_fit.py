@@ -45,6 +45,8 @@ _LEAST_FACTOR = 1e-3  # deviation of a factor: noise of the attitude and the low
 
 _LEAST_WIDTHS = 50.0  # of the low-pass: less cannot be compared
 
+_ROUNDING = 1e-9  # m/s, rad/s or m/s^2: what no instrument resolves
+
 
 class Curve:
     """A series between its samples: cubic spline of the values, and where it is known."""
@@ -172,6 +174,8 @@ def fitted(
 ) -> Fit | None:
     """Fit of the parameters that are certain and reduce the residual; None if too little can be compared.
 
+    A parameter that changes nothing, as a delay does where a sensor never moves, is left out.
+
     Parameters
     ----------
     residual
@@ -185,9 +189,10 @@ def fitted(
         a clearly smaller residual: one of many minima of noise is no finding.
     """
     told = _without_nuisances(residual, parameters)
+    values = dict.fromkeys((one.name for one in parameters), 0.0)
+    parameters = [one for one in parameters if _tells(residual, values, one)]
     active = [one for one in parameters if one.always]
     candidates = [one for one in parameters if not one.always]
-    values = dict.fromkeys((one.name for one in parameters), 0.0)
     y, good = residual(values)
     if good.sum() * grid.step < _LEAST_WIDTHS * grid.width:
         return None
@@ -228,6 +233,12 @@ def fitted(
     )
 
 
+def _tells(residual: Residual, values: Mapping[str, float], one: Parameter) -> bool:
+    """Whether the residual at `values` depends on a parameter, so that it can be told."""
+    (y, good), (there, also) = residual(values), residual({**values, one.name: values[one.name] + one.step})
+    return bool(np.abs(there - y)[good & also].max(initial=0.0) > _ROUNDING)
+
+
 def _without_nuisances(residual: Residual, parameters: Sequence[Parameter]) -> Residual:
     """The residual with the parameters at zero that are only known to be small: they explain nothing."""
     zero = {one.name: 0.0 for one in parameters if np.isfinite(one.prior)}
@@ -242,7 +253,7 @@ def robust_rms(y: Array) -> float:
     """Root mean square of residuals (m, k), all in one sum, outliers beyond five deviations cut."""
     if not len(y):
         return 0.0
-    scale = 1.4826 * np.median(np.abs(y), axis=0) + 1e-300
+    scale = 1.4826 * np.median(np.abs(y), axis=0) + _ROUNDING
     return float(np.sqrt(np.mean(np.sum(np.clip(y, -5.0 * scale, 5.0 * scale) ** 2, axis=1))))
 
 
@@ -307,7 +318,7 @@ class _Linear:
         index = np.asarray(columns)
         information = 1.0 / self.prior[index] ** 2
         hessian = self.hessian[np.ix_(index, index)]
-        size = np.sqrt(np.diag(self.products)[index]) + 1e-300
+        size = np.sqrt(np.diag(self.products)[index]) + _ROUNDING
         # Where noise hides the motion the curvature vanishes: the deviation is then large, not imaginary.
         values, vectors = np.linalg.eigh(hessian / np.outer(size, size))
         if convex and values.min(initial=1.0) < _LEAST_SHARE:  # a step from there leads uphill
@@ -403,7 +414,7 @@ class _Problem:
         from scipy.signal import lfilter
 
         centre = np.where(good, y - np.median(y[good]), 0.0)
-        scale = 1.4826 * float(np.median(np.abs(centre[good]))) + 1e-300
+        scale = 1.4826 * float(np.median(np.abs(centre[good]))) + _ROUNDING
         taps = _whitener(np.clip(centre, -4.0 * scale, 4.0 * scale), good)
         y = lfilter(taps, 1.0, np.where(good, y, 0.0))
         columns = lfilter(taps, 1.0, np.where(good[:, None], columns, 0.0), axis=0)
@@ -413,7 +424,7 @@ class _Problem:
         if not use.any():
             use = good
         y, columns = y[use], columns[use]
-        scale = 1.4826 * float(np.median(np.abs(y - np.median(y)))) + 1e-300
+        scale = 1.4826 * float(np.median(np.abs(y - np.median(y)))) + _ROUNDING
         y, columns = y / scale, columns / scale
         weight = 1.0 / np.maximum(np.abs(y) / _HUBER, 1.0)
         return y, columns, weight, _blocks(t)[use]
@@ -511,14 +522,14 @@ class _Problem:
         middle = y[len(y) // 2]
         taps = np.array([1.0])
         if whiten:
-            scale = 1.4826 * float(np.median(np.abs(middle[good]))) + 1e-300
+            scale = 1.4826 * float(np.median(np.abs(middle[good]))) + _ROUNDING
             taps = _whitener(np.clip(middle, -4.0 * scale, 4.0 * scale), good)
         width = len(taps)
         whole = minimum_filter1d(good.astype(np.uint8), width, mode="constant", origin=(width - 1) // 2)
         use = whole.astype(bool) if whole.any() else good
         y = np.asarray(lfilter(taps, 1.0, y, axis=1))[:, use]
         squares = float(np.sum(y[len(y) // 2] ** 2)), float(np.sum((y[-1] - y[0]) ** 2))
-        size = np.abs(y) / (1.4826 * float(np.median(np.abs(y[len(y) // 2]))) + 1e-300)
+        size = np.abs(y) / (1.4826 * float(np.median(np.abs(y[len(y) // 2]))) + _ROUNDING)
         cost = np.where(size < _HUBER, 0.5 * size**2, _HUBER * (size - 0.5 * _HUBER))
         return np.stack([np.bincount(blocks[use], one, count) for one in cost]), *squares
 

@@ -22,7 +22,7 @@ from seatrial.base.errors import TrialError, nearest
 from seatrial.logs.stamps import usual_interval
 from seatrial.trial.columns import GROUPS, columns_of, parse
 from seatrial.trial.own_samples import own_samples
-from seatrial.trial.readers import FORMATS, read_table
+from seatrial.trial.readers import FORMATS, Recording, read_table
 from seatrial.trial.signals import RecordingReport
 from seatrial.trial.table import signals, time_base
 
@@ -85,14 +85,15 @@ class Predictions:
         >>> list(found.samples[""])
         ['u', 'yaw']
         """
-        table, file, units = read_table(source, columns=columns_of(columns))
+        recording = read_table(source, columns=columns_of(columns))
+        table, file = recording.table, recording.file
         parts: dict[str, pl.DataFrame] = {"": table}
         if _TRIAL in table.columns:
             parts = {
                 str(key[0]): part.drop(_TRIAL)
                 for key, part in table.partition_by(_TRIAL, as_dict=True, maintain_order=True).items()
             }
-        read = {trial: _samples(part, columns, units, file) for trial, part in parts.items()}
+        read = {trial: _samples(recording._replace(table=part), columns) for trial, part in parts.items()}
         return cls(name or Path(file).stem, file, read)
 
     @property
@@ -125,11 +126,11 @@ def is_table(path: str) -> bool:
     return path.lower().endswith((*FORMATS["csv"], *FORMATS["parquet"]))
 
 
-def _samples(
-    table: pl.DataFrame, columns: Mapping[str, Any] | None, units: Mapping[str, str], file: str
-) -> Samples:
+def _samples(recording: Recording, columns: Mapping[str, Any] | None) -> Samples:
+    table, file, units, _ = recording
     entries = _short_names(table.columns, units, file) | dict(columns or {})
     sources = parse(entries, table.columns, file, units)
+    recording.refuse_twice(source.column for source in sources.values())
     kept = {name: source for name, source in sources.items() if not name.startswith(("cmd.", "meas."))}
     t = time_base(table, kept["t_s"], file)
     known = signals(table, t, kept, file, RecordingReport(file)) if len(kept) > 1 else {}

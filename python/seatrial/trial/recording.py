@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from seatrial.base.arrays import Array
+from seatrial.logs.clock import scale_of
 from seatrial.trial import defects, resampling, table
 from seatrial.trial.columns import Source, columns_of, parse
 from seatrial.trial.corrections import Corrections, corrected, parse_corrections
@@ -17,6 +18,9 @@ from seatrial.trial.signals import RecordingReport, Signal
 from seatrial.trial.unit_changes import report_unit_changes
 
 __all__ = ["Recording", "recording"]
+
+_TELLING_ROWS = 2000
+"""Rows whose times tell their unit."""
 
 
 @dataclass(frozen=True)
@@ -70,21 +74,24 @@ def recording(
     """
     begin("table")
     sticks = [] if mixer is None else mixer.columns
-    cells, file, units = read_table(source, reader, [*columns_of(columns), *sticks])
+    read = read_table(source, reader, [*columns_of(columns), *sticks])
+    cells, file = read.table, read.file
     if mixer is not None:
         cells = mixer.mixed(cells, file, columns)
     report = RecordingReport(file)
     given = parse_corrections(corrections, f"{file}: corrections")
-    sources = parse(columns, cells.columns, file, units)
+    sources = parse(columns, cells.columns, file, read.units)
+    read.refuse_twice([*(source.column for source in sources.values()), *sticks])
     positions = parse_positions(sensor_positions, file)
     begin("units and frames")
     time = table.time_base(cells, sources["t_s"], file)
+    _note_time(time, sources["t_s"], report)
     signals = table.signals(cells, time, sources, file, report)
     used = {source.column for source in sources.values()} | set(sticks)
     unused = [f'"{column}"' for column in cells.columns if column and column not in used]
     if unused:
         report.add("info", "columns", f"not used: {', '.join(unused)}")
-    del cells  # a long log is large: nothing below needs its cells
+    del cells, read  # a long log is large: nothing below needs its cells
     begin("defects")
     signals, time = resampling.evenly_stamped(signals, time, report)
     report_unit_changes(signals, time, report)
@@ -92,3 +99,16 @@ def recording(
     signals = corrected(signals, given, report)
     defects.report_height(signals, report)
     return Recording(file, signals, time, sources, positions, given, report)
+
+
+def _note_time(t: Array, source: Source, report: RecordingReport) -> None:
+    """Say where the times of the rows, read as s, look like a smaller unit."""
+    scale = scale_of("", "", t[:_TELLING_ROWS])
+    if scale.factor < 1.0:
+        unit = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}[scale.factor]
+        report.add(
+            "error" if scale.unix else "warning",
+            "time",
+            f"read as s, {(len(t) - 1) / (t[-1] - t[0]):.3g} Hz, and looks like {unit} ({scale.how}); state"
+            f' the unit in the column map: t_s = {{ from = "{source.column}", unit = "{unit}" }}',
+        )

@@ -15,6 +15,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from seatrial.base.arrays import Mask
 from seatrial.base.channels import AXES, CHANNELS, readable
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Report, Section, Table
+from seatrial.base.toml_file import loaded
 from seatrial.trial.baseline_fit import fit_baselines
 from seatrial.trial.baselines import Baselines, not_beaten
 from seatrial.trial.ceiling import Band, Unpredictable, bands, ceiling, judging, unpredictable
@@ -138,6 +140,21 @@ class Score(Mapping[str, ChannelScore]):
     def evidence(self) -> dict[str, float]:
         """R2 by channel, without replayed and blind ones: those say nothing of the model."""
         return {n: one.r2 for n, one in self.channels.items() if not (one.replayed or one.blind)}
+
+    @property
+    def _told(self) -> dict[str, float]:
+        """R2 by channel that has one and is not replayed."""
+        return {n: one.r2 for n, one in self.channels.items() if np.isfinite(one.r2) and not one.replayed}
+
+    @property
+    def unscored(self) -> str:
+        """Why no channel could be scored; empty where one could."""
+        if self._told:
+            return ""
+        if self.blind:
+            return self.blind_words
+        diverged = [name for name, one in self.channels.items() if np.isposinf(one.mae)]
+        return f"the simulation diverges in {', '.join(diverged)}" if diverged else "no channel moves"
 
     @property
     def blind(self) -> dict[str, tuple[str, ...]]:
@@ -306,18 +323,12 @@ def score_text(value: float) -> str:
 
 def _verdict(score: Score) -> tuple[str, str, str]:
     """How good, the worst problem and what to do next; what is replayed is no evidence."""
-    r2 = {name: one.r2 for name, one in score.items() if np.isfinite(one.r2) and not one.replayed}
-    diverged = [name for name in score.channels if np.isposinf(score.mae[name])]
+    r2 = score._told
     ahead = f"{score.ahead_s:g} s ahead" if np.isfinite(score.ahead_s) else "in a free run"
-    if not r2:
+    if score.unscored:
         good = f"no channel of {', '.join(score.trials)} could be scored {ahead}"
-        if score.blind:
-            return good, score.blind_words, _TELLING
-        return (
-            good,
-            (f"the simulation diverges in {', '.join(diverged)}" if diverged else "no channel moves"),
-            "check the vehicle (seatrial check) and the commands of the trial",
-        )
+        after = "check the vehicle (seatrial check) and the commands of the trial"
+        return good, score.unscored, _TELLING if score.blind else after
     best, least = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
     scale, unit = readable(least)
     good = (
@@ -349,7 +360,7 @@ _POOR = 0.8  # R2 below which a channel is worth another identification
 
 
 def score(
-    vehicle: Vehicle | Predictions,
+    vehicle: Vehicle | Predictions | str | Path,
     trial: Trial | Sequence[Trial],
     *,
     ahead_s: float = 10.0,
@@ -370,7 +381,7 @@ def score(
     Parameters
     ----------
     vehicle
-        The model, or what another model predicts.
+        The model, a name or a path of one, or what another model predicts.
     trial
         A trial or several; their samples are pooled.
     ahead_s
@@ -415,9 +426,15 @@ def score(
     >>> st.score(vehicle, trial, free_run=True)["u"].r2 > 0.99
     True
     """
+    if isinstance(vehicle, str | Path):
+        from seatrial._core import Vehicle
+
+        named: Vehicle = loaded(Vehicle, vehicle)
+        vehicle = named
     trials = [trial] if isinstance(trial, Trial) else list(trial)
-    if not trials:
-        raise TrialError("score: expected a trial or a list of trials, found an empty list")
+    if not trials or not all(isinstance(one, Trial) for one in trials):
+        given = repr(trial) if trials else "an empty list"
+        raise TrialError(f"score: expected a trial or a list of trials, found {given}; see st.Trial.read")
     if not ahead_s > 0.0:
         raise TrialError(f"score: ahead_s: expected a positive time in s, found {ahead_s!r}")
     ahead = np.inf if free_run else float(ahead_s)

@@ -123,6 +123,12 @@ class RecordingReport:
         if count != 0:
             self.findings.append(Finding(severity, channel, message, count))
 
+    @property
+    def errors(self) -> list[str]:
+        """Findings with which the recording should not be used as it is, a clause each."""
+        wrong = [finding for finding in self.findings if finding.severity == "error"]
+        return [str(finding).removeprefix(finding.severity).strip() for finding in wrong]
+
     def to_dict(self) -> dict[str, Any]:
         """The report as plain data for JSON."""
         return asdict(self)

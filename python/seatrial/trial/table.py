@@ -25,6 +25,9 @@ MINIMUM_ROWS = 10
 
 _LEAST_NORM, _NORM_TOLERANCE = 1e-3, 1e-2
 
+_MOST = 1e9
+"""Size of a command or of what an actuator measures, in its unit, that none has."""
+
 
 def time_base(table: pl.DataFrame, source: Source, file: str) -> Array:
     """Time of every row, s, strictly rising; dates become seconds since the first.
@@ -111,7 +114,7 @@ def _group(
             if source.unit
             else group.factor
         )
-        y[:, k] = numbers(column, name, file) * scale * source.sign
+        y[:, k] = _possible(numbers(column, name, file) * scale * source.sign, group, name, report)
         present[:, k] = column.is_not_null().to_numpy()
         _note_not_finite(column, y[:, k], name, report)
         y[~np.isfinite(y[:, k]), k] = np.nan
@@ -251,7 +254,7 @@ def _actuator(
         raise TrialError(f"{file}: {name}: a scalar has no frame; leave it out")
     column = table[source.column]
     scale = units.factor(source.unit, units.ACTUATOR_UNITS, f"{file}: {name}") if source.unit else 1.0
-    y = numbers(column, name, file) * scale * source.sign
+    y = _possible(numbers(column, name, file) * scale * source.sign, None, name, report)
     _note_not_finite(column, y, name, report)
     good = column.is_not_null().to_numpy() & np.isfinite(y)
     if not good.any():
@@ -259,6 +262,22 @@ def _actuator(
     if good.all():
         return Signal(name, (name,), t, y[:, None], np.zeros((len(t), 1), bool))
     return Signal(name, (name,), t[good], y[good, None], np.zeros((int(good.sum()), 1), bool))
+
+
+def _possible(y: Array, group: Group | None, name: str, report: RecordingReport) -> Array:
+    """Numbers of a column in SI, NaN where they are larger than any of a vehicle."""
+    most, unit = (_MOST, "") if group is None else (group.most, f" {group.unit}".rstrip())
+    wrong = np.isfinite(y) & (np.abs(y) > most)
+    if not wrong.any():
+        return y
+    report.add(
+        "error",
+        name,
+        f"samples beyond {most:g}{unit}, as no vehicle has them, count as NaN; state the column's unit, or"
+        " leave cells without a sample empty",
+        int(wrong.sum()),
+    )
+    return np.where(wrong, np.nan, y)
 
 
 def _note_not_finite(column: pl.Series, y: Array, name: str, report: RecordingReport) -> None:

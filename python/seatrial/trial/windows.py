@@ -71,8 +71,13 @@ def windows(
     Raises
     ------
     TrialError
-        If none can start.
+        If none can start, or the start is not before the stop.
     """
+    if start_s is not None and stop_s is not None and not start_s < stop_s:
+        raise TrialError(
+            f"{trial.name}: start_s, stop_s: expected a start before the stop, found {start_s:g} s and"
+            f" {stop_s:g} s; exchange them"
+        )
     first = 0 if start_s is None else int(np.searchsorted(trial.t, start_s - 1e-9))
     last = len(trial) if stop_s is None else int(np.searchsorted(trial.t, stop_s - 1e-9))
     length = last if np.isinf(ahead_s) else max(1, round(ahead_s / trial.dt))
@@ -85,7 +90,7 @@ def windows(
         raise TrialError(
             f"{trial.name}: no window can start from {trial.t[0] if start_s is None else start_s:g} s "
             f"to {trial.t[-1] if stop_s is None else stop_s:g} s: every sample there is masked or outside "
-            "the record; see the trial's report"
+            f"the record; see the trial's report{''.join(f': {said}' for said in trial.report.errors[:1])}"
         )
     return spans, late, left_out
 

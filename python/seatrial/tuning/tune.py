@@ -183,7 +183,7 @@ def tune(
             "vehicle": sha256(plan.vehicle.to_toml()),
         }
     assert plan.groups is not None  # what cannot be tuned is refused before a directory is made
-    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+    with RunDirectory(run_dir, "tuning", resume=resume) as run, fleet_of(executor) as fleet:
         found = TuningRun(
             plan, run, campaign=of, inputs=inputs, progress=progress, threads=threads, fleet=fleet
         ).run(relay=relay)

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import VELOCITIES
+from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Statics", "damping_gain", "growth", "neutral_fins", "statics"]
+__all__ = ["Statics", "damping_gain", "growth", "neutral_fins", "positive_damping", "statics"]
 
 _SMALL = 1e-5
 
@@ -82,6 +82,17 @@ def statics(vehicle: Vehicle) -> Statics:
         roll_period_s=period(3),
         pitch_period_s=period(4),
     )
+
+
+def positive_damping(vehicle: Vehicle) -> dict[str, float]:
+    """Diagonal damping coefficients that are positive, SI: they drive the vehicle on."""
+    values = vehicle.coefficients()
+    names = (
+        name
+        for row, axis in zip(AXES, VELOCITIES, strict=True)
+        for name in (f"{row}_{axis}", f"{row}_{axis}{axis}")
+    )
+    return {name: values[name] for name in names if values.get(name, 0.0) > 0.0}
 
 
 def growth(vehicle: Vehicle, speed_m_s: float, plane: str) -> float:

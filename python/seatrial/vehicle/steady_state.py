@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
 from seatrial.vehicle.actuators import NOMINAL_V, can_push, command, largest, settling_s, voltage_for
+from seatrial.vehicle.stability import positive_damping
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,10 +36,12 @@ __all__ = [
     "round_speeds_kn",
     "speeds",
     "steady",
+    "top_speed",
     "turn_commands",
     "turn_kinds",
     "turning_senses",
     "turns",
+    "unbounded",
     "without_pull",
 ]
 
@@ -199,12 +202,31 @@ def drivers(vehicle: Vehicle) -> dict[str, float]:
 def speeds(
     vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = _SHARES
 ) -> tuple[Speed, ...]:
-    """Steady speeds at shares of the largest command, all that drive ahead together; empty if none does."""
+    """Steady speeds at shares of the largest command, all that drive ahead together; empty if none does.
+
+    Shares at which the speed grows beyond all bounds are left out.
+    """
     rows = []
     for share in shares if drivers(vehicle) else ():
         run = steady(vehicle, _ahead(vehicle, share), free="X", voltage_v=voltage_v)
+        if not np.isfinite(run.nu).all():
+            continue
         rows.append(_row(vehicle, share, float(run.nu[0]), float(run.tau[0]), run.actuators))
     return tuple(rows)
+
+
+def top_speed(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Speed | None:
+    """Steady speed ahead at the largest command; None where nothing drives ahead, or it has no bounds."""
+    return next(iter(speeds(vehicle, voltage_v=voltage_v, shares=(1.0,))), None)
+
+
+def unbounded(vehicle: Vehicle) -> str:
+    """Sentence on a vehicle whose actuators drive it faster and faster, with the damping to look at."""
+    wrong = [f"{name} = {value:+.4g}" for name, value in positive_damping(vehicle).items()]
+    damping = f"; damping is negative, found {', '.join(wrong)}" if wrong else "; check its damping"
+    return (
+        f"{vehicle.name} reaches no steady speed at its largest commands: it grows beyond all bounds{damping}"
+    )
 
 
 def farthest(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Speed | None:
@@ -220,7 +242,8 @@ def farthest(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Speed | None:
     def loss(share: float) -> float:
         return -(at(share).range_km or 0.0)
 
-    if not drivers(vehicle) or at(1.0).range_km is None:
+    top = top_speed(vehicle, voltage_v=voltage_v)
+    if top is None or top.range_km is None:
         return None
     coarse = [0.05 * k for k in range(1, 21)]
     best = coarse[int(np.argmin([loss(share) for share in coarse]))]

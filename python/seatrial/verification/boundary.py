@@ -401,7 +401,7 @@ def run_boundary(
         vehicle.with_coefficients(coefficients_at(asked, corner))
     clock, interrupted = Clock(), False
     threads = threads_of(threads, executor)
-    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+    with RunDirectory(run_dir, "failure boundary", resume=resume) as run, fleet_of(executor) as fleet:
         survey = BoundarySurvey(prepared, asked, chosen, run, threads, fleet)
         try:
             survey.fly(progress, clock)

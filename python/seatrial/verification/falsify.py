@@ -321,7 +321,7 @@ def run_falsification(
     known = {one.name: one for one in prepared.requirements}
     chosen = named(names or list(known), known)
     clock, found, interrupted = Clock(), [], False
-    with RunDirectory(run_dir, resume=False) as run:
+    with RunDirectory(run_dir, "falsification", resume=False) as run:
         try:
             for place, requirement in enumerate(chosen):
                 work = _Search(prepared, requirement, within, budget, threads)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.errors import CampaignError
+from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import FailureProbability
 from seatrial.vehicle.actuators import NOMINAL_V
@@ -242,8 +242,10 @@ def _worst(
 
 _MISSING = {
     "altitude_smallest_m": "there is no bottom; add seabed under [verification]",
-    "clearance_m": "nothing stands in the water; add [[obstacles]] to the mission",
-    "clearance_reserve_m": "no mission promises a distance; add distance_m to its [[obstacles]]",
+    **dict.fromkeys(
+        ("clearance_m", "clearance_reserve_m"),
+        "nothing stands in the water; add [[obstacles]] to the mission",
+    ),
 }
 
 
@@ -362,7 +364,10 @@ def _speed(flights: CampaignFlights, draws: Draws) -> list[str]:
     from seatrial.control_design.mode_table import top_speeds
 
     vehicle = flights.fitted.vehicle
-    top = top_speeds(vehicle, voltage_v=flights.table.voltage_v or NOMINAL_V)[1]
+    try:
+        top = top_speeds(vehicle, voltage_v=flights.table.voltage_v or NOMINAL_V)[1]
+    except VehicleError as error:
+        return [f"{error}."]
     if top <= 0.0:
         return []
     said = []

@@ -141,7 +141,7 @@ def run_rare(
     chosen = named(names or list(known), known)
     clock, found, interrupted = Clock(), [], False
     threads = threads_of(threads, executor)
-    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+    with RunDirectory(run_dir, "rare failures", resume=resume) as run, fleet_of(executor) as fleet:
         try:
             for place, requirement in enumerate(chosen):
                 work = _Search(prepared, requirement, size, populations, checked, run, threads, fleet)

@@ -370,10 +370,22 @@ def named(names: Sequence[str], known: Mapping[str, _T]) -> list[_T]:
     return [known[name] for name in names]
 
 
+def _has_course(mission: Mission) -> bool:
+    """Whether some straight leg is long enough for a cross-track error: it counts on the second half."""
+    points = mission.waypoints
+    places = np.stack([points["north_m"], points["east_m"]], axis=1)
+    start = [[mission.start["north_m"], mission.start["east_m"]]]
+    lengths = np.hypot(*np.diff(np.vstack([start, places]), axis=0).T)
+    straight = np.asarray(points["circle_radius_m"]) == 0.0
+    return bool(np.any(straight & (0.5 * lengths > np.asarray(points["acceptance_radius_m"]))))
+
+
 def default_requirements(
     table: VerificationTable, missions: Sequence[Mission], *, position_sd_m: float = 0.0
 ) -> tuple[Requirement, ...]:
     r"""Requirements of missions where the campaign states none.
+
+    A mission that only dives has no course: then the depths between the ends of each leg are to be kept.
 
     Parameters
     ----------
@@ -399,7 +411,9 @@ def default_requirements(
     deepest = min(float(one.limits["max_depth_m"]) for one in missions)
     asked = [
         ("is complete", 'ending == "complete" and not abort'),
-        ("keeps its path", f"true_cross_track_p95_m <= {radius + allowance:g}"),
+        ("keeps its path", f"true_cross_track_p95_m <= {radius + allowance:g}")
+        if all(_has_course(one) for one in missions)
+        else ("keeps its depths", f"depth_excursion_m <= {radius:g}"),
     ]
     if obstacles(table.obstacles) or any(one.obstacles for one in missions):
         asked.append(("touches nothing", "clearance_m > 0"))

@@ -269,7 +269,7 @@ def run_verification(
     """
     clock = Clock()
     threads = threads_of(threads, executor)
-    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+    with RunDirectory(run_dir, "verification", resume=resume) as run, fleet_of(executor) as fleet:
         found = _verified(prepared, run, clock, progress=progress, threads=threads, fleet=fleet)
         if run_dir is not None:
             run.publish(found.facts, found.files())

@@ -145,15 +145,20 @@ impl Description {
         Self::from_parts(&file.to_toml(), self.coefficients.clone(), &self.file.name)
     }
 
+    /// What is wrong with a value of a coefficient, and with which.
+    pub fn complaint(&self, index: usize, value: f64) -> Option<String> {
+        // What is not there has no meaning: the rate limit of a motor without one.
+        if value == 0.0 && index >= names::HULL && !self.uses(index) {
+            return None;
+        }
+        let name = self.layout.name(index);
+        ranges::coefficient(&name).complaint(value).map(|wrong| format!("coefficient {name}: {wrong}"))
+    }
+
     fn check(&self) -> Result<(), String> {
         let c = &self.coefficients;
-        for i in 0..c.len() {
-            // What is not there has no meaning: the rate limit of a motor without one.
-            let absent = c[i] == 0.0 && i >= names::HULL && !self.uses(i);
-            let name = self.layout.name(i);
-            if let Some(complaint) = ranges::coefficient(&name).complaint(c[i]).filter(|_| !absent) {
-                return Err(format!("coefficient {name}: {complaint}"));
-            }
+        if let Some(complaint) = (0..c.len()).find_map(|i| self.complaint(i, c[i])) {
+            return Err(complaint);
         }
         if let Some(i) = (names::CROSS_FLOW..names::TETHER).find(|&i| c[i] != 0.0 && !self.uses(i)) {
             return Err(format!(
@@ -172,7 +177,7 @@ impl Description {
         let pivots = pivots(&vehicle.mass_matrix);
         if let Some(axis) = pivots.iter().position(|p| !(p.is_finite() && *p > 0.0)) {
             return Err(format!(
-                "the mass matrix M_RB + M_A is not positive definite at axis {} (pivot {:.4}); added-mass derivatives such as X_udot are negative, products of inertia and off-diagonal terms must be small against the diagonal",
+                "the mass matrix M_RB + M_A is not positive definite at axis {} (pivot {:.4}); added-mass derivatives such as X_udot are negative, products of inertia and off-diagonal terms must be small against the diagonal, and moments of inertia are about O: I_y and I_z are larger than m x_g^2",
                 FORCES[axis], pivots[axis]
             ));
         }

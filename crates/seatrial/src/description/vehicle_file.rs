@@ -96,9 +96,9 @@ impl Environment {
     /// # Errors
     /// A number that is none of water or gravity.
     pub fn with(self, rho: Option<f64>, g: Option<f64>) -> Result<Self, Error> {
-        for (name, key, given) in [("rho", "environment.rho_kg_m3", rho), ("g", "environment.g_m_s2", g)] {
-            let complaint = given.and_then(|x| ranges::row(ranges::VEHICLE, key)?.complaint(x));
-            if let Some(complaint) = complaint {
+        let gravity = ranges::row(ranges::VEHICLE, "environment.g_m_s2");
+        for (name, row, given) in [("rho", Some(&ranges::WATER), rho), ("g", gravity, g)] {
+            if let Some(complaint) = given.and_then(|x| row?.complaint(x)) {
                 return Err(Error::simulation(format!("{name}: {complaint}")));
             }
         }

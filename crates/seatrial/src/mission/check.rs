@@ -34,10 +34,26 @@ pub(super) fn tables(file: &MissionFile) -> Result<(), String> {
     limits.max_time_s.map_or(Ok(0.0), |x| positive("limits.max_time_s", x))?;
     landmarks::check(&file.landmarks)?;
     limits.fence_m.iter().flatten().try_for_each(|x| finite("limits.fence_m", *x).map(drop))?;
-    match limits.fence_m.len() {
-        n @ 1..=2 => Err(format!("limits.fence_m: expected at least three corners, found {n}")),
-        _ => Ok(()),
+    fence_corners(&limits.fence_m)
+}
+
+/// Refuses a fence without area, or with edges that cross: what lies inside would be anybody's guess.
+fn fence_corners(fence: &[Place]) -> Result<(), String> {
+    let count = fence.len();
+    if (1..=2).contains(&count) {
+        return Err(format!("limits.fence_m: expected at least three corners, found {count}"));
     }
+    let edge = |i: usize| [fence[i], fence[(i + 1) % count]];
+    for i in 0..count {
+        if let Some(j) = (0..i).find(|&j| cross_each_other(edge(i), edge(j))) {
+            return Err(format!(
+                "limits.fence_m: expected edges that do not cross, but those behind corners {} and {} do; give the corners in order",
+                j + 1,
+                i + 1
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Refuses a mission that cannot be flown as written.

@@ -81,15 +81,21 @@ impl Farm {
             }
             // A turn by half a circle is a spike; less than zero is a dent.
             if !(-1e-9..PI - 1e-6).contains(&turn(i)) {
+                let along = difference(corners[0], corners[1]);
+                let beside = |corner: &Place| cross(along, difference(corners[0], *corner)).abs();
+                if corners.iter().all(|corner| beside(corner) <= 1e-6 * along[0].hypot(along[1])) {
+                    return Err("expected corners that enclose an area, but all lie on one line".into());
+                }
                 return Err(format!(
-                    "expected a convex farm, but corner {} turns inwards; leave the corner out, or fly round several convex parts",
+                    "expected a convex polygon, but corner {} turns inwards; leave the corner out, or give several convex parts",
                     i + 1
                 ));
             }
         }
         if (0..corners.len()).map(turn).sum::<f64>() > 1.5 * TAU {
             return Err(
-                "expected a convex farm, but the corners go round more than once; give them in order".into(),
+                "expected a convex polygon, but the corners go round more than once; give them in order"
+                    .into(),
             );
         }
         if doubled < 0.0 {

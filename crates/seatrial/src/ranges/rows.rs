@@ -74,6 +74,10 @@ pub const COEFFICIENTS: [Range; 34] = [
     Range::sized("offset", 1.571, "give the deflection at neutral in rad"),
 ];
 
+/// The density of the water that is given for a simulation or a flight: a specific gravity is none.
+pub const WATER: Range =
+    Range::within("rho", [500.0, 2e3], "the density in kg/m3: 1025 in the sea, 1000 in a lake");
+
 /// The vehicle file.
 pub const VEHICLE: &[Range] = &[
     Range::within("format", [1.0, 1.0], "this version reads format = 1"),

@@ -132,14 +132,20 @@ fn patterns_without_meaning_are_refused_by_their_key() {
             perimeter,
             "north_m = 80; east_m = 0; radius_m = 20",
             "corners_m = [[0, 0], [9, 0], [3, 3], [0, 9]]",
-            "corners_m: expected a convex farm, but corner 3 turns inwards",
+            "corners_m: expected a convex polygon, but corner 3 turns inwards",
+        ),
+        (
+            perimeter,
+            "north_m = 80; east_m = 0; radius_m = 20",
+            "corners_m = [[0, 0], [9, 0], [18, 0]]",
+            "corners_m: expected corners that enclose an area, but all lie on one line",
         ),
         // A pentagram turns the same way at every corner, twice round.
         (
             perimeter,
             "north_m = 80; east_m = 0; radius_m = 20",
             "corners_m = [[10, 0], [-8, 6], [3, -9.5], [3, 9.5], [-8, -6]]",
-            "corners_m: expected a convex farm, but the corners go round more than once",
+            "corners_m: expected a convex polygon, but the corners go round more than once",
         ),
     ] {
         assert!(pattern.contains(from));
@@ -187,6 +193,10 @@ fn places_beyond_the_limits_are_refused() {
         (
             format!("[limits]; fence_m = [[0, 0], [1, 1]]; {legs}"),
             "limits.fence_m: expected at least three corners, found 2",
+        ),
+        (
+            format!("[limits]; fence_m = [[-20, -20], [80, 80], [80, -20], [-20, 80]]; {legs}"),
+            "limits.fence_m: expected edges that do not cross, but those behind corners 1 and 3 do",
         ),
         (
             format!("[limits]; fence_m = [[0, 0], [1, nan], [2, 2]]; {legs}"),

@@ -96,7 +96,7 @@ def _bring(campaign: Campaign, earlier: Path, own: Path) -> None:
     """
     from seatrial.base.run import RunDirectory
 
-    with RunDirectory(own) as run:
+    with RunDirectory(own, "identification") as run:
         for stage in campaign.stages:
             run.bring(earlier, stage.name)
 

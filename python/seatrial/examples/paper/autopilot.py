@@ -505,12 +505,11 @@ def demonstration(vehicle: Vehicle) -> Flight:
     from seatrial.flight.fly import fly
     from seatrial.flight.mission import Mission
     from seatrial.vehicle.actuators import NOMINAL_V
-    from seatrial.vehicle.steady_state import drivers, speeds
+    from seatrial.vehicle.steady_state import top_speed
 
-    if not drivers(vehicle):
-        raise SeatrialError(f"nothing drives {vehicle.name} ahead")
-    top = speeds(vehicle, shares=[1.0])[-1].speed_m_s
-    speed = min(_SPEED_SHARE * top, _FASTEST_M_S)
+    if (top := top_speed(vehicle)) is None:
+        raise SeatrialError(f"nothing drives {vehicle.name} ahead at a steady speed")
+    speed = min(_SPEED_SHARE * top.speed_m_s, _FASTEST_M_S)
     current = min(_CURRENT_SHARE * speed, _STRONGEST_M_S)
     text = _MISSION.format(speed=speed, side=_LEG_S * speed, radius=max(_RADIUS_S * speed, 1.0))
     needed = any(facts["needs_voltage"] for facts in vehicle.actuator_info().values())

@@ -14,7 +14,7 @@ from html.parser import HTMLParser
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from seatrial.base.atomic_write import write_atomic
+from seatrial.base.atomic_write import whole_folder, write_atomic
 from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.file_names import no_file
 from seatrial.base.run import sha256
@@ -104,11 +104,12 @@ def unpack(page: str | Path, folder: str | Path) -> list[Path]:
         raise SeatrialError(f"{target}: expected an empty or a new folder, found files; choose another name")
     written = []
     try:
-        for name, text in files.items():
-            place = target.joinpath(*PurePosixPath(name).parts)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            write_atomic(place, text.encode())
-            written.append(place)
+        with whole_folder(target):
+            for name, text in files.items():
+                place = target.joinpath(*PurePosixPath(name).parts)
+                place.parent.mkdir(parents=True, exist_ok=True)
+                write_atomic(place, text.encode())
+                written.append(place)
     except OSError as error:
         raise SeatrialError(
             f"{target}: cannot be written ({reason(error)}); choose a folder that you may write to"

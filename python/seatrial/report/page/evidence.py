@@ -20,7 +20,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import parquet, write_atomic
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import SeatrialError, TrialError, reason
-from seatrial.base.run import to_json
+from seatrial.base.run import belongs_to_run, to_json
 from seatrial.intake.manoeuvres import manoeuvres
 from seatrial.report.page.run_folder import RunFolder
 from seatrial.report.plot.identification import predicted
@@ -71,6 +71,7 @@ def save_trials(fit: Identification, folder: Path) -> Path:
     try:
         write_atomic(target, parquet(table))
         write_atomic(folder / _MANOEUVRES, to_json(done).encode())
+        belongs_to_run(folder, (target, folder / _MANOEUVRES))
     except OSError as error:
         raise SeatrialError(f"{target}: cannot be written ({reason(error)})") from None
     return target

@@ -103,9 +103,8 @@ class RunFolder:
                 f"; there are runs in it: {', '.join(str(path / name) for name in inside)}" if inside else ""
             )
             raise SeatrialError(f"{path}: expected a run directory, found no {RUN_FILE} in it{there}")
-        facts = _read_json(path / RUN_FILE)
-        kind = str(facts.get("kind", ""))
-        results = path / _RESULTS.get(kind, "")
+        facts = _facts(path / RUN_FILE)
+        results = path / _RESULTS.get(facts["kind"], "")
         return cls(
             name=path.resolve().name,
             facts=facts,
@@ -186,6 +185,35 @@ def _report(folder: Path, facts: Mapping[str, Any]) -> Report:
         next_step=next_step,
         sections=(Section("Summary", tuple(line for line in lines[3:] if line.strip()), details=True),),
     )
+
+
+_FACTS: Mapping[str, type | tuple[type, ...]] = {
+    "kind": str,
+    "name": str,
+    "finished_utc": str,
+    "wall_s": (int, float),
+    "versions": dict,
+    "sha256": dict,
+    "options": dict,
+}
+"""Keys of ``run.json`` that a page shows."""
+
+
+def _facts(path: Path) -> dict[str, Any]:
+    """Content of ``run.json``: with a kind, and what else is there as a run writes it."""
+    facts = _read_json(path)
+    wrong = [
+        key
+        for key, kind in _FACTS.items()
+        if not isinstance(facts.get(key), kind) and (key == "kind" or facts.get(key) is not None)
+    ]
+    if wrong:
+        found = [f"{key} {facts[key]!r:.40}" if key in facts else f"no {key}" for key in wrong]
+        raise SeatrialError(
+            f"{path}: expected the facts of a run as seatrial writes them, found {', '.join(found)}; repeat"
+            " the run"
+        )
+    return facts
 
 
 def _read_json(path: Path) -> dict[str, Any]:

@@ -70,6 +70,8 @@ def performance(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Figure | N
     if not drivers(vehicle):
         return None
     rows = speeds(vehicle, voltage_v=voltage_v, shares=_shares(vehicle))
+    if not rows:
+        return None
     marks = [
         cruise(vehicle, speed * KNOT_M_S, voltage_v=voltage_v) for speed in round_speeds_kn(rows[-1].speed_kn)
     ]

@@ -20,6 +20,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError
+from seatrial.base.run import belongs_to_run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -155,6 +156,7 @@ def save(
                 write_atomic(target, content.getvalue())
                 written.append(target)
                 figure.set_layout_engine(None)
+        belongs_to_run(base.parent, written)
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         reason = "the disk is full" if full else (error.strerror or str(error))

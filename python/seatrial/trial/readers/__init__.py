@@ -35,11 +35,38 @@ FORMATS: dict[str, tuple[str, ...]] = {
 
 
 class Recording(NamedTuple):
-    """A recording's table, the name to call it by in messages, and the units that it states by column."""
+    """A recording's table, the name to call it by in messages, and what its header says of columns.
+
+    Attributes
+    ----------
+    table, file
+    units
+        That it states, by column.
+    twice
+        Places, from 1, of the columns that share a name, by the name.
+    """
 
     table: pl.DataFrame
     file: str
     units: Mapping[str, str] = {}
+    twice: Mapping[str, tuple[int, ...]] = {}
+
+    def refuse_twice(self, used: Iterable[str]) -> None:
+        """Refuse a column that is used and shares its name with another one.
+
+        Raises
+        ------
+        TrialError
+            With the places of both.
+        """
+        from seatrial.logs.delimited import shared_name
+
+        for name in used:
+            if name in self.twice:
+                raise TrialError(
+                    f"{self.file}: {shared_name(name, self.twice[name])}, and it is used: which of them is"
+                    " meant is not known; rename the others in the file"
+                )
 
 
 def read_table(source: Any, reader: str | Reader | None = None, columns: Iterable[str] = ()) -> Recording:
@@ -77,7 +104,9 @@ def read_table(source: Any, reader: str | Reader | None = None, columns: Iterabl
 
         return Recording(log.read(path, reader=name, columns=tuple(columns)), str(path))
     module = import_module(f"seatrial.trial.readers.{name}")
-    return Recording(module.read(path), str(path), module.units(path) if name == "csv" else {})
+    if name != "csv":
+        return Recording(module.read(path), str(path))
+    return Recording(module.read(path), str(path), module.units(path), module.twice(path))
 
 
 def _name_of(path: Path, reader: str | None) -> str:

@@ -6,6 +6,7 @@ later cell is none, every cell is read as text, so that the column map can name 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     from seatrial.logs.delimited import Layout
 
-__all__ = ["read", "units"]
+__all__ = ["read", "twice", "units"]
 
 _HEAD = 100
 """Rows that tell a column of numbers from one of text."""
@@ -32,7 +33,7 @@ def read(path: Path) -> pl.DataFrame:
     """
     import polars as pl
 
-    from seatrial.logs.delimited import Table
+    from seatrial.logs.delimited import Table, stripped
 
     layout = _layout(path)
     if layout is not None and not _plain(layout):
@@ -49,28 +50,38 @@ def read(path: Path) -> pl.DataFrame:
 
     def cells(types: dict[str, type[pl.DataType]], rows: int | None = None) -> pl.DataFrame:
         # A bracket in a file's name is no pattern.
-        return pl.read_csv(
-            path,
-            separator=separator,
-            infer_schema=False,
-            schema_overrides=types,
-            n_rows=rows,
-            comment_prefix="#",
-            glob=False,
+        return stripped(
+            pl.read_csv(
+                path,
+                separator=separator,
+                infer_schema=False,
+                schema_overrides=types,
+                n_rows=rows,
+                comment_prefix="#",
+                glob=False,
+            )
         )
 
     try:
         head = cells({}, _HEAD)
         try:
-            return cells({name: pl.Float64 for name in head.columns if _numeric(head[name])})
+            table = cells({name: pl.Float64 for name in head.columns if _numeric(head[name])})
         except pl.exceptions.PolarsError:
-            return cells({})
+            table = cells({})
     except pl.exceptions.PolarsError as error:
         reason = str(error).splitlines()[0]
         raise TrialError(
             f"{path}: not readable as a table of values separated by {separator!r} ({reason}); "
             "expected one header line and rows with as many cells; repair the file or name its reader"
         ) from None
+    return table.rename(dict(zip(table.columns, _names(table.columns, layout), strict=True)))
+
+
+def _names(header: list[str], layout: Layout | None) -> list[str]:
+    """Names of the columns without blanks around them; the layout numbers those that share one."""
+    named = layout.names if layout is not None and len(layout.names) == len(header) else header
+    # A column without a name stays so, as the index of a frame.
+    return [name.strip() if given.strip() else given for given, name in zip(header, named, strict=True)]
 
 
 def _numeric(column: pl.Series) -> bool:
@@ -87,6 +98,12 @@ def units(path: Path) -> dict[str, str]:
     if layout is None:
         return {}
     return {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
+
+
+def twice(path: Path) -> Mapping[str, tuple[int, ...]]:
+    """Places, from 1, of the columns that share a name, by the name."""
+    layout = _layout(path)
+    return {} if layout is None else layout.twice
 
 
 def _layout(path: Path) -> Layout | None:

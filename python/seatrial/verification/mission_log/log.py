@@ -31,7 +31,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
-from seatrial.trial.columns import columns_of
+from seatrial.trial.columns import columns_of, parse
 from seatrial.trial.readers import read_table
 from seatrial.trial.trial import Trial
 
@@ -128,12 +128,14 @@ class MissionLog:
                     " give the log's file"
                 )
             name = name or folder.name
-        table, file, _ = read_table(source, options.pop("reader", None), columns_of(columns))
+        read = read_table(source, options.pop("reader", None), columns_of(columns))
+        table, file = read.table, read.file
         told = {c.removeprefix(_MEASURED): c for c in table.columns if c.startswith(_MEASURED)}
         told.pop("altitude_m", None)
         mapped: dict[str, Any] = dict(told) | dict(columns or {})
         if told and any(column in table.columns for column in told):
             table = table.drop([column for column in told if column in table.columns])
+        read.refuse_twice(source.column for source in parse(mapped, table.columns, file).values())
         try:
             trial = Trial.read(table, columns=mapped or None, name=name or Path(file).stem, **options)
         except TrialError as error:  # the table was read before, so that the trial knows it as a frame

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.rotation import shorter
-from seatrial.flight.metrics import switches
+from seatrial.flight.metrics import reserve, switches
 from seatrial.flight.mission import Route
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def _clearance(
     return {
         "clearance_m": float(away[nearest, 0]),
         "clearance_time_s": float(trial.t[told][nearest]),
-        "clearance_reserve_m": float(np.min(away[:, 1])),
+        "clearance_reserve_m": float(np.min(reserve(away[:, 0], away[:, 1]))),
     }
 
 
