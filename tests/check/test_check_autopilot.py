@@ -13,6 +13,8 @@ from seatrial._core import Autopilot, Vehicle, autopilot_names
 from seatrial.base.errors import VehicleError
 from seatrial.check.autopilot import AutopilotCheck, check_autopilot, safety_sentences
 from seatrial.cli import app
+from seatrial.control_design.margin_report import report_margins
+from seatrial.control_design.start_autopilot import start_autopilot
 
 CWOLF = Vehicle.load("cwolf")
 TEXT = """
@@ -26,6 +28,7 @@ K_P = 100.0
 tau_max = 100.0
 [loops.heave]
 K_P = 20.0
+K_D_s = 60.0
 tau_max = 20.0
 [loops.pitch]
 K_P = [40.0, 41.0, 42.0, 43.0, 44.0, 45.0]
@@ -33,6 +36,7 @@ K_D_s = 100.0
 tau_max = 5.0
 [loops.heading]
 K_P = 30.0
+K_D_s = 60.0
 tau_max = 5.0
 [[modes]]
 name = "hover"
@@ -75,6 +79,44 @@ def test_an_autopilot_that_fits_has_no_warning() -> None:
     assert gains["pitch", "K_P"] == (40.0, 41.0, 42.0, 43.0, 44.0, 45.0)
     assert gains["heading", "K_P"] == (30.0,) * 6
     assert ("heading", "K_I_per_s") not in gains
+
+
+def test_loops_with_little_margin_are_warned_of_by_loop_speed_and_margin() -> None:
+    found = on_cwolf(("K_P = 30.0\nK_D_s = 60.0\n", "K_P = 30.0\n"))
+    assert found.warnings == (
+        "keep the speed of missions between 0.85 and 3.00 m/s, or tune the gains (seatrial tune): at 0.00 m/s"
+        " heading has little margin (phase 6 deg of 30, gain 3.7 dB of 6, sensitivity 10, at most 2)",
+    )
+    # What grows comes first, whatever else is wrong.
+    unstable = on_cwolf(("K_P = 30.0\nK_D_s = 60.0", "K_P = 3000.0\nK_D_s = 60.0"))
+    assert "at 0.00, 1.00, 2.00 and 3.00 m/s a motion grows (heading)" in unstable.warnings[0]
+    assert found.report().outcome == "1 warning"
+    assert check_autopilot(Autopilot.from_toml(TEXT)).margins is None
+
+
+def test_margins_are_told_with_perfect_sensors_and_what_typical_ones_leave() -> None:
+    remus = Vehicle.load("remus100")
+    found = check_autopilot(Autopilot.load("remus100"), vehicle=remus)
+    assert found.margins is not None
+    assert (
+        "sound from 1.54 to 2.44 m/s with perfect sensors, phase margin at least 37 deg"
+        in found.report().good
+    )
+    late = report_margins(remus, Autopilot.load("remus100"), [2.444], sensors="typical")
+    phase = min(row.phase_deg for row in late if row.phase_deg is not None)
+    assert phase < 25.0
+    assert said(found, f"this table: at 2.44 m/s pitch has little margin (phase {phase:.0f} deg of 30")
+    plain = found.to_dict()
+    assert [row["verdict"] for row in plain["margins"]] == ["sound"] * 6
+    assert plain["margins_typical_sensors"][-1]["phase_deg"] == pytest.approx(phase, rel=1e-3)
+
+
+def test_margins_are_those_of_speeds_that_the_vehicle_reaches() -> None:
+    found = on_cwolf(("[-2.0, -1.0, 0.0, 1.0, 2.0, 3.0]", "[-2.0, -1.0, 0.0, 1.0, 2.0, 9.0]"))
+    assert found.margins is not None
+    assert [row.speed_m_s for row in found.margins.rows] == [-2.0, -1.0, 0.0, 1.0, 2.0]
+    assert found.margins.sound is not None
+    assert found.margins.sound[1] <= 3.2
 
 
 def test_supporting_points_are_held_against_the_reachable_speeds() -> None:
@@ -130,9 +172,10 @@ def test_a_loiter_circle_that_is_too_tight_is_told() -> None:
         assert said(found, f"station-keeping is a circle of {radius:g} m")
 
 
-@pytest.mark.parametrize("name", ["remus100", "lauv"])
-def test_a_lookahead_that_is_too_short_is_told(name: str) -> None:
-    vehicle, own = Vehicle.load(name), Autopilot.load(name)
+@pytest.mark.parametrize(("name", "law"), [("remus100", "pid"), ("lauv", "pid"), ("remus100", "lqr")])
+def test_a_lookahead_that_is_too_short_is_told(name: str, law: str) -> None:
+    vehicle = Vehicle.load(name)
+    own = Autopilot.load(name) if law == "pid" else Autopilot.from_toml(start_autopilot(vehicle, law=law))
     assert not warned(check_autopilot(own, vehicle=vehicle), "nearly oscillates")
     for key, what in (("lookahead_m", "course"), ("lookahead_vertical_m", "depth")):
         table = tomllib.loads(own.to_toml())["guidance"]
@@ -169,7 +212,14 @@ def test_the_verb_prints_modes_gains_and_safety(tmp_path: Path) -> None:
     path.write_text(TEXT)
     result = call("check", path, "--vehicle", "cwolf", "--verbose")
     assert result.exit_code == 0, result.output
-    for words in ("Modes", "Gains", "K_P", "No position for 60 s", "nothing looks wrong"):
+    for words in (
+        "Modes",
+        "Gains",
+        "K_P",
+        "No position for 60 s",
+        "nothing looks wrong",
+        "Margins with perfect",
+    ):
         assert words in result.stdout
     data = json.loads(call("check", path, "--json").stdout)
     assert data["modes"][1]["from_speed_m_s"] == 0.8

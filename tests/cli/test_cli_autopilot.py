@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import seatrial as st
-from seatrial.check.autopilot import weak_points
+from seatrial.check.autopilot_margins import weak_points
 from seatrial.cli import app
 from tests.flight.flying import OUT
 
@@ -144,7 +144,8 @@ def test_weak_points_ahead_warn_and_those_astern_are_notes() -> None:
     from seatrial.control_design.margin_report import MarginRow
 
     def row(speed: float, doubles: float | None, phase: float = 60.0) -> MarginRow:
-        return MarginRow("hover", speed, phase, 3.0, 0.5, 1.5, doubles, "pitch" if doubles else "", True)
+        grows = "pitch" if doubles else ""
+        return MarginRow("hover", speed, phase, 3.0, 0.5, 1.5, doubles, grows, True, "heave")
 
     assert weak_points([row(-1.0, None), row(1.0, None)], (0.0, 1.0)) == ([], [])
     notes, warnings = weak_points([row(-1.0, 2.0), row(1.0, None)], (0.0, 1.0))
@@ -153,9 +154,16 @@ def test_weak_points_ahead_warn_and_those_astern_are_notes() -> None:
     notes, warnings = weak_points([row(0.0, None), row(1.0, 2.0)], (0.0, 0.6))
     assert not notes
     assert warnings == [
-        "keep the speed of missions between 0.00 and 0.60 m/s; elsewhere a motion grows (pitch)"
+        "keep the speed of missions between 0.00 and 0.60 m/s, or tune the gains (seatrial tune): at 1.00 m/s"
+        " a motion grows (pitch)"
     ]
-    assert "margins are small" in weak_points([row(1.0, None, 20.0)], (0.0, 0.6))[1][0]
+    more = [row(0.5, 3.0), row(1.0, 2.0), row(1.5, None, 20.0)]
+    assert weak_points(more, (0.0, 0.4))[1][0].endswith(
+        "at 0.50 and 1.00 m/s a motion grows (pitch); at 1.50 m/s heave has little margin (phase 20 deg of"
+        " 30)"
+    )
+    (small,) = weak_points([row(1.0, None, 20.0)], (0.0, 0.6))[1]
+    assert small.endswith("at 1.00 m/s heave has little margin (phase 20 deg of 30)")
     assert "no speed ahead is sound" in weak_points([row(1.0, 2.0)], None)[1][0]
 
 

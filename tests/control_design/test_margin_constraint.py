@@ -256,3 +256,18 @@ def test_the_table_of_the_report_says_what_is_unstable() -> None:
     assert cells == ("hover", "-1.00", "surge", "-", "3.0", "40", "0.50", "0.90", "unstable")
     (cells,) = margin_table([replace(row, stable=True, gain_up_db=2.3)]).rows
     assert cells[-1] == "little margin: gain"
+    # Words of the field are told below.
+    note = margin_table([row]).note
+    assert "disk: gain and phase changed at once (disk margin, at most 2)" in note
+    assert "Sensitivity: how much the loop enlarges a disturbance at worst, accepted up to 2" in note
+
+
+def test_a_constraint_at_some_of_its_points_is_that_of_these_points() -> None:
+    whole = constraint()
+    point = whole.points[1]
+    one = whole.only([point])
+    assert one.points == [point]
+    assert one.shortfall({})[0] == whole.margins({})[1].shortfall(whole.limits)[0]
+    assert one.growth({})[0] == whole.margins({})[1].growth_per_s[0]
+    assert whole.growth({})[0] == max(each.growth_per_s[0] for each in whole.margins({}))
+    assert whole.only([]).shortfall({"heading.K_P.3": [1.0, 2.0]}).tolist() == [0.0, 0.0]

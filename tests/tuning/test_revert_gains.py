@@ -124,3 +124,34 @@ def test_what_the_vehicle_itself_keeps_to_is_not_given_up_for_a_drawn_one(
     leaves = Standing({"heading": (0.0, 0.0), "surge": (2.0, 2.0)}, 0.0)
     stands = {BOTH: tumbles, HEADING: leaves, SURGE: tumbles, NONE: leaves}
     assert told(monkeypatch, stands) == ()
+
+
+def test_margins_that_the_start_gains_have_are_worth_more_than_a_corridor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pitch, surge = ("cruise", 2.0, "pitch"), ("cruise", 2.0, "surge")
+    lost = replace(stand(0.0, 0.0, 0.1), short=frozenset({pitch}))
+    assert lost.lost(stand(0.0, 0.0)) == {pitch}
+    outside = stand(0.0, 5.0)
+    stands = {BOTH: lost, HEADING: outside, SURGE: lost, NONE: outside}
+    assert told(monkeypatch, stands) == ("surge",)
+    # Those that the start gains lack are no loss, and are not lacked again for others.
+    lacking = replace(stand(0.0, 0.0, 0.5), short=frozenset({surge}))
+    stands = {BOTH: lost, HEADING: lacking, SURGE: lost, NONE: lacking}
+    assert told(monkeypatch, stands) == ()
+
+
+def test_a_loop_is_short_where_its_margin_falls_short_by_more_than_rounding() -> None:
+    one = plan("[tuning]\nmargins = { phase_deg = 0.0, gain_db = 0.0 }\n[tuning.loops.heading]")
+    limits = one.margins
+    assert limits is not None
+    loops = module._short(limits, {})
+    assert all(
+        (mode, speed, loop) in loops
+        for mode, speed in limits.points
+        if limits.only([(mode, speed)]).growth({})[0] > 0.0
+        for loop in ("surge", "heave", "pitch", "heading")
+    )
+    of = next(point for point in limits.margins({}) if (point.mode, point.speed_m_s) == ("cruise", 3.0))
+    for loop, delay in zip(of.loops, of.of.delay_s[0], strict=True):
+        assert (("cruise", 3.0, loop) in loops) == (delay < 0.99 * 0.2)

@@ -9,8 +9,9 @@ import pytest
 
 from seatrial.base.progress import Progress
 from seatrial.campaign.corridor import Corridor
+from seatrial.control_design.margin_report import ReportedMargins
 from seatrial.identification.fitted import Fitted
-from seatrial.tuning.performance import StepPerformance, why_outside
+from seatrial.tuning.performance import Performance, StepPerformance, why_outside
 from seatrial.tuning.result import Tuning, sentences
 from seatrial.tuning.tune import tune
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, tuned
@@ -84,3 +85,52 @@ def tuning_of(text: str) -> Tuning:
     """A tuning that has changed nothing."""
     one = plan(text)
     return Tuning(campaign(text), one, one.autopilot, (), (), None, (), 0.0, interrupted=False)
+
+
+def outside_by(name: str, tuning: Tuning, **loops: float) -> Performance:
+    """An assessment in which loops are outside by so many s."""
+    figures = (0.5, 9.0, 0.1, 9.0, 0.0)
+    trials = tuple(
+        StepPerformance(loop, "deg", 3.0, 20.0, value, value, *figures) for loop, value in loops.items()
+    )
+    return Performance(name, tuning.autopilot, trials, 24, {})
+
+
+def reported(*, start: dict[str, float], tuned: dict[str, float], margins: bool) -> tuple[str, str]:
+    """First and second line of the report on some results; with margins that were too little before."""
+    none = tuning_of(HEADING.replace("phase_deg = 0.0", "phase_deg = 30.0"))
+    row = ReportedMargins(
+        "cruise", 3.0, "pitch", True, 9.0, 1.0, None, None, 20.0, 1.0, 0.5, 1.0, 0.9, 8.0, 50.0, 1.4
+    )
+    one = replace(none, performance=(outside_by("start", none, **start), outside_by("tuned", none, **tuned)))
+    vars(one)["margins"] = {
+        "start": [row if margins else replace(row, phase_deg=40.0)],
+        "tuned": [replace(row, phase_deg=28.8 if margins else 40.0)],
+    }
+    told = one.report()
+    return told.good, told.worst
+
+
+def test_a_loop_that_is_worse_than_before_stands_in_the_first_line_with_what_it_was_traded_for() -> None:
+    good, worst = reported(start={"pitch": 0.079}, tuned={"pitch": 0.89}, margins=True)
+    assert (
+        "pitch is worse than with the start gains (0.89 s against 0.079 s outside), traded for the"
+        " phase margin of pitch in cruise at 3.00 m/s (20 deg, now 29 of 30)" in good
+    )
+    # The margin that is still missed stands beside the response that is outside.
+    assert worst.endswith("Margin short of its limit, too: pitch in cruise at 3.00 m/s (29 deg of 30)"), worst
+    good, worst = reported(
+        start={"pitch": 0.0, "heading": 2.0}, tuned={"pitch": 0.02, "heading": 0.0}, margins=False
+    )
+    assert "(0.02 s against 0 s outside), traded for heading (0 s against 2 s)" in good
+    assert "Margin short" not in worst
+    good, _ = reported(start={"pitch": 0.1}, tuned={"pitch": 0.0}, margins=True)
+    assert "worse" not in good
+
+
+def test_loops_that_changed_untuned_stand_in_the_first_line() -> None:
+    none = tuning_of(HEADING)
+    moved = none.autopilot.with_gains({"surge.K_P.5": 1.5 * none.autopilot.gains()["surge.K_P.5"]})
+    one = replace(none, autopilot=moved, performance=(outside_by("tuned", none, heading=0.0),))
+    assert "gains of surge changed untuned, for margins that the start gains lack" in one.report().good
+    assert "untuned" not in replace(one, autopilot=none.autopilot).report().good

@@ -1,8 +1,8 @@
 """An autopilot before it steers: modes, gains and safety in sentences; on a vehicle, what it cannot do there.
 
 The core refuses what does not fit (a loop whose row the vehicle file does not call controllable, an unknown
-actuator). Here stand the doubts: breakpoints and speeds beyond reach, rows that nothing commands, demands
-larger than the actuators' reach, an abort of a vehicle that sinks. Held by
+actuator). Here stand the doubts: breakpoints and speeds beyond reach, loops with little margin, rows that
+nothing commands, demands larger than the actuators' reach, an abort of a vehicle that sinks. Held by
 tests/check/test_check_autopilot.py.
 """
 
@@ -20,17 +20,9 @@ from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.control_design.margin_report import MarginRow
+    from seatrial.check.autopilot_margins import AutopilotMargins
 
-__all__ = [
-    "AutopilotCheck",
-    "GainRow",
-    "ModeRow",
-    "StartGains",
-    "check_autopilot",
-    "safety_sentences",
-    "weak_points",
-]
+__all__ = ["AutopilotCheck", "GainRow", "ModeRow", "check_autopilot", "safety_sentences"]
 
 _REACTIONS = {
     "continue": "the mission goes on",
@@ -132,6 +124,8 @@ class AutopilotCheck:
         A sentence per watch.
     notes, warnings
         Sentences about what is worth knowing, and about what is probably not meant.
+    margins
+        On a vehicle those of the loops; None without one.
     """
 
     name: str
@@ -144,20 +138,24 @@ class AutopilotCheck:
     safety: tuple[str, ...]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    margins: AutopilotMargins | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The check as plain data for JSON."""
-        return asdict(self)
+        plain = asdict(self)
+        del plain["margins"]
+        return plain | ({} if self.margins is None else self.margins.to_dict())
 
-    def report(self, start: StartGains | None = None) -> Report:
+    def report(self, authority: Sequence[str] = ()) -> Report:
         """Loops and speeds, the worst problem, what to do next; then modes, gains, margins and notes.
 
         Parameters
         ----------
-        start : StartGains, optional
-            Of gains that were just made: their margins, and what the vehicle can command.
+        authority : sequence of str, optional
+            Of gains that were just made: what the vehicle can command, what the loss of an actuator costs,
+            why a row has no loop.
         """
-        return _report(self, start)
+        return _report(self, authority)
 
     def summary(self) -> str:
         """The report as text."""
@@ -167,34 +165,9 @@ class AutopilotCheck:
         return self.summary()
 
 
-@dataclass(frozen=True)
-class StartGains:
-    """What start gains are worth.
-
-    Attributes
-    ----------
-    authority
-        What the vehicle can command, what the loss of an actuator costs, why a row has no loop.
-    margins
-        Per mode and breakpoint.
-    sound
-        Range of speeds ahead at which the loops are sound, m/s; None where there is none.
-    """
-
-    authority: tuple[str, ...]
-    margins: tuple[MarginRow, ...]
-    sound: tuple[float, float] | None
-
-
-_MANY = 100.0  # a gain margin beyond it is no limit
-
-
-def _report(check: AutopilotCheck, start: StartGains | None) -> Report:
+def _report(check: AutopilotCheck, authority: Sequence[str]) -> Report:
     """Three lines, modes, gains, margins, notes; what the safety watches as details."""
-    notes, warnings = list(check.notes), list(check.warnings)
-    if start is not None:
-        more, short = weak_points(start.margins, start.sound)
-        notes, warnings = notes + more, warnings + short
+    warnings = check.warnings
     worst, next_step = (
         "nothing stands out: limits, gains and safety fit each other",
         "fly a mission: seatrial fly",
@@ -204,39 +177,35 @@ def _report(check: AutopilotCheck, start: StartGains | None) -> Report:
             warnings[0],
             ("stay within these limits in the missions, or change the file and check again"),
         )
-    elif start is None and not any("reaches" in text for text in notes):
+    elif check.margins is None:
         next_step = "check it on its vehicle: seatrial check AUTOPILOT --vehicle VEHICLE"
     count = len(warnings)
     tables = [_mode_table(check), _gain_table(check)]
-    if start is not None:
-        tables.append(_margins(start.margins))
+    if check.margins is not None:
+        tables.append(check.margins.table())
     return Report(
         title=check.name,
         outcome=f"{count} warning{'s' if count > 1 else ''}" if count else "nothing looks wrong",
-        good=_how_good(check, start),
+        good=_how_good(check),
         worst=worst,
         next_step=next_step,
         sections=(
-            Section(check.description, () if start is None else start.authority, tuple(tables)),
-            Section(sentences=(*(f"WARNING: {text}" for text in warnings), *notes)),
+            Section(check.description, tuple(authority), tuple(tables)),
+            Section(sentences=(*(f"WARNING: {text}" for text in warnings), *check.notes)),
             Section("Safety", check.safety, details=True),
         ),
     )
 
 
-def _how_good(check: AutopilotCheck, start: StartGains | None) -> str:
-    """Law, modes, breakpoints; the range of sound speeds and the least phase margin of start gains."""
+def _how_good(check: AutopilotCheck) -> str:
+    """Law, modes, breakpoints; on a vehicle the range of sound speeds and the least phase margin."""
     speeds = check.speeds_m_s
     count = len(check.modes)
     said = f"{check.control.upper()} every {check.period_s:g} s, {count} mode{'s' if count > 1 else ''}"
     if speeds:
         said += f", gains at {len(speeds)} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} m/s"
-    if start is None or start.sound is None:
-        return said
-    low, high = start.sound
-    inside = [row.phase_deg for row in start.margins if row.sound and low <= row.speed_m_s <= high]
-    least = f", phase margin at least {min(inside):.0f} deg" if inside else ""
-    return f"{said}; sound from {low:.2f} to {high:.2f} m/s{least}"
+    sound = "" if check.margins is None else check.margins.how_good()
+    return f"{said}; {sound}" if sound else said
 
 
 def _mode_table(check: AutopilotCheck) -> Table:
@@ -258,47 +227,6 @@ def _gain_table(check: AutopilotCheck) -> Table:
     rows = [(row.loop, row.gain, *(f"{value:.3g}" for value in row.values)) for row in check.gains]
     head = ("loop", "at m/s", *(f"{speed:.3g}" for speed in check.speeds_m_s))
     return Table.of("Gains", head, rows if check.control == "pid" else (), left=2)
-
-
-def _margins(margins: Sequence[MarginRow]) -> Table:
-    rows = []
-    for row in margins:
-        numbers = ("", "", "")  # margins of an unstable loop mean nothing
-        if row.doubles_s is None:
-            gain = f"{row.gain:.1f}" if row.gain < _MANY else "any"
-            delay = f"{row.delay_s:.2f}" if row.delay_s < _MANY else "any"
-            numbers = (f"{row.phase_deg:.0f}", gain, delay)
-        rows.append((row.mode, f"{row.speed_m_s:.2f}", *numbers, row.verdict))
-    head = ("mode", "at m/s", "phase, deg", "gain", "delay, s", Column("verdict", align="left"))
-    return Table.of("Margins: phase, factor of the gain, delay; the least of all loops", head, rows)
-
-
-def weak_points(
-    margins: Sequence[MarginRow], sound: tuple[float, float] | None
-) -> tuple[list[str], list[str]]:
-    """Notes and warnings about breakpoints that are not sound; `sound` is the sound range, m/s."""
-    weak = [row for row in margins if not row.sound]
-    if sound is None:
-        return [], ["no speed ahead is sound; look at what is not commanded"]
-    ahead = [row for row in weak if row.speed_m_s >= 0.0]
-    notes = []
-    if len(ahead) < len(weak):
-        astern = [row for row in weak if row.speed_m_s < 0.0]
-        least = max(row.speed_m_s for row in astern)
-        notes.append(
-            f"Astern at {-least:.2f} m/s and faster {_weakness(astern)}; a mission does not go astern"
-        )
-    if not ahead:
-        return notes, []
-    low, high = sound
-    why = _weakness(ahead)
-    return notes, [f"keep the speed of missions between {low:.2f} and {high:.2f} m/s; elsewhere {why}"]
-
-
-def _weakness(rows: Sequence[MarginRow]) -> str:
-    """Why breakpoints are not sound: motions that grow, or else small margins."""
-    grows = list(dict.fromkeys(row.grows for row in rows if row.grows))
-    return f"a motion grows ({', '.join(grows)})" if grows else "the margins are small"
 
 
 def check_autopilot(
@@ -345,8 +273,9 @@ def check_autopilot(
             f" {guidance['loiter_radius_m']:g} m"
         )
     warnings: list[str] = []
+    margins = None
     if vehicle is not None:
-        told, wrong = on_vehicle(autopilot, facts, vehicle, voltage_v=voltage_v)
+        told, wrong, margins = on_vehicle(autopilot, facts, vehicle, voltage_v=voltage_v)
         notes, warnings = notes + told, wrong
     return AutopilotCheck(
         name=autopilot.name,
@@ -361,6 +290,7 @@ def check_autopilot(
         ),
         notes=tuple(notes),
         warnings=tuple(warnings),
+        margins=margins,
     )
 
 

@@ -1,4 +1,4 @@
-"""An autopilot on a vehicle: speeds beyond reach, rows that nothing commands, demands beyond the actuators.
+"""An autopilot on a vehicle: speeds beyond reach, margins, rows that nothing commands, demands beyond reach.
 
 Held by tests/check/test_check_autopilot.py.
 """
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial.check.autopilot_margins import AutopilotMargins, margins_on
 from seatrial.control_design.autopilot_facts import AutopilotFacts, AutopilotMode, mode_at, refuse_misfit
 from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.start_guidance import least_lookahead_of, lookahead_share
@@ -32,8 +33,8 @@ _SHORT = 1.2  # needed over given lookahead from which on a path nearly oscillat
 
 def on_vehicle(
     autopilot: Autopilot, facts: AutopilotFacts, vehicle: Vehicle, *, voltage_v: float
-) -> tuple[list[str], list[str]]:
-    """Notes and warnings about an autopilot on a vehicle.
+) -> tuple[list[str], list[str], AutopilotMargins]:
+    """Notes and warnings about an autopilot on a vehicle, and the margins of its loops.
 
     Raises
     ------
@@ -52,13 +53,17 @@ def on_vehicle(
     for mode in facts.modes:
         told, wrong = _mode(facts, mode, vehicle, top, voltage_v)
         notes, warnings = notes + told, warnings + wrong
-    return notes, [
+    margins = margins_on(autopilot, vehicle, voltage_v=voltage_v)
+    told, weak = margins.told()
+    warnings = [
         *([doubt] if doubt else []),
+        *weak,
         *warnings,
         *_paths(facts, vehicle, top),
         *_circle(facts, vehicle, voltage_v),
         *_buoyancy(facts, vehicle),
     ]
+    return notes + told, warnings, margins
 
 
 def _points(speeds: list[float], astern: float, top: float) -> tuple[list[str], list[str]]:
@@ -133,8 +138,6 @@ def _not_commanded(matrix: Any, rows: Sequence[str]) -> list[str]:
 
 def _paths(facts: AutopilotFacts, vehicle: Vehicle, top: float) -> list[str]:
     """Lookahead distances behind which a path would oscillate at a breakpoint that the vehicle reaches."""
-    if facts.control != "pid":
-        return []
     warnings = []
     holds = facts.guidance["lookahead_speed_m_s"]
     for loop, key in (("heading", "lookahead_m"), ("pitch", "lookahead_vertical_m")):

@@ -37,9 +37,8 @@ def autopilot(
     from seatrial._core import Autopilot, Vehicle
     from seatrial.base.atomic_write import write_atomic
     from seatrial.base.file_names import check_place
-    from seatrial.check.autopilot import StartGains, check_autopilot
+    from seatrial.check.autopilot import check_autopilot
     from seatrial.cli.console import answer, print_json
-    from seatrial.control_design.margin_report import autopilot_margins, sound_speeds
     from seatrial.control_design.start_autopilot import start_autopilot
 
     check_place(out, "--out", inputs={"the vehicle": vehicle})
@@ -51,8 +50,6 @@ def autopilot(
     text = start_autopilot(loaded, law=law, period_s=period_s)
     made = Autopilot.from_toml(text, str(out))
     found = check_autopilot(made, vehicle=loaded)
-    margins = autopilot_margins(loaded, made)
-    between = sound_speeds(loaded, made)
     told = [*_authority(loaded, found), *_left_out(text)]
     try:
         write_atomic(out, text.encode(), new=not force)
@@ -62,11 +59,9 @@ def autopilot(
             " name, or --force"
         ) from None
     if json:
-        rows = [vars(row) | {"verdict": row.verdict} for row in margins]
-        beside = {"authority": told, "margins": rows, "sound_m_s": between, "file": str(out)}
-        print_json(found.to_dict() | beside)
+        print_json(found.to_dict() | {"authority": told, "file": str(out)})
         return
-    report = found.report(StartGains(tuple(told), tuple(margins), between))
+    report = found.report(told)
     supply = " --voltage VOLTS" if loaded.table_voltages() else ""
     after = f"seatrial check {out} --vehicle {vehicle}; then seatrial fly {vehicle} {out} MISSION{supply}"
     answer(replace(report, next_step=after), verbose=verbose, results=f"Autopilot in {out}")

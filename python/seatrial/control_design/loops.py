@@ -226,8 +226,11 @@ def reference_drive(
     own, fed = laws
     row = LOOPS.index(loop)
     column, rate = {"heave": (0, 6), "roll": (1, 7), "pitch": (2, 8), "heading": (3, 9)}[loop]
-    demand = own[row, column] + s * own[row, rate] + s * s * inertia
-    drive = of.gamma[:, of.rows.index(ROWS[row])] * demand
+    # A regulator answers with all of its rows; the acceleration is fed forward in the loop's own.
+    rows = [ROWS.index(name) for name in of.rows]
+    demand = np.asarray(own[rows, column] + s * own[rows, rate], dtype=complex)
+    demand[of.rows.index(ROWS[row])] += s * s * inertia
+    drive: NDArray[np.complex128] = of.gamma @ demand
     integral = INTEGRATED.get(loop, (0, -1))[1]
     if integral in of.columns:
         drive[of.seen[of.columns.index(integral)]] -= of.period_s

@@ -14,7 +14,7 @@ tests/control_design/test_margin_shortfall.py.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,9 +89,18 @@ class PointMargins:
 
     def shortfall(self, limits: Margins) -> Array:
         """By how much the margins fall short (k,): 0 where the limits hold or are 0, above 1 unstable."""
-        asked = limits.at(self.speed_m_s)
-        if not asked.any:
+        if not limits.at(self.speed_m_s).any:
             return np.zeros(len(self.growth_per_s))
+        worst = self.lacking(limits)
+        # The others count, too: behind one that is short another one could give its own away.
+        largest = worst.max(axis=1)
+        others = _OTHERS * (worst.sum(axis=1) - largest)
+        grown = np.where(self.growth_per_s > 0.0, 1.0 + _GROWTH_S * self.growth_per_s, largest)
+        return np.asarray(grown + others)
+
+    def lacking(self, limits: Margins) -> Array:
+        """By how much each loop's own margins fall short (k, n): 0 where all hold, 1 where one is used up."""
+        asked = limits.at(self.speed_m_s)
         worst = np.zeros(self.of.phase_deg.shape)
         for margin, limit in (
             (self.of.phase_deg, asked.phase_deg),
@@ -101,11 +110,7 @@ class PointMargins:
         ):
             if limit > 0.0:
                 worst = np.maximum(worst, 1.0 - margin / limit)
-        # The others count, too: behind one that is short another one could give its own away.
-        largest = worst.max(axis=1)
-        others = _OTHERS * (worst.sum(axis=1) - largest)
-        grown = np.where(self.growth_per_s > 0.0, 1.0 + _GROWTH_S * self.growth_per_s, largest)
-        return np.asarray(grown + others)
+        return worst
 
 
 class MarginConstraint:
@@ -177,6 +182,27 @@ class MarginConstraint:
         other = copy(self)
         other._gains = self._gains | {name: float(value) for name, value in gains.items()}
         return other
+
+    def only(self, points: Collection[tuple[str, float]]) -> MarginConstraint:
+        """The same limits at some of the points (mode, speed in m/s); no motion is solved again."""
+        other = copy(self)
+        kept = [k for k, point in enumerate(self.points) if point in points]
+        other.points = [self.points[k] for k in kept]
+        other._systems = [self._systems[k] for k in kept]
+        return other
+
+    @property
+    def loops(self) -> tuple[str, ...]:
+        """Loops at work at the points."""
+        return tuple(dict.fromkeys(loop for point in self._systems for loop in point.at.loops))
+
+    def growth(self, gains: Gains) -> Array:
+        """Rate of the fastest motion that grows at any point, (k,) in 1/s; 0 where none does.
+
+        Takes and raises what `margins` does.
+        """
+        rates = [point.growth(weights) for point, weights in self._weighed(gains)]
+        return np.asarray(np.max([np.zeros(self._count(gains)), *rates], axis=0))
 
     def margins(self, gains: Gains) -> list[PointMargins]:
         """Margins of k candidates, per point.
@@ -271,7 +297,7 @@ class _Point:
             loop_margins(self.opened(weights[begin : begin + _TOGETHER]), self.omega) for begin in batches
         ]
         return PointMargins(
-            self.at.mode, self.at.speed_m_s, self.at.loops, LoopMargins.joined(parts), self._growth(weights)
+            self.at.mode, self.at.speed_m_s, self.at.loops, LoopMargins.joined(parts), self.growth(weights)
         )
 
     def opened(self, weights: Array) -> Complex:
@@ -284,7 +310,7 @@ class _Point:
             whole[row] = parts.reshape(count, n, -1).swapaxes(0, 1) + self.known[:, row].T[:, None]
         return np.ascontiguousarray(open_each(whole).swapaxes(0, 1))
 
-    def _growth(self, weights: Array) -> Array:
+    def growth(self, weights: Array) -> Array:
         """Rate of growth (k,) in 1/s of the fastest motion, 0 where none grows."""
         closed = self.step - (weights.reshape(len(weights), -1) @ self.steps).reshape(-1, *self.step.shape)
         radius = np.abs(np.linalg.eigvals(closed)).max(axis=1)

@@ -17,18 +17,22 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.report import Column, Table
+from seatrial.campaign.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.control_design.loops import Sampled, closed
 from seatrial.control_design.lqr import Tolerances
 from seatrial.control_design.margins import (
+    LawMargins,
     LoopMargins,
     decibel,
-    least_margins,
+    law_margins,
+    least_of,
     neutral_radius,
     refined_margins,
     small,
     spectral_radius,
 )
+from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.operating_points import (
     measurement_delays,
     mode_law,
@@ -36,12 +40,15 @@ from seatrial.control_design.operating_points import (
     operating_points,
     reachable_speeds,
 )
+from seatrial.vehicle.actuators import NOMINAL_V
+from seatrial.vehicle.authority import LOOPS, ROWS
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.sensors.sensor import Sensor
 
 __all__ = [
+    "SENSITIVITY_NOTE",
     "MarginRow",
     "ReportedMargins",
     "autopilot_margins",
@@ -49,6 +56,12 @@ __all__ = [
     "report_margins",
     "sound_speeds",
 ]
+
+SENSITIVITY_NOTE = (
+    "Sensitivity: how much the loop enlarges a disturbance at worst,"
+    f" accepted up to {ACCEPTED_SENSITIVITY:g}."
+)
+"""Below every table of margins whose verdict may be the sensitivity."""
 
 _STATES = ("depth", "roll", "pitch", "heading", "speed", "sway", "heave", "roll", "pitch", "heading")
 """The first states of the closed loop in words, rates as what they move."""
@@ -65,7 +78,8 @@ class MarginRow:
     ``phase_deg``, ``gain`` (a factor upwards) and ``delay_s`` are the least over the rows of the wrench,
     each opened alone, ``sensitivity`` the largest |1/(1 + L)|; ``doubles_s`` is the time in which a motion
     doubles, None where none grows, and ``grows`` what moves most in it. ``trimmed`` says whether there is
-    straight level motion at that speed.
+    straight level motion at that speed. ``loop`` is the one that is nearest to its accepted margins, or
+    furthest short of them.
     """
 
     mode: str
@@ -77,6 +91,7 @@ class MarginRow:
     doubles_s: float | None
     grows: str
     trimmed: bool
+    loop: str = ""
 
     @property
     def sound(self) -> bool:
@@ -91,6 +106,19 @@ class MarginRow:
         return small_margins(self._small) or "sound"
 
     @property
+    def weakness(self) -> str:
+        """What grows, or the weakest loop and the margins that fall short with what is accepted."""
+        if self.doubles_s is not None:
+            return f"a motion grows ({self.grows})"
+        figures = {
+            "phase": f"phase {self.phase_deg:.0f} deg of {ACCEPTED_PHASE_DEG:g}",
+            "gain": f"gain {float(decibel(self.gain)):.1f} dB of {ACCEPTED_GAIN_DB:g}",
+            "sensitivity": f"sensitivity {self.sensitivity:.2g}, at most {ACCEPTED_SENSITIVITY:g}",
+        }
+        told = ", ".join(figures[name] for name in self._small)
+        return f"{self.loop} has little margin ({told})" if told else ""
+
+    @property
     def _small(self) -> tuple[str, ...]:
         return small(self.phase_deg, float(decibel(self.gain)), self.sensitivity)
 
@@ -101,7 +129,11 @@ def small_margins(short: Sequence[str]) -> str:
 
 
 def autopilot_margins(
-    vehicle: Vehicle, autopilot: Autopilot, *, speeds_m_s: Sequence[float] | None = None
+    vehicle: Vehicle,
+    autopilot: Autopilot,
+    *,
+    speeds_m_s: Sequence[float] | None = None,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
 ) -> list[MarginRow]:
     """Margins of the mode that works at each desired speed.
 
@@ -112,6 +144,8 @@ def autopilot_margins(
     autopilot : Autopilot
     speeds_m_s : sequence of float, optional
         Desired speeds, m/s; the breakpoints when missing.
+    sensors : mapping of str to Sensor, "typical" or a file, optional
+        Whose latency and interval the loops bear; perfect ones when missing.
 
     Examples
     --------
@@ -122,18 +156,23 @@ def autopilot_margins(
     """
     facts = autopilot_facts(autopilot)
     speeds = facts.speeds_m_s if speeds_m_s is None else speeds_m_s
-    return [_at(vehicle, facts, mode_at(facts, speed).name, float(speed)) for speed in speeds]
+    late = measurement_delays(sensors, vehicle)
+    return [_at(vehicle, facts, mode_at(facts, speed).name, float(speed), late) for speed in speeds]
 
 
-def sound_speeds(vehicle: Vehicle, autopilot: Autopilot) -> tuple[float, float] | None:
+def sound_speeds(
+    vehicle: Vehicle, autopilot: Autopilot, *, voltage_v: float = NOMINAL_V
+) -> tuple[float, float] | None:
     """Least and largest desired speed ahead in m/s between which every margin is sound; None without any.
 
-    They are looked for between the breakpoints, too, from the slowest sound one upwards.
+    They are looked for between the breakpoints, too, from the slowest sound one upwards, as far as the
+    vehicle goes at that supply voltage. Sensors are perfect.
     """
     points = autopilot.speeds_m_s
     facts = autopilot_facts(autopilot)
+    first, last = max(points[0], 0.0), min(points[-1], top_speeds(vehicle, voltage_v=voltage_v)[1])
     least = largest = None
-    for speed in np.linspace(max(points[0], 0.0), points[-1], _FINE):
+    for speed in np.linspace(first, last, _FINE) if last >= first else ():
         if _at(vehicle, facts, mode_at(facts, speed).name, float(speed)).sound:
             largest = float(speed)
             least = largest if least is None else least
@@ -142,10 +181,13 @@ def sound_speeds(vehicle: Vehicle, autopilot: Autopilot) -> tuple[float, float] 
     return None if least is None or largest is None else (least, largest)
 
 
-def _at(vehicle: Vehicle, facts: AutopilotFacts, mode: str, speed: float) -> MarginRow:
-    at = mode_loop(vehicle, facts, mode, speed)
+def _at(
+    vehicle: Vehicle, facts: AutopilotFacts, mode: str, speed: float, late: Mapping[str, float] | None = None
+) -> MarginRow:
+    at = mode_loop(vehicle, facts, mode, speed, measured_late_s=late)
     gain = mode_law(facts, mode, at.loops, speed) + at.known
-    reached = least_margins(at.system, gain)
+    rows = law_margins(at.system, gain)
+    reached = least_of(rows.values())
     doubles, grows = None, ""
     if reached.radius > neutral_radius(at.system.period_s):
         doubles = float(at.system.period_s * np.log(2.0) / np.log(reached.radius))
@@ -160,6 +202,16 @@ def _at(vehicle: Vehicle, facts: AutopilotFacts, mode: str, speed: float) -> Mar
         doubles_s=doubles,
         grows=grows,
         trimmed=at.trimmed,
+        loop=LOOPS[ROWS.index(min(rows, key=lambda row: _share(rows[row])))],
+    )
+
+
+def _share(of: LawMargins) -> float:
+    """Least margin as a share of the accepted one."""
+    return min(
+        of.phase_deg / ACCEPTED_PHASE_DEG,
+        float(decibel(of.gain)) / ACCEPTED_GAIN_DB,
+        ACCEPTED_SENSITIVITY / of.sensitivity,
     )
 
 
@@ -336,4 +388,8 @@ def margin_table(rows: Sequence[ReportedMargins], *, title: str = "Margins") -> 
         "disk",
         Column("", align="left"),
     )
-    return Table.of(title, head, cells)
+    note = (
+        "Each loop opened alone; disk: gain and phase changed at once (disk margin, at most 2); last column:"
+        f" what is less than accepted. {SENSITIVITY_NOTE}"
+    )
+    return Table.of(title, head, cells, note=note)

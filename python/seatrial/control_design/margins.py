@@ -21,7 +21,7 @@ tests/control_design/test_margin_engine.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -39,6 +39,7 @@ __all__ = [
     "frequencies",
     "law_margins",
     "least_margins",
+    "least_of",
     "loop_margins",
     "neutral_radius",
     "open_each",
@@ -251,7 +252,11 @@ def law_margins(of: Sampled, gain: Array) -> dict[str, LawMargins]:
 
 def least_margins(of: Sampled, gain: Array) -> LawMargins:
     """Least margins of the law K (6, 15) over the rows, each opened alone at the vehicle's input."""
-    rows = law_margins(of, gain).values()
+    return least_of(law_margins(of, gain).values())
+
+
+def least_of(rows: Collection[LawMargins]) -> LawMargins:
+    """Least margins of some rows."""
     return LawMargins(
         radius=max(row.radius for row in rows),
         phase_deg=min(row.phase_deg for row in rows),

@@ -113,6 +113,14 @@ class Performance:
         return sum(trial.nominal_s for trial in self.trials)
 
     @property
+    def outside_s(self) -> dict[str, float]:
+        """Violation of the vehicle itself per loop, over its trials, s."""
+        found: dict[str, float] = {}
+        for trial in self.trials:
+            found[trial.loop] = found.get(trial.loop, 0.0) + trial.nominal_s
+        return found
+
+    @property
     def worst_s(self) -> float:
         """Largest violation of a trial by a sample, s."""
         return max((trial.worst_s for trial in self.trials), default=0.0)

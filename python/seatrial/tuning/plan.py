@@ -18,6 +18,7 @@ from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LoopTable
 from seatrial.control_design.autopilot_facts import autopilot_facts
 from seatrial.tuning.gain_parameters import GainParameters, excited_points
+from seatrial.tuning.holdable import beyond_gains
 from seatrial.tuning.loop_steps import steps_of, usual_speeds
 from seatrial.tuning.path_following import GUIDANCE, course_lookahead
 from seatrial.tuning.scope import TuningScope
@@ -80,13 +81,33 @@ class TuningPlan(TuningScope):
 
     @cached_property
     def margins(self) -> MarginConstraint | None:
-        """Limits of the start gains' margins; None where the campaign asks for none."""
+        """Limits of the margins at the points that gains can hold; None where the campaign asks for none."""
+        every = self._asked_margins
+        if every is None or not self.beyond_gains:
+            return every
+        return every.only([point for point in every.points if point not in self.beyond_gains])
+
+    @cached_property
+    def beyond_gains(self) -> tuple[tuple[str, float], ...]:
+        """Points (mode, speed in m/s) that no gains within the bounds keep stable: no margin counts there."""
+        if self._asked_margins is None:
+            return ()
+        return beyond_gains(self._asked_margins, self.autopilot.gains(), bounds=self.table.bounds)
+
+    @cached_property
+    def _asked_margins(self) -> MarginConstraint | None:
+        """Limits of the margins at every point that the vehicle reaches."""
         from seatrial.control_design.margin_constraint import MarginConstraint
 
         limits = self.table.margins
         if not limits.any_at_all:
             return None
         return MarginConstraint(self.vehicle, self.autopilot, limits=limits, sensors=self.sensors)
+
+    @property
+    def steered(self) -> tuple[str, ...]:
+        """Loops that a response is held against a corridor for: their own, or that of a path over them."""
+        return tuple(dict.fromkeys(RIDES_ON.get(name, name) for name in self.loops))
 
     def speeds_of(self, loop: str) -> tuple[float, ...]:
         """Speeds at which a loop is tried where the file gives none, m/s."""

@@ -5,6 +5,7 @@ Held by tests/tuning/test_tune.py.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +18,7 @@ from seatrial.base.report import Report, Section, Table, appended
 from seatrial.base.run import RunResult, to_json
 from seatrial.flight.mismatch import tuned_for
 from seatrial.tuning.performance import Performance
-from seatrial.tuning.search import GUIDANCE_SEARCH, GroupResult
+from seatrial.tuning.search import GUIDANCE_SEARCH, ROUNDING, GroupResult
 from seatrial.tuning.tables import (
     COMPARISON_TITLE,
     GAIN_HEAD,
@@ -30,12 +31,14 @@ from seatrial.tuning.tables import (
     seconds,
     trial_rows,
 )
+from seatrial.vehicle.authority import LOOPS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from seatrial._core import Autopilot, Vehicle
     from seatrial.campaign.campaign import Campaign
+    from seatrial.campaign.tuning_table import Margins
     from seatrial.control_design.margin_report import ReportedMargins
     from seatrial.tuning.performance import StepPerformance
     from seatrial.tuning.plan import TuningPlan
@@ -45,7 +48,9 @@ __all__ = ["Tuning", "report", "sentences", "tuned_autopilot", "without_table"]
 
 _DIGITS = 4
 
-_ROUNDING = 0.01  # what the frequency grid and four digits of a gain leave
+_NAMES = {"deg": "phase margin", "dB": "gain margin", "dB down": "gain margin", "s": "delay margin"}
+
+_ANY = ", with any gains within the bounds"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -145,19 +150,15 @@ class Tuning(RunResult):
         rows = self.margins["tuned"]
         # A motion that grows is no matter of limits: it counts where no margin is asked for, too.
         unstable = dict.fromkeys((row.mode, row.speed_m_s) for row in rows if not row.stable)
-        found = [f"{mode} at {speed:.2f} m/s (unstable)" for mode, speed in unstable]
+        beyond = self.plan.beyond_gains
+        found = [
+            f"{mode} at {speed:.2f} m/s (unstable{_ANY if (mode, speed) in beyond else ''})"
+            for mode, speed in sorted(
+                unstable, key=lambda point: (point in beyond, point[1] < 0.0, abs(point[1]))
+            )
+        ]
         for row in rows:
-            limits = self.plan.table.margins.at(row.speed_m_s)
-            short = [
-                f"{_below(value, limit)} {unit} of {limit:g}"
-                for value, limit, unit in (
-                    (row.phase_deg, limits.phase_deg, "deg"),
-                    (row.gain_up_db, limits.gain_db, "dB"),
-                    (row.gain_down_db, limits.gain_db, "dB down"),
-                    (row.delay_s, limits.delay_s, "s"),
-                )
-                if value is not None and value < (1.0 - _ROUNDING) * limit
-            ]
+            short = _told_short(row, self.plan.table.margins)
             if short and row.stable:  # margins of an unstable loop mean something else
                 found.append(f"{row.loop} in {row.mode} at {row.speed_m_s:.2f} m/s ({', '.join(short)})")
         return tuple(found)
@@ -262,6 +263,26 @@ def _plain_margins(margins: Mapping[str, list[ReportedMargins]]) -> dict[str, li
     return {name: [row.to_dict() for row in rows] for name, rows in margins.items()}
 
 
+def _told_short(row: ReportedMargins, margins: Margins) -> list[str]:
+    """Margins of a loop that fall short of a campaign's limits, with what was asked."""
+    return [f"{_below(value, limit)} {unit} of {limit:g}" for value, limit, unit in _short(row, margins)]
+
+
+def _short(row: ReportedMargins, margins: Margins) -> list[tuple[float, float, str]]:
+    """Margins of a loop that fall short of a campaign's limits: value, limit, unit."""
+    limits = margins.at(row.speed_m_s)
+    return [
+        (value, limit, unit)
+        for value, limit, unit in (
+            (row.phase_deg, limits.phase_deg, "deg"),
+            (row.gain_up_db, limits.gain_db, "dB"),
+            (row.gain_down_db, limits.gain_db, "dB down"),
+            (row.delay_s, limits.delay_s, "s"),
+        )
+        if value is not None and value < (1.0 - ROUNDING) * limit
+    ]
+
+
 def _below(value: float, limit: float) -> str:
     """A number below a limit, with as many digits as tell the two apart."""
     for digits in range(2, 6):
@@ -324,7 +345,11 @@ def _how_good(tuning: Tuning) -> str:
     before = (
         "" if start is None else f", {sum(t.nominal_s == 0.0 for t in start.trials)} with the start gains"
     )
-    phases = [(row.phase_deg, row) for row in tuning.margins["tuned"] if row.phase_deg is not None]
+    phases = [
+        (row.phase_deg, row)
+        for row in tuning.margins["tuned"]
+        if row.stable and row.phase_deg is not None  # the margins of an unstable loop mean something else
+    ]
     least = ""
     if phases:
         phase, row = min(phases, key=lambda pair: pair[0])
@@ -334,6 +359,7 @@ def _how_good(tuning: Tuning) -> str:
         f"{inside} of {len(tuned.trials)} responses of the vehicle stay within their corridors{before}; of"
         f" {tuned.samples} drawn vehicles at least {held:.0%}{least}"
     )
+    line = "; ".join([line, *_worse_than_start(tuning), *_untuned(tuning)])
     return appended(line, tuning.plan.fitted.doubt())
 
 
@@ -346,17 +372,17 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
             "run the same command again; it goes on with what is not finished",
         )
     out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
+    short = tuning.short_margins
     if out:
         trial = max(out, key=lambda one: one.nominal_s)
+        missed = f". Margin short of its limit, too: {_first_of(short)}" if short else ""
         return (
-            f"{named_step(trial)}: {outside(trial.nominal_s)}{_why(tuning, trial)}",
+            f"{named_step(trial)}: {outside(trial.nominal_s)}{_why(tuning, trial)}{missed}",
             f"widen the corridor of {trial.loop} if it asks too much, or give the search more room under"
             " [tuning] (bounds, budget)",
         )
-    if short := tuning.short_margins:
-        return f"margin short of its limit: {short[0]}", (
-            "widen the corridor of this loop (a slower response has more margin), or lower [tuning] margins"
-        )
+    if short:
+        return f"margin short of its limit: {_first_of(short)}", _advice(tuning)
     verify = "verify the autopilot over drawn vehicles, currents and failures (seatrial verify CAMPAIGN)"
     loosest = min(tuned.trials, key=lambda one: (one.held, -one.worst_s), default=None)
     if loosest is not None and loosest.held < 1.0:
@@ -368,6 +394,24 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
     if tuning.reverted:
         return f"start gains stay in {', '.join(tuning.reverted)}: the search found nothing better", verify
     return "no response leaves its corridor and no margin is short", verify
+
+
+def _first_of(short: Sequence[str]) -> str:
+    """The first of the margins that fall short, and how many others do."""
+    return short[0] + (f" and {len(short) - 1} more" if len(short) > 1 else "")
+
+
+def _advice(tuning: Tuning) -> str:
+    """What to do about margins that fall short."""
+    unstable = {(row.mode, row.speed_m_s) for row in tuning.margins["tuned"] if not row.stable}
+    if unstable and unstable <= set(tuning.plan.beyond_gains):
+        sound = [row.speed_m_s for row in tuning.margins["tuned"] if row.stable]
+        kept = f" (stable from {min(sound):.2f} to {max(sound):.2f} m/s)" if sound else ""
+        return (
+            f"keep missions away from these speeds{kept}, widen [tuning] bounds, or add an actuator for what"
+            " grows there (seatrial check AUTOPILOT --vehicle VEHICLE)"
+        )
+    return "widen the corridor of this loop (a slower response has more margin), or lower [tuning] margins"
 
 
 def _effort(tuning: Tuning) -> str:
@@ -408,7 +452,7 @@ def sentences(tuning: Tuning) -> list[str]:
             " narrow, or give the search more room under [tuning] (bounds, budget)."
         )
         lines += [f"{named_step(trial)}: {outside(trial.nominal_s)}{_why(tuning, trial)}." for trial in out]
-    lines += _worse_than_start(tuning)
+    lines += [f"{said[0].upper()}{said[1:]}." for said in (*_worse_than_start(tuning), *_untuned(tuning))]
     lines += _guided(tuning)
     if tuning.reverted:
         lines.append(
@@ -462,23 +506,63 @@ def _beside(path: Path) -> str:
 
 
 def _worse_than_start(tuning: Tuning) -> list[str]:
-    """Loops that the vehicle itself kept better to their corridors before, in a sentence."""
+    """Loops that the vehicle itself kept better to their corridors before, and what for."""
     start, tuned = tuning.of("start"), tuning.of("tuned")
     if start is None or tuned is None:
         return []
-    worse = []
-    for loop in dict.fromkeys(trial.loop for trial in tuned.trials):
-        was, now = (
-            sum(t.nominal_s for t in performance.trials if t.loop == loop) for performance in (start, tuned)
-        )
-        if now > was:
-            worse.append(f"{loop} {_seconds(now)}, before {_seconds(was)}")
+    was, now = start.outside_s, tuned.outside_s
+    worse = [loop for loop in now if now[loop] > was[loop]]
     if not worse:
         return []
-    return [
-        f"Further outside than with the start gains: {'; '.join(worse)}. This loop was traded"
-        " off against other loops or the margins: widen that loop's corridor, or ask for less margin."
-    ]
+    better = [loop for loop in now if now[loop] < was[loop]]
+
+    def sides(loops: Sequence[str]) -> str:
+        return ", ".join(f"{_seconds(now[loop])} against {_seconds(was[loop])}" for loop in loops)
+
+    gained = _gained_margin(tuning)
+    if not gained and better:
+        gained = f"{' and '.join(better)} ({sides(better)})"
+    traded = f", traded for {gained}" if gained else ""
+    are = "is" if len(worse) == 1 else "are"
+    return [f"{' and '.join(worse)} {are} worse than with the start gains ({sides(worse)} outside){traded}"]
+
+
+def _gained_margin(tuning: Tuning) -> str:
+    """The margin that the start gains lack most of and the tuned ones less, in words; nothing where none."""
+    limits = tuning.plan.table.margins
+    found: list[tuple[float, str]] = []
+    for before, after in zip(tuning.margins["start"], tuning.margins["tuned"], strict=True):
+        where = f"in {before.mode} at {before.speed_m_s:.2f} m/s"
+        if after.stable and not before.stable:
+            found.append((math.inf, f"a stable motion {where}"))
+        lacking = {unit: (value, limit) for value, limit, unit in _short(before, limits)}
+        still = {unit: value for value, _, unit in _short(after, limits)}
+        for unit, (value, limit) in lacking.items():
+            now = still.get(unit, limit)
+            if before.stable and after.stable and now > value:
+                told = f"{_below(now, limit)} of {limit:g}" if unit in still else f"at least {limit:g}"
+                words = (
+                    f"the {_NAMES[unit]} of {before.loop} {where} ({_below(value, limit)} {unit}, now {told})"
+                )
+                found.append((1.0 - value / limit, words))
+    return max(found, key=lambda pair: pair[0])[1] if found else ""
+
+
+def _untuned(tuning: Tuning) -> list[str]:
+    """Loops that no corridor asks to tune and whose gains changed all the same, and why."""
+    if tuning.of("tuned") is None:
+        return []
+    start, tuned = tuning.start.gains(), tuning.autopilot.gains()
+    moved = dict.fromkeys(
+        loop
+        for name in tuned
+        if (loop := name.partition(".")[0]) in LOOPS
+        and loop not in tuning.plan.steered
+        and tuned[name] != start[name]
+    )
+    if not moved:
+        return []
+    return [f"gains of {' and '.join(moved)} changed untuned, for margins that the start gains lack"]
 
 
 def _guided(tuning: Tuning) -> list[str]:

@@ -35,12 +35,13 @@ from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
-    from seatrial.control_design.margin_constraint import MarginConstraint
+    from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
     from seatrial.tuning.plan import Group, TuningPlan
 
 __all__ = [
     "GENERATIONS",
     "GUIDANCE_SEARCH",
+    "ROUNDING",
     "ROUNDS",
     "GroupResult",
     "Standing",
@@ -63,6 +64,9 @@ _TOLERANCE = 1e-2
 _SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once
 
 _SOUND = 1e-3  # shortfall that one factor per gain may leave: 0.1 % of a limit
+
+ROUNDING = 0.01
+"""Of a margin's limit, what the frequency grid and four digits of a gain leave."""
 
 _NEAR_START = 0.01  # weight of the mean square of ln(factor) beside the shortfall of the margins
 
@@ -118,19 +122,26 @@ def search_margins(plan: TuningPlan, *, seed: int, watch: Watch | None = None) -
     limits = plan.margins
     if limits is None:
         return None
-    weak = [point.speed_m_s for point in limits.margins({}) if float(point.shortfall(limits.limits)[0]) > 0.0]
+    weak = [point for point in limits.margins({}) if float(point.shortfall(limits.limits)[0]) > 0.0]
     if not weak:
         return None
     points = plan.autopilot.speeds_m_s
-    free = [p for p in excited_points(weak, points) if p in plan.places]
-    loops = sorted({loop for point in limits.margins({}) for loop in point.loops})
+    free = [p for p in excited_points([point.speed_m_s for point in weak], points) if p in plan.places]
+    # Loops that are neither tuned nor short keep their gains, unless the others cannot mend the margins.
+    concerned = sorted({*plan.steered, *(loop for point in weak for loop in _short_loops(point, limits))})
+    every = sorted(limits.loops)
     # One factor per gain for all points first: where that is enough, a search in so few directions finds it,
     # and the schedule keeps its shape.
-    together = _of_points(plan, loops, free, own=free[:1])
-    if not len(together):
+    stages = [
+        _of_points(plan, loops, free, own=own)
+        for loops in ([concerned] if concerned == every else [concerned, every])
+        for own in ([free[:1], free] if len(free) > 1 else [free])
+    ]
+    stages = [parameters for parameters in stages if len(parameters)]
+    if not stages:
         return None
     found, evaluations, history = dict[str, float](), 0, tuple[Step, ...]()
-    for parameters in (together, _of_points(plan, loops, free, own=free))[: 2 if len(free) > 1 else 1]:
+    for parameters in stages:
         parameters, begin = parameters.through(found)
         best = _nearest_sound(limits, parameters, begin, seed=seed, watch=watch)
         history += tuple(replace(step, evaluations=step.evaluations + evaluations) for step in best.history)
@@ -142,6 +153,15 @@ def search_margins(plan: TuningPlan, *, seed: int, watch: Watch | None = None) -
             break
     before = {"margin": float(limits.shortfall({})[0])}
     return _result("margins", parameters, best, (before, {"margin": after}), flown_s=0.0)
+
+
+def _short_loops(point: PointMargins, limits: MarginConstraint, *, beyond: float = 0.0) -> list[str]:
+    """Loops whose own margins fall short by more than a share of their limit; all where a motion grows."""
+    if not limits.limits.at(point.speed_m_s).any:
+        return []
+    lacking = point.lacking(limits.limits)[0]
+    grows = point.growth_per_s[0] > 0.0
+    return [loop for loop, lack in zip(point.loops, lacking, strict=True) if grows or lack > beyond]
 
 
 def _of_points(
@@ -331,10 +351,13 @@ class Standing:
         Per loop the violation of the vehicle itself, and that of the worst sample, summed over trials, s.
     lacking
         Shortfall of the margins.
+    short
+        Loops (mode, speed in m/s, loop) whose margins fall short, beyond rounding, or whose motion grows.
     """
 
     outside_s: Mapping[str, tuple[float, float]]
     lacking: float
+    short: frozenset[tuple[str, float, str]] = frozenset()
 
     @property
     def own(self) -> float:
@@ -345,6 +368,10 @@ class Standing:
     def score(self) -> float:
         """Seconds outside, the worst sample of every trial, and margins in the search's weights."""
         return sum(worst for _, worst in self.outside_s.values()) + LACKING / OUTSIDE * self.lacking
+
+    def lost(self, start: Standing) -> frozenset[tuple[str, float, str]]:
+        """Loops whose margins are short and were not with the start gains."""
+        return self.short - start.short
 
     def worse(self, start: Standing) -> tuple[str, ...]:
         """Loops that leave their corridors further than with the start gains.
@@ -420,13 +447,19 @@ def revert_gains(
     return kept, tuple(back)
 
 
-def _order(one: Standing, start: Standing) -> tuple[int, float]:
-    return len(one.worse(start)), one.score
+def _order(one: Standing, start: Standing) -> tuple[int, int, float]:
+    return len(one.lost(start)), len(one.worse(start)), one.score
 
 
 def _is_better(one: Standing, now: Standing, start: Standing) -> bool:
-    """Whether some gains are to be preferred, and not at the price of the vehicle itself."""
-    return one.own <= now.own + _SAME and _order(one, start) < _order(now, start)
+    """Whether some gains are to be preferred, and not at the price of the vehicle itself.
+
+    Margins that the start gains have are worth more than any corridor, but not than margins that they lack.
+    """
+    if _order(one, start) >= _order(now, start):
+        return False
+    regained = len(one.lost(start)) < len(now.lost(start)) and one.lacking <= now.lacking
+    return regained or one.own <= now.own + _SAME
 
 
 def standing(
@@ -446,8 +479,19 @@ def standing(
     autopilot = plan.autopilot.with_gains(dict(gains))
     rig = plan.rig(autopilot, max_step_s=_STEP_S, threads=threads)
     performance = assess(plan, "", rig, samples, responses=False)
-    lacking = 0.0 if plan.margins is None else float(plan.margins.shortfall(gains)[0])
-    return Standing(_outside(performance), lacking)
+    if plan.margins is None:
+        return Standing(_outside(performance), 0.0)
+    lacking = float(plan.margins.shortfall(gains)[0])
+    return Standing(_outside(performance), lacking, _short(plan.margins, gains))
+
+
+def _short(limits: MarginConstraint, gains: Mapping[str, float]) -> frozenset[tuple[str, float, str]]:
+    """Loops (mode, speed in m/s, loop) whose margins fall short by more than rounding."""
+    return frozenset(
+        (point.mode, point.speed_m_s, loop)
+        for point in limits.margins(gains)
+        for loop in _short_loops(point, limits, beyond=ROUNDING)
+    )
 
 
 def _outside(performance: Performance) -> dict[str, tuple[float, float]]:

@@ -33,6 +33,7 @@ from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
 from seatrial.tuning.search import (
     GENERATIONS,
     GUIDANCE_SEARCH,
+    ROUNDING,
     ROUNDS,
     GroupResult,
     revert_gains,
@@ -65,8 +66,6 @@ _OF_MARGINS = 0.1  # of the work of the searches that fly
 _EVOLUTION = 0.7  # of the budget of a group
 
 _ASSESSMENT = "assessment"
-
-_GIVEN_AWAY = 0.01  # of a margin, as much as the frequency grid and four digits of a gain leave
 
 
 class TuningRun:
@@ -287,7 +286,7 @@ class TuningRun:
         """Whether the search of a group gave margins away, caught between them and its corridors."""
         name = _name(self.plan.groups[place], 0)
         found = next(result for result in self.results if result.name == name)
-        return found.after["margin"] > found.before["margin"] + _GIVEN_AWAY
+        return found.after["margin"] > found.before["margin"] + ROUNDING
 
     def _violates(self, place: int, samples: Samples) -> bool:
         """Whether a group leaves a corridor with the gains that the others found since."""
