@@ -310,3 +310,13 @@ def test_a_tether_that_does_nothing_is_named() -> None:
     assert "no effect" in said
     assert not [text for text in implausible(made(top=table, A_tether=0.1)) if "tether" in text]
     assert not [text for text in implausible(made()) if "tether" in text]
+
+
+def test_a_vehicle_that_may_rightly_be_unstable_is_not_to_be_corrected_at_any_rate() -> None:
+    said = check_vehicle(Vehicle.load("remus100")).report()
+    assert said.worst.lower().startswith("course unstable")
+    assert said.next_step.startswith("where the real vehicle is stable, correct the vehicle file")
+    assert "where it is not, go on" in said.next_step
+    remus = Vehicle.load("remus100")
+    other = check_vehicle(remus.with_coefficients({"B": 1.4 * remus.coefficients()["B"]})).report()
+    assert other.next_step == "correct the vehicle file and check it again before use"

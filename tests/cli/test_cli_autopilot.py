@@ -12,6 +12,7 @@ from typer.testing import CliRunner, Result
 import seatrial as st
 from seatrial.check.autopilot_margins import weak_points
 from seatrial.cli import app
+from seatrial.vehicle.authority import authority_in_words
 from tests.flight.flying import OUT
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -64,6 +65,20 @@ def test_the_summary_tells_rows_gains_margins_and_what_next() -> None:
 
 
 @pytest.mark.long
+def test_the_loss_of_the_only_propeller_takes_the_fins_along() -> None:
+    lauv = st.Vehicle.load("lauv")
+    (said,) = (line for line in authority_in_words(lauv, 1.0) if "loss of propeller" in line)
+    assert "its fins lose their force, and surge, roll, pitch and yaw are lost" in said
+    assert said.endswith("only its buoyancy of +1 N brings it up.")
+    neutral = lauv.with_coefficients({"B": lauv.coefficients()["m"] * lauv.environment()["g"]})
+    (said,) = (line for line in authority_in_words(neutral, 1.0) if "loss of propeller" in line)
+    assert said.endswith('neither reaction of the safety, "surface" or "abort", brings it up.')
+    # Several propellers, and no speed at all: as before.
+    assert authority_in_words(lauv, 0.0) == lauv.authority_sentences(0.0)
+    cwolf = st.Vehicle.load("cwolf")
+    assert authority_in_words(cwolf, 1.0) == cwolf.authority_sentences(1.0)
+
+
 def test_authority_is_told_at_the_speed_that_a_vehicle_with_fins_needs() -> None:
     told = call("lauv").stdout
     assert "- At 1.1 m/s surge, roll, pitch and yaw can be commanded" in told

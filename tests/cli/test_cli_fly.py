@@ -5,7 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
@@ -232,3 +235,25 @@ def test_no_other_flight_replaces_the_folder_while_figures_are_drawn(monkeypatch
     assert call("cwolf", "cwolf", "out.toml", "--out", "run").exit_code == 0
     assert beside[0].exit_code == 2
     assert "only user" in beside[0].stderr
+
+
+@pytest.mark.usefixtures("here")
+def test_a_second_flight_into_a_folder_is_refused_before_it_flies(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = sys.modules["seatrial.flight.fly"]
+    original: Callable[..., st.Flight] = module.fly
+    beside: list[Result] = []
+    flights: list[tuple[Any, ...]] = []
+
+    def fly(*sources: Any, **options: Any) -> st.Flight:
+        flights.append(sources)
+        if len(flights) == 1:
+            beside.append(quick("--out", "run"))
+        return original(*sources, **options)
+
+    monkeypatch.setattr(module, "fly", fly)
+    assert quick("--out", "run").exit_code == 0
+    assert beside[0].exit_code == 2
+    assert "only user" in beside[0].stderr
+    assert "complete" not in beside[0].stdout
+    assert len(flights) == 1
+    assert Path("run/flight.json").is_file()

@@ -241,6 +241,21 @@ def test_a_recording_is_refused(folder: Path) -> None:
         coverage(recorded, seeds=1)
 
 
+def test_a_campaign_without_trials_is_refused(tmp_path: Path) -> None:
+    """One that only verifies has none."""
+    text = 'format = 1\nname = "deep"\nvehicle = "cwolf"\nautopilot = "cwolf"\n'
+    text += (
+        '[verification]\nmissions = ["deep.toml"]\nruns = 10\n[[verification.requirements]]\nname = "end"\n'
+    )
+    text += 'holds = "complete"\nprobability = 0.9\n'
+    (tmp_path / "campaign.toml").write_text(text)
+    shown = CliRunner().invoke(
+        app, ["coverage", str(tmp_path / "campaign.toml"), "--out", str(tmp_path / "run")]
+    )
+    assert shown.exit_code == 2, shown.output
+    assert "[trials]: expected at least one generated trial, found none" in " ".join(shown.output.split())
+
+
 def test_two_truths_are_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "truth.toml").write_text(TRUTH.replace("1.25", "1.30"))
     (tmp_path / "other.toml").write_text(RECIPE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seatrial.flight.excesses import counted
+from seatrial.flight.excesses import counted, unkept
 
 
 def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
@@ -14,6 +14,7 @@ def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
         "clearance_reserve_m": (np.inf, 1.0, 0.0),
         "clearance_time_s": (np.nan, 10.0, 20.0),
         "altitude_smallest_m": (np.inf, 3.0, 0.1),
+        "depth_largest_m": (4.0, 8.04, 5.0),
         "depth_smallest_m": (0.0, -0.05, 1.0),
         "depth_smallest_time_s": (0.0, 1.0, 2.0),
         "pitch_largest_deg": (5.0, 44.0, 10.0),
@@ -52,3 +53,20 @@ def test_each_kind_tells_how_many_and_the_worst(changed: dict[str, tuple[float, 
     assert counted(_metrics(), 5.0, "abc".__getitem__, "flights") == []
     (said,) = counted(_metrics(**changed), 5.0, "abc".__getitem__, "flights")
     assert said.startswith(words)
+
+
+def test_limits_of_depth_and_altitude_are_broken_beyond_the_ripple_of_a_loop() -> None:
+    limits = {"max_depth_m": 8.0, "min_altitude_m": 0.1}
+    assert not any(broken.any() for broken in unkept(_metrics(), 5.0, limits).values())
+    changed = {"depth_largest_m": (4.0, 9.5, 8.2), "altitude_smallest_m": (np.inf, 0.02, -0.1)}
+    broken = unkept(_metrics(**changed), 5.0, limits)
+    assert {words: mask.tolist() for words, mask in broken.items() if mask.any()} == {
+        "the bottom touched": [False, False, True],
+        "below the mission's least altitude": [False, True, False],
+        "beyond the mission's largest depth": [False, True, True],
+    }
+    said = counted(_metrics(**changed), 5.0, "abc".__getitem__, "flights", limits)
+    assert said[1:] == [
+        "1 of 3 flights came below the mission's least altitude of 0.1 m, the worst is b: 0.02 m",
+        "2 of 3 flights went beyond the mission's largest depth of 8 m, the worst is b: 9.50 m",
+    ]

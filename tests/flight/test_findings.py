@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -147,6 +148,52 @@ def test_touching_the_bottom_is_no_complete_mission_whatever_the_safety_does() -
     assert many.touched == (4, 5)
     assert not many.all_complete
     assert "touched the bottom: seed 4, 5" in many.sentence()
+
+
+def test_a_largest_depth_that_the_watch_does_not_see_broken_is_no_complete_mission() -> None:
+    """The filter that is told of the waves takes them for noise; the vehicle truly goes beyond the limit."""
+    text = st.Autopilot.load("cwolf").to_toml()
+    calm = st.Autopilot.from_toml(text.replace('depth = "surface"', 'depth = "continue"', 1))
+    mission = st.Mission.from_toml(OUT.replace("[start]", "[limits]\nmax_depth_m = 5.1\n[start]"))
+    around: dict[str, Any] = {
+        "sensors": "typical",
+        "navigation": "filter",
+        "waves": st.SeaState(height_m=1.0, period_s=8.0, toward_deg=90.0),
+    }
+    flight = st.fly("cwolf", calm, mission, seed=1, **around)
+    assert flight.outcome == "complete"
+    assert all(leg.reached for leg in flight.legs)
+    assert flight.outcome_in_words == "flown to its end, beyond the mission's largest depth"
+    assert not flight.complete
+    many = fly_seeds("cwolf", calm, mission, count=2, first=1, options=around)
+    assert many.off_limits == (1, 2)
+    assert not many.all_complete
+    assert "beyond the mission's limits: seed 1, 2" in many.sentence()
+
+
+def test_an_error_beyond_the_acceptance_radius_is_no_reason_to_verify() -> None:
+    """A current of more than half the speed carries the vehicle off behind the turn."""
+    mission = BOX.replace("acceptance_radius_m = 5.0", "acceptance_radius_m = 3.0")
+    flight, worst, next_step = _lines(mission, current=(-0.9, 0.0, 0.0))
+    assert flight.complete
+    assert ", more than its acceptance radius of 3 m; the current of 0.9 m/s is 60 % of its 1.5 m/s" in worst
+    gain = flight.autopilot.guidance()["integral_gain_m_s"]
+    assert f"integral_gain_m_s ({gain:g}) and lookahead_m" in next_step
+    assert "verify" not in next_step
+
+
+def test_a_position_that_was_wrong_by_an_outage_is_told_by_it() -> None:
+    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT))
+    lost = replace(
+        flight,
+        circumstances=replace(
+            flight.circumstances, navigation="filter", outages=(st.Outage("gps", from_s=1.0),)
+        ),
+    )
+    wrong = missed_waypoint(lost, 0, replace(flight.legs[0], perceived_m=0.01, smallest_m=9.0))
+    assert wrong.words.endswith("its position was wrong by so much (no samples of gps from 1 s on)")
+    assert "position aid" in wrong.remedy
+    assert "--navigation filter" not in wrong.remedy
 
 
 def test_a_flight_along_the_bottom_without_touching_it_is_complete() -> None:

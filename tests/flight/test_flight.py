@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import seatrial as st
 from seatrial._core import error_edges
 from seatrial.base.run import to_json
-from seatrial.flight.metrics import quantile
+from seatrial.flight.metrics import quantile, true_vertical
 from seatrial.sensors.sensor import Sensor
 from tests.flight.flying import BOX, OUT, STATION, flown
 
@@ -325,3 +325,23 @@ def test_a_diverged_flight_is_a_result() -> None:
     assert not flight.complete
     assert "diverged" in str(flight)
     json.loads(to_json(flight.to_dict()))
+
+
+def test_errors_that_truly_are_others_than_perceived_are_told_as_such() -> None:
+    near = {"position": Sensor(bias=3.0), "depth": Sensor(bias=1.0), "attitude": Sensor(), "gyro": Sensor()}
+    near["dvl"] = Sensor()
+    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), sensors=near, seed=3)
+    rms, largest = (flight.metrics[f"true_cross_track_{name}_m"] for name in ("rms", "largest"))
+    assert f" as perceived; truly {rms:.2f} m rms, at most {largest:.2f} m" in flight.report().good
+    off = float(np.max(np.abs(flight.measured["z"] - flight.position[:, 2])))
+    truly = true_vertical(flight)
+    perceived = flight.metrics["vertical_rms_m"]
+    assert truly["true_vertical_rms_m"] == pytest.approx(off, abs=2.0 * perceived)
+    table = flight.report().sections[0].tables[0].text()
+    assert f"true vertical error, rms                {truly['true_vertical_rms_m']:.3f}" in table
+    # As the sensors show it without errors, there is one error only.
+    plain = flown(OUT, (0.0, 0.0, 0.0))
+    assert "truly" not in plain.report().good
+    assert "true " not in plain.report().sections[0].tables[0].text()
+    expected = {name: plain.metrics[name.removeprefix("true_")] for name in true_vertical(plain)}
+    assert true_vertical(plain) == pytest.approx(expected)

@@ -77,3 +77,14 @@ def test_a_flight_says_so_in_its_first_lines_and_as_data() -> None:
     heavy = heavy.with_coefficients({"Y_vdot": 3.0 * heavy.coefficients()["Y_vdot"]})
     assert st.fly(heavy, "lauv", mission).warnings
     assert st.fly(heavy, "lauv", mission, model="lauv").warnings == ()
+
+
+def test_what_went_wrong_comes_before_the_doubt_about_the_autopilot() -> None:
+    """The vehicle rises above the surface; a margin of 45 deg is left, whatever gains and mass alone say."""
+    mission = st.Mission.from_toml(OUT.replace("[start]\ndepth_m = 5.0\n", ""))
+    said = st.fly("lauv", "remus100", mission).report()
+    assert said.worst.startswith("lauv rose to ")
+    assert "; the autopilot was made for remus100, and lauv flies: " in said.worst
+    assert "may leave little margin" in said.worst
+    assert "no margin is left" not in said.worst
+    assert said.next_step.startswith("begin deeper")

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import signal
 import socket
 import struct
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner, Result
 
 import seatrial as st
 from seatrial.ardusub.servos import map_channels
 from seatrial.base.errors import SimulationError, TrialError
+from seatrial.cli import app
 from seatrial.realtime import ardupilot_link as link
 from seatrial.realtime.plant import Plant
 from seatrial.realtime.servo_packet import MAGIC_16, MAGIC_32, ServoPacket
@@ -226,3 +231,66 @@ def test_ctrl_c_ends_the_verb_with_130_and_the_log_is_written(tmp_path: Any) -> 
     assert verb.returncode == 130
     assert out.startswith("sitl bluerov2-heavy: interrupted. 12 frames")
     assert st.Trial.read(log).channels
+
+
+def _sail(log: Path, *options: str, before_end: Callable[[], None] | None = None) -> Result:
+    """The verb with a peer of twelve frames that writes its log there."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+
+    def peer() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.settimeout(0.2)
+            count = 0
+            while count < 12:
+                sender.sendto(_packet(count, rate=10), ("127.0.0.1", port))
+                try:
+                    sender.recv(4096)
+                except OSError:  # it does not listen yet
+                    time.sleep(0.05)
+                    continue
+                count += 1
+        if before_end is not None:
+            before_end()
+
+    thread = threading.Thread(target=peer)
+    thread.start()
+    command = ["sitl", "bluerov2-heavy", "--voltage", "16", "--port", str(port), "--log", str(log)]
+    try:
+        return CliRunner().invoke(app, [*command, "--idle-s", "3", *options])
+    finally:
+        thread.join(20.0)
+
+
+def test_a_log_goes_into_any_folder_and_into_one_that_is_made(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("not a run", encoding="utf-8")
+    for log in (tmp_path / "dive.csv", tmp_path / "deep" / "down" / "dive.csv"):
+        result = _sail(log)
+        assert result.exit_code == 0, result.output
+        assert f"Motion in {log}" in result.stdout.replace("\n", "")
+        assert st.Trial.read(log).channels
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["deep", "dive.csv", "notes.txt"]
+
+
+def test_a_log_that_cannot_be_written_is_refused_before_the_session(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    command = ["sitl", "bluerov2-heavy", "--voltage", "16", "--port", "0", "--idle-s", "0.1", "--log"]
+    for log, message in (
+        (tmp_path / "file" / "dive.csv", "cannot be written"),
+        (tmp_path / "taken.csv", "found a folder"),
+    ):
+        (tmp_path / "taken.csv").mkdir(exist_ok=True)
+        result = CliRunner().invoke(app, [*command, str(log)])
+        assert result.exit_code == 2
+        assert message in " ".join(result.output.split())
+        assert "frames" not in result.stdout
+
+
+def test_a_session_is_told_even_where_its_log_can_no_longer_be_written(tmp_path: Path) -> None:
+    log = tmp_path / "deep" / "dive.csv"
+    result = _sail(log, before_end=lambda: shutil.rmtree(log.parent))
+    assert result.exit_code == 2
+    assert "sitl bluerov2-heavy: " in result.stdout
+    assert "12 frames" in result.stdout
+    assert "cannot be written" in " ".join(result.output.split())

@@ -14,6 +14,7 @@ import seatrial as st
 from seatrial.examples.paper.autopilot import autopilot_plates, flight_plates
 from seatrial.flight.failures import Fault, Outage
 from seatrial.report.plot.flight import (
+    _remark,
     events,
     flight_loops,
     flight_track,
@@ -222,3 +223,27 @@ def test_the_track_shows_obstacles_the_promised_distance_and_the_closest_point()
     rings = [np.asarray(path.vertices) for one in axes.collections for path in one.get_paths()]
     radii = [np.hypot(ring[:, 0] - 9.0, ring[:, 1] - 30.0) for ring in rings]
     assert any(np.allclose(radius, 6.0, atol=0.1) for radius in radii)
+
+
+def _near(flight: st.Flight) -> st.Flight:
+    """A flight that is taken to have touched something, and to have missed its waypoints."""
+    near = replace(flight, metrics={**flight.metrics, "clearance_m": -0.1})
+    near.__dict__["legs"] = tuple(replace(leg, reached=False) for leg in flight.legs)
+    return near
+
+
+def test_a_remark_leaves_room_for_the_name_beside_it() -> None:
+    """The words are shortened where the panel is narrow, as beside a tall track."""
+    flight = _near(flown())
+    way = f"{flight.metrics['distance_m']:.0f} m in {flight.t[-1]:.0f} s"
+    assert _remark(flight, 80) == f"too near to an obstacle and waypoints missed, {way}"
+    assert _remark(flight, 45) == f"too near to an obstacle, {way}"
+    assert _remark(flight, 32) == f"not complete, {way}"
+    assert _remark(flight, 10) == way
+    figure = flight_track(_near(st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT))))
+    figure.canvas.draw()
+    track = next(axes for axes in figure.axes if axes.get_title(loc="left") == "track")
+    name = next(text for text in track.get_children() if getattr(text, "_text", "") == "track")
+    remark = track.get_title(loc="right")
+    other = next(text for text in track.get_children() if getattr(text, "_text", "") == remark)
+    assert name.get_window_extent().x1 < other.get_window_extent().x0

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 import seatrial as st
 from seatrial.base.report import Report
 from seatrial.report.page.glossary import glossary
@@ -56,3 +58,22 @@ def test_a_glossary_has_what_is_mentioned_and_no_more() -> None:
     assert "N s2/m2" in meaning or "N s2" in meaning
     assert all(meaning for rows in words.values() for _, meaning in rows)
     assert glossary("", [])["Coefficients"] == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "outcome", "results", "held"),
+    [
+        ("falsification", "falsified", {}, False),
+        ("falsification", "not falsified", {}, None),
+        ("rare failures", "held", {}, True),
+        ("verification", "undecided", {"outcome": "undecided"}, False),
+        ("verification", "held", {"outcome": "held"}, True),
+        ("flight", "complete", {"complete": False}, False),
+        ("identification", "identified", {}, None),
+    ],
+)
+def test_a_badge_looks_like_the_outcome(
+    kind: str, outcome: str, results: dict[str, object], held: bool | None
+) -> None:
+    run = RunFolder("a", {"kind": kind}, Report("a", outcome, "c", "d", "e"), results)
+    assert run.held is held

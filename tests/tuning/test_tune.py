@@ -292,6 +292,8 @@ def test_summary_and_tables_tell_verdict_gains_and_margins() -> None:
     (row,) = comparison_rows(one.performance)
     assert len(row) == len(comparison_head(one.performance))
     assert row[0] == "heading"
+    units = {row[0]: row[1] for row in gain_rows(one.start, one.autopilot, one.plan.places)}
+    assert {units[name] for name in units if name.endswith("K_D")} <= {"N s2/m", "N s/m", "N m s/rad"}
     assert {row[0] for row in gain_rows(one.start, one.autopilot, one.plan.places)} >= {
         "heading K_P",
         "heading K_I",

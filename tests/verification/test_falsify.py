@@ -12,7 +12,7 @@ import pytest
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.verification_table import CaseTable, parse_verification
 from seatrial.verification.campaign import VerifiedCampaign
-from seatrial.verification.falsify import Falsification, run_falsification
+from seatrial.verification.falsify import Falsification, _lines, run_falsification
 from seatrial.verification.regression import check_cases, draws_of, fly_cases
 from seatrial.verification.verify import run_verification
 from tests.verification.test_rare import prepared
@@ -136,3 +136,13 @@ def test_the_run_directory_holds_the_case(tmp_path: Path) -> None:
     text = (tmp_path / "run" / "cases.toml").read_text()
     assert text == found.cases()
     assert "[[verification.cases]]" in text
+
+
+def test_where_the_middle_of_all_ranges_fails_its_values_are_named() -> None:
+    one = falsified().requirements[0]
+    assert one.middle
+    assert {name: middle for name, (_, middle) in one.disturbance.items()}.items() <= one.middle.items()
+    already = replace(one, disturbance={}, middle={"current north, m/s": 0.3, "gain of stern": 1.0})
+    assert _lines(already) == [
+        "the middle of all ranges fails already: current north, m/s 0.3, gain of stern 1"
+    ]

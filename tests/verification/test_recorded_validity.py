@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from hypothesis import strategies as some
 
 import seatrial as st
 from seatrial.base.errors import SimulationError, TrialError
+from seatrial.verification.mission_log.judge_log import _not_failing
 from seatrial.verification.mission_log.restarts import restarts
 from seatrial.verification.mission_log.spread import (
     ExpectedShare,
@@ -63,6 +66,29 @@ def test_a_large_share_that_does_not_refute_does_not_pass_either() -> None:
     rate = verdict.validity.channels["q"]
     assert rate.doubtful
     assert rate.interval[0] < rate.outside < rate.interval[1]
+    # Nor does it stay inside the band where the log would have shown no change.
+    quiet = _not_failing(verdict.validity, (), ())
+    assert quiet.model == verdict.model
+    assert quiet.reason == verdict.reason
+    assert "stays inside the band" not in quiet.reason
+
+
+def test_the_first_line_names_the_channel_that_fails_not_the_one_that_is_outside_most() -> None:
+    verdict = verify_log(fitted(), log(7, WEAK), reference=log(100).trial)
+    assert verdict.validity is not None
+    channels = dict(verdict.validity.channels)
+    for name, outside, p, fails in (
+        ("q", 0.3, 0.004, True),
+        ("u", 0.2, 0.009, True),
+        ("pitch", 0.4, 0.4, False),
+    ):
+        channels[name] = replace(channels[name], outside=outside, p=p, fails=fails)
+    said = replace(verdict, validity=replace(verdict.validity, channels=channels)).report().good
+    assert "; q is outside its 95 % band 30.0 % of the time (5 % expected on average, p = 0.004)" in said
+    channels |= {name: replace(one, p=0.4, fails=False) for name, one in channels.items()}
+    channels["u"] = replace(channels["u"], p=0.02)
+    said = replace(verdict, validity=replace(verdict.validity, channels=channels)).report().good
+    assert "; u is outside its 95 % band 20.0 % of the time (5 % expected on average, p = 0.02)" in said
 
 
 @pytest.mark.long

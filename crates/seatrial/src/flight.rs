@@ -34,7 +34,8 @@ pub mod waves;
 use crate::actuator::motor::Limits;
 use crate::control::allocation::Allocator;
 use crate::control::autopilot::Autopilot;
-use crate::control::navigation::{Navigation, truth};
+use crate::control::navigation::{DEPTH, Navigation, truth};
+use crate::control::safety::Sounded;
 use crate::error::Error;
 use crate::model::vehicle::{Instant, Vehicle, hand_on};
 use aboard::{Aboard, Split};
@@ -91,6 +92,9 @@ pub fn fly<T: Split>(
             let flying = (!flight.is_trial()).then(|| tally.flying());
             filters.tell((&shown, measured), (&pilot.signals, feedback), (elapsed, dt), flying)
         });
+        if estimate.is_some() {
+            pilot.sounded = Some(Sounded { depth: measured.channels[DEPTH], age: measured.age[DEPTH] });
+        }
         let measured = estimate.as_ref().unwrap_or(measured);
         let set_point = flight.trial.set_point(unit, &setting.set_points, k as f64 * dt);
         flight.trial.dither.write(&mut pilot.dither, k as f64 * dt);

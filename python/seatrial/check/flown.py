@@ -155,7 +155,7 @@ def fly_beforehand(
                 reserve_m=flight.metrics["clearance_reserve_m"],
                 depth_largest_m=flight.metrics["depth_largest_m"],
                 duration_s=flight.metrics["duration_s"],
-                worst=flight.report().worst.removeprefix(f"{doubt}; "),
+                worst=flight.report().worst.removeprefix(f"{doubt}; ").removesuffix(f"; {doubt}"),
             )
         )
     return tuple(found), [], []

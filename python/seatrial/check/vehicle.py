@@ -101,7 +101,7 @@ def _cure(vehicle: Vehicle, plane: str) -> str:
             " the vehicle has fins"
         )
     return (
-        f"Too little lift aft against the Munk moment; if the real vehicle is stable, check {lift} of the"
+        f"Too little lift aft against the Munk moment; {_IF_STABLE}, check {lift} of the"
         f" hull, and area and C_L_alpha of {' and '.join(fins)}"
     )
 
@@ -209,7 +209,7 @@ def _report(check: VehicleCheck) -> Report:
         " autopilot) or identify it from trials (seatrial identify)"
     )
     if check.warnings:
-        worst, next_step = check.warnings[0], "correct the vehicle file and check it again before use"
+        worst, next_step = check.warnings[0], _next(check.warnings)
     count = len(check.warnings)
     straight = [
         _speed_table(
@@ -236,6 +236,19 @@ def _report(check: VehicleCheck) -> Report:
             ),
         ),
     )
+
+
+_IF_STABLE = "if the real vehicle is stable"
+
+
+def _next(warnings: Sequence[str]) -> str:
+    """What to do about warnings; a vehicle may rightly be unstable on its course or in pitch by itself."""
+    if all("unstable at" in text and _IF_STABLE in text for text in warnings):
+        return (
+            "where the real vehicle is stable, correct the vehicle file and check it again; where it is not,"
+            " go on: an autopilot holds it (seatrial autopilot), and its margins tell whether well enough"
+        )
+    return "correct the vehicle file and check it again before use"
 
 
 def _how_good(check: VehicleCheck) -> str:

@@ -69,8 +69,10 @@ def autopilot(
 
 def _authority(vehicle: Vehicle, found: AutopilotCheck) -> list[str]:
     """What the vehicle can command and what the loss of an actuator costs, at a speed it is used at."""
+    from seatrial.vehicle.authority import authority_in_words
+
     hovers = any(mode.depth_by == "heave" for mode in found.modes)
-    return vehicle.authority_sentences(0.0 if hovers else round(_CRUISE * found.speeds_m_s[-1], 1))
+    return authority_in_words(vehicle, 0.0 if hovers else round(_CRUISE * found.speeds_m_s[-1], 1))
 
 
 def _left_out(text: str) -> list[str]:

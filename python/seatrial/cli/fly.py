@@ -14,7 +14,9 @@ from seatrial.cli.realtime import Hardware, LivePort, Realtime, Record, Speed, W
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
+    from seatrial.base.run import RunDirectory
     from seatrial.flight.flight import Flight
+    from seatrial.flight.seeds import Seeds
 
 __all__ = ["draw_flight", "fly"]
 
@@ -126,8 +128,7 @@ def fly(
     The exit code is 0 when the mission was complete and every waypoint reached, 1 when not, 2 for bad input.
     """
     from seatrial.base.errors import SimulationError
-    from seatrial.base.run import check_writable, only_user
-    from seatrial.cli.console import answer, formats, print_json
+    from seatrial.base.run import RunDirectory
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.fly import fly as flown
     from seatrial.flight.sea import SeaState
@@ -176,8 +177,6 @@ def fly(
         return
     if given := [name for name, value in by_the_clock.items() if value]:
         raise SimulationError(f"{', '.join(given)}: needs --realtime; add it")
-    if out is not None:
-        check_writable(out, "flight")
     options: dict[str, Any] = {
         "model": model,
         "sensors": sensors,
@@ -194,14 +193,36 @@ def fly(
         "navigation": navigation,
         "max_time_s": max_time,
     }
-    flight = flown(*sources, seed=seed, payload=payload, **options)
-    many = None if seeds is None else fly_seeds(*sources, count=seeds, first=seed, options=options)
+    folder = out or Path("runs") / _folder(vehicle, mission)
+    with RunDirectory(folder, "flight") as held:  # from before the flight on: a second one is refused at once
+        flight = flown(*sources, seed=seed, payload=payload, **options)
+        many = None if seeds is None else fly_seeds(*sources, count=seeds, first=seed, options=options)
+        _tell(flight, many, held, folder, verbose=verbose, json=json, figures=figures, pdf=pdf, page=page)
+    reported(page, [folder], quiet=json)
+    if not flight.complete or (many is not None and not many.all_complete):
+        raise typer.Exit(1)
+
+
+def _tell(
+    flight: Flight,
+    many: Seeds | None,
+    held: RunDirectory,
+    folder: Path,
+    *,
+    verbose: bool,
+    json: bool,
+    figures: bool,
+    pdf: bool,
+    page: Path | None,
+) -> None:
+    """Show a flight, publish its run directory that is held, and draw its figures."""
+    from seatrial.base.run import only_user
+    from seatrial.cli.console import answer, formats, print_json
+
     beside = {} if many is None else {"seeds.parquet": many.parquet()}
-    folder = out or Path("runs") / _folder(flight)
-    check_writable(folder, "flight")
 
     def saved() -> str:
-        flight.save(folder, beside=beside)
+        flight.publish(held, beside=beside)
         sampled = "" if flight.samples is None else "samples.parquet, samples.csv, "
         return f"Results in {folder}: flight.json, flight.parquet, {sampled}summary.txt and the inputs"
 
@@ -220,9 +241,6 @@ def fly(
         if many is not None and many.excesses:
             report = replace(report, worst="; ".join((*many.excesses, report.worst)))
         answer(report, verbose=verbose, results=saved, draw=drawn)
-    reported(page, [folder], quiet=json)
-    if not flight.complete or (many is not None and not many.all_complete):
-        raise typer.Exit(1)
 
 
 def draw_flight(flight: Flight, folder: Path, endings: tuple[str, ...] = ("png",)) -> list[Path]:
@@ -232,6 +250,10 @@ def draw_flight(flight: Flight, folder: Path, endings: tuple[str, ...] = ("png",
     return sorted(flight_gallery(flight, folder / "figures", formats=endings))
 
 
-def _folder(flight: Flight) -> str:
+def _folder(vehicle: str, mission: str) -> str:
     """Name of the run directory, no longer than file systems take."""
-    return file_name(f"fly-{flight.vehicle.name}-{flight.route.name}")
+    from seatrial._core import Vehicle
+    from seatrial.base.toml_file import loaded
+    from seatrial.flight.mission import Mission
+
+    return file_name(f"fly-{loaded(Vehicle, vehicle).name}-{loaded(Mission, mission).name}")

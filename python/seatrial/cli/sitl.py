@@ -62,13 +62,16 @@ def sitl(
     import math
 
     from seatrial._core import State
-    from seatrial.base.atomic_write import write_table
+    from seatrial.base.atomic_write import check_creatable, write_table
+    from seatrial.base.errors import SeatrialError
     from seatrial.base.file_names import check_place
     from seatrial.cli.console import answer, print_json
     from seatrial.cli.streams import INTERRUPTED, note
     from seatrial.realtime.ardupilot_link import sitl as serve
 
     if log is not None:
+        if log.suffix in (".csv", ".parquet"):
+            check_creatable(log)  # makes its folder
         check_place(
             log,
             "--log",
@@ -97,13 +100,19 @@ def sitl(
         log_hz=0.0 if log is None else log_hz,
         ready=ready,
     )
+    lost, written = None, ""
     if log is not None and session.rows:
-        write_table(session.table(), log)
+        try:
+            write_table(session.table(), log)
+            written = f"Motion in {log}: {len(session.rows)} rows"
+        except SeatrialError as error:  # what the session was is told all the same
+            lost = error
     if json:
         print_json(session.to_dict())
     else:
-        written = "" if log is None or not session.rows else f"Motion in {log}: {len(session.rows)} rows"
         answer(session.report(), verbose=verbose, results=written)
+    if lost is not None:
+        raise lost
     if session.ended == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if session.ended == "diverged":

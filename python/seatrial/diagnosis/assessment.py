@@ -164,7 +164,8 @@ class Assessment:
                 )
                 found.append((away, said))
         found += self._bent(fit)
-        return [said for _, said in sorted(found, key=lambda one: -one[0])]
+        # Gains of actuators first: an autopilot rests on them.
+        return [said for _, said in sorted(found, key=lambda one: ("." not in one[1].split()[0], -one[0]))]
 
     def _bent(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
         """Sentences on coefficients that make up for a bound that the data contradict, with their size."""
@@ -196,14 +197,16 @@ class Assessment:
             (f"{one.ahead_s:g} s ahead", _named(names, one.values), _named(names, one.away), one.refused)
             for one in polished.horizons
         ]
-        columns += [(one.damping, one.values, one.away, one.refused) for one in polished.others]
+        for one in polished.others:
+            words = one.damping.partition(" (")[0].removeprefix("cross-flow drag ")
+            columns.append((words, one.values, one.away, one.refused))
         if (free := self.bounds) is not None:
-            columns.append(("without contradicted bounds", free.values, free.away, free.refused))
+            columns.append(("without bounds", free.values, free.away, free.refused))
         rows = []
         for place, name in enumerate(names):
-            fit = f"{self.uncertainty.estimate[place]:.4g}"
+            fit = f"{self.uncertainty.estimate[place]:.3g}"
             others = (
-                f"{values[name]:.4g} ({away[name]:+.1f})" if name in values else ""
+                f"{values[name]:.3g} ({away[name]:+.1f})" if name in values else ""
                 for _, values, away, _ in columns
             )
             refused = any(name in lost for *_, lost in columns)

@@ -53,12 +53,17 @@ class GeneratedTrials:
     Raises
     ------
     CampaignError
-        A trial is a recording, or two trials have different truth vehicles.
+        There is no trial, a trial is a recording, or two trials have different truth vehicles.
     TrialError, VehicleError
         A recipe or its truth vehicle is not usable.
     """
 
     def __init__(self, campaign: Campaign, *, truth: Truth | None = None) -> None:
+        if not campaign.trials:
+            raise CampaignError(
+                f"{campaign.source}: [trials]: expected at least one generated trial, found none;"
+                " coverage needs the recipe of one (TOML)"
+            )
         self.campaign = campaign
         self.recipes = {name: _recipe(campaign, name, truth) for name in campaign.trials}
         self.truth = next(iter(self.recipes.values())).truth

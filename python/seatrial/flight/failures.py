@@ -89,7 +89,7 @@ class Fault:
         """What fails, in words."""
         how = "dead" if not self.stuck and self.stuck_at is None else "stuck"
         at = "" if self.stuck_at is None else f" at {self.stuck_at:g}"
-        return f"{self.actuator} is {how}{at} from {self.at_s:g} s on"
+        return f"{self.actuator} is {how}{at} from {_shown(self.at_s)} s on"
 
 
 @dataclass(frozen=True)
@@ -146,8 +146,18 @@ class Outage:
 
     def sentence(self) -> str:
         """What is silent and when, in words."""
-        until = "on" if math.isinf(self.until_s) else f"to {self.until_s:g} s"
-        return f"no samples of {self.of} from {self.from_s:g} s {until}"
+        until = "on" if math.isinf(self.until_s) else f"to {_shown(self.until_s)} s"
+        return f"no samples of {self.of} from {_shown(self.from_s)} s {until}"
+
+    @property
+    def group(self) -> str:
+        """Group of channels that is silent."""
+        return GROUP_OF_KIND.get(str(self.of), str(self.of))
+
+
+def _shown(time_s: float) -> str:
+    """A time in s of four digits at most, in full from there on."""
+    return f"{float(f'{time_s:.4g}'):g}"
 
 
 def fault_rows(
@@ -210,7 +220,7 @@ def outage_rows(outages: Sequence[Outage], max_time_s: float) -> list[tuple[int,
     groups = autopilot_names()["groups"]
     rows = []
     for outage in outages:
-        name = GROUP_OF_KIND.get(str(outage.of), str(outage.of))
+        name = outage.group
         if name not in groups:
             known = [*groups, *(kind for kind in GROUP_OF_KIND if kind not in groups)]
             raise SimulationError(

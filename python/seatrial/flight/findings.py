@@ -19,20 +19,32 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seatrial.base.arrays import Array
-from seatrial.flight.excesses import touched
+from seatrial.base.arrays import Array, Mask
+from seatrial.flight.excesses import OFF_LIMIT_M, too_deep, too_low, touched
 from seatrial.flight.metrics import TRULY, Leg
+from seatrial.flight.watches import source
 
 if TYPE_CHECKING:
     from seatrial.flight.log import FlightLog
 
-__all__ = ["Finding", "broken_limits", "missed_waypoint", "not_reached", "outside", "overrun", "where"]
-
-_OFF_M = 0.05  # beyond a limit: less is the ripple of a loop
+__all__ = [
+    "Finding",
+    "broken_limits",
+    "injected",
+    "missed_waypoint",
+    "not_reached",
+    "off_course",
+    "outside",
+    "overrun",
+    "position_remedy",
+    "where",
+]
 
 _WINDOW_S = 5.0  # over which the steepness of a path is told
 
 _STEEPER, _LAGGING = 1.05, 1.25  # of a slope over what guidance allows, and over what was flown
+
+_CROSSING = 0.1  # of a leg's speed: from there on a current counts across it
 
 _LONGER, _LEAST_S = 1.2, 30.0  # of the planned time, from which on a flight was late, and at least so much
 
@@ -42,45 +54,67 @@ class Finding(NamedTuple):
 
     words: str
     remedy: str
+    at_s: float = math.nan
+    """When it began; nan where that says nothing."""
 
 
 def broken_limits(flight: FlightLog, metrics: Mapping[str, float]) -> list[Finding]:
     """Bottom, fence and limits of the mission that the vehicle broke, the gravest first."""
     found = []
-    altitude, limits = metrics["altitude_smallest_m"], flight.mission.limits
-    lowest = int(np.argmin(np.where(np.isfinite(flight.altitude), flight.altitude, np.inf)))
+    name, limits, depth = flight.vehicle.name, flight.mission.limits, flight.position[:, 2]
+    altitude = np.where(np.isfinite(flight.altitude), flight.altitude, np.inf)
+    lowest = int(np.argmin(altitude))
     away = "plan the legs farther from the bottom, or slow down before the depth changes"
+    least = limits["min_altitude_m"]
     if touched(metrics):
-        found.append(Finding(f"{flight.vehicle.name} touched the bottom, {where(flight, lowest)}", away))
-    elif altitude < limits["min_altitude_m"] - _OFF_M:
-        found.append(
-            Finding(
-                f"{flight.vehicle.name} came to {altitude:.2f} m above the bottom, {where(flight, lowest)};"
-                f" the mission's least altitude is {limits['min_altitude_m']:g} m",
-                away,
-            )
-        )
+        since = _since(flight, altitude <= 0.0)
+        found.append(Finding(f"{name} touched the bottom, {where(flight, lowest)}", away, since))
+    elif too_low(metrics, least):
+        words = f"{name} came to {altitude[lowest]:.2f} m above the bottom, {where(flight, lowest)};"
+        words += f" the mission's least altitude is {least:g} m"
+        found.append(Finding(words, away, _since(flight, altitude < least - OFF_LIMIT_M)))
     if len(flight.mission.fence):
         beyond = outside(flight.position[:, :2], flight.mission.fence)
         row = int(np.argmax(beyond))
-        if beyond[row] > _OFF_M:
-            found.append(
-                Finding(
-                    f"{flight.vehicle.name} was up to {beyond[row]:.1f} m outside the mission's fence,"
-                    f" {where(flight, row)}",
-                    "plan the legs and their turns farther inside the fence, or widen it",
-                )
-            )
-    if metrics["depth_largest_m"] > limits["max_depth_m"] + _OFF_M:
-        row = int(np.nanargmax(flight.position[:, 2]))
-        found.append(
-            Finding(
-                f"{flight.vehicle.name} went {metrics['depth_largest_m']:.2f} m deep, {where(flight, row)};"
-                f" the mission's largest depth is {limits['max_depth_m']:g} m",
-                "plan shallower legs, or raise the mission's largest depth",
-            )
-        )
+        if beyond[row] > OFF_LIMIT_M:
+            words = f"{name} was up to {beyond[row]:.1f} m outside the mission's fence, {where(flight, row)}"
+            inside = "plan the legs and their turns farther inside the fence, or widen it"
+            found.append(Finding(words, inside, _since(flight, beyond > OFF_LIMIT_M)))
+    most = limits["max_depth_m"]
+    if too_deep(metrics, most):
+        row = int(np.nanargmax(depth))
+        words = f"{name} went {metrics['depth_largest_m']:.2f} m deep, {where(flight, row)};"
+        words += f" the mission's largest depth is {most:g} m"
+        remedy = "plan shallower legs, or raise the mission's largest depth"
+        found.append(Finding(words, remedy, _since(flight, depth > most + OFF_LIMIT_M)))
     return found
+
+
+def _since(flight: FlightLog, broken: Mask) -> float:
+    """Time of the first row that is broken, s."""
+    return float(flight.t[int(np.argmax(broken))])
+
+
+def injected(flight: FlightLog, group: str, at_s: float) -> str:
+    """The outage of a group of channels that was asked for and had begun by a time, in words; empty without.
+
+    Parameters
+    ----------
+    flight : FlightLog
+    group : str
+        As "position".
+    at_s : float
+    """
+    begun = [one for one in flight.circumstances.outages if one.group == group and one.from_s <= at_s]
+    return begun[-1].sentence() if begun else ""
+
+
+def position_remedy(flight: FlightLog) -> str:
+    """What to do about a position that was wrong: what the flight did not have already."""
+    aid = f"give it {source('position')}, or position fixes more often or more exact ones"
+    if flight.circumstances.navigation == "filter":
+        return aid
+    return f"{aid}, or fly by the navigation filter (--navigation filter)"
 
 
 def outside(points: Array, fence: Array) -> Array:
@@ -121,11 +155,9 @@ def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
     """How near the vehicle came to the waypoint of leg `k` that it began and missed, why, and what to do."""
     words = not_reached(leg)
     if leg.perceived_m <= leg.acceptance_m < TRULY * leg.acceptance_m < leg.smallest_m:
-        return Finding(
-            f"{words}: its position was wrong by so much",
-            "give it position fixes more often or more exact ones, or fly by the navigation filter"
-            " (--navigation filter)",
-        )
+        outage = injected(flight, "position", leg.begin_s + leg.time_s)
+        why = f" ({outage})" if outage else ""
+        return Finding(f"{words}: its position was wrong by so much{why}", position_remedy(flight))
     aside, deep = _miss(flight, k)
     words += f", {aside:.1f} m aside and {abs(deep):.1f} m too {'deep' if deep > 0.0 else 'shallow'}"
     slope = _Slope.of(flight, k)
@@ -173,6 +205,33 @@ def overrun(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
         f"{words} ({made:.2f} m/s made good, {stop.speed:g} m/s asked for)",
         "plan the legs for the speed that the vehicle makes good in this water, or allow more time",
     )
+
+
+def off_course(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
+    """The largest error of a leg beyond its radius of acceptance, and what to do; None without one."""
+    beyond = [
+        (size, name, k)
+        for k, leg in enumerate(legs)
+        for name, size in (("cross-track", leg.cross_track_largest_m), ("vertical", leg.vertical_largest_m))
+        if size > leg.acceptance_m
+    ]
+    if not beyond:
+        return None
+    size, name, k = max(beyond)
+    words = f'{name} error of {size:.2f} m on the way to "{legs[k].label}", more than its acceptance radius'
+    words += f" of {legs[k].acceptance_m:g} m"
+    if name == "vertical":
+        by = "heave" if _by_heave(flight, k) else "pitch"
+        return Finding(words, f"lengthen the leg or slow it down; then tune the {by} loop (seatrial tune)")
+    guidance, speed = flight.autopilot.guidance(), flight.route.stops[k].speed
+    current = math.hypot(*flight.circumstances.current[:2])
+    keys = [f"lookahead_m ({guidance['lookahead_m']:g})"]
+    remedy = "turn onto it earlier or with a longer leg"
+    if current > _CROSSING * speed:
+        words += f"; the current of {current:.2g} m/s is {100.0 * current / speed:.0f} % of its {speed:g} m/s"
+        keys.insert(0, f"integral_gain_m_s ({guidance['integral_gain_m_s']:g})")
+        remedy = f"fly it faster against this current, {remedy}"
+    return Finding(words, f"{remedy}, or tune {' and '.join(keys)} under [guidance] of the autopilot file")
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,16 @@ from seatrial.base.report import Report, Section
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.flight import excesses, watches
 from seatrial.flight.excesses import IN_THE_AIR_M, STEEP_DEG
-from seatrial.flight.findings import Finding, broken_limits, missed_waypoint, not_reached, overrun, where
+from seatrial.flight.findings import (
+    Finding,
+    broken_limits,
+    missed_waypoint,
+    not_reached,
+    off_course,
+    overrun,
+    position_remedy,
+    where,
+)
 from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
@@ -30,12 +39,15 @@ from seatrial.flight.metrics import (
     Leg,
     Loop,
     actuators_of,
+    differs,
     ending_of,
     legs_of,
     loops_of,
     metrics_of,
+    true_vertical,
 )
 from seatrial.flight.mismatch import ANOTHER, mismatch
+from seatrial.flight.reactions import Alert, ascent, called_for
 from seatrial.flight.tables import legs_table, loops_table, metrics_table, navigation_table
 
 if TYPE_CHECKING:
@@ -46,15 +58,6 @@ if TYPE_CHECKING:
     from seatrial.flight.payload import Samples
 
 __all__ = ["Alert", "Flight"]
-
-
-@dataclass(frozen=True)
-class Alert:
-    """A reaction of the autopilot's safety: when, what it did, why."""
-
-    t_s: float
-    reaction: str
-    cause: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,17 +126,18 @@ class Flight(FlightLog):
 
     @property
     def complete(self) -> bool:
-        """Whether the mission was flown to its end, all waypoints reached, and its distances kept."""
-        reached = all(leg.reached for leg in self.legs)
-        return self.outcome == "complete" and reached and not too_near(self) and not touched(self)
+        """Whether the mission was flown to its end, all waypoints reached, its distances and limits kept.
+
+        Limits are those of depth and altitude, by the true motion.
+        """
+        return self.outcome == "complete" and all(leg.reached for leg in self.legs) and not _unkept(self)
 
     @property
     def outcome_in_words(self) -> str:
-        """How it ended; one that missed waypoints or came too near to something is not called complete."""
+        """How it ended; one that missed waypoints or kept no distance or limit is not called complete."""
         if self.outcome != "complete" or self.complete:
             return self.outcome
-        faults = ["too near to an obstacle"] if too_near(self) else []
-        faults += ["the bottom touched"] if touched(self) else []
+        faults = _unkept(self)
         faults += [] if all(leg.reached for leg in self.legs) else ["waypoints missed"]
         return f"flown to its end, {' and '.join(faults)}"
 
@@ -223,6 +227,11 @@ class Flight(FlightLog):
         SeatrialError
             The directory cannot be written; nothing is left half-written.
         """
+        with RunDirectory(folder) as run:
+            return self.publish(run, beside=beside)
+
+    def publish(self, run: RunDirectory, *, beside: Mapping[str, bytes] | None = None) -> Path:
+        """As `save`, with files `beside` it by name, into a directory `run` that is held already."""
         files: dict[str, str | bytes] = {
             **{f"{name}.toml": text for name, text in _inputs(self).items()},
             "flight.json": to_json(self.to_dict()),
@@ -231,8 +240,7 @@ class Flight(FlightLog):
             **_sampled(self),
             **(beside or {}),
         }
-        with RunDirectory(folder) as run:
-            return run.publish(_facts(self), files)
+        return run.publish(_facts(self), files)
 
     def __str__(self) -> str:
         return self.summary()
@@ -317,7 +325,7 @@ def sentences(flight: Flight) -> list[str]:
 def report(flight: Flight, sections: Sequence[Section] = ()) -> Report:
     """Three lines, metrics, legs and loops, further sections, sentences."""
     worst, next_step = _worst(flight)
-    tables = [metrics_table(flight.metrics), legs_table(flight.legs)]
+    tables = [metrics_table({**flight.metrics, **true_vertical(flight)}), legs_table(flight.legs)]
     if not flight.diverged:
         tables.append(loops_table(flight.loops))
     filtered = navigation_table(flight.metrics)
@@ -348,10 +356,19 @@ def _how_good(flight: Flight) -> str:
     if math.isfinite(metrics["cross_track_rms_m"]):
         largest = metrics["cross_track_largest_m"]
         most = f", at most {largest:.2f} m" if math.isfinite(largest) else ""
-        across = f"; cross-track error {metrics['cross_track_rms_m']:.2f} m rms{most}"
+        across = f"; cross-track error {metrics['cross_track_rms_m']:.2f} m rms{most}{_truly(metrics)}"
     clear = f"; {metrics['clearance_m']:.1f} m clear" if math.isfinite(metrics["clearance_m"]) else ""
     way = f"{metrics['distance_m']:.0f} m over ground"
     return f"{reached} in {_time(metrics['duration_s'])}, {way}{clear}{across}"
+
+
+def _truly(metrics: Mapping[str, float]) -> str:
+    """The true cross-track error, where it is another than the one that the autopilot perceived."""
+    names = ("cross_track_rms_m", "cross_track_largest_m")
+    if not any(differs(metrics[name], metrics[f"true_{name}"]) for name in names):
+        return ""
+    rms, largest = (metrics[f"true_{name}"] for name in names)
+    return f" as perceived; truly {rms:.2f} m rms, at most {largest:.2f} m"
 
 
 _CHECK = "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)"
@@ -360,13 +377,14 @@ _CHECK = "check signs and margins of the autopilot (seatrial check AUTOPILOT --v
 def _worst(flight: Flight) -> tuple[str, str]:
     """The worst problem of a flight, and what to do about it; a second one beside it where both are grave.
 
-    An autopilot of another vehicle comes first: what else went wrong is likely to come of it.
+    An autopilot of another vehicle comes behind what went wrong, and before what did not.
     """
     grave = _grave(flight)
     if flight.warnings:
-        found = grave[0].words if grave else _lesser(flight)[0]
         doubt = "; ".join(one.removesuffix(".") for one in flight.warnings)
-        return f"{doubt}; {found}", f"{ANOTHER}; then fly again"
+        if grave:
+            return f"{grave[0].words}; {doubt}", f"{grave[0].remedy}; and {ANOTHER}"
+        return f"{doubt}; {_lesser(flight)[0]}", f"{ANOTHER}; then fly again"
     if grave:
         return "; ".join(one.words for one in grave[:2]), grave[0].remedy
     return _lesser(flight)
@@ -376,23 +394,11 @@ def _grave(flight: Flight) -> list[Finding]:
     """What made a flight fail or put the vehicle at risk, the gravest first; empty for a good flight."""
     if flight.diverged:
         return [Finding("the motion diverged", _CHECK)]
-    found = []
-    if too_near(flight):
-        remedy = (
-            "lay the way farther out (margin_m of the perimeter, or other waypoints), slow down before"
-            " stops, or wait for less current; seatrial check with --vehicle, --autopilot and --current tells"
-            " beforehand"
-        )
-        found.append(Finding(_clear(flight)[0].removesuffix("."), remedy))
+    found = [_nearness(flight)] if too_near(flight) else []
     found += broken_limits(flight, flight.metrics)
     if flight.alerts:
-        first = flight.alerts[0]
-        words = (
-            f"the safety called for {first.reaction} at {first.t_s:.1f} s,"
-            f" because {watches.cause(first.cause)}"
-        )
         turned = flight.metrics["pitch_largest_deg"] > STEEP_DEG
-        found.append(Finding(words, _CHECK if turned else watches.remedy(first.cause)))
+        found = called_for(flight, flight.alerts, found, otherwise=_CHECK if turned else "")
     elif missed := [(k, leg) for k, leg in enumerate(flight.legs) if not leg.reached]:
         k, leg = missed[0]
         if math.isnan(leg.begin_s) or flight.outcome == "out of time":
@@ -409,11 +415,33 @@ def _grave(flight: Flight) -> list[Finding]:
     return found + [Finding(one.removesuffix("."), remedy) for one in _beyond_the_model(flight)]
 
 
+def _nearness(flight: Flight) -> Finding:
+    """How near the hull came to something, and what to do: about its position where that was so wrong."""
+    metrics, words = flight.metrics, _clear(flight)[0].removesuffix(".")
+    at = metrics["clearance_time_s"]
+    row = int(np.argmin(np.abs(flight.t - at)))
+    told = [flight.measured[name][row] for name in ("x", "y")]
+    off = math.dist(told, flight.position[row, :2])
+    short = -min(metrics["clearance_m"], metrics["clearance_reserve_m"])
+    if off > max(short, _OFF_M):
+        words += f"; the position that the autopilot was told was {off:.1f} m off there"
+        return Finding(words, position_remedy(flight), at)
+    return Finding(
+        words,
+        "lay the way farther out (margin_m of the perimeter, or other waypoints), slow down before stops, or"
+        " wait for less current; seatrial check with --vehicle, --autopilot and --current tells beforehand",
+        at,
+    )
+
+
 def _lesser(flight: Flight) -> tuple[str, str]:
-    """The worst of a flight that succeeded: time, then saturation, then errors."""
+    """The worst of a flight that succeeded: time, errors beyond a radius, saturation, then other errors."""
     if late := overrun(flight, flight.legs):
-        return late
-    if saturated := _loops(flight):
+        return late[:2]
+    saturated = _loops(flight)
+    if off := off_course(flight, flight.legs):
+        return f"{off.words}; {saturated[0]}" if saturated else off.words, off.remedy
+    if saturated:
         return saturated[0], "lower the speed or the gains of this loop; its actuators have no more to give"
     actuators = _actuators(flight)
     if actuators and "limit cycle" in actuators[0]:
@@ -426,7 +454,7 @@ def _lesser(flight: Flight) -> tuple[str, str]:
         if math.isfinite(size)
     ]
     if errors:
-        return max(errors)[1], verify
+        return f"{max(errors)[1]}{_truly(flight.metrics)}", verify
     if held := _stations([leg for leg in flight.legs if not math.isnan(leg.begin_s)]):
         return held[0], verify
     return "nothing stands out", verify
@@ -453,9 +481,10 @@ def too_near(flight: Flight) -> bool:
     return bool(excesses.too_near(flight.metrics, flight.mission.promised_m))
 
 
-def touched(flight: Flight) -> bool:
-    """Whether the vehicle touched the bottom."""
-    return bool(excesses.touched(flight.metrics))
+def _unkept(flight: Flight) -> list[str]:
+    """Distances and limits of the mission that the vehicle truly did not keep, in words."""
+    found = excesses.unkept(flight.metrics, flight.mission.promised_m, flight.mission.limits)
+    return [words for words, broken in found.items() if broken]
 
 
 def _clear(flight: Flight) -> list[str]:
@@ -504,6 +533,8 @@ def _reactions(flight: Flight) -> list[str]:
             f"Reaction at {alert.t_s:.1f} s: {alert.reaction}, because {watches.cause(alert.cause)}"
             f"{watches.silence(flight, alert.cause, alert.t_s)}."
         )
+    if (left := ascent(flight, flight.alerts)) is not None:
+        found.append(f"{left.words}.")
     if said and not flight.alerts:
         found.append("No reaction of the safety was called for.")
     return found

@@ -47,6 +47,7 @@ __all__ = [
     "Leg",
     "Loop",
     "actuators_of",
+    "differs",
     "ending_of",
     "legs_of",
     "loops_of",
@@ -54,6 +55,7 @@ __all__ = [
     "quantile",
     "reserve",
     "switches",
+    "true_vertical",
 ]
 
 DIVERGED = "diverged"
@@ -130,6 +132,11 @@ def reserve(clear_m: Array, beyond_m: Array) -> Array:
     return np.asarray(np.fmin(clear_m, beyond_m))
 
 
+def differs(perceived: float, truly: float) -> bool:
+    """Whether a true error is another than the one that was perceived, by more than that one and 5 cm."""
+    return abs(truly - perceived) > max(perceived, _OFF_M)
+
+
 def quantile(counts: Array, share: float, *, largest: Array) -> Array:
     """Quantile (k,), m, of the magnitude of an error from its counts, log-linear between the thresholds.
 
@@ -160,6 +167,8 @@ def ending_of(metrics: Mapping[str, Array], case: int = 0) -> str:
         return DIVERGED
     return autopilot_names()["endings"][int(metrics["ending"][case])]
 
+
+_OFF_M = 0.05
 
 _LEAST_STEP_M = 0.5  # smaller changes of depth are none
 
@@ -217,6 +226,21 @@ class Leg:
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""
         return asdict(self)
+
+
+def true_vertical(flight: FlightLog) -> dict[str, float]:
+    """Metrics of the vertical error by the true depth, where the perceived one counts; nan without such rows.
+
+    Legs that follow the bottom, whose error is not one of depth, are left out.
+    """
+    path = flight.route
+    legs = range(len(path.stops))
+    half = np.array([0.5 * path.length(k) for k in legs])
+    straight = np.array([path.stops[k].task != "circle" and not path.follows_bottom(k) for k in legs])
+    rows = flight.under_way & ~flight.holding & straight[flight.leg] & (flight.distance < half[flight.leg])
+    below = (flight.errors["vertical"] + flight.position[:, 2] - flight.measured["z"])[rows]
+    rms = _rms(below) if len(below) else math.nan
+    return {"true_vertical_rms_m": rms, "true_vertical_largest_m": _largest(below)}
 
 
 class _Rows:

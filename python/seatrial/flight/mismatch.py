@@ -5,11 +5,14 @@ The file has no key for a vehicle. `seatrial autopilot` and `seatrial tune` writ
 Where the file says another vehicle, or none, the gains are held against the vehicle that flies:
 
 * too strong: at the crossover of a loop, about ``K_P/M`` of speeds and the larger of ``K_D/M`` and
-  ``sqrt(K_P/M)`` of depth and angles, with M the apparent mass or inertia, the delay of actuators and control
-  period costs 180 deg of phase, so that no margin can be left (Åström and Murray, 2021, section 10.3);
+  ``sqrt(K_P/M)`` of depth and angles, with M the apparent mass or inertia, lag and dead time of actuators and
+  control period cost 180 deg of phase (Åström and Murray, 2021, section 10.3). The crossover is a guess from
+  gains and mass: what holds the vehicle by itself, stiffness and damping, may still leave a margin, which
+  `seatrial check AUTOPILOT --vehicle VEHICLE` computes. What a ramp costs goes by the size of the command,
+  and is left out;
 * too weak: no loop may ask for a fifth of what the actuators give together.
 
-The built-in vehicles with their own autopilots lose 29 to 104 deg in their quickest loop and ask for 0.78 to
+The built-in vehicles with their own autopilots lose 29 to 88 deg in their quickest loop and ask for 0.78 to
 3.2 times what their actuators give in their strongest.
 
 Held by ``tests/flight/test_mismatch.py``.
@@ -107,7 +110,7 @@ def _alike(one: Vehicle, other: Vehicle) -> bool:
 
 
 def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> str:
-    """The loop whose gains leave it no phase margin at its crossover; empty where none does."""
+    """The loop whose gains may leave it no phase margin at its crossover; empty where none does."""
     tables, late = autopilot.loops(), delays(vehicle, ROWS)
     mass = np.diag(np.asarray(vehicle.mass_matrix()))
     lost = {}
@@ -117,13 +120,15 @@ def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> str:
             continue
         k_p, k_d = _largest(table, "K_P"), _largest(table, "K_D_s")
         crossover = k_p / own if loop in ("surge", "sway") else max(k_d / own, math.sqrt(max(k_p, 0.0) / own))
-        lost[loop] = crossover * (_PERIODS * autopilot.period_s + late[row].total_s)
+        lag = late[row].lag_s + late[row].dead_s
+        lost[loop] = crossover * (_PERIODS * autopilot.period_s + lag)
     if not lost or max(lost.values()) < _NO_PHASE:
         return ""
     loop = max(lost, key=lambda name: lost[name])
     return (
         f"at the crossover of its {loop} loop the delay of this vehicle costs"
-        f" {math.degrees(lost[loop]):.0f} deg of phase, and no margin is left"
+        f" {math.degrees(lost[loop]):.0f} deg of phase, by its gains and the apparent mass alone, and may"
+        " leave little margin"
     )
 
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, Mask
 from seatrial.base.report import Section
 from seatrial.base.toml_file import loaded
-from seatrial.flight.excesses import counted, too_near, touched
+from seatrial.flight.excesses import counted, unkept
 from seatrial.flight.metrics import CODED, ending_of, metrics_of
 from seatrial.flight.mission import Mission
 from seatrial.flight.tables import spread_table
@@ -40,8 +40,10 @@ class Seeds:
         Seeds of the flights that touched something or came nearer than the mission promises.
     touched
         Seeds of the flights that touched the bottom.
+    off_limits
+        Seeds of the flights that went deeper, or nearer to the bottom, than the mission allows.
     excesses
-        Sentences on flights that came too near, touched the bottom, left the water or pitched beyond reason.
+        Sentences on flights that broke a limit, touched the bottom, left the water or pitched beyond reason.
     """
 
     seeds: tuple[int, ...]
@@ -49,13 +51,14 @@ class Seeds:
     endings: tuple[str, ...]
     too_near: tuple[int, ...] = ()
     touched: tuple[int, ...] = ()
+    off_limits: tuple[int, ...] = ()
     excesses: tuple[str, ...] = ()
 
     @property
     def all_complete(self) -> bool:
-        """Whether every flight came to the end of the mission and kept its distances."""
+        """Whether every flight came to the end of the mission and kept its distances and limits."""
         complete = all(ending == "complete" for ending in self.endings)
-        return complete and not self.too_near and not self.touched
+        return complete and not (self.too_near or self.touched or self.off_limits)
 
     def sentence(self) -> str:
         """How many flights ended in which way, and the seeds that did not complete the mission."""
@@ -63,12 +66,15 @@ class Seeds:
         ends = ", ".join(f"{count} {ending}" for ending, count in counts.items())
         others = [seed for seed, end in zip(self.seeds, self.endings, strict=True) if end != "complete"]
         which = f"; not complete: seed {', '.join(map(str, others[:8]))}" if others else ""
-        near = ""
-        if self.too_near:
-            near = f"; too near to an obstacle: seed {', '.join(map(str, self.too_near[:8]))}"
-        if self.touched:
-            near += f"; touched the bottom: seed {', '.join(map(str, self.touched[:8]))}"
-        return f"{len(self.seeds)} seeds from {self.seeds[0]} on: {ends}{which}{near}."
+        kinds = {
+            "too near to an obstacle": self.too_near,
+            "touched the bottom": self.touched,
+            "beyond the mission's limits": self.off_limits,
+        }
+        unkept = "".join(
+            f"; {words}: seed {', '.join(map(str, seeds[:8]))}" for words, seeds in kinds.items() if seeds
+        )
+        return f"{len(self.seeds)} seeds from {self.seeds[0]} on: {ends}{which}{unkept}."
 
     def section(self) -> Section:
         """What a report shows of them."""
@@ -106,13 +112,19 @@ def fly_seeds(
 
     seeds = tuple(range(first, first + count))
     metrics = metrics_of(fly_batch(vehicle, autopilot, mission, seeds=list(seeds), **options))
-    promised = loaded(Mission, mission).promised_m
-    short, down = too_near(metrics, promised), touched(metrics)
+    flown = loaded(Mission, mission)
+    promised, limits = flown.promised_m, flown.limits
+    near, down, low, deep = unkept(metrics, promised, limits).values()
+
+    def which(mask: Mask) -> tuple[int, ...]:
+        return tuple(seed for seed, one in zip(seeds, mask, strict=True) if one)
+
     return Seeds(
         seeds,
         metrics,
         tuple(ending_of(metrics, case) for case in range(count)),
-        tuple(seed for seed, near in zip(seeds, short, strict=True) if near),
-        tuple(seed for seed, low in zip(seeds, down, strict=True) if low),
-        tuple(counted(metrics, promised, lambda k: f"seed {seeds[k]}", "flights")),
+        too_near=which(near),
+        touched=which(down),
+        off_limits=which(low | deep),
+        excesses=tuple(counted(metrics, promised, lambda k: f"seed {seeds[k]}", "flights", limits)),
     )

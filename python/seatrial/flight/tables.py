@@ -12,7 +12,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.report import Column, Table
-from seatrial.flight.metrics import Leg, Loop
+from seatrial.flight.metrics import Leg, Loop, differs
 
 __all__ = ["legs_table", "loops_table", "metrics_table", "spread_table"]
 
@@ -22,8 +22,12 @@ _METRICS = {
     "energy_wh": ("energy", "Wh", 2),
     "cross_track_rms_m": ("cross-track error, rms", "m", 3),
     "cross_track_largest_m": ("cross-track error, largest", "m", 3),
+    "true_cross_track_rms_m": ("true cross-track error, rms", "m", 3),
+    "true_cross_track_largest_m": ("true cross-track error, largest", "m", 3),
     "vertical_rms_m": ("vertical error, rms", "m", 3),
     "vertical_largest_m": ("vertical error, largest", "m", 3),
+    "true_vertical_rms_m": ("true vertical error, rms", "m", 3),
+    "true_vertical_largest_m": ("true vertical error, largest", "m", 3),
     "depth_excursion_m": ("depth outside the leg's range, largest", "m", 3),
     "clearance_m": ("hull clearance, smallest", "m", 2),
     "clearance_reserve_m": ("hull clearance beyond the promised one, smallest", "m", 2),
@@ -50,11 +54,11 @@ _LABEL = 14  # characters of a waypoint's name: the table is to fit 80 columns
 
 
 def metrics_table(metrics: Mapping[str, float]) -> Table:
-    """The whole flight in numbers; metrics without a value are left out."""
+    """The whole flight in numbers; metrics without a value, or that only repeat another, are left out."""
     rows = [
         (label, _number(metrics[name], decimals), unit)
         for name, (label, unit, decimals) in _METRICS.items()
-        if math.isfinite(metrics.get(name, math.nan)) and (name != "energy_wh" or metrics[name] > 0.0)
+        if math.isfinite(metrics.get(name, math.nan)) and not _idle(metrics, name)
     ]
     return Table.of("Whole flight", ("metric", "value", Column("unit", align="left")), rows)
 
@@ -145,12 +149,22 @@ def spread_table(metrics: Mapping[str, Array], count: int) -> Table:
     for name, (label, unit, decimals) in _METRICS.items():
         if name not in metrics:  # of the navigation filter, where there is none
             continue
+        perceived = metrics[name.removeprefix("true_")]
+        if name.startswith("true_") and not any(map(differs, perceived, metrics[name])):
+            continue
         values = metrics[name][np.isfinite(metrics[name])]
         if len(values):
             spread = (values.min(), np.median(values), values.max())
             rows.append((label, *(f"{value:.{decimals}f}" for value in spread), unit))
     head = ("metric", "least", "median", "largest", Column("unit", align="left"))
     return Table.of(f"Over {count} seeds", head, rows)
+
+
+def _idle(metrics: Mapping[str, float], name: str) -> bool:
+    """Whether a metric tells nothing: energy that is not known, a true error that is as it was perceived."""
+    if name == "energy_wh":
+        return metrics[name] <= 0.0
+    return name.startswith("true_") and not differs(metrics[name.removeprefix("true_")], metrics[name])
 
 
 def _importance(leg: Leg) -> tuple[bool, float]:

@@ -5,7 +5,8 @@ Tests: ``tests/flight/test_flight.py``, ``tests/flight/test_silence.py``.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from seatrial.flight.sensor_channels import CHANNELS_OF_GROUP, GROUP_OF_KIND
 if TYPE_CHECKING:
     from seatrial.flight.log import FlightLog
 
-__all__ = ["GROUPS", "cause", "remedy", "silence"]
+__all__ = ["GROUPS", "cause", "group", "patience", "reaction_key", "remedy", "silence", "source"]
 
 _SILENT_S = 1.5
 """A sensor is silent where it shows nothing new for so long, s: longer than the periods of common sensors."""
@@ -72,8 +73,63 @@ def cause(watch: str) -> str:
     return f"no good sample of the {GROUPS[watch.removeprefix('stale_')]} arrived for too long"
 
 
-def remedy(watch: str) -> str:
+def group(watch: str) -> str:
+    """Group of channels whose samples a watch misses; empty for the other watches.
+
+    Examples
+    --------
+    >>> group("stale_velocity"), group("fence")
+    ('velocity', '')
+    """
+    return "" if watch in _SEEN else watch.removeprefix("stale_")
+
+
+def reaction_key(watch: str) -> str:
+    """Key under ``[safety]`` of the reaction to a watch.
+
+    Examples
+    --------
+    >>> reaction_key("depth"), reaction_key("stale_velocity")
+    ('depth', 'stale_velocity.reaction')
+    """
+    alone = watch in ("depth", "altitude", "fence", "time")
+    return watch if alone else f"{watch}.reaction"
+
+
+def patience(watch: str, safety: Mapping[str, Any]) -> float:
+    """For how long a watch waits after what it misses was there last, s; 0 where it does not wait.
+
+    Parameters
+    ----------
+    watch : str
+    safety : mapping
+        ``Autopilot.safety()``.
+    """
+    table = safety[watch]
+    return float(table.get("after_s", 0.0)) if isinstance(table, Mapping) else 0.0
+
+
+def source(group: str) -> str:
+    """What else tells an autopilot a group of channels, to follow "give it".
+
+    Examples
+    --------
+    >>> source("velocity")
+    'another source of the velocity over ground'
+    """
+    if group == "position":
+        return "a position aid (a GPS fix at the surface, USBL, or ranges to landmarks: the how-to on flying)"
+    return f"another source of the {GROUPS[group]}"
+
+
+def remedy(watch: str, outage: str = "") -> str:
     """What to do after a watch called for a reaction.
+
+    Parameters
+    ----------
+    watch : str
+    outage : str, optional
+        The one that was asked for and is the reason, in words.
 
     Examples
     --------
@@ -82,11 +138,11 @@ def remedy(watch: str) -> str:
     """
     if watch in _SEEN:
         return _SEEN[watch][1]
-    name = GROUPS[watch.removeprefix("stale_")]
-    return (
-        f"find out why the {name} stopped arriving, or allow a longer gap"
-        f" ({watch}.after_s under [safety] in the autopilot file)"
-    )
+    name = GROUPS[group(watch)]
+    longer = f"allow a longer gap ({watch}.after_s under [safety] in the autopilot file)"
+    if outage:
+        return f"give it {source(group(watch))}, or {longer}"
+    return f"find out why the {name} stopped arriving, or {longer}"
 
 
 def silence(flight: FlightLog, watch: str, at_s: float) -> str:
@@ -103,20 +159,20 @@ def silence(flight: FlightLog, watch: str, at_s: float) -> str:
     at_s : float
         When it called for a reaction, s.
     """
-    group, around = watch.removeprefix("stale_"), flight.circumstances
+    missed, around = group(watch), flight.circumstances
     sensors = around.sensors or {}
-    kinds = [kind for kind in sensors if GROUP_OF_KIND.get(kind) == group]
+    kinds = [kind for kind in sensors if GROUP_OF_KIND.get(kind) == missed]
     if around.navigation != "sensors" or not any(sensors[kind].get("noise") for kind in kinds):
         return ""
     names = autopilot_names()["channels"]
-    told = np.stack([flight.measured[names[c]] for c in CHANNELS_OF_GROUP[group]], axis=1)
+    told = np.stack([flight.measured[names[c]] for c in CHANNELS_OF_GROUP[missed]], axis=1)
     came = flight.t[np.flatnonzero(np.any(np.diff(told, axis=0) != 0.0, axis=1)) + 1]
     before, after = came[came < at_s], came[came >= at_s]
     last = float(before[-1]) if len(before) else 0.0
     if at_s - last < _SILENT_S:
         return "; samples came, and none was believed: they jumped, or a channel repeated one value"
     until = f"until {after[0]:.1f} s" if len(after) else "to the end"
-    ends = [one.until_s for one in around.outages if GROUP_OF_KIND.get(one.of, one.of) == group]
+    ends = [one.until_s for one in around.outages if one.group == missed]
     over = max((end for end in ends if last < end < at_s), default=None)
     longer = (
         "" if over is None else f": beyond the outage that ended at {over:.1f} s, by drop-outs of its own"

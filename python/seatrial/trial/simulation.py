@@ -34,7 +34,11 @@ __all__ = ["SimulatedTrial"]
 
 _DECIMALS = {"s": 1, "m": 2, "m/s": 3, "deg": 1}
 
-_RISE_M = 1.0  # a vehicle with its centre higher than this has left the water
+_RISE_M = 0.05  # of the origin above the surface: less is rounding and the swell of a start at depth 0
+
+_OVER = 1.0 + 1e-6  # of a limit: less is rounding
+
+_NO_ANGLE_RAD, _NO_FORCE = 1.6, 5.0  # no fin is turned so far; beyond so many limits a force is another unit
 
 
 class SimulatedTrial:
@@ -107,6 +111,7 @@ class SimulatedTrial:
             "largest speed, m/s": float(speed.max()),
             "last speed, m/s": float(speed[-1]),
             "last depth, m": float(run.position[-1, 2]),
+            "smallest depth, m": float(np.asarray(run.position)[:, 2].min()),
             "largest heel, deg": float(np.abs(angles[:, 0]).max()),
             "largest trim, deg": float(np.abs(angles[:, 1]).max()),
             "last heading, deg": float(angles[-1, 2]),
@@ -114,16 +119,17 @@ class SimulatedTrial:
 
     def report(self, title: str, next_step: str) -> Report:
         """Three lines and a table of a simulated run."""
-        run, summary = self.run, self.summary()
-        worst = "nothing stands out: the run is finite and stays below the surface"
-        rise = -float(np.asarray(run.position)[:, 2].min())
-        if self.held and self.sensors and "load_cell" not in self.sensors:
-            worst = "The pull of the tied vehicle is not in the log: these sensors have no load_cell"
+        summary = self.summary()
+        found = _clipped(self.vehicle, self.trial)
+        rise = -summary["smallest depth, m"]
         if rise > _RISE_M:
-            worst = (
-                f"The vehicle rises {rise:.1f} m above the surface, where the model does not hold; start"
+            found.append(
+                f"the vehicle rises {rise:.2f} m above the surface, where the model does not hold; start"
                 " deeper, with a column z_m, or command otherwise"
             )
+        if self.held and self.sensors and "load_cell" not in self.sensors:
+            found.append("the pull of the tied vehicle is not in the log: these sensors have no load_cell")
+        worst = "; ".join(found) or "nothing stands out: the run is finite and stays below the surface"
         rows = [(name, _cell(name, value)) for name, value in summary.items()]
         return Report(
             title=title,
@@ -162,6 +168,42 @@ def _check(vehicle: Vehicle, trial: Trial, held: bool, current: tuple[float, flo
         )
     if current is not None and not np.isfinite(current).all():
         raise TrialError(f"--current: expected three numbers in m/s, found {current}")
+
+
+def _clipped(vehicle: Vehicle, trial: Trial) -> list[str]:
+    """That commands are beyond what their actuators take, of the worst one; empty where all are within."""
+    facts = vehicle.actuator_info()
+    found = []
+    for name, commands in trial.commands.items():
+        fact = facts[name]
+        away = np.asarray(commands) - float(fact["neutral"])
+        signal = -away if fact["reversed"] else away
+        limit = np.where(signal < 0.0, float(fact["maximum_astern"]), float(fact["maximum_ahead"]))
+        over = np.abs(away) > _OVER * limit
+        if over.any():
+            row = int(np.argmax(np.where(over, np.abs(away), 0.0)))
+            found.append((float(np.mean(over)), name, float(away[row]), float(limit[row])))
+    if not found:
+        return []
+    share, name, largest, limit_there = max(found)
+    unit, others = str(facts[name]["unit"]), [other for _, other, *_ in found if other != name]
+    neutral = float(facts[name]["neutral"])
+    at = f" about {neutral:g}" if neutral else ""
+    words = (
+        f"{100.0 * share:.0f} % of the commands of {name} are beyond its limit of {limit_there:g} {unit}{at}"
+    )
+    words += f" and are held there, the largest is {neutral + largest:g} {unit}"
+    words += _other_unit(unit, largest, limit_there)
+    return [words + (f"; so are commands of {', '.join(others)}" if others else "")]
+
+
+def _other_unit(unit: str, largest: float, limit: float) -> str:
+    """Which unit a command may be in that no actuator of this one takes."""
+    if unit == "rad" and abs(largest) > _NO_ANGLE_RAD:
+        return ": are these degrees?"
+    if unit == "N" and abs(largest) > _NO_FORCE * limit:
+        return ": are these revolutions per minute?"
+    return ""
 
 
 def _start(trial: Trial) -> State:

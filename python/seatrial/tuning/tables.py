@@ -34,16 +34,18 @@ TRIAL_HEAD = ("loop", "m/s", "step", "outside", "worst", "held", "rise", "over",
 
 GAIN_HEAD = ("gain", "unit", "m/s", "start", "tuned")
 
-_UNITS = {
-    "surge": "N s/m",
-    "sway": "N s/m",
-    "heave": "N/m",
-    "roll": "N m/rad",
-    "pitch": "N m/rad",
-    "heading": "N m/rad",
-}
+_SPEED = {"K_P": "N s/m", "K_I": "N/m", "K_D": "N s2/m"}
+_DEPTH = {"K_P": "N/m", "K_I": "N/m per s", "K_D": "N s/m"}
+_ANGLE = {"K_P": "N m/rad", "K_I": "N m/rad per s", "K_D": "N m s/rad"}
 
-_OF_GAIN = {"K_P": "", "K_I": " per s", "K_D": " s"}
+_UNITS = {
+    "surge": _SPEED,
+    "sway": _SPEED,
+    "heave": _DEPTH,
+    "roll": _ANGLE,
+    "pitch": _ANGLE,
+    "heading": _ANGLE,
+}
 
 _ENDINGS = {"_rad_s": "rad/s", "_m_s": "m/s", "_m": "m"}  # units of numbers that are no gains
 
@@ -111,7 +113,7 @@ def gain_rows(before: Autopilot, after: Autopilot, points: Sequence[int]) -> lis
                 if name in start and (start[name] or tuned[name]):
                     rows.append((
                         f"{loop} {gain}",
-                        _UNITS[loop] + _OF_GAIN[gain],
+                        _UNITS[loop][gain],
                         f"{before.speeds_m_s[point]:.2f}",
                         f"{start[name]:.4g}",
                         f"{tuned[name]:.4g}",

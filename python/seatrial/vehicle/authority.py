@@ -16,11 +16,23 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.vehicle.actuators import NOMINAL_V, bollard, can_push, command
+from seatrial.vehicle.stability import statics
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["LOOPS", "ROWS", "Delay", "commandable", "commanded_rows", "delays", "mixing", "reach", "thrusts"]
+__all__ = [
+    "LOOPS",
+    "ROWS",
+    "Delay",
+    "authority_in_words",
+    "commandable",
+    "commanded_rows",
+    "delays",
+    "mixing",
+    "reach",
+    "thrusts",
+]
 
 ROWS = AXES
 """Rows of the wrench."""
@@ -31,6 +43,8 @@ LOOPS = ("surge", "sway", "heave", "roll", "pitch", "heading")
 _PART = 0.1  # an actuator counts for a row when it gives this share of what the strongest gives
 
 _RAMP = 0.1  # share of the largest command that a small correction asks for
+
+_BUOYANT = 1e-4  # of the weight: less is neutral
 
 _NOTHING = 1e-3  # N or N m
 
@@ -205,3 +219,56 @@ def mixing(vehicle: Vehicle, rows: Sequence[str], actuators: Sequence[str] | Non
 def _ramp(facts: dict[str, object], rate: float) -> float:
     largest = float(str(facts["maximum_ahead"]))
     return _RAMP * largest / rate if rate > 0.0 and np.isfinite(largest) else 0.0
+
+
+_MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+
+_WHOLE = 0.99  # of a demand that is met
+
+
+def authority_in_words(vehicle: Vehicle, speed_m_s: float) -> list[str]:
+    """What can be commanded at a speed ahead, and what the loss of each actuator leaves, a sentence each.
+
+    As ``Vehicle.authority_sentences``; where the only thrust ahead is lost, the speed and the force of fins
+    go with it.
+    """
+    said = vehicle.authority_sentences(speed_m_s)
+    only = _only_thrust(vehicle)
+    if only is None or speed_m_s <= 0.0:
+        return said
+    still = set(_commanded(vehicle, 0.0)) - {"surge"}
+    gone = [motion for motion in _commanded(vehicle, speed_m_s) if motion not in still]
+    words = (
+        f"After the loss of {only} nothing drives the vehicle: its speed decays, its fins lose their force,"
+    )
+    words += f" and {', '.join(gone[:-1])} and {gone[-1]} are lost; {_way_up(vehicle)}."
+    loss = (f"After the loss of {only} ", f"Nothing remains after the loss of {only}.")
+    return [words if sentence.startswith(loss) else sentence for sentence in said]
+
+
+def _only_thrust(vehicle: Vehicle) -> str | None:
+    """The one actuator that drives a vehicle with fins ahead; None where there are several or no fins."""
+    facts, ahead = vehicle.actuator_info(), np.abs(np.asarray(vehicle.allocation_matrix())[0])
+    fins = [name for name in vehicle.actuators if facts[name]["kind"] == "fin"]
+    driving = [
+        name
+        for name, part in zip(vehicle.actuators, ahead, strict=True)
+        if name not in fins and part > _PART * ahead.max()
+    ]
+    return driving[0] if fins and len(driving) == 1 else None
+
+
+def _commanded(vehicle: Vehicle, speed_m_s: float) -> list[str]:
+    """Motions that can be commanded independently at a speed ahead."""
+    rows = vehicle.authority(speed_m_s)
+    return [
+        motion for row, motion in zip(ROWS, _MOTIONS, strict=True) if rows[row]["controlled_share"] >= _WHOLE
+    ]
+
+
+def _way_up(vehicle: Vehicle) -> str:
+    """Whether a vehicle without thrust comes up."""
+    rest = statics(vehicle)
+    if rest.net_n > _BUOYANT * rest.weight_n:
+        return f"only its buoyancy of {rest.net_n:+.2g} N brings it up"
+    return 'and it is not buoyant: neither reaction of the safety, "surface" or "abort", brings it up'

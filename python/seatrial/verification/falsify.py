@@ -52,6 +52,8 @@ WITHIN = 3.0
 
 _MISSIONS, _GENERATION = 2000, 32
 
+_NAMED = 6  # values of the middle that are named
+
 _AFTER = 10  # generations beyond the first failure, to find what is really bad
 
 _SCALES = 16  # at once, twice
@@ -77,7 +79,10 @@ class FalsifiedRequirement:
     sample
         Its numbers (d,) in standard deviations; zero where the middle of the range is bad enough.
     disturbance
-        By readable names: its value, that of the middle, in the units of the name.
+        By readable names: its value, that of the middle, in the units of the name; empty where the middle
+        fails itself.
+    middle
+        Values of the middle by readable names.
     case
         TOML of the entry ``[[verification.cases]]``; empty where none failed.
     why_not
@@ -90,6 +95,7 @@ class FalsifiedRequirement:
     robustness: float = float("nan")
     sample: tuple[float, ...] = ()
     disturbance: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    middle: Mapping[str, float] = field(default_factory=dict)
     case: str = ""
     why_not: str = ""
 
@@ -109,6 +115,7 @@ class FalsifiedRequirement:
             "robustness": self.robustness if np.isfinite(self.robustness) else None,
             "sample": list(self.sample),
             "disturbance": {name: list(pair) for name, pair in self.disturbance.items()},
+            "middle": dict(self.middle),
             "case": self.case,
             "why_not": self.why_not,
         }
@@ -247,7 +254,10 @@ def _told(one: FalsifiedRequirement) -> str:
 
 def _lines(one: FalsifiedRequirement) -> list[str]:
     said = [f"{name} {value:.3g} (middle {middle:.3g})" for name, (value, middle) in one.disturbance.items()]
-    return said or ["the middle of all ranges fails already"]
+    if said:
+        return said
+    middle = [f"{name} {value:.3g}" for name, value in one.middle.items()][:_NAMED]
+    return [f"the middle of all ranges fails already{': ' if middle else ''}{', '.join(middle)}"]
 
 
 def falsify(
@@ -402,6 +412,7 @@ class _Search:
             value,
             tuple(small.tolist()),
             differs,
+            {name: float(values[0]) for name, values in middle.items()},
             case_text(name, self.requirement.name, drawn, flights),
         )
 

@@ -126,6 +126,7 @@ impl<T: Real> Autopilot<T> {
                 needs_altitude: self.needs_altitude(state),
                 failed: state.monitor.any_failed(),
                 stalled: state.approach.stalled,
+                sounded: state.sounded,
             },
         );
         let mut desired = self.guide(state, measured, was.level, set_point);

@@ -17,6 +17,10 @@
 //! sensors that repeat one value grow old too ([`crate::control::screen`]). A limit must be passed for a second, since one
 //! sample may be wrong.
 //!
+//! Where a navigation filter tells the depth, the limit is held against the depth sensor's own sample as well, and the
+//! deeper of the two counts: to a filter that knows of a sea the waves are noise, and the vehicle still goes that deep.
+//! The altitude is the sensor's own in any case.
+//!
 //! Tests: `tests/closed_loop/safety.rs` (each watch, each reaction).
 
 use crate::control::autopilot::channels::{Use, Uses};
@@ -265,6 +269,25 @@ pub struct Circumstances<'a, T> {
     pub failed: T,
     /// For how long the active waypoint has come no nearer, s.
     pub stalled: T,
+    /// The depth sensor's own sample, where the measured depth is an estimate.
+    pub sounded: Option<Sounded<T>>,
+}
+
+/// What the depth sensor itself shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Sounded<T> {
+    /// Its last sample, m.
+    pub depth: T,
+    /// How old that is, s.
+    pub age: T,
+}
+
+impl<T: Real> Sounded<T> {
+    /// The deeper of a depth and the sample, where that is younger than `after` seconds.
+    #[inline(always)]
+    fn or_deeper(&self, depth: T, after: f64) -> T {
+        T::select(self.age.lt(depth.splat(after)), depth.max(self.depth), depth)
+    }
 }
 
 /// How the active waypoint comes nearer.
@@ -335,6 +358,10 @@ pub fn watch<T: Real>(
     // A sensor of the altitude matters where the mission asks for one.
     called[5] *= around.needs_altitude;
     let limits = around.limits;
+    let depth = match &around.sounded {
+        Some(own) => own.or_deeper(depth, table.stale_depth.after_s),
+        None => depth,
+    };
     called[6] = flag(zero.splat(limits.depth).lt(depth));
     called[7] = flag(measured.altitude().lt(zero.splat(limits.altitude)));
     if !limits.fence.is_empty() {

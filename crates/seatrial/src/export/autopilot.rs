@@ -35,8 +35,14 @@ pub struct AutopilotStep<'a> {
     pub voltage: f64,
 }
 
-/// Unit of the proportional gain of each loop.
-const GAIN_UNITS: [&str; 6] = ["N s/m", "N s/m", "N/m", "N m/rad", "N m/rad", "N m/rad"];
+/// Units of the gains of a speed, of depth and of an angle: proportional, integral, derivative.
+const SPEED_UNITS: [&str; 3] = ["N s/m", "N/m", "N s2/m"];
+const DEPTH_UNITS: [&str; 3] = ["N/m", "N/m per s", "N s/m"];
+const ANGLE_UNITS: [&str; 3] = ["N m/rad", "N m/rad per s", "N m s/rad"];
+
+/// Units of the gains of each loop.
+const GAIN_UNITS: [[&str; 3]; 6] =
+    [SPEED_UNITS, SPEED_UNITS, DEPTH_UNITS, ANGLE_UNITS, ANGLE_UNITS, ANGLE_UNITS];
 
 /// Ends of the names of guidance's numbers, and the units that they tell; the first that fits counts.
 const NAME_UNITS: [(&str, &str); 9] = [
@@ -75,9 +81,7 @@ impl AutopilotStep<'_> {
     fn parameters(&self) -> Vec<Symbol> {
         let unit = |index: usize, name: &str| match index / PER_LOOP {
             i if i < LOOPS.len() => match index % PER_LOOP / POINTS {
-                0 => GAIN_UNITS[i].to_owned(),
-                1 => format!("{} per s", GAIN_UNITS[i]),
-                2 => format!("{} s", GAIN_UNITS[i]),
+                gain @ 0..=2 => GAIN_UNITS[i][gain].to_owned(),
                 _ => "rad/s".to_owned(),
             },
             _ => NAME_UNITS.iter().find(|(end, _)| name.ends_with(end)).map_or("1", |(_, u)| u).to_owned(),

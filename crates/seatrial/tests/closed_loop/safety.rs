@@ -3,7 +3,7 @@
 use crate::closed_loop::flights::{DIVE, Trip, case, column, fault};
 use seatrial::control::autopilot::channels::Use;
 use seatrial::control::navigation::{CHANNELS, Measurement, Outage};
-use seatrial::control::safety::{Alert, Circumstances, Reaction, SafetyTable, WATCH_NAMES, watch};
+use seatrial::control::safety::{Alert, Circumstances, Reaction, SafetyTable, Sounded, WATCH_NAMES, watch};
 use seatrial::flight::batch::Outcome;
 use seatrial::mission::Limits;
 
@@ -226,8 +226,40 @@ fn law_safety_limits_need_more_than_a_sample() {
             needs_altitude: 0.0,
             failed: 0.0,
             stalled: 0.0,
+            sounded: None,
         };
         alert = watch(&table, &alert, &measured, &around);
         assert_eq!(alert.level > 0.0, k >= 30, "step {k}");
+    }
+}
+
+/// An estimate without waves does not hide from the watch how deep the depth sensor shows the vehicle; an old sample
+/// says nothing.
+#[test]
+fn law_safety_the_depth_watch_believes_the_deeper_of_sensor_and_estimate() {
+    let table = SafetyTable::default();
+    let limits = Limits { depth: 10.0, altitude: 0.0, time: f64::INFINITY, fence: Vec::new() };
+    let mut measured = Measurement::nothing(0.0);
+    measured.age = [0.0; CHANNELS];
+    let uses = [Use::Needed; CHANNELS];
+    for (estimate, depth, age, called) in
+        [(9.0, 10.5, 0.0, true), (10.5, 9.0, 0.0, true), (9.0, 9.5, 0.0, false), (9.0, 10.5, 6.0, false)]
+    {
+        measured.channels[2] = estimate;
+        let mut alert = Alert::none(0.0);
+        for k in 0..20 {
+            let around = Circumstances {
+                limits: &limits,
+                uses: &uses,
+                time: f64::from(k) * 0.1,
+                dt: 0.1,
+                needs_altitude: 0.0,
+                failed: 0.0,
+                stalled: 0.0,
+                sounded: Some(Sounded { depth, age }),
+            };
+            alert = watch(&table, &alert, &measured, &around);
+        }
+        assert_eq!(alert.level > 0.0, called, "estimate {estimate} m, sensor {depth} m, {age} s old");
     }
 }

@@ -35,6 +35,9 @@ _RESULTS = {
 
 _VERDICTS = ("held", "complete")
 
+_OUTCOMES = {"held": True, "failed": False, "undecided": False, "falsified": False}
+"""What an outcome says that is a word; a search that falsified nothing proves nothing."""
+
 _LARGEST_SVG = 150_000
 """Bytes of an SVG from which on its PNG is taken, if that is a third smaller: thousands of points."""
 
@@ -124,9 +127,9 @@ class RunFolder:
     def held(self) -> bool | None:
         """The verdict, where the run has one."""
         told = [self.results[key] for key in _VERDICTS if isinstance(self.results.get(key), bool)]
-        if self.kind == "verification":  # its outcome is a word: held, failed or undecided
-            told = [self.results.get("outcome", self.report.outcome) == "held"]
-        return bool(told[0]) if told else None
+        if told:
+            return bool(told[0])
+        return _OUTCOMES.get(str(self.results.get("outcome", self.report.outcome)))
 
 
 def figures_of(folder: Path) -> tuple[Figure, ...]:

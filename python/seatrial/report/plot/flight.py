@@ -255,6 +255,8 @@ def mode_strip(axes: Axes, flight: Flight) -> None:
 
 _INK = "#262626"
 
+_LETTER_IN = 0.056  # width of a letter of a remark
+
 _GRID = 201  # of the promised distance, places a side
 
 
@@ -274,7 +276,7 @@ def flight_track(flight: Flight) -> Figure:
         waypoints(plan, path, acceptance, flown)
         _obstacles(plan, flight, farms)
         _flown(plan, flight)
-        panel_title(plan.axes, "track", _remark(flight))
+        panel_title(plan.axes, "track", _remark(flight, int(page.plan[2] / _LETTER_IN) - len("track   ")))
         profile = profile_axes(figure, page)
         _depth(profile, flight, path)
         page_title(figure, page, f"{flight.vehicle.name}: {flight.mission.name}")
@@ -341,13 +343,15 @@ def _obstacles(plan: Plan, flight: Flight, farms: list[Array]) -> None:
         )
 
 
-def _remark(flight: Flight) -> str:
-    """How long and how far, in the title."""
-    way = flight.metrics.get("distance_m", math.nan)
-    length = f"{way / 1e3:.2f} km" if way >= 1e3 else f"{way:.0f} m"
-    # Short: it shares its line with the panel's name.
+def _remark(flight: Flight, most: int) -> str:
+    """How it ended, how far and how long, of so many letters at most: it shares its line with a name."""
+    far = flight.metrics.get("distance_m", math.nan)
+    length = f"{far / 1e3:.2f} km" if far >= 1e3 else f"{far:.0f} m"
+    way = f"{length} in {flight.t[-1]:.0f} s"
     verdict = flight.outcome_in_words.removeprefix("flown to its end, ")
-    return f"{verdict}, {length} in {flight.t[-1]:.0f} s"
+    first = verdict.partition(" and ")[0]
+    told = [f"{words}, {way}" for words in (verdict, first, "not complete")]
+    return next((remark for remark in told if len(remark) <= most), way)
 
 
 def _flown(plan: Plan, flight: Flight) -> None:

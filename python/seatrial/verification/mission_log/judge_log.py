@@ -176,6 +176,13 @@ def _not_failing(
 ) -> ModelJudgement:
     """Valid, or not told where the log would have shown nothing or leaves a doubt."""
     begins = f"{lead}{'t' if lead else 'T'}"
+    if doubtful := [one.sentence() for one in judged.channels.values() if one.doubtful]:
+        reason = (
+            f"{lead}{'m' if lead else 'M'}ore of the log is outside the band than a valid model should leave,"
+            f" and less than would refute it: {'; '.join(doubtful[:3])}. Fly longer, or give longer"
+            " references."
+        )
+        return ModelJudgement(_QUIET, reason, judged, (), shown, notes, current)
     best = [
         max(told, key=lambda one: one.power)
         for kind in _KINDS
@@ -190,13 +197,6 @@ def _not_failing(
             f"{begins}he log stays inside the band, but it would hardly have shown any change"
             f" {quiet or 'at all'} ({which or 'the model has none that could be tried'}):"
             f" fly longer and faster, and change speed, heading and depth.{_cannot_judge(judged, shown)}"
-        )
-        return ModelJudgement(_QUIET, reason, judged, (), shown, notes, current)
-    if doubtful := [one.sentence() for one in judged.channels.values() if one.doubtful]:
-        reason = (
-            f"{lead}{'m' if lead else 'M'}ore of the log is outside the band than a valid model should leave,"
-            f" and less than would refute it: {'; '.join(doubtful[:3])}. Fly longer, or give longer"
-            " references."
         )
         return ModelJudgement(_QUIET, reason, judged, (), shown, notes, current)
     seen = [f"{one.change} ({100.0 * one.power:.0f} %)" for one in shown if one.power >= TOLD]

@@ -290,11 +290,15 @@ def unable(of: Validity | None, shown: Sequence[Detectable]) -> list[ChannelVali
 
 
 def _how_good(verdict: LogVerdict) -> str:
-    """Share of the log outside the 95 % band of a valid model, in the worst channel."""
+    """Share of the log outside the 95 % band of a valid model, in the channel that speaks most against it."""
     if verdict.validity is None or not verdict.validity.channels:
         return "no window of this log could be judged"
     channels = verdict.validity.channels
-    name = max(channels, key=lambda one: channels[one].outside)
+    against = [name for name, one in channels.items() if one.fails] or [
+        name for name, one in channels.items() if one.doubtful
+    ]
+    name = min(against, key=lambda one: (channels[one].p, -channels[one].outside), default="")
+    name = name or max(channels, key=lambda one: channels[one].outside)
     fails, blind = (
         sum(one.fails for one in channels.values()),
         len(unable(verdict.validity, verdict.detectable)),
@@ -306,16 +310,16 @@ def _how_good(verdict: LogVerdict) -> str:
     if not channels[name].outside:
         return f"{judged}; none left its 95 % band"
     one = channels[name]
-    much = one.fails or one.doubtful
+    most = "" if against else " most,"
     chance = (
         f", p = {one.p_text}"
-        if much
+        if against
         else "; model errors are correlated in time: a valid model is outside this long with probability"
         f" {one.p_text}"
     )
     return (
         f"{judged}; {name} is outside its"
-        f" 95 % band most, {100.0 * one.outside:.1f} % of the time (5 % expected on average{chance})"
+        f" 95 % band{most} {100.0 * one.outside:.1f} % of the time (5 % expected on average{chance})"
     )
 
 

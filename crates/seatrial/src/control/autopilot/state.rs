@@ -12,7 +12,7 @@ use crate::control::guidance::{Guidance, Progress};
 use crate::control::lqr::{Lqr, LqrState};
 use crate::control::pid::{Pid, PidState};
 use crate::control::reference_filter::Reference;
-use crate::control::safety::{Alert, Approach};
+use crate::control::safety::{Alert, Approach, Sounded};
 use crate::control::schedule::POINTS;
 use crate::control::screen::{Leap, Screen};
 use crate::description::Description;
@@ -89,12 +89,14 @@ pub struct AutopilotState<T> {
     pub signals: Vec<T>,
     /// What is added to the commands while the vehicle is not stopped, as signals: the dither of a trial that identifies it.
     pub dither: Vec<T>,
+    /// What the depth sensor itself shows, for the watch of the depth, where an estimate stands in for the measurement.
+    pub sounded: Option<Sounded<T>>,
 }
 
 crate::memory!(AutopilotState:
     count, screen, progress, reached, active, references, pid, lqr, rates, speed, depth, surfaced, achieved, alert,
     pitch, heading, allocator, monitor, approach;
-    late, dt, usable, signals, dither);
+    late, dt, usable, signals, dither, sounded);
 
 impl<T: Real> AutopilotState<T> {
     /// Which samples are believed.
@@ -201,6 +203,7 @@ impl<T: Real> Autopilot<T> {
             approach: Approach::new(unit),
             signals: vec![unit; count],
             dither: vec![unit; count],
+            sounded: None,
         }
     }
 
