@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import gzip
-import re
 import os
+import re
 from functools import cache
 from pathlib import Path
 
@@ -89,7 +89,8 @@ def test_missing_roll_is_said_and_the_list_that_follows() -> None:
     assert "no roll" in said
     assert "no p q r" in said
     found = re.search(r"mean list of (\S+) deg", said)
-    assert found and float(found[1]) == pytest.approx(0.55, abs=0.1)  # truth
+    assert found
+    assert float(found[1]) == pytest.approx(0.55, abs=0.1)  # truth
 
 
 @needs_field
