@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 
 from seatrial.base.atomic_write import whole_folder, write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError
+from seatrial.base.folder_lock import only_user
 from seatrial.base.progress import Clock
 from seatrial.base.run import (
     RUN_FILE,
@@ -25,7 +26,6 @@ from seatrial.base.run import (
     RunDirectory,
     belongs_to_run,
     check_writable,
-    only_user,
     part_file,
     run_facts,
     to_json,

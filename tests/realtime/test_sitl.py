@@ -277,7 +277,7 @@ def test_a_log_that_cannot_be_written_is_refused_before_the_session(tmp_path: Pa
     (tmp_path / "file").write_text("", encoding="utf-8")
     command = ["sitl", "bluerov2-heavy", "--voltage", "16", "--port", "0", "--idle-s", "0.1", "--log"]
     for log, message in (
-        (tmp_path / "file" / "dive.csv", "cannot be written"),
+        (tmp_path / "file" / "dive.csv", "is a file, not a folder"),
         (tmp_path / "taken.csv", "found a folder"),
     ):
         (tmp_path / "taken.csv").mkdir(exist_ok=True)

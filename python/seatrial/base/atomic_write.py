@@ -21,15 +21,7 @@ from seatrial.base.forked import before_table
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = [
-    "check_creatable",
-    "make_folders",
-    "parquet",
-    "remove",
-    "whole_folder",
-    "write_atomic",
-    "write_table",
-]
+__all__ = ["make_folders", "parquet", "remove", "whole_folder", "write_atomic", "write_table"]
 
 
 def write_atomic(path: Path, content: bytes | Callable[[Path], None], *, new: bool = False) -> None:
@@ -124,26 +116,6 @@ def parquet(frame: pl.DataFrame) -> bytes:
     content = io.BytesIO()
     frame.write_parquet(content)
     return content.getvalue()
-
-
-def check_creatable(path: str | Path) -> None:
-    """Refuse a file that cannot be written, before what fills it; its folder is made, a former file stays.
-
-    Raises
-    ------
-    TrialError
-        There is a folder of that name, or its folder cannot be made or takes no file.
-    """
-    target = Path(path)
-    if target.is_dir():
-        raise TrialError(f"{path}: expected the name of a file, found a folder; give another name")
-    probe = target.with_name(f".{target.name}.{os.getpid()}.probe")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(probe, b"\0")
-        probe.unlink()
-    except OSError as error:
-        raise TrialError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
 
 
 def write_table(

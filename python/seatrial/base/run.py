@@ -35,7 +35,6 @@ Held by ``tests/base/test_run.py``.
 from __future__ import annotations
 
 import contextlib
-import errno
 import fcntl
 import hashlib
 import json
@@ -43,11 +42,9 @@ import math
 import os
 import platform
 import shutil
-import socket
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
@@ -57,6 +54,7 @@ from seatrial._core import simd_level
 from seatrial.base.atomic_write import make_folders, remove, write_atomic
 from seatrial.base.errors import SeatrialError
 from seatrial.base.file_names import file_name
+from seatrial.base.folder_lock import absolute, lock, refusal, refuse_name, unlock
 from seatrial.base.progress import Clock
 
 __all__ = [
@@ -67,7 +65,6 @@ __all__ = [
     "RunResult",
     "belongs_to_run",
     "check_writable",
-    "only_user",
     "part_file",
     "run_facts",
     "sha256",
@@ -111,8 +108,6 @@ _FILES = "files"
 _CONTAINS: Mapping[str, tuple[str, ...]] = {"ardusub": ("replay",)}
 """Kinds whose files are among those of another one, which may therefore replace them."""
 
-_LONGEST_NAME = 240  # file systems take 255 bytes, and ".partial" is appended
-
 _PACKAGES = ("seatrial", "numpy", "scipy", "cma", "polars")
 
 
@@ -137,7 +132,7 @@ class RunDirectory:
     """
 
     def __init__(self, path: str | Path | None, kind: Kind | None = None, *, resume: bool = True) -> None:
-        self.path = None if path is None else _absolute(path)
+        self.path = None if path is None else absolute(path)
         self.kind = kind
         self.resume = resume
         self._temporary: set[str] = set()  # entries of the workspace that only a published run needs
@@ -146,14 +141,14 @@ class RunDirectory:
         self._release: weakref.finalize[..., Any] | None = None
         if self.path is None:
             return
-        _refuse_name(self.path)
+        refuse_name(self.path)
         try:
             self._made = make_folders(self.path.parent)
-            self._release = weakref.finalize(self, _unlock, *_lock(self.path))
+            self._release = weakref.finalize(self, unlock, *lock(self.path))
             self._open()
         except OSError as error:
             self.close()
-            raise _refusal(self.workspace, error) from None
+            raise refusal(self.workspace, error) from None
         except BaseException:
             self.close()
             raise
@@ -237,7 +232,7 @@ class RunDirectory:
             target.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(target, content.encode() if isinstance(content, str) else content)
         except OSError as error:
-            raise _refusal(target, error) from None
+            raise refusal(target, error) from None
         return target
 
     def bring(self, earlier: Path, part: str) -> None:
@@ -278,7 +273,7 @@ class RunDirectory:
             self._temporary |= _carry_foreign(self.path, self.workspace)
             self._rename()
         except OSError as error:
-            raise _refusal(self.path, error) from None
+            raise refusal(self.path, error) from None
         self._unlock()
         return self.path
 
@@ -408,31 +403,6 @@ def belongs_to_run(folder: Path, written: Iterable[Path]) -> None:
         known = facts.get(_FILES)
         if isinstance(known, list) and not names <= set(known):
             write_atomic(run / RUN_FILE, to_json({**facts, _FILES: sorted({*known, *names})}).encode())
-
-
-@contextlib.contextmanager
-def only_user(folder: str | Path) -> Iterator[None]:
-    """Hold the lock on a folder that gets files but is no run directory, as of figures or of command files.
-
-    Raises
-    ------
-    SeatrialError
-        Another process works in it, or its lock cannot be written.
-    """
-    path = _absolute(folder)
-    _refuse_name(path)
-    try:
-        made = make_folders(path.parent)
-        held = _lock(path)
-    except OSError as error:
-        raise _refusal(path, error) from None
-    try:
-        yield
-    finally:
-        _unlock(*held)
-        for above in reversed(made):
-            with contextlib.suppress(OSError):
-                above.rmdir()
 
 
 def run_facts(
@@ -582,92 +552,6 @@ def _foreign(run: Path) -> Iterator[Path]:
                 yield name
 
 
-def _lock(run: Path) -> tuple[int, Path, int]:
-    """Descriptor, lock file and process after the lock on a run directory is taken.
-
-    The operating system frees the lock when its process ends, however it ends. A lock file that nobody holds
-    is stale and is taken over.
-
-    Raises
-    ------
-    SeatrialError
-        Another run holds it.
-    """
-    file = _beside(run, "{}.lock")
-    while True:
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            holder = os.read(descriptor, 4096)
-            os.close(descriptor)
-            raise SeatrialError(_in_use(run, holder)) from None
-        except OSError as error:
-            # Some network file systems know no locks; there the user must see to it that runs do not meet.
-            if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS):
-                os.close(descriptor)
-                raise
-        # The former holder may have removed the file between our open and our lock.
-        if _is_file(descriptor, file):
-            break
-        os.close(descriptor)
-    facts = {
-        "pid": os.getpid(),
-        "host": socket.gethostname(),
-        "since_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    os.ftruncate(descriptor, 0)
-    os.write(descriptor, json.dumps(facts).encode() + b"\n")
-    return descriptor, file, os.getpid()
-
-
-def _is_file(descriptor: int, file: Path) -> bool:
-    try:
-        return os.path.samestat(os.fstat(descriptor), file.stat())
-    except FileNotFoundError:
-        return False
-
-
-def _unlock(descriptor: int, file: Path, process: int) -> None:
-    if os.getpid() == process:  # a forked child ends without giving its parent's lock free
-        with contextlib.suppress(OSError):
-            file.unlink()
-        os.close(descriptor)
-
-
-def _in_use(run: Path, holder: bytes) -> str:
-    try:
-        found = json.loads(holder)
-        who = f"process {found['pid']} on {found['host']}, since {found['since_utc']}"
-        stop = f"stop it (kill {found['pid']})"
-    except (ValueError, KeyError, TypeError):
-        who, stop = "another process", "stop it"
-    return (
-        f"run directory {run}: expected to be its only user, found it in use by {who}; wait until that run"
-        f" ends, {stop}, or choose another folder"
-    )
-
-
-def _absolute(path: str | Path) -> Path:
-    """The path from the root on, with the folder's own name at the end."""
-    whole = Path(path).absolute()
-    return whole.resolve() if whole.name == ".." else whole
-
-
-def _refuse_name(path: Path) -> None:
-    if not path.name:
-        raise SeatrialError(
-            f"run directory {path}: expected a folder with a name of its own, to make or to replace; name one"
-            " in it"
-        )
-    size = len(os.fsencode(path.name))
-    if size > _LONGEST_NAME:
-        raise SeatrialError(
-            f"run directory {path.name[:40]}…: expected a name of at most {_LONGEST_NAME} bytes, found"
-            f" {size}; choose a shorter one"
-        )
-
-
 def _refuse_content(path: Path) -> None:
     if not path.exists():
         return
@@ -695,17 +579,3 @@ def _refuse_kind(path: Path, kind: object) -> None:
             f"run directory {path}: expected an earlier {kind} or an empty folder, found {what}, which is"
             " left alone; choose another folder, or move this one away"
         )
-
-
-def _refusal(path: Path, error: OSError) -> SeatrialError:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        existing = next((parent for parent in (path, *path.parents) if parent.exists()), Path("/"))
-        free = shutil.disk_usage(existing).free / 2**20
-        return SeatrialError(
-            f"{path}: the disk is full ({free:.1f} MiB free), nothing was half-written; free some space or"
-            " choose a run directory on another disk, then run again: finished parts are reused"
-        )
-    reason = error.strerror or str(error)
-    return SeatrialError(
-        f"run directory {path}: cannot be written ({reason}); choose a folder that you may write to"
-    )

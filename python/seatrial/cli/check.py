@@ -141,7 +141,7 @@ def _check_vehicle(
     json: bool,
 ) -> None:
     from seatrial._core import Vehicle
-    from seatrial.base.run import only_user
+    from seatrial.base.folder_lock import only_user
     from seatrial.check.vehicle import check_vehicle
     from seatrial.cli.console import answer, print_json
 
@@ -247,7 +247,7 @@ def _check_mission(
 ) -> None:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.base.atomic_write import write_atomic
-    from seatrial.base.run import only_user
+    from seatrial.base.folder_lock import only_user
     from seatrial.base.toml_file import loaded
     from seatrial.check.mission import check_mission
     from seatrial.cli.console import answer, print_json

@@ -216,7 +216,7 @@ def _tell(
     page: Path | None,
 ) -> None:
     """Show a flight, publish its run directory that is held, and draw its figures."""
-    from seatrial.base.run import only_user
+    from seatrial.base.folder_lock import only_user
     from seatrial.cli.console import answer, formats, print_json
 
     beside = {} if many is None else {"seeds.parquet": many.parquet()}

@@ -73,7 +73,7 @@ def plan(
     the autopilot hide a gain in a campaign's trials, a dither for the autopilot's output is written too.
     """
     from seatrial.base.file_names import check_place
-    from seatrial.base.run import only_user
+    from seatrial.base.folder_lock import only_user
     from seatrial.cli.console import answer, formats, print_json, say, search_progress
     from seatrial.experiment.forecast import Limits
     from seatrial.experiment.plan import plan as planned

@@ -62,7 +62,7 @@ def sitl(
     import math
 
     from seatrial._core import State
-    from seatrial.base.atomic_write import check_creatable, write_table
+    from seatrial.base.atomic_write import write_table
     from seatrial.base.errors import SeatrialError
     from seatrial.base.file_names import check_place
     from seatrial.cli.console import answer, print_json
@@ -70,14 +70,14 @@ def sitl(
     from seatrial.realtime.ardupilot_link import sitl as serve
 
     if log is not None:
-        if log.suffix in (".csv", ".parquet"):
-            check_creatable(log)  # makes its folder
         check_place(
             log,
             "--log",
             endings=(".csv", ".parquet"),
             inputs={"the vehicle": vehicle, "the parameters": parameters, "the sensors": sensors},
+            folder_made=True,
         )
+        log.parent.mkdir(parents=True, exist_ok=True)
 
     def ready(address: tuple[str, int]) -> None:
         if not json:

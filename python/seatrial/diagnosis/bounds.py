@@ -22,13 +22,14 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.estimation.specification import matters
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.uncertainty import Uncertainty
 
 __all__ = ["ContradictedBounds", "contradicted_bounds"]
 
-_CONTRADICTED, _MOVED, _MATTERS = 3.0, 2.0, 0.05
-"""Deviations beyond a bound, deviations that another coefficient moves, and that as a part of its value."""
+_CONTRADICTED, _MOVED = 3.0, 2.0
+"""Deviations beyond a bound, and deviations that another coefficient moves."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,8 @@ def contradicted_bounds(lin: Linearisation, known: Uncertainty) -> ContradictedB
     refused = [
         place
         for place in coefficients
-        if abs(away[place]) > _MOVED and abs(step[place]) > _MATTERS * abs(lin.values[place])
+        if abs(away[place]) > _MOVED
+        and matters(lin.values[place], lin.values[place] + step[place], lin.unknowns[place].scale)
     ]
     return ContradictedBounds(
         {known.names[place]: pull for place, pull in pulls.items()},

@@ -27,7 +27,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import Span
 from seatrial.estimation.prediction_errors import Errors
 
-__all__ = ["Horizon", "OtherDamping", "horizons", "other_damping"]
+__all__ = ["Horizon", "OtherDamping", "horizons", "matters", "other_damping"]
 
 _APART, _MATTERS = 3.0, 0.05  # standard deviations of a difference, and part of the estimate
 
@@ -183,4 +183,9 @@ def _away(one: Array, influence: Array, other: Array, others: Array) -> Array:
 
 def _apart(away: float, one: float, other: float, scale: float) -> bool:
     """Whether two estimates differ by more than chance, and by enough to matter."""
-    return bool(abs(away) > _APART and abs(other - one) > _MATTERS * max(abs(one), _NOTHING * scale))
+    return abs(away) > _APART and matters(one, other, scale)
+
+
+def matters(one: float, other: float, scale: float) -> bool:
+    """Whether two estimates differ by more than a twentieth; `scale` is the width of the bounds."""
+    return bool(abs(other - one) > _MATTERS * max(abs(one), _NOTHING * scale))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.errors import TrialError
-from seatrial.base.run import only_user
+from seatrial.base.folder_lock import only_user
 from seatrial.intake.consistency import Consistency, Series, consistency
 from seatrial.intake.consistency_trials import series_of
 from seatrial.intake.imported import Imported, ImportedTrial

@@ -36,7 +36,7 @@ from seatrial.flight.sea import LIMITS
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.sensors.sensor import TYPICAL
-from seatrial.verification.draws import targets
+from seatrial.verification.failure_draws import targets
 from seatrial.verification.judgement import check_energy
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.regression import check_cases

@@ -17,15 +17,8 @@ from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
-from seatrial.verification.draws import (
-    COMMON_WIDTH,
-    FAULT_WIDTH,
-    OUTAGE_WIDTH,
-    SEED_COLUMN,
-    Draws,
-    composed,
-    scattered,
-)
+from seatrial.verification.draws import COMMON_WIDTH, SEED_COLUMN, Draws, composed, scattered
+from seatrial.verification.failure_draws import FAULT_WIDTH, OUTAGE_WIDTH
 from seatrial.verification.robustness import robustness
 
 if TYPE_CHECKING:
