@@ -97,6 +97,36 @@ def error(found: Polished) -> float:
     return abs(float(found.values[0]) / TRUTH["N_rdot"] - 1.0)
 
 
+def test_no_filter_is_taken_across_a_long_gap(tmp_path: Path) -> None:
+    """A clock that jumped by 40 s leaves two spans: a linear model over the gap leaves all bounds."""
+    table = sailed()
+    jumped = table.with_columns(
+        pl.when(pl.col("t_s") < 90.0).then(pl.col("t_s")).otherwise(pl.col("t_s") + 40.0)
+    )
+    joint = Joint(made('method = "innovations"', tmp_path, jumped))
+    spans, segments = joint.steps()
+    assert [round(STEP_S * edge) for _, *edges in spans for edge in edges] == [0, 90, 130, 220]
+    trial = joint.data.trials[0]
+    yaw = CHANNELS.index("yaw")
+    assert len(segments) == sum(last - first for _, first, last in spans)
+    assert trial.valid[[one.start for one in segments], yaw].mean() > 0.99
+    assert np.isfinite(OneStep(joint).linearised(joint.start)[1].transition).all()
+    # A short one is bridged.
+    bridged = table.filter((pl.col("t_s") < 90.0) | (pl.col("t_s") > 93.0))
+    assert len(Joint(made('method = "innovations"', tmp_path, bridged)).steps()[0]) == 1
+
+
+def test_a_motion_that_is_no_number_is_not_followed(tmp_path: Path) -> None:
+    steps = OneStep(Joint(made('method = "innovations"', tmp_path)))
+    before = steps.path
+    (span,) = steps.linearised(steps.joint.start)
+    states = np.zeros((len(span.measured), len(steps.states)))
+    lost = np.full_like(states, np.nan)
+    assert not steps.follow([Motion(lost, span.water, states, span.water)])
+    assert steps.path is before
+    assert steps.follow([Motion(states, span.water, states, span.water)])
+
+
 @pytest.mark.long
 def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
     bent = polish(Joint(made('method = "output"', tmp_path)))

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, runs
 from seatrial.bench_test.motor_fit import (
     NORMAL,
     Fit,
@@ -157,9 +157,8 @@ def _cleaned(reading: Reading, noise: Noise) -> Reading:
 
 def _single(far: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Marks of values in runs that are short enough for missed counts."""
-    borders = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]]).astype(int)))
     kept = np.zeros_like(far)
-    for start, end in borders.reshape(-1, 2):
+    for start, end in runs(far):
         kept[start:end] = end - start <= _RUN
     return kept
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, runs
 from seatrial.base.errors import TrialError
 from seatrial.bench_test.columns import BenchTable, listed, read_bench_table
 from seatrial.bench_test.file import SENSES
@@ -142,8 +142,7 @@ def repeated(rows: Sequence[Plateau]) -> list[str]:
     """Warning about a log that was given without its time, from its rows."""
     table = np.array([list(row.signal.values()) for row in rows])
     same = (np.diff(table, axis=0) == 0.0).all(axis=1) & (table[1:] != 0.0).any(axis=1)
-    ends = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
-    longest = 1 + int((ends[1::2] - ends[::2]).max(initial=0))
+    longest = 1 + max((end - start for start, end in runs(same)), default=0)
     if longest < _LOG:
         return []
     return [

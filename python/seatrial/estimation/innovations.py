@@ -363,10 +363,9 @@ class Innovations:
         Both stay, and the answer is no, where the filter leaves the log.
         """
         likelihood, noise, motion = self._filters(spans).likeliest(self._noises, evaluations)
-        if not math.isfinite(likelihood):
+        if not math.isfinite(likelihood) or not self.steps.follow(motion):
             return False
         self.joint.noise_model = noise
-        self.steps.follow(motion)
         return True
 
     def _shaped(self, spans: Sequence[Span], values: Array) -> list[Span]:
@@ -389,10 +388,8 @@ class Innovations:
             missed = np.concatenate([span.missed for span in spans]).std(axis=0)
             process = factor * own.process
             process[: len(missed)] = np.maximum(process[: len(missed)], (_MISSED * missed) ** 2)
-            motion = self._filters(spans).motion(replace(own, process=process))
-            if not all(np.isfinite(one.states).all() for one in motion):
+            if not self.steps.follow(self._filters(spans).motion(replace(own, process=process))):
                 break  # a model that diverges over a step
-            self.steps.follow(motion)
         self.joint.settled[self.held_out] = own, values.copy(), self.steps.path
         return self.steps.linearised(values, extra)
 

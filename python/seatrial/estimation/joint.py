@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial._core import Vehicle, nuisance_names
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Axes, Coefficient, Polish, Stage
@@ -32,6 +32,7 @@ from seatrial.estimation.problem import Problem, cut, unfit_trials
 from seatrial.estimation.step import stage_step
 from seatrial.statistics.linearisation import Unknown
 from seatrial.trial.record import Segment, restarted
+from seatrial.trial.trial import Trial
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -50,6 +51,9 @@ __all__ = [
 
 NAMES: tuple[str, ...] = tuple(nuisance_names())
 """Names in the core's order."""
+
+_LONGEST_GAP_S = 5.0
+"""Longest gap, s, that the filter of the innovations is taken across."""
 
 _SPREAD = {
     "current": (0.3, "m/s", False),
@@ -354,19 +358,32 @@ class Joint:
     ) -> tuple[tuple[tuple[int, int, int], ...], tuple[Segment, ...]]:
         """Record, first and last sample of every span to be fitted or held out, and a segment per sample.
 
-        With None whole trials, whatever of them is held out.
+        With None whole trials, whatever of them is held out. A span ends where nothing is measured for long:
+        a linearisation about a bridge over the gap foretells nothing, and an unstable one leaves all bounds.
         """
         spans, segments = [], []
         for index, trial in enumerate(self.data.trials):
-            wanted = self.campaign.held_out(self.data.names[index]) == held_out
+            wanted: Mask = np.asarray(self.campaign.held_out(self.data.names[index]) == held_out)
             if held_out is None:
                 wanted = np.ones(len(trial), dtype=bool)
-            edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted.astype(np.int8), [0]])))
-            for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            for first, end in runs(wanted & ~self._blind(trial)):
                 if (end - 1 - first) * trial.dt >= self.stage.segment_s:
                     spans.append((index, first, end - 1))
                     segments += restarted(trial, [(k, k + 2) for k in range(first, end - 1)], index)
         return tuple(spans), tuple(segments)
+
+    def _blind(self, trial: Trial) -> Mask:
+        """Samples (n,) in gaps longer than `_LONGEST_GAP_S`, in which no simulated axis is measured.
+
+        Where rotations are simulated they decide: it is the attitude that an unstable hull loses.
+        """
+        axes = [AXES.index(letter) for letter in self.stage.axes.free]
+        axes = [axis for axis in axes if axis >= 3] or axes
+        unseen = ~np.asarray(trial.valid[:, axes + [6 + axis for axis in axes]].any(axis=1))
+        blind = np.zeros(len(trial), dtype=bool)
+        for first, end in runs(unseen):
+            blind[first:end] = (end - first) * trial.dt > _LONGEST_GAP_S
+        return blind
 
     def centres(self, values: Array) -> Array:
         """Where the priors of the unknowns (m,) lie: these values where nothing is known beforehand."""

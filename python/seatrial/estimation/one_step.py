@@ -122,7 +122,7 @@ class OneStep:
     Raises
     ------
     CampaignError
-        No axis is simulated whose velocity or angle was measured.
+        No axis is simulated whose velocity or angle was measured, or no trial is measured for long enough.
     """
 
     def __init__(self, joint: Joint, *, held_out: bool | None = False) -> None:
@@ -147,6 +147,12 @@ class OneStep:
         self._columns, self._shown = columns, kept
         self._substeps = max(math.ceil(joint.substeps * RATE_LIMIT / _RATE_LIMIT), 1)
         self._spans, self._segments = joint.steps(held_out=held_out)
+        if not self._spans and not held_out:
+            raise CampaignError(
+                f'{joint.campaign.source}: joint, key method: "innovations" needs'
+                f" {joint.stage.segment_s:g} s of a trial without a long gap and found none; use method ="
+                ' "output"'
+            )
         states = [
             data.trials[record].state(np.arange(first, last)) for record, first, last in self._spans
         ] or [data.trials[0].state(np.arange(0))]
@@ -236,18 +242,23 @@ class OneStep:
         ends = tuple(self._at(record, last) for record, _, last in self._spans)
         self.path = Path(self._log, ends, self._log)
 
-    def follow(self, motion: Sequence[Motion]) -> None:
+    def follow(self, motion: Sequence[Motion]) -> bool:
         """Linearise along another motion from now on, found beside the present one.
+
+        The present one stays, and the answer is no, where the other is no motion: a model that diverges.
 
         The smoothed log holds the noise of its sensors, and a derivative taken there is correlated with it.
         The iterated smoother (Bell 1994) takes derivatives along its own estimate. Those by the unknowns are
         taken along what the filter knew at each sample, because a smoothed motion knows the errors that they
         are to explain.
         """
+        if not all(np.isfinite(part).all() for one in motion for part in one):
+            return False
         known = self._beside([(one.known, one.known_water) for one in motion])
         smoothed = self._beside([(one.states, one.water) for one in motion])
         ends = tuple(end + one.states[-1] for end, one in zip(self.path.ends, motion, strict=True))
         self.path = Path(smoothed, ends, known)
+        return True
 
     def _beside(self, beside: Sequence[tuple[Array, Array]]) -> _Motion:
         """The smoothed motion so far, with states (n, S) and water (n, 2) per span beside it."""

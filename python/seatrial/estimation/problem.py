@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.base.arrays import Array, Mask
+from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS, deviations
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.file import Stage
@@ -172,9 +172,8 @@ def _pieces(trial: Trial, training: NDArray[np.bool_], stage: Stage, index: int)
     """Segments of one trial; the last one before a gap may be shorter, down to half."""
     length = _length(stage, trial)
     overlap = round(stage.overlap_s / trial.dt)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], training.astype(np.int8), [0]])))
     pieces: list[Segment] = []
-    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, end in runs(training):
         spans = cut_spans(trial, first, end, length, overlap=overlap, shortest=max(length // 2, 2))
         pieces += restarted(trial, spans, index)
     return pieces

@@ -8,13 +8,13 @@ Held by ``tests/intake/test_excitation.py``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.base.arrays import Array, Mask
+from seatrial.base.arrays import Array, runs
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES, readable
 from seatrial.intake.manoeuvres import Drive
 
@@ -185,7 +185,7 @@ def contacts(trial: Trial, driving: Sequence[Drive]) -> list[Contact]:
         if usual <= 2.0 * elsewhere or usual <= 0.0:
             continue
         still = pushed & (np.abs(along) < _STILL * usual)
-        for start, stop in _whole(still):
+        for start, stop in runs(still, 2):
             t, until = float(trial.t[start * size]), float(trial.t[min(stop * size, len(trial) - 1)])
             found.append(Contact(drive.axis, t, until, _words(trial, drive, force, start, stop, size)))
     return found
@@ -202,14 +202,6 @@ def _along(trial: Trial, channel: str) -> Array | None:
     """Body velocity; of heave the depth's rate where the depth is known: the bottom stops that."""
     depth = trial.filled("z") if channel == "w" else None
     return np.gradient(depth, trial.dt) if depth is not None else trial.filled(channel)
-
-
-def _whole(still: Mask) -> Iterator[tuple[int, int]]:
-    """Runs of at least two windows."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if stop - start >= 2:
-            yield start, stop
 
 
 def _words(trial: Trial, drive: Drive, force: Array, start: int, stop: int, size: int) -> str:

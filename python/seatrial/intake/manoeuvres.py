@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from seatrial.base.arrays import Array, Mask
+from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS, MOTIONS, readable
 
 if TYPE_CHECKING:
@@ -239,14 +239,6 @@ class _Motion:
         return np.where(np.abs(y) > limit, np.sign(y), 0.0)
 
 
-def _runs(mask: Mask, least: int = 1) -> Iterator[tuple[int, int]]:
-    """First and last-plus-one sample of every run of True of at least that length."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if stop - start >= least:
-            yield start, stop
-
-
 def _clean(y: Array, dt: float) -> Array:
     """Drive without spikes of a sample or two, as dropped packets leave them."""
     from scipy.ndimage import median_filter
@@ -281,7 +273,7 @@ def _levels(holds: _Holds, dt: float) -> list[tuple[int, int, float]]:
     """Holds of a drive: first sample, last sample plus one, level."""
     found = []
     size = max(2, round(_HOLD_S / dt))
-    for start, stop in _runs(holds.held, size):
+    for start, stop in runs(holds.held, size):
         # A widened run may hold two levels with a clean step between: cut where it jumps.
         jumps = start + 1 + np.flatnonzero(np.abs(np.diff(holds.y[start:stop])) > holds.tolerance)
         for a, b in zip([start, *jumps.tolist()], [*jumps.tolist(), stop], strict=True):
@@ -333,7 +325,7 @@ def _coast_downs(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Ite
             continue
         y = motion.nu[channel]
         least = max(_RATE if channel == "r" else 0.05, 0.25 * float(np.quantile(np.abs(y), 0.98)))
-        for start, stop in _runs(neutral, round(_COAST_S / trial.dt)):
+        for start, stop in runs(neutral, round(_COAST_S / trial.dt)):
             first, last = abs(float(y[start])), abs(float(y[stop - 1]))
             if first < least or last > (1.0 - _COAST_LOSS) * first:
                 continue
@@ -366,7 +358,7 @@ def _swings(trial: Trial, motion: _Motion) -> Iterator[Manoeuvre]:
         return
     swings: list[tuple[int, int, float]] = []
     for sign in (1.0, -1.0):
-        for start, stop in _runs(motion.turns == sign, 2):
+        for start, stop in runs(motion.turns == sign, 2):
             change = float(motion.heading[stop - 1] - motion.heading[start])
             if change * sign > _SWING:
                 swings.append((start, stop, change))
@@ -422,7 +414,7 @@ def _dives(trial: Trial, motion: _Motion) -> Iterator[Manoeuvre]:
     low, high = np.quantile(motion.depth, [0.01, 0.99])
     least = max(0.2, 0.1 * float(high - low))
     for sign in (1.0, -1.0):
-        for start, stop in _runs(motion.sinks == sign, 2):
+        for start, stop in runs(motion.sinks == sign, 2):
             change = float(motion.depth[stop - 1] - motion.depth[start])
             if change * sign < least:
                 continue
@@ -451,7 +443,7 @@ def _decays(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
         y = trial.filled(channel)
         if y is None:
             continue
-        for start, stop in _runs(held, round(_COAST_S / trial.dt)):
+        for start, stop in runs(held, round(_COAST_S / trial.dt)):
             part = y[start:stop] - np.median(y[start + (stop - start) // 2 : stop])
             size = float(np.abs(part[: max(2, len(part) // 5)]).max())
             if size < _DECAY_SIZE:
@@ -487,7 +479,7 @@ def _steady(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Iterator
     speed = np.sqrt(u**2 + motion.nu.get("v", 0.0 * u) ** 2)
     way = max(0.1, 2.0 * _SLOW * float(np.quantile(speed, 0.98)))
     samples = round(_LONG_S / trial.dt)
-    for start, stop in _runs(level & (u > way), samples):
+    for start, stop in runs(level & (u > way), samples):
         low, high = np.quantile(u[start:stop], [0.05, 0.95])
         if motion.heading is not None and np.ptp(motion.heading[start:stop]) > _TURN / 3.0:
             continue
@@ -503,7 +495,7 @@ def _steady(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Iterator
     still = level & (speed < min(0.5 * way, 0.15))
     both: tuple[tuple[Kind, Mask], ...] = (("station-keeping", busy), ("rest", ~busy))
     for kind, driven in both:
-        for start, stop in _runs(still & driven, samples):
+        for start, stop in runs(still & driven, samples):
             t, until = float(trial.t[start]), float(trial.t[stop - 1])
             size = float(speed[start:stop].mean())
             yield Manoeuvre(kind, "", t, until, size, "m/s", f"{kind} from {t:.0f} to {until:.0f} s")

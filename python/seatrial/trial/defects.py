@@ -11,12 +11,12 @@ the position that of a Doppler log, and the other way round). Held by ``tests/tr
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from seatrial.base.arrays import Array, Mask
+from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.rotation import angle_between, conjugate, continuous, product
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.signals import RecordingReport, Signal
@@ -117,13 +117,13 @@ def _silent(measured: list[Signal], repeated: Mapping[str, Mask], report: Record
     usual = _usual_run(together)
     jumps = np.logical_and.reduce([_jumps(s) for s in several])
     pause = np.zeros(len(together), bool)
-    for start, stop in _runs(together):
+    for start, stop in runs(together):
         if stop - start > max(usual, 1) and stop < len(together) and jumps[stop]:
             pause[start:stop] = True
     if not pause.any():
         return {}
     t = several[0].t
-    longest = max(t[min(stop, len(t) - 1)] - t[start - 1] for start, stop in _runs(pause))
+    longest = max(t[min(stop, len(t) - 1)] - t[start - 1] for start, stop in runs(pause))
     report.add(
         "warning",
         "log",
@@ -136,7 +136,7 @@ def _silent(measured: list[Signal], repeated: Mapping[str, Mask], report: Record
 
 def _usual_run(repeated: Mask) -> int:
     """Longest run of repeats, samples, that is ordinary: a slower sensor in a table at a higher rate."""
-    lengths = [stop - start for start, stop in _runs(repeated)]
+    lengths = [stop - start for start, stop in runs(repeated)]
     if len(lengths) >= _HELD_RUNS and repeated.mean() > _HELD_SHARE:
         return 3 * int(np.quantile(lengths, 0.9))
     return 0
@@ -155,12 +155,6 @@ def _jumps(signal: Signal) -> Mask:
     return increment > 3.0 * (float(np.median(moved)) if len(moved) else 0.0)
 
 
-def _runs(mask: Mask) -> Iterator[tuple[int, int]]:
-    """Start and end (exclusive) of every run of marked samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-
-
 def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingReport) -> Mask:
     """Samples that repeat the one before although the vehicle moves: a jump ends them or noise ceases.
 
@@ -168,8 +162,8 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
     While every sensor repeats, or from the first sample on, the vehicle is at rest in a record without noise.
     """
     result = np.zeros(len(repeated), bool)
-    runs = list(_runs(repeated))
-    if not runs:
+    pauses = list(runs(repeated))
+    if not pauses:
         return result
     usual = _usual_run(repeated)
     moves = 1.0 - repeated.mean()
@@ -189,7 +183,7 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
     if signal.y.shape[1] == 1:
         usual = max(usual, _CHANCE)
     events = 0
-    for start, stop in runs:
+    for start, stop in pauses:
         ends = stop < len(repeated) and jumps[stop]
         moving = noisy and start > 1 and not at_rest[start:stop].all()
         if stop - start > usual and (ends or moving):

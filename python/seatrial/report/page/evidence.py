@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, runs
 from seatrial.base.atomic_write import parquet, write_atomic
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import SeatrialError, TrialError, reason
@@ -196,17 +196,13 @@ def _unwound(measured: Array, simulated: Array, restarts: NDArray[np.intp]) -> t
 
 def _group(title: str, t: Array, panels: Sequence[dict[str, Any]], held: Array) -> dict[str, Any]:
     step = max(1, -(-len(t) // _MOST))
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(np.int8), [0]])))
     whole = bool(held.all())
     return {
         "title": title + (" (held out as a whole)" if whole else ""),
         "t": packed(t[::step]),
         "shade": []
         if whole
-        else [
-            [float(t[first]), float(t[min(end, len(t) - 1)])]
-            for first, end in zip(edges[::2], edges[1::2], strict=True)
-        ],
+        else [[float(t[first]), float(t[min(end, len(t) - 1)])] for first, end in runs(held.astype(bool))],
         "panels": [
             panel | {"lines": [line | {"y": packed(line["y"][::step])} for line in panel["lines"]]}
             for panel in panels

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
-from seatrial.base.arrays import Array, Mask
+from seatrial.base.arrays import Array, Mask, runs
 from seatrial.flight.watches import cause
 from seatrial.report.plot.mission import draw_obstacles, outlines
 from seatrial.report.plot.style import (
@@ -121,11 +121,8 @@ def line(axes: Axes, t: Array, y: Array, **style: Any) -> None:
 
 def spans(t: Array, mask: Mask) -> list[tuple[float, float]]:
     """Beginning and duration, s, of every time over which a mask (n,) holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     step = float(t[1] - t[0]) if len(t) > 1 else 1.0
-    return [
-        (float(t[first]), (last - first) * step) for first, last in zip(edges[::2], edges[1::2], strict=True)
-    ]
+    return [(float(t[first]), (last - first) * step) for first, last in runs(mask)]
 
 
 def shade(axes: Axes, t: Array, mask: Mask, colour: str) -> None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, runs
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.problem import Problem, StageData, cut
@@ -275,9 +275,8 @@ def _mark(axes: Axes, fit: Identification, pieces: Sequence[Piece]) -> None:
     """What is held out is shaded; a line stands where the next trial begins."""
     for piece in pieces:
         mask = fit.campaign.held_out(piece.name)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
         t = piece.trial.t + piece.shift
-        for first, end in zip(edges[::2], edges[1::2], strict=True):
+        for first, end in runs(mask):
             axes.axvspan(t[first], t[min(end, len(t) - 1)], color=SHADE, linewidth=0.0, zorder=0)
         if piece is not pieces[0]:
             axes.axvline(t[0], color="#262626", linewidth=0.6)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, runs
 from seatrial.base.channels import AXES, CHANNELS, DEGREE
 from seatrial.base.file_names import file_name, free_name
 from seatrial.report.plot.style import (
@@ -154,8 +154,7 @@ def beside(simulated: Array, observed: Array) -> Array:
 def _shade(axes: Axes, t: Array, mask: NDArray[np.bool_] | None) -> None:
     if mask is None or not mask.any():
         return
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
+    for first, end in runs(mask):
         axes.axvspan(t[first], t[min(end, len(t) - 1)], color=SHADE, linewidth=0.0, zorder=0)
 
 

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from seatrial.base.arrays import runs
 from seatrial.base.errors import CampaignError, SeatrialError, TrialError, nearest
 from seatrial.base.file_names import no_file
 from seatrial.identification.fitted import Fitted
@@ -189,8 +188,7 @@ def _held_out(campaign: Campaign, name: str) -> tuple[float, float] | None:
     mask = campaign.held_out(name)
     if mask.all() or not mask.any():
         return None
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    first, last = max(zip(edges[::2], edges[1::2], strict=True), key=lambda span: span[1] - span[0])
+    first, last = max(runs(mask), key=lambda span: span[1] - span[0])
     t = campaign.trials[name].t
     return float(t[first]), float(t[last - 1])
 
