@@ -15,6 +15,7 @@ from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.assessment import assess
+from seatrial.diagnosis.bounds import ContradictedBounds
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
@@ -354,6 +355,14 @@ def undecided(joint: Joint, polished: Polished) -> None:
     assert judged.verdicts["rudder.gain"] == "not identifiable"
     assert judged.refused()[0].startswith("rudder.gain is not identified: it is ")
     assert "by strips" in judged.assumption_table().text()
+    bound = ContradictedBounds({"N_rr": 6.4}, {"rudder.gain": 1.25}, {"rudder.gain": 2.9}, ("rudder.gain",))
+    ends = tuple("upper" if name == "N_rr" else None for name in judged.uncertainty.names)
+    uncertain = replace(judged.uncertainty, at_bound=ends)
+    bent = replace(judged, polished=found, uncertainty=uncertain, bounds=bound)
+    assert bent.verdicts["rudder.gain"] == "not identifiable"
+    (said,) = bent.refused()
+    assert "compensates for N_rr, which the data would take 6.4 standard deviations beyond its upper" in said
+    assert "1.25 (+2.9)" in bent.assumption_table().text()
 
 
 @pytest.mark.long

@@ -176,11 +176,11 @@ class Assessment:
         return [
             (
                 abs(self.bounds.away[name]),
-                f"{name} is not identified: {bounded} ends at its {end} bound, the data lead {pull:.1f}"
-                f" standard deviations beyond it, and without such bounds {name} would be"
-                f" {self.bounds.values[name]:.3g} instead of {fit[name]:.3g}; widen the bounds of"
-                f" {', '.join(self.bounds.pulls)} where values beyond make sense, else hold {name} at a value"
-                " that you trust, for the model lacks something there",
+                f"{name} is not identified: it compensates for {bounded}, which the data would take"
+                f" {pull:.1f} standard deviations beyond its {end} bound; without bounds that the data"
+                f" contradict {name} would be {self.bounds.values[name]:.3g} instead of {fit[name]:.3g};"
+                f" widen the bounds of {', '.join(self.bounds.pulls)} if values beyond are plausible,"
+                f" otherwise hold {name} at a value that you trust, for the model lacks something there",
             )
             for name in self.bounds.refused
         ]
