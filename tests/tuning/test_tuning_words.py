@@ -132,5 +132,8 @@ def test_loops_that_changed_untuned_stand_in_the_first_line() -> None:
     none = tuning_of(HEADING)
     moved = none.autopilot.with_gains({"surge.K_P.5": 1.5 * none.autopilot.gains()["surge.K_P.5"]})
     one = replace(none, autopilot=moved, performance=(outside_by("tuned", none, heading=0.0),))
-    assert "gains of surge changed untuned, for margins that the start gains lack" in one.report().good
-    assert "untuned" not in replace(one, autopilot=none.autopilot).report().good
+    assert (
+        "gains of surge, which no corridor tunes, changed to mend margins that the start gains lack"
+        in one.report().good
+    )
+    assert "which no corridor tunes" not in replace(one, autopilot=none.autopilot).report().good

@@ -18,7 +18,7 @@ from seatrial.ardusub.log_replay import Replay
 from seatrial.ardusub.parameters import Change, changes_text, of_generation
 from seatrial.ardusub.reflight import ACCEPTED_OUTSIDE, Reflight
 from seatrial.ardusub.tuning import Missions, Spread, Tuned
-from seatrial.base.report import Column, Report, Section, Table
+from seatrial.base.report import Column, Report, Section, Table, listed
 from seatrial.base.run import RunResult, to_json
 
 __all__ = ["LogTuning", "by_chance"]
@@ -221,7 +221,7 @@ def _good(found: LogTuning) -> str:
     return (
         f"{told}; worst corridor violation of {name} over {found.missions} missions {before[0]:.2f} s before,"
         f" {after[0]:.2f} s after, in the corridor {100 * before[2]:.0f} % and {100 * after[2]:.0f} % of"
-        f" them; {_listed([f'{one.name} {one.before:g} to {one.after:g}' for one in found.changes])}, {kept}"
+        f" them; {listed([f'{one.name} {one.before:g} to {one.after:g}' for one in found.changes])}, {kept}"
     )
 
 
@@ -276,11 +276,11 @@ def _worst(found: LogTuning) -> str:
         )
     if stays:
         words.append(
-            f"{_listed([one.loop for one in found.verdicts if not one.judged])} stay as flown: the log does"
+            f"{listed([one.loop for one in found.verdicts if not one.judged])} stay as flown: the log does"
             f" not tell these loops ({stays[0].loop}: {stays[0].why})"
         )
     if steep := [one for one in found.changes if one.before > 0.0 and one.after > _STEEP * one.before]:
-        named = _listed([f"{one.name} to {one.after / one.before:.1f} times" for one in steep])
+        named = listed([f"{one.name} to {one.after / one.before:.1f} times" for one in steep])
         words.insert(0, f"a large change rests on one log: {named} the recorded value; load half of it first")
     words += [
         f"{one.name} is at the end of ArduPilot's range"
@@ -288,10 +288,6 @@ def _worst(found: LogTuning) -> str:
         if one.bounds is not None and one.after > 0.95 * one.bounds[1]
     ]
     return "; ".join(words) or "nothing stands out"
-
-
-def _listed(words: list[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def _stays(found: LogTuning) -> list[AxisVerdict]:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-__all__ = ["REPORT_FILE", "Column", "Report", "Section", "Table", "appended", "text_table"]
+__all__ = ["REPORT_FILE", "Column", "Report", "Section", "Table", "appended", "listed", "text_table"]
 
 REPORT_FILE = "report.json"
 """Name of the report as plain data in a run directory; a page is rendered from it."""
@@ -274,3 +274,14 @@ def appended(said: str, doubt: str) -> str:
         return said
     problem, _, _ = doubt.partition("; ")
     return f"{said.rstrip('.')}. {problem[0].upper()}{problem[1:]}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as in a sentence.
+
+    Examples
+    --------
+    >>> listed(["surge", "pitch", "yaw"]), listed(["surge"]), listed([])
+    ('surge, pitch and yaw', 'surge', '')
+    """
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))

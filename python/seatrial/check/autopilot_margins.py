@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.report import Column, Table
+from seatrial.base.report import Column, Table, listed
 from seatrial.control_design.margin_report import SENSITIVITY_NOTE, MarginRow, autopilot_margins, sound_speeds
 from seatrial.control_design.operating_points import reachable_points
 
@@ -149,9 +149,4 @@ def _weakness(rows: Sequence[MarginRow]) -> str:
         # One and the same motion, whatever moves most in it.
         cause = frozenset(row.grows.split(" and ")) if row.grows else row.weakness
         found.setdefault(cause, (row.weakness, []))[1].append(f"{row.speed_m_s:.2f}")
-    return "; ".join(f"at {_listed(speeds)} m/s {why}" for why, speeds in found.values())
-
-
-def _listed(words: Sequence[str]) -> str:
-    """Words one after another: "a, b and c"."""
-    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+    return "; ".join(f"at {listed(speeds)} m/s {why}" for why, speeds in found.values())

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.base.report import listed
 from seatrial.campaign.parameters import STRIPS
-from seatrial.diagnosis.advice import join
 from seatrial.vehicle.authority import commanded_rows
 from seatrial.vehicle.stability import positive_damping
 
@@ -121,7 +121,7 @@ def _motors(vehicle: Vehicle) -> list[str]:
                 wrong = f"minimum_{side} = {least:g} above maximum_{side} = {most:g}"
                 found.setdefault(wrong, []).append(name)
     return [
-        f"{wrong} of {join(names)}: no command lies between; correct the motor"
+        f"{wrong} of {listed(names)}: no command lies between; correct the motor"
         for wrong, names in found.items()
     ]
 
@@ -133,7 +133,7 @@ def _thrust(vehicle: Vehicle) -> list[str]:
     if not wrong:
         return []
     return [
-        f"p2 (alpha2) of {join(wrong)} is positive: the thrust would grow with the inflow; it is negative"
+        f"p2 (alpha2) of {listed(wrong)} is positive: the thrust would grow with the inflow; it is negative"
     ]
 
 
@@ -160,8 +160,8 @@ def _strips(vehicle: Vehicle) -> list[str]:
     """Cross-flow drag that stands in a vehicle twice: by strips and as quadratic damping."""
     values = vehicle.coefficients()
     return [
-        f"{join((name, *both))} are not zero: the strips of {name} already include {join(both)}; set"
-        f" {join(both)} to 0, unless {'it describes' if len(both) == 1 else 'they describe'} an appendage"
+        f"{listed((name, *both))} are not zero: the strips of {name} already include {listed(both)}; set"
+        f" {listed(both)} to 0, unless {'it describes' if len(both) == 1 else 'they describe'} an appendage"
         for name, made in STRIPS.items()
         if values.get(name) and (both := [one for one in made if values.get(one)])
     ]

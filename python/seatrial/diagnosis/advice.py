@@ -17,6 +17,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
+from seatrial.base.report import listed
 from seatrial.campaign.parameters import STRIPS, axes_of
 
 __all__ = [
@@ -30,7 +31,6 @@ __all__ = [
     "anchor",
     "axis",
     "inseparable",
-    "join",
     "manoeuvre",
     "role",
     "scaled",
@@ -312,7 +312,7 @@ def unexcited(
         one = role(name, pushed=pushed, fins=fins)
         groups.setdefault((_why(one, moving, name in silent), manoeuvre(one)), []).append(name)
     return {
-        tuple(members): f"{join(members)}: {why} {what}{_cross_flow(members, seen)}"
+        tuple(members): f"{listed(members)}: {why} {what}{_cross_flow(members, seen)}"
         for (why, what), members in groups.items()
     }
 
@@ -335,7 +335,7 @@ def absorbed(names: Sequence[str], nuisance: str) -> str:
         "bias": "record a minute at rest, or calibrate the sensor",
         "force": BOTH_WAYS,
     }.get(what.partition("_")[0], f"take {what} from another source")
-    return f"{join(names)}: cannot be separated from {what}{f' of {trial}' if trial else ''}; {remedy}"
+    return f"{listed(names)}: cannot be separated from {what}{f' of {trial}' if trial else ''}; {remedy}"
 
 
 def strayed(name: str, value: str, *, away: float, prior: str) -> str:
@@ -408,24 +408,19 @@ def inseparable(names: Sequence[str], *, pushed: str = AXES, fins: Collection[st
     roles = [role(name, pushed=pushed, fins=fins) for name in names]
     for rule in _RULES:
         if told := rule(roles):
-            return f"{join(names)}: {told[0]}; {told[1]}"
-    return f"{join(names)}: only a combination of them acts on this data; {_ways(roles)}"
-
-
-def join(names: Sequence[str]) -> str:
-    """Names as in a sentence: a, b and c."""
-    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
+            return f"{listed(names)}: {told[0]}; {told[1]}"
+    return f"{listed(names)}: only a combination of them acts on this data; {_ways(roles)}"
 
 
 def _why(one: Role, moving: Collection[str], silent: bool) -> str:
     still = dict.fromkeys(v for v in one.velocities if v not in moving)
     if still:
-        return f"nothing {join([_VERBS[VELOCITIES.index(v)] for v in still])} in these trials;"
+        return f"nothing {listed([_VERBS[VELOCITIES.index(v)] for v in still])} in these trials;"
     if not silent:
         return "excited too weakly; at larger amplitude or for longer,"
     if one.force:
         letters = dict.fromkeys(one.force)
-        words, keys = join([axis(f) for f in letters]), join(list(letters))
+        words, keys = listed([axis(f) for f in letters]), listed(list(letters))
         return f"not excited: no trial leaves the vehicle free to move in {words}; free {keys} and"
     return "these trials do not run it;" if one.kind == "thrust" else "not excited;"
 
@@ -459,7 +454,7 @@ def _inertia(roles: Sequence[Role]) -> _Told:
         return None
     sums += ["the net weight m g - B" for one in rigid if weight and one.kind == "mass"]
     ways = [WEIGH if one.kind == "mass" else f"{_SWING} {one.name}" for one in rigid]
-    only = f"only their sum {sums[0]} acts" if len(sums) == 1 else f"only {join(sums)} act"
+    only = f"only their sum {sums[0]} acts" if len(sums) == 1 else f"only {listed(sums)} act"
     return f"{only} on this data", "; ".join(ways)
 
 
@@ -507,12 +502,15 @@ def _actuators(roles: Sequence[Role]) -> _Told:
         return None
     if all(one.of_fin for one in roles):
         if len(who) > 1:
-            return "they deflect in one proportion in these trials", f"run steps of each of {join(who)} alone"
+            return (
+                "they deflect in one proportion in these trials",
+                f"run steps of each of {listed(who)} alone",
+            )
         if kinds == {"motor"}:
             return "lag, dead time and rate limits look alike in these trials", manoeuvre(roles[0])
         return "only the force that results acts on this data", manoeuvre(roles[0])
     if len(who) > 1:
-        return "they push in one proportion in these trials", f"run steps of each of {join(who)} alone"
+        return "they push in one proportion in these trials", f"run steps of each of {listed(who)} alone"
     if kinds == {"motor"}:
         return "lag, dead time and rate limits look alike in these trials", manoeuvre(roles[0])
     if "lever" in kinds:
@@ -530,7 +528,7 @@ def _thrust_and_hull(roles: Sequence[Role]) -> _Told:
     hull = [one for one in roles if not one.actuator]
     if not thrust or not hull:
         return None
-    who = join(sorted({one.actuator for one in thrust}))
+    who = listed(sorted({one.actuator for one in thrust}))
     if all(one.of_fin for one in thrust):
         way = f"take the lift slope of {who} from its shape, or {manoeuvre(hull[0])}"
         return "only the ratio of the fin's lift to the hull's force acts on this data", way
@@ -550,8 +548,8 @@ def _strips(roles: Sequence[Role]) -> _Told:
 def strips_twice(name: str, made: Sequence[str]) -> tuple[str, str]:
     """What is wrong with strips and quadratic damping that are both free, and what to do."""
     return (
-        f"the strips of {name} make {join(made)} already, both must not be free",
-        f"hold {join(made)} at 0, or leave {name} out",
+        f"the strips of {name} make {listed(made)} already, both must not be free",
+        f"hold {listed(made)} at 0, or leave {name} out",
     )
 
 
@@ -565,7 +563,7 @@ def _one_force(roles: Sequence[Role]) -> _Told:
     if "bias" in kinds:
         return "a constant force and drag look alike in one direction of motion", BOTH_WAYS
     if len(rates) > 1:
-        return f"{join(rates)} move in one proportion in these trials", _ways(roles)
+        return f"{listed(rates)} move in one proportion in these trials", _ways(roles)
     if "added mass" in kinds:
         moved = [one for one in roles if one.kind == "added mass"]
         return "too little acceleration to tell inertia from drag", _ways(moved)

@@ -28,17 +28,9 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
+from seatrial.base.report import listed
 from seatrial.campaign.parameters import STRIPS
-from seatrial.diagnosis.advice import (
-    absorbed,
-    inseparable,
-    join,
-    manoeuvre,
-    role,
-    scaled,
-    strips_twice,
-    unexcited,
-)
+from seatrial.diagnosis.advice import absorbed, inseparable, manoeuvre, role, scaled, strips_twice, unexcited
 from seatrial.diagnosis.weak_combination import ABSENT, WEAK, Group, weak_groups
 from seatrial.statistics.information import correlation, covariance, eliminate, inflation, singular
 from seatrial.statistics.linearisation import Linearisation, Unknown
@@ -362,7 +354,7 @@ def warnings_before(lin: Linearisation) -> list[str]:
     """
     found = judge(lin)
     twice = [
-        f"{join((name, *both))}: {'; '.join(strips_twice(name, both))}"
+        f"{listed((name, *both))}: {'; '.join(strips_twice(name, both))}"
         for name, made in STRIPS.items()
         if name in found.names and (both := [one for one in made if one in found.names])
     ]

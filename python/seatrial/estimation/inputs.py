@@ -26,6 +26,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.base.errors import SimulationError, TrialError
+from seatrial.base.report import listed
 from seatrial.estimation.dependence import Dependence, dependence
 from seatrial.vehicle.actuators import actuator_groups
 
@@ -226,7 +227,9 @@ class InputJudgement:
             kinds: dict[str, list[str]] = {"thrust": [], "lift": []}
             for name in self.thrusts.still:
                 kinds["lift" if name in self.fins else "thrust"].append(name)
-            said += [f"The {what} of {_and(names)} hardly changes" for what, names in kinds.items() if names]
+            said += [
+                f"The {what} of {listed(names)} hardly changes" for what, names in kinds.items() if names
+            ]
         return said + self.thrusts.sentences()
 
     def _gain_sentences(self) -> list[str]:
@@ -236,7 +239,7 @@ class InputJudgement:
             fins = [name for name in lost if name in self.fins]
             single = "lifts" if len(fins) == len(lost) else "thrusts and lifts" if fins else "thrust gains"
             said.append(
-                f"These inputs cannot separate the {single} of {_and(lost)}: their effects differ only in"
+                f"These inputs cannot separate the {single} of {listed(lost)}: their effects differ only in"
                 " axis coupling, which offset centres, levers and off-diagonal damping also cause"
             )
         if self.offered:
@@ -260,9 +263,9 @@ class InputJudgement:
         )
         if not rows:
             return []
-        still = f"; hardly driven: {_and(self.rows.still)}" if self.rows.still else ""
+        still = f"; hardly driven: {listed(self.rows.still)}" if self.rows.still else ""
         together = [
-            f"{_and([name for name, _ in one.parts])} of the wrench move only together"
+            f"{listed([name for name, _ in one.parts])} of the wrench move only together"
             for one in self.rows.combinations
         ]
         return [f"Wrench, root mean square: {rows}{still}", *together]
@@ -428,7 +431,3 @@ def _rounded(value: float) -> str:
 
 def _keys(names: Iterable[str]) -> str:
     return ", ".join(f'"{name}"' for name in names)
-
-
-def _and(names: Sequence[str]) -> str:
-    return ", ".join(names[:-1]) + f" and {names[-1]}" if len(names) > 1 else names[0]

@@ -21,7 +21,7 @@ Tests: ``tests/flight/test_sensor_channels.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,6 +31,7 @@ import numpy as np
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.report import listed
 from seatrial.sensors.sensor import KINDS, Sensor, load_sensors, one_each
 
 if TYPE_CHECKING:
@@ -165,7 +166,7 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
     told = {groups[k] for k in np.flatnonzero(timing[:, 0])}
     blind = [group for group in ("position", "depth", "attitude", "velocity", "rates") if group not in told]
     if blind:
-        said.append(f"No sensor measures {_listed(blind)}: the autopilot will report that as missing.")
+        said.append(f"No sensor measures {listed(blind)}: the autopilot will report that as missing.")
     return SensorChannels(errors, timing, tuple(said), *_acoustics(sensors, period_s))
 
 
@@ -249,16 +250,16 @@ def _left_out(sensors: Mapping[str, Sensor]) -> list[str]:
     said = []
     clocks = [kind for kind, sensor in carried.items() if sensor.phase_s > 0.0 or sensor.jitter_s > 0.0]
     if clocks:
-        said.append(f"Phase and jitter of {_listed(clocks)} are left out: samples come at control periods.")
+        said.append(f"Phase and jitter of {listed(clocks)} are left out: samples come at control periods.")
     placed = [kind for kind, sensor in carried.items() if any(sensor.position)]
     if placed:
-        said.append(f"Lever arms of {_listed(placed)} are left out: they show the motion of O.")
+        said.append(f"Lever arms of {listed(placed)} are left out: they show the motion of O.")
     tilted = [kind for kind, sensor in carried.items() if any(sensor.tilt)]
     if tilted:
-        said.append(f"The tilt of {_listed(tilted)} is left out: in a flight they show the axes of the body.")
+        said.append(f"The tilt of {listed(tilted)} is left out: in a flight they show the axes of the body.")
     ranged = [kind for kind, sensor in carried.items() if sensor.max_range_m is not None]
     if ranged:
-        said.append(f"The range of {_listed(ranged)} is left out: the bottom is always within it.")
+        said.append(f"The range of {listed(ranged)} is left out: the bottom is always within it.")
     if "dvl" in carried:
         said.append("Where there is a bottom, the dvl measures the altitude too, without error.")
     for kind, why in (
@@ -269,8 +270,3 @@ def _left_out(sensors: Mapping[str, Sensor]) -> list[str]:
         if kind in sensors:
             said.append(f"{kind} is left out: {why}.")
     return said
-
-
-def _listed(names: Iterable[str]) -> str:
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else last

@@ -13,8 +13,8 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
+from seatrial.base.report import listed
 from seatrial.base.run import sha256
-from seatrial.diagnosis.advice import join
 from seatrial.estimation.inputs import trained
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def repeated_sentences(campaign: Campaign) -> tuple[str, ...]:
         twice = [pair for pair in combinations(used, 2) if _share(campaign, *pair)]
         if same := [name for name in used if any(name in pair for pair in twice)]:
             said.append(
-                f"WARNING: trials {join(same)} hold the same recording, which counts {len(same)} times:"
+                f"WARNING: trials {listed(same)} hold the same recording, which counts {len(same)} times:"
                 f" deviations come out up to {np.sqrt(len(same)):.2g} times too small; keep one of them"
             )
     return tuple(said)

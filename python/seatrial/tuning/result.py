@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.report import Report, Section, Table, appended
+from seatrial.base.report import Report, Section, Table, appended, listed
 from seatrial.base.run import RunResult, to_json
 from seatrial.flight.mismatch import tuned_for
 from seatrial.tuning.performance import Performance
@@ -562,7 +562,10 @@ def _untuned(tuning: Tuning) -> list[str]:
     )
     if not moved:
         return []
-    return [f"gains of {' and '.join(moved)} changed untuned, for margins that the start gains lack"]
+    return [
+        f"gains of {listed([*moved])}, which no corridor tunes, changed to mend margins that the start gains"
+        " lack"
+    ]
 
 
 def _guided(tuning: Tuning) -> list[str]:

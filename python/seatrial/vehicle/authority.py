@@ -15,6 +15,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
+from seatrial.base.report import listed
 from seatrial.vehicle.actuators import NOMINAL_V, bollard, can_push, command
 from seatrial.vehicle.stability import statics
 
@@ -241,7 +242,9 @@ def authority_in_words(vehicle: Vehicle, speed_m_s: float) -> list[str]:
     words = (
         f"After the loss of {only} nothing drives the vehicle: its speed decays, its fins lose their force,"
     )
-    words += f" and {', '.join(gone[:-1])} and {gone[-1]} are lost; {_way_up(vehicle)}."
+    if gone:
+        words += f" {listed(gone)} {'is' if len(gone) == 1 else 'are'} lost,"
+    words = f"{words.removesuffix(',')}; {_way_up(vehicle)}."
     loss = (f"After the loss of {only} ", f"Nothing remains after the loss of {only}.")
     return [words if sentence.startswith(loss) else sentence for sentence in said]
 
