@@ -240,11 +240,11 @@ def authority_in_words(vehicle: Vehicle, speed_m_s: float) -> list[str]:
     still = set(_commanded(vehicle, 0.0)) - {"surge"}
     gone = [motion for motion in _commanded(vehicle, speed_m_s) if motion not in still]
     words = (
-        f"After the loss of {only} nothing drives the vehicle: its speed decays, its fins lose their force,"
+        f"After the loss of {only} nothing drives the vehicle: its speed decays, its fins lose their force"
     )
     if gone:
-        words += f" {listed(gone)} {'is' if len(gone) == 1 else 'are'} lost,"
-    words = f"{words.removesuffix(',')}; {_way_up(vehicle)}."
+        words += f", and {listed(gone)} {'is' if len(gone) == 1 else 'are'} lost"
+    words += f"; {_way_up(vehicle)}."
     loss = (f"After the loss of {only} ", f"Nothing remains after the loss of {only}.")
     return [words if sentence.startswith(loss) else sentence for sentence in said]
 
