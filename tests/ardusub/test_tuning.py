@@ -11,16 +11,7 @@ import pytest
 
 import seatrial as st
 from seatrial._core import ardusub_defaults, ardusub_terms
-from seatrial.ardusub.axes import (
-    AMPLE,
-    SOUGHT,
-    AxisVerdict,
-    MarginModel,
-    Margins,
-    axis_verdicts,
-    loop_law,
-    plausible_masses,
-)
+from seatrial.ardusub.axes import AMPLE, SOUGHT, AxisVerdict, MarginModel, Margins, axis_verdicts, loop_law
 from seatrial.ardusub.tuning import (
     corridors_of,
     draw_cases,
@@ -29,6 +20,7 @@ from seatrial.ardusub.tuning import (
     step_courses,
     tune_parameters,
 )
+from seatrial.identification.apparent_mass import plausible_masses
 from tests.ardusub import flown_log
 
 WANDER = np.array([0.5, 0.5, 0.5, 0.02, 0.02, 0.02])

@@ -179,7 +179,7 @@ def test_the_verb_prints_tables_and_writes_only_what_it_is_told_to(
     for words in (
         "Regression per direction",
         "95 % interval",
-        "paper's B",
+        "squared correlation",
         "Nothing was written",
         "bollard_test",
     ):
@@ -191,6 +191,16 @@ def test_the_verb_prints_tables_and_writes_only_what_it_is_told_to(
     assert data["vehicle_file"] == "new.toml"
     assert data["figures"] == []
     assert Vehicle.load("new.toml").actuator_info()["SbU"]["characteristic"] == "polynomial"
+
+
+def test_what_was_written_is_not_asked_for_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = both_ways(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    before = call("bench", path, "--no-figures").output
+    after = call("bench", path, "--write", "new.toml", "--no-figures").output
+    assert "the results into the vehicle file" in " ".join(before.split()).lower()
+    assert "the results into the vehicle file" not in " ".join(after.split()).lower()
+    assert "seatrial check new.toml" in after
 
 
 def test_in_place_replaces_the_vehicle_s_file(tmp_path: Path) -> None:

@@ -254,7 +254,7 @@ def test_rows_that_cannot_be_commanded_are_named() -> None:
         f"controllable = {str(data['controllable']).replace(chr(39), chr(34))}", 'controllable = ["X", "K"]'
     )
     assert 'controllable = ["X", "K"]' in text
-    assert any("controllable lists K" in complaint for complaint in implausible(Vehicle.from_toml(text)))
+    assert any("K counts as controllable" in complaint for complaint in implausible(Vehicle.from_toml(text)))
 
 
 def test_a_row_that_is_listed_twice_is_named() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial._core import State, Vehicle
-from seatrial.check.vehicle import check_vehicle
+from seatrial.check.vehicle import check_vehicle, stability_sentences
 from seatrial.vehicle.actuators import pushes
 from seatrial.vehicle.stability import damping_gain, growth, neutral_fins
 from seatrial.vehicle.steady_state import turn_kinds
@@ -108,9 +108,18 @@ def test_endurance_that_is_not_known_is_said_in_words() -> None:
     assert any("a table of thrust says nothing about power" in text for text in check_vehicle(ROV).notes)
 
 
+def test_a_pitch_that_no_actuator_holds_needs_no_fins_on_an_open_frame() -> None:
+    """Advice on the lift of a slender hull does not fit an open frame."""
+    values = {"Z_wdot": 20.0 * ROV.coefficients()["Z_wdot"], "z_b": 0.0}
+    _, warnings = stability_sentences(ROV.with_coefficients(values), [1.0, 1.5], "XYZN")
+    (pitch,) = [text for text in warnings if text.startswith("pitch unstable")]
+    assert "Munk" not in pitch
+    assert "not slender, but no actuator holds it" in pitch
+
+
 def test_a_supply_beyond_the_table_is_said() -> None:
-    assert not any("lies outside" in text for text in check_vehicle(ROV).notes)
-    assert any("1 V lies outside the" in text for text in check_vehicle(ROV, voltage_v=1.0).notes)
+    assert not any("lies outside" in text for text in check_vehicle(ROV).warnings)
+    assert any("1 V lies outside the" in text for text in check_vehicle(ROV, voltage_v=1.0).warnings)
 
 
 def test_rows_left_out_of_controllable_are_a_note() -> None:

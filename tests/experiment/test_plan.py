@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import pickle
+import shutil
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -32,9 +33,10 @@ from seatrial.experiment.fisher import (
 from seatrial.experiment.forecast import Limits, simulated
 from seatrial.experiment.manoeuvre import Manoeuvre, coast_down, dive, free_decay, staircase, zigzag
 from seatrial.experiment.plan import plan
-from seatrial.experiment.plan_result import Plan
+from seatrial.experiment.plan_result import Change, Plan
 from seatrial.report.plot.planned_trial import planned_trial
 from seatrial.report.plot.style import save
+from seatrial.statistics.information import covariance
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 
 Array = NDArray[np.float64]
@@ -224,7 +226,8 @@ def test_write_gives_commands_and_a_sheet(default: Plan, tmp_path: Path) -> None
     assert sheet["area_m"] == pytest.approx([first.forecast.along_m, first.forecast.across_m], abs=0.5)
     assert sheet["warnings"] == list(first.forecast.warnings)
     best = first.gains[0]
-    assert sheet["tells"][best.name]["after"] == pytest.approx(100.0 * best.relative_after, abs=0.05)
+    percent = 100.0 * best.after / abs(best.value)
+    assert sheet["tells"][best.name]["after"] == pytest.approx(percent, abs=0.05)
     assert default.write(tmp_path / "second.csv", trial=2)[0].is_file()
     with pytest.raises(TrialError, match=r"ending \.csv"):
         default.write(tmp_path / "trial.parquet")
@@ -419,6 +422,33 @@ def test_a_campaign_seeks_its_parameters() -> None:
     assert parameters[-1].name == "stern.gain"
     bounds = {p.name: (p.lower, p.upper) for p in parameters}
     assert bounds["z_b"] == (-0.06, -0.005)  # the campaign's own, not the default ones
+
+
+def test_a_thrust_gain_that_the_joint_estimate_frees_limits_what_a_drag_is_known_to(tmp_path: Path) -> None:
+    """Only the ratio of drag and thrust shows at a steady speed: no plan knows one better than the other."""
+    text = (EXAMPLES / "cwolf" / "campaign.toml").read_text()
+    text = text.replace('bench = "bench.toml"', "").split("[polish]")[0].split("[joint]")[0]
+    freed = '[polish.coefficients]\n"stern.gain" = { bounds = [0.5, 1.5], sd = 0.15 }\n'
+    shutil.copytree(EXAMPLES / "cwolf" / "trials", tmp_path / "trials")
+    for name in ("truth.toml", "start_autopilot.toml"):
+        shutil.copy(EXAMPLES / "cwolf" / name, tmp_path)
+    (tmp_path / "campaign.toml").write_text(f"{text}\n[polish]\n{freed}")
+    parameters = of_campaign(Campaign.load(tmp_path / "campaign.toml"))
+    names = [parameter.name for parameter in parameters]
+    drag, gain = names.index("X_uu"), names.index("stern.gain")
+    prior = prior_information(parameters)
+    # The deviation that is known beforehand counts once, beside the bounds.
+    assert prior[gain, gain] == pytest.approx(12.0 + 0.15**-2)
+    run = information(CWOLF, staircase(THRUSTERS, SURGE, duration_s=60.0), parameters, Instruments.on_board())
+    known = np.sqrt(np.diag(covariance(prior + run)))
+    assert known[drag] / abs(CWOLF.coefficients()["X_uu"]) > 0.95 * known[gain] > 0.03
+
+
+def test_deviations_are_told_in_per_cent_of_the_value_and_those_of_zero_in_its_unit() -> None:
+    small = Change("X_u", "N s/m", -5.0, 15.0, 0.6, 0.27)
+    assert (small.told(small.before), small.told(small.after)) == ("12", "5.4")
+    zero = Change("K_0", "N m", 0.0, 0.1, 0.5, 0.02)
+    assert zero.told(zero.after) == "± 0.02 N m"
 
 
 @pytest.mark.long

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import seatrial as st
 from seatrial._core import error_edges
 from seatrial.base.run import to_json
+from seatrial.control_design.start_autopilot import start_autopilot
 from seatrial.flight.metrics import quantile, true_vertical
 from seatrial.sensors.sensor import Sensor
 from tests.flight.flying import BOX, OUT, STATION, flown
@@ -221,6 +222,39 @@ def test_a_loop_at_its_limit_is_saturated() -> None:
     # Eight newtons do not bring CWolf to 1.5 m/s.
     assert flight.loops["surge"].saturated > 0.9 > 0.2 > calm
     assert flight.loops["surge"].demand_largest == pytest.approx(8.0)
+
+
+def test_a_demand_that_the_allocation_gives_up_in_part_is_not_met_and_not_saturated() -> None:
+    """A push ahead of a vehicle whose thrusters sit below O pitches it, and no thruster answers in pitch."""
+    file = tomllib.loads(st.Vehicle.load("bluerov2-heavy").to_toml())
+    file["thrusters"] = [one for one in file["thrusters"] if one["group"] != "vertical"][:4] + [
+        one | {"position_m": [0.0, *one["position_m"][1:]]}
+        for one in file["thrusters"]
+        if one["group"] == "vertical"
+    ][:2]
+    for one in file["thrusters"][:4]:
+        one["position_m"][2] = 0.03
+    vehicle = st.Vehicle.from_toml(tomlkit.dumps(file))
+    autopilot = st.Autopilot.from_toml(start_autopilot(vehicle))
+    mission = st.Mission.from_toml(OUT.replace("speed_m_s = 1.5", "speed_m_s = 0.4"))
+    flight = st.fly(vehicle, autopilot, mission, max_time_s=60.0, voltage_v=16.0)
+    surge = flight.loops["surge"]
+    assert surge.unmet > 0.3 > 0.05 > surge.saturated
+    assert any("did not meet the demand of the surge loop" in line for line in flight.sentences())
+    rows = flight.active[:, 0] & (np.abs(flight.demanded[:, 0]) > 1.0)
+    assert (flight.achieved[rows, 0] < 0.97 * flight.demanded[rows, 0]).all()
+
+
+def test_a_supply_that_no_table_of_thrust_reaches_is_warned_of() -> None:
+    vehicle = st.Vehicle.load("bluerov2-heavy")
+    autopilot = st.Autopilot.from_toml(start_autopilot(vehicle))
+    flights = [
+        st.fly(vehicle, autopilot, st.Mission.from_toml(OUT), max_time_s=2.0, voltage_v=supply)
+        for supply in (16.0, 3.0)
+    ]
+    said = [[line for line in flight.sentences() if "lies outside" in line] for flight in flights]
+    assert said[0] == []
+    assert said[1][0].startswith("WARNING: Supply: 3 V lies outside the 10 to 20 V of the table")
 
 
 def test_starts_and_stops_of_the_actuators_are_counted() -> None:

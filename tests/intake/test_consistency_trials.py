@@ -15,9 +15,11 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import from_euler, matrix, product
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.intake.consistency_trials import LATE, consistency_of_trial, late_velocity, proposals
+from seatrial.intake.consistency_result import Consistency, Correction
+from seatrial.intake.consistency_trials import LATE, consistency_of_trial, late_velocity, mean, proposals
 from seatrial.sensors.log import held, measure, times
 from seatrial.sensors.sensor import parse_sensors
+from seatrial.trial.signals import RecordingReport
 from tests.trial import motion
 
 CWOLF = Path(seatrial.__file__).parent / "examples" / "cwolf"
@@ -144,3 +146,24 @@ def test_identify_heads_its_lines_with_a_late_velocity() -> None:
     assert report.worst.startswith(f"{LATE}turn is 0.4"), report.worst
     assert report.next_step.startswith("run seatrial check")
     assert fit.before[0].startswith(LATE)
+
+
+def bias(value: float, sd: float) -> Consistency:
+    """A trial that proposes a bias of the yaw rate alone."""
+    sentence = f"r is off by {value:+.3g} deg/s"
+    found = Correction(
+        "corrections", "bias.r_deg_s", value, sd, "deg/s", 0.04, 0.03, "rates, rad/s", sentence
+    )
+    return Consistency((found,), ())
+
+
+def test_the_printed_correction_is_the_one_of_the_drafted_campaign() -> None:
+    """The mean of trials that agree; each trial's own value where they do not."""
+    agreed = {"a": bias(1.026, 0.06), "b": bias(0.97, 0.06), "c": bias(0.98, 0.03)}
+    reports = {name: RecordingReport(name) for name in agreed}
+    (told,) = proposals(agreed, reports)
+    value = mean({name: one.corrections[0] for name, one in agreed.items()})[1]
+    assert 0.97 < value < 1.0
+    assert told.text.endswith(f"[corrections] bias.r_deg_s = {value:g} (their mean)")
+    (apart,) = proposals({"a": bias(1.0, 0.01), "b": bias(-1.0, 0.01)}, reports)
+    assert "[trials.a.corrections] bias.r_deg_s = 1, [trials.b.corrections] bias.r_deg_s = -1" in apart.text

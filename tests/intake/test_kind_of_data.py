@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,15 @@ def test_closed_loop_and_waves_are_said_before_what_was_done() -> None:
     assert kind.sentences[-1].startswith("hold out ")
     assert [one.channel for one in kind.weak] == ["u"]
     json.dumps(kind.to_dict())
+
+
+def test_waves_that_only_a_crude_regression_leaves_are_told_as_a_guess() -> None:
+    kind = kind_of_data(closed_loop(0.05))
+    assert kind.waves is not None
+    assert kind.waves.line
+    (said,) = [one for one in replace(kind, waves=replace(kind.waves, line=False)).warnings if "waves" in one]
+    assert "no command explains" not in said
+    assert "perhaps waves" in said
 
 
 @pytest.mark.long

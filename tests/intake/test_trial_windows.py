@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import seatrial as st
 from seatrial.intake.manoeuvres import manoeuvres
@@ -47,6 +48,23 @@ def test_the_easy_end_is_not_held_out() -> None:
     assert proposed.hold_out[1] <= 300.0
     assert proposed.use[1] == pytest.approx(300.0, abs=25.0)
     assert proposed.effort > 0.7
+
+
+def test_the_hold_out_lies_where_the_log_has_samples() -> None:
+    """Half a minute without samples, in the middle of what would be held out of the whole log."""
+    force = 30.0 * ((T // 12.0) % 2)
+    u = 0.05 * force + np.random.default_rng(1).normal(0.0, 0.002, len(T))
+
+    def held_out(kept: NDArray[np.bool_]) -> tuple[float, float]:
+        table = {"t_s": T[kept], "u_m_s": u[kept], "tau.X_n": force[kept]}
+        trial = st.Trial.read(table, align=False, rate_hz=10.0)
+        proposed = windows(trial, manoeuvres(trial)).hold_out
+        assert proposed is not None
+        return proposed
+
+    middle = float(np.mean(held_out(np.ones(len(T), bool))))
+    start, stop = held_out(np.abs(T - middle) > 15.0)
+    assert stop <= middle - 14.0 or start >= middle + 14.0
 
 
 def test_a_short_trial_is_not_split() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,14 @@ import pytest
 
 import seatrial as st
 from seatrial.intake.survey import SurveyedLog
-from seatrial.intake.vehicle_draft import draft_vehicle, hull_inertia, matched, thruster_signs, turned
+from seatrial.intake.vehicle_draft import (
+    draft_vehicle,
+    hull_inertia,
+    matched,
+    opposed,
+    thruster_signs,
+    turned,
+)
 
 AGAINST = ("thruster_3", "thruster_4", "thruster_6", "thruster_7")
 
@@ -41,6 +49,18 @@ def test_directions_come_from_the_commands_and_the_motion() -> None:
     vehicle = st.Vehicle.load("bluerov2-heavy")
     signs = thruster_signs(vehicle, _trial(vehicle), {})
     assert tuple(name for name, against in signs.items() if against) == AGAINST
+
+
+def test_axes_that_point_to_port_and_upwards_answer_against_the_thrusters() -> None:
+    vehicle = st.Vehicle.load("bluerov2-heavy")
+    trial = _trial(vehicle)
+    turned_back = {name: 3000.0 - y for name, y in trial.commands.items() if name in AGAINST}
+    trial = replace(trial, commands=dict(trial.commands) | turned_back)
+    assert opposed(vehicle, trial) == ""
+    port_and_up = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+    against = opposed(vehicle, replace(trial, nu=trial.nu * port_and_up))
+    assert set("YZN") <= set(against)
+    assert "X" not in against
 
 
 def test_parameters_of_the_log_decide_before_the_motion() -> None:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+import tomlkit
 from matplotlib.legend import Legend
 
 import seatrial as st
 from seatrial.examples.paper.autopilot import autopilot_plates, flight_plates
 from seatrial.flight.failures import Fault, Outage
+from seatrial.flight.metrics import saturated
 from seatrial.report.plot.flight import (
     _remark,
     events,
     flight_loops,
     flight_track,
-    saturated,
     settled,
     shown_loops,
     spans,
@@ -141,7 +143,9 @@ def test_loops_show_what_is_at_work_without_jumps() -> None:
 
 
 def test_a_saturated_loop_is_shaded() -> None:
-    flight = flown(BOX, faults=(Fault("SbU", at_s=20.0), Fault("SbL", at_s=20.0), Fault("PU", at_s=20.0)))
+    file = tomllib.loads(st.Autopilot.load("cwolf").to_toml())
+    file["loops"]["surge"]["tau_max"] = 8.0
+    flight = st.fly("cwolf", st.Autopilot.from_toml(tomlkit.dumps(file)), st.Mission.from_toml(OUT))
     rows = saturated(flight, 0)
     assert rows.any()
     assert flight.loops["surge"].saturated == pytest.approx(rows.sum() / flight.active[:, 0].sum())

@@ -71,6 +71,15 @@ def test_law_the_true_vehicle_reaches_the_ceiling_and_no_more() -> None:
     assert "at most" in str(found)
 
 
+def test_a_ceiling_that_the_model_beats_is_not_told() -> None:
+    """What a spectrum took for waves was motion that the vehicle's model explains."""
+    found = score(Vehicle.load("cwolf"), record(0.005), free="XZ", free_run=True)
+    assert set(found.ceiling) == {"u", "w"}
+    waved = {name: replace(one, wave={"u": 0.1}) for name, one in found.limits.items()}
+    assert set(replace(found, limits=waved).ceiling) == {"w"}
+    assert all(found.r2[channel] <= limit for channel, limit in found.ceiling.items())
+
+
 def test_waves_lower_the_ceiling_and_part_the_score() -> None:
     trial = record(0.005, HEAVE_M_S)
     found = score(Vehicle.load("cwolf"), trial, free="XZ", free_run=True)

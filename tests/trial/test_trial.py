@@ -94,6 +94,24 @@ def test_gaps_in_time_are_masked_not_bridged(table: dict[str, Any]) -> None:
     assert "1 gap in time, the longest 2.20 s; masked" in findings(trial, "position")
 
 
+def test_a_clock_that_jumped_is_told_from_a_pause() -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    way = {"x_m": 0.8 * t, "y_m": 5.0 * np.sin(0.05 * t), "z_m": 3.0 + 0.0 * t}
+    noise = np.random.default_rng(1).normal(0.0, 0.005, len(t))
+    told = {}
+    for name, jump, x in (
+        ("jump", 37.0, way["x_m"] + noise),
+        ("pause", 37.0, way["x_m"] + np.where(t < 30.0, 0.0, 30.0) + noise),
+        ("at rest", 37.0, noise),
+    ):
+        stamps = t + np.where(t < 30.0, 0.0, jump)
+        y = way["y_m"] if name != "at rest" else noise[::-1]
+        table = {"t_s": stamps, "x_m": x, "y_m": y, "z_m": way["z_m"]}
+        told[name] = findings(Trial.read(table, align=False), "position")
+    assert all("1 gap in time, the longest 37.10 s" in one for one in told.values())
+    assert [name for name, one in told.items() if "clock may have jumped" in one] == ["jump"]
+
+
 def test_commands_are_held_and_channels_interpolated() -> None:
     t = np.arange(0.0, 4.0, 0.2)
     trial = Trial.read({"t_s": t, "u_m_s": t, "cmd.a": np.floor(t)}, rate_hz=20.0)

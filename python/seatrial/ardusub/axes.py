@@ -1,8 +1,9 @@
 """Which loops of ArduSub the identified model can judge, why not the others, and the margins of those it can.
 
 Gains of a loop are changed only where five things hold: its coefficients were identified from the log; no
-search ended at a bound; the apparent mass is one that the vehicle of the file can have (`plausible_masses`);
-drawn vehicles agree about it; and on held-out data the model predicts better than the best baseline.
+search ended at a bound; the apparent mass is one that the vehicle of the file can have
+(`seatrial.identification.apparent_mass`); drawn vehicles agree about it; and on held-out data the model
+predicts better than the best baseline.
 Otherwise the parameters stay, and the report says which trial would tell.
 
 A margin is that of the loop opened at the mixer's demand, all filters, the motor's lag and one and a half
@@ -14,7 +15,7 @@ Held by ``tests/ardusub/test_tuning.py``.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -23,8 +24,10 @@ import numpy as np
 from seatrial._core import ardusub_defaults, ardusub_pulses
 from seatrial.ardusub.flights import Rig
 from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES
 from seatrial.campaign.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 from seatrial.control_design.margins import loop_margins
+from seatrial.identification.apparent_mass import AGREE, implausible_masses, mass_in_words
 from seatrial.vehicle.actuators import bollard
 from seatrial.vehicle.authority import delays
 
@@ -43,7 +46,6 @@ __all__ = [
     "axis_verdicts",
     "loop_law",
     "margins_of",
-    "plausible_masses",
 ]
 
 SOUGHT: Mapping[str, Mapping[str, tuple[float, float]]] = {
@@ -91,11 +93,6 @@ _INERTIA_TRIALS = {
 AMPLE = (45.0, 12.0, 1.5)
 """Phase margin, deg, gain margin, dB, and sensitivity that a tuning may come down to where there was more."""
 
-_AGREE = 0.3
-"""Relative deviation up to which apparent masses agree: of drawn vehicles, and of the vehicle file."""
-
-_ORDER = "XYZKMN"
-
 
 @dataclass(frozen=True)
 class AxisVerdict:
@@ -131,23 +128,21 @@ def axis_verdicts(
 ) -> tuple[AxisVerdict, ...]:
     """Which loops the identified model can judge."""
     masses = _masses(fitted, draws, seed)
-    plausible = plausible_masses(found.campaign.vehicle, {one.name for one in found.coefficients})
-    of_file = dict(zip(_ORDER, np.diag(np.asarray(found.campaign.vehicle.mass_matrix())), strict=True))
+    odd_masses = implausible_masses(
+        found.campaign.vehicle, found.coefficients, {axis: mass for axis, (mass, _) in masses.items()}
+    )
     hold_out = found.scores.get("hold_out", {}).get("ahead", {})
     scores, baselines = hold_out.get("all"), found.baselines
     verdicts = []
     for loop, axes in AXES_OF_LOOPS.items():
-        odd = {
-            axis: _implausible(found, axis, masses[axis][0], float(of_file[axis]), plausible[axis])
-            for axis in axes
-        }
+        odd = {axis: odd_masses.get(axis, "") for axis in axes}
         against = [
             reason
             for axis in axes
             if (reason := odd[axis] or _against(found, axis, masses, scores, baselines))
         ]
         implausible = any(odd.values())
-        told = ", ".join(f"apparent {_mass_in_words(axis, *masses[axis])}" for axis in axes)
+        told = ", ".join(f"apparent {mass_in_words(axis, *masses[axis])}" for axis in axes)
         trial = f"{_TRIALS[loop]}; {_INERTIA_TRIALS[axes[0] in 'KMN']}" if implausible else _TRIALS[loop]
         verdicts.append(
             AxisVerdict(
@@ -159,64 +154,6 @@ def axis_verdicts(
             )
         )
     return tuple(verdicts)
-
-
-def plausible_masses(vehicle: Vehicle, freed: Collection[str] = ()) -> dict[str, tuple[float, float]]:
-    """Least and largest apparent mass (inertia) of every axis that a vehicle file allows, kg or kg m2.
-
-    The mass matrix of the file with its diagonal added mass at either of its default bounds, 0.2 and 5 times
-    the start value, and with mass and inertia at theirs where they are `freed`
-    (docs/theory/geometry.md#default-bounds). The drafted campaign searches beyond them where thrust and
-    levers are held, because what turns takes their error over: such a value describes the log, and is not
-    the vehicle's inertia. An added mass without start value has no bounds: 0 to infinity.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The one that an identification begins with.
-    freed : collection of str
-        Coefficients that it searches.
-    """
-    known, values = vehicle.coefficient_info(), vehicle.coefficients()
-    own = np.diag(np.asarray(vehicle.mass_matrix()))
-    rigid = {"X": "m", "Y": "m", "Z": "m", "K": "I_x", "M": "I_y", "N": "I_z"}
-    found = {}
-    for axis, mass in zip(_ORDER, own.tolist(), strict=True):
-        added = known[f"{axis}_{_CHANNEL[axis]}dot"]
-        bounded = added["lower"] is not None
-        least, most = (-float(added["upper"]), -float(added["lower"])) if bounded else (0.0, np.inf)
-        rest = mass + values.get(f"{axis}_{_CHANNEL[axis]}dot", 0.0)
-        low, high = 0.0, 0.0
-        if rigid[axis] in freed:
-            body = known[rigid[axis]]
-            low, high = (float(body[end]) - values[rigid[axis]] for end in ("lower", "upper"))
-        found[axis] = (rest + low + least, rest + high + most)
-    return found
-
-
-def _implausible(
-    found: Identification, axis: str, mass: float, of_file: float, plausible: tuple[float, float]
-) -> str:
-    """What makes an apparent mass implausible; empty where it is one that the vehicle of the file can have.
-
-    A small added mass may be several times that of the file and change nothing: what agrees is plausible.
-    """
-    low, high = plausible
-    # A search that ended at a bound is on it up to rounding, and is told as such.
-    if 0.999 * low <= mass <= 1.001 * high or abs(mass - of_file) <= _AGREE * of_file:
-        return ""
-    added = [one for one in found.coefficients if one.name == f"{axis}_{_CHANNEL[axis]}dot" and one.start]
-    by = "".join(f" ({one.name} {one.estimate / one.start:.3g} times its start)" for one in added)
-    return (
-        f"{axis}: implausible, apparent {_mass_in_words(axis, mass)} is {mass / of_file:.2g} times the"
-        f" {of_file:.2g} of the vehicle file{by}, whose bounds allow {low:.2g} to {high:.2g}; a wrong thrust"
-        " or lever, or a delay that the model lacks, is fitted as inertia"
-    )
-
-
-def _mass_in_words(axis: str, mass: float, sd: float | None = None) -> str:
-    what, unit = ("inertia", "kg m2") if axis in "KMN" else ("mass", "kg")
-    return f"{what} {mass:.3g}{'' if sd is None else f' ± {sd:.2g}'} {unit}"
 
 
 def _against(
@@ -243,7 +180,7 @@ def _against(
     if stuck and len([one for one in damping if one in stuck]) == len(damping):
         return f"{axis}: {stuck[0].name} ended at its bound of {stuck[0].estimate:.3g}"
     middle, sd = masses[axis]
-    if not sd <= _AGREE * middle:
+    if not sd <= AGREE * middle:
         return f"{axis}: drawn vehicles disagree, apparent mass {middle:.3g} ± {sd:.2g}"
     channel = _CHANNEL[axis]
     if scores is not None and channel in scores:
@@ -263,7 +200,7 @@ def _masses(fitted: Fitted, draws: int, seed: int) -> dict[str, tuple[float, flo
     """Apparent mass of every axis and its standard deviation over drawn vehicles."""
     diagonal = _diagonals(fitted.vehicle, fitted.draws(draws, seed), draws)
     own = np.diag(np.asarray(fitted.vehicle.mass_matrix()))
-    return {axis: (float(own[i]), float(diagonal[:, i].std())) for i, axis in enumerate(_ORDER)}
+    return {axis: (float(own[i]), float(diagonal[:, i].std())) for i, axis in enumerate(AXES)}
 
 
 def _diagonals(vehicle: Vehicle, drawn: Mapping[str, Array], k: int) -> Array:
@@ -329,7 +266,7 @@ class MarginModel:
             [-np.broadcast_to(drawn.get(name, own.get(name, 0.0)), draws) for name in names], 1
         )
         self._secants = _secants(fitted.vehicle, rig, voltage_v)
-        self._delays = delays(fitted.vehicle, _ORDER)
+        self._delays = delays(fitted.vehicle, AXES)
         self._omega = np.geomspace(0.02, 0.9 * np.pi / period_s, 400)
 
     def of(self, loop: str, parameters: Mapping[str, float]) -> Margins:
@@ -338,7 +275,7 @@ class MarginModel:
         law = loop_law(loop, {**ardusub_defaults(), **parameters}, s)
         every = []
         for axis in AXES_OF_LOOPS[loop]:
-            i = _ORDER.index(axis)
+            i = AXES.index(axis)
             late = self._delays[axis]
             chain = np.exp(-s * (1.5 * self._period_s + late.dead_s)) / (1.0 + s * (late.lag_s + late.ramp_s))
             motion = 1.0 / (self._mass[:, i, None] * s + self._damping[:, i, None])
@@ -399,6 +336,6 @@ def _secants(vehicle: Vehicle, rig: Rig, voltage_v: float) -> dict[str, tuple[fl
                 bollard(vehicle, dict(zip(vehicle.actuators, row.tolist(), strict=True)), voltage_v=voltage_v)
                 for row in pulses
             ]
-            slopes.append(abs(float((both[0] - both[1])[_ORDER.index(axis)])) / (2.0 * size))
+            slopes.append(abs(float((both[0] - both[1])[AXES.index(axis)])) / (2.0 * size))
         found[axis] = max(slopes), min(slopes)
     return found

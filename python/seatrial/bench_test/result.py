@@ -24,7 +24,13 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_model import StepRecord
     from seatrial.bench_test.pulls import PullPoints
 
-__all__ = ["BenchTest", "share"]
+__all__ = ["WRITE", "BenchTest", "share"]
+
+WRITE = (
+    "write the results into the vehicle file (seatrial bench FILE --in-place, or --write FILE), then"
+    " run seatrial check on it"
+)
+"""What to do next as long as the results stand in no vehicle file."""
 
 _MOST = 4
 
@@ -90,7 +96,7 @@ def _largest(fit: UnitFit, side: str) -> str:
 def _goodness(one: DirectionFit) -> str:
     fit = one.fit
     return (
-        f"R2 = 1 - SSE/SST {_is(share(fit.r2))} decides (the paper's B, blind to a wrong gain,"
+        f"R2 = 1 - SSE/SST {_is(share(fit.r2))} (squared correlation, blind to a wrong gain,"
         f" {_is(share(fit.b))}); points scatter by {fit.sigma:.2g} N (standard"
         f" deviation, {fit.dof} degrees of freedom)"
     )
@@ -340,7 +346,10 @@ def _how_good(test: BenchTest) -> str:
         rms = max(
             row["rms_n"] for fit in test.pulls.values() if fit.table is not None for row in fit.table.errors()
         )
-        parts.append(f"thrust tables of {len(test.pulls)} groups, points within {rms:.2g} N rms")
+        plural = "s" if len(test.pulls) > 1 else ""
+        parts.append(
+            f"thrust table{plural} of {len(test.pulls)} group{plural}, points within {rms:.2g} N rms"
+        )
     for unit, motor in test.motors.items():
         known = sum(one.determined for one in motor.parameters.values())
         parts.append(
@@ -352,10 +361,7 @@ def _how_good(test: BenchTest) -> str:
 
 def _worst(test: BenchTest) -> tuple[str, str]:
     """The worst problem of a bench test, and what to do about it."""
-    write = (
-        "write the results into the vehicle file (seatrial bench FILE --in-place, or --write FILE), then"
-        " run seatrial check on it"
-    )
+    write = WRITE
     if test.warnings:
         return test.warnings[
             0
@@ -419,8 +425,12 @@ def _fit_table(test: BenchTest) -> Table:
         for unit, fit in test.pulls.items()
         for side, one in fit.directions.items()
     ]
-    head = ("group", "points", "outliers", "R2", "paper's B", "scatter, N", "condition")
-    return Table.of("Fit (R2 = 1 - SSE/SST decides)", head, rows)
+    head = ("group", "points", "outliers", "R2", "squared correlation", "scatter, N", "condition")
+    return Table.of(
+        "How well the points fit (R2 = 1 - SSE/SST; a squared correlation is blind to a wrong gain)",
+        head,
+        rows,
+    )
 
 
 def _table_errors(test: BenchTest) -> Table:

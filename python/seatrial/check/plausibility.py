@@ -19,7 +19,7 @@ from seatrial.vehicle.stability import positive_damping
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["beyond_tables", "implausible", "unused_rows"]
+__all__ = ["implausible", "unused_rows"]
 
 
 _LIGHTEST, _HEAVIEST = 950.0, 1300.0  # kg/m3: hot water, the Dead Sea
@@ -207,10 +207,13 @@ def _rows(vehicle: Vehicle) -> list[str]:
     ]
     if not lacking:
         return found
+    kept = ", ".join(f'"{row}"' for row in dict.fromkeys(declared) if row not in lacking)
     return [
         *found,
-        f"controllable lists {', '.join(lacking)}, which the actuators cannot command independently of"
-        " the others; correct controllable, or positions and directions",
+        f"{', '.join(lacking)} {'counts' if len(lacking) == 1 else 'count'} as controllable (every row does"
+        " in a file without this key), and the actuators cannot command"
+        f" {'it' if len(lacking) == 1 else 'them'} independently of the others; give controllable ="
+        f" [{kept}], or correct positions and directions",
     ]
 
 
@@ -220,13 +223,3 @@ def unused_rows(vehicle: Vehicle, able: Collection[str]) -> list[str]:
     if not unused:
         return []
     return [f"The actuators can also command {', '.join(unused)}; controllable leaves it out"]
-
-
-def beyond_tables(vehicle: Vehicle, voltage_v: float) -> list[str]:
-    """Sentence per table of thrust that does not reach to this supply voltage in V."""
-    return [
-        f"Supply: {voltage_v:g} V lies outside the {lowest:g} to {highest:g} V of the table {name},"
-        " which is read at its edge"
-        for name, (lowest, highest) in vehicle.table_voltages().items()
-        if not lowest <= voltage_v <= highest
-    ]

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.report import Report, Section, Table
-from seatrial.check.plausibility import beyond_tables, implausible, unused_rows
-from seatrial.vehicle.actuators import NOMINAL_V, Push, pushes
+from seatrial.check.plausibility import implausible, unused_rows
+from seatrial.vehicle.actuators import NOMINAL_V, Push, beyond_tables, pushes
 from seatrial.vehicle.authority import commanded_rows
 from seatrial.vehicle.stability import Statics, damping_gain, growth, statics
 from seatrial.vehicle.steady_state import (
@@ -95,6 +95,9 @@ def stability_sentences(
 def _cure(vehicle: Vehicle, plane: str) -> str:
     lift = _LIFT[plane]
     fins = _fins(vehicle, plane)
+    if not fins and not _slender(vehicle):
+        said = "Usual for a hull that is not slender, but no actuator holds it: keep the vehicle slower"
+        return said + (", or raise the buoyancy over the weight (z_b)" if plane == "pitch" else "")
     if not fins:
         return (
             f"Lift of hull and fixed fins ({lift}) balances the Munk moment of a slender hull; give it where"
@@ -346,7 +349,6 @@ def check_vehicle(
     running = [row.speed_m_s for row in rows if row.speed_m_s > 1e-3]
     notes = [
         *_statics_notes(rest),
-        *beyond_tables(vehicle, voltage_v),
         *_speed_notes(vehicle, rows, voltage_v),
         *missed,
         *_turn_notes(vehicle, turning),
@@ -354,7 +356,7 @@ def check_vehicle(
         _row_note(able),
         *unused_rows(vehicle, able),
     ]
-    warnings = [*_static_warnings(rest), *implausible(vehicle)]
+    warnings = [*beyond_tables(vehicle, voltage_v), *_static_warnings(rest), *implausible(vehicle)]
     if running:
         motion, unstable = stability_sentences(vehicle, running, able)
         notes, warnings = notes + motion, warnings + unstable

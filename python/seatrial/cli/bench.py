@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,6 +39,7 @@ def bench(
     """Fit thrust and motor of every tested group, say how sure they are, write them into the vehicle file."""
     from seatrial.base.errors import SeatrialError
     from seatrial.bench_test.evaluate import bench as evaluate
+    from seatrial.bench_test.result import WRITE
     from seatrial.cli.console import answer, formats, print_json
 
     if write is not None and in_place:
@@ -75,7 +77,10 @@ def bench(
         results += f"\nVehicle file with the results: {written} (seatrial check {written})"
     elif found.notes:
         results += "\nNothing was written into a vehicle file: give --write FILE or --in-place"
-    answer(found.report(), verbose=verbose, results=results, draw=drawn)
+    report = found.report()
+    if written is not None:
+        report = replace(report, next_step=report.next_step.replace(WRITE, f"run seatrial check {written}"))
+    answer(report, verbose=verbose, results=results, draw=drawn)
     reported(page, [folder])
 
 

@@ -289,17 +289,30 @@ def of_vehicle(vehicle: Vehicle, names: Sequence[str] = ()) -> tuple[Parameter, 
             wanted[name] = Coefficient()
     if not wanted:
         raise CampaignError(f"{vehicle.name}: it has no coefficient to plan for; name some")
-    stage = Stage(name="plan", trials=("next",), axes=Axes(free="X"), coefficients=wanted)
-    return parsed(stage, vehicle, "plan")
+    return _parsed(wanted, vehicle, "plan")
+
+
+def _parsed(wanted: Mapping[str, Coefficient], vehicle: Vehicle, where: str) -> tuple[Parameter, ...]:
+    """Parameters of coefficients that no stage of a campaign has together."""
+    stage = Stage(name="plan", trials=("next",), axes=Axes(free="X"), coefficients=dict(wanted))
+    return parsed(stage, vehicle, where)
 
 
 def of_campaign(campaign: Campaign, names: Sequence[str] = ()) -> tuple[Parameter, ...]:
-    """Parameters of all stages of a campaign, with its bounds, and others of the vehicle by name."""
+    """Parameters of all stages of a campaign and of its joint estimate, and others of the vehicle by name.
+
+    What the joint estimate frees besides (a thruster's gain) leaves less to tell the rest by.
+    """
     found = {
         parameter.name: parameter
         for stage in campaign.stages
         for parameter in campaign.parameters[stage.name]
     }
+    polish = campaign.file.polish
+    if polish is not None and polish.coefficients:
+        found |= {
+            p.name: p for p in _parsed(polish.coefficients, campaign.vehicle, f"{campaign.source}: polish")
+        }
     missing = [name for name in names if name not in found]
     if missing:
         found |= {p.name: p for p in of_vehicle(campaign.vehicle, missing) if p.name in missing}
@@ -307,14 +320,14 @@ def of_campaign(campaign: Campaign, names: Sequence[str] = ()) -> tuple[Paramete
 
 
 def prior_information(parameters: Sequence[Parameter]) -> Array:
-    """Information (m, m) of the bounds."""
-    return np.diag([12.0 / (p.upper - p.lower) ** 2 for p in parameters])
+    """Information (m, m) of the bounds and of the standard deviations that are known beforehand."""
+    return np.diag([12.0 / (p.upper - p.lower) ** 2 + p.sd**-2.0 for p in parameters])
 
 
 def recorded_information(
     recorded: Linearisation, parameters: Sequence[Parameter], instruments: Instruments
 ) -> Array:
-    """Information (m, m) about the parameters in what was recorded; zero for one that was not estimated.
+    """Information (m, m) about the parameters in what was recorded alone; zero for one not estimated there.
 
     The noise is that of the instruments where they measure the channel, otherwise that of the linearisation.
     """
@@ -329,7 +342,6 @@ def recorded_information(
         rows = (piece.jacobian * factor[None, :, None]).reshape(-1, size)
         total += rows.T @ rows
     total *= min(recorded.dt / instruments.correlation_s, 1.0)
-    total += np.diag([unknown.prior_sd**-2.0 for unknown in recorded.unknowns])
     rows_of = {unknown.name: row for row, unknown in enumerate(recorded.unknowns)}
     shared = [index for index, parameter in enumerate(parameters) if parameter.name in rows_of]
     keep = [rows_of[parameters[index].name] for index in shared]
@@ -337,6 +349,7 @@ def recorded_information(
     drop = [row for row in range(size) if row not in keep]
     for row in drop:
         unknown = recorded.unknowns[row]
+        total[row, row] += unknown.prior_sd**-2.0
         if unknown.kind == "coefficient" and math.isfinite(unknown.scale):
             total[row, row] += 12.0 / unknown.scale**2
     found = np.zeros((len(parameters), len(parameters)))

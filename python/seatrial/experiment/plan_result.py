@@ -24,10 +24,17 @@ __all__ = ["Change", "Plan", "Ranked"]
 
 _SHEET_ROWS = 8
 
+_ZERO = 0.01
+"""Share of what the score takes a deviation relative to: a smaller value is one of zero."""
+
 
 @dataclass(frozen=True)
 class Change:
-    """Standard deviation of one coefficient before and after, in its unit; relative to ``relative_to``."""
+    """Standard deviation of one coefficient before and after, in its unit.
+
+    The score takes it relative to ``relative_to``, which is no less than a tenth of the bounds' width; what
+    is printed is relative to the value.
+    """
 
     name: str
     unit: str
@@ -38,13 +45,29 @@ class Change:
 
     @property
     def relative_before(self) -> float:
-        """Relative standard deviation before; one is 100 %."""
+        """Relative standard deviation before, as the score has it; one is 100 %."""
         return self.before / self.relative_to
 
     @property
     def relative_after(self) -> float:
-        """Relative standard deviation after."""
+        """Relative standard deviation after, as the score has it."""
         return self.after / self.relative_to
+
+    @property
+    def of_value(self) -> bool:
+        """Whether a deviation is told in per cent of the value; one of a value of about zero is not."""
+        return abs(self.value) > _ZERO * self.relative_to
+
+    @property
+    def whole(self) -> float:
+        """What is printed is relative to it: the value, or what the score takes where that is about zero."""
+        return abs(self.value) if self.of_value else self.relative_to
+
+    def told(self, deviation: float) -> str:
+        """A deviation in per cent of the value, or with its unit and marked where the value is about zero."""
+        if self.of_value:
+            return _percent(deviation / self.whole)
+        return f"± {deviation:.2g} {self.unit}".rstrip()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -268,15 +291,22 @@ class Plan(RunResult):
             f"top_speed_m_s = {seen.speed_m_s:.2f}",
             f"warnings = [{', '.join(_text(warning) for warning in seen.warnings)}]",
             "",
-            "# Standard deviations in per cent of the coefficient, before and after this trial.",
+            "# Standard deviations before and after this trial, in per cent of the coefficient's value;",
+            "# those of a coefficient of about zero in its unit.",
             "[tells]",
         ]
-        lines += [
-            f"{_text(change.name)} = {{ before = {100 * change.relative_before:.1f},"
-            f" after = {100 * change.relative_after:.1f} }}"
-            for change in ranked.gains[:_SHEET_ROWS]
-        ]
+        lines += [_tells(change) for change in ranked.gains[:_SHEET_ROWS]]
         return "\n".join(lines) + "\n"
+
+
+def _tells(change: Change) -> str:
+    """Line of a sheet on what a trial tells about a coefficient."""
+    if change.of_value:
+        before, after = (f"{100 * x / change.whole:.1f}" for x in (change.before, change.after))
+        unit = ""
+    else:
+        before, after, unit = f"{change.before:.3g}", f"{change.after:.3g}", f", unit = {_text(change.unit)}"
+    return f"{_text(change.name)} = {{ before = {before}, after = {after}{unit} }}"
 
 
 def _text(words: str) -> str:
@@ -353,21 +383,24 @@ def _on_top(found: Plan) -> Iterator[str]:
 
 
 def _precision(found: Plan) -> Table:
-    """Relative standard deviation of every coefficient, before and after each trial."""
+    """Standard deviation of every coefficient, before and after each trial."""
     after = [{change.name: change for change in ranked.gains} for ranked in found.sequence]
     rows = [
         [
             change.name,
             change.unit,
             f"{change.value:.4g}",
-            _percent(change.relative_before),
-            *(_percent(changes[change.name].relative_after) for changes in after),
+            change.told(change.before),
+            *(change.told(changes[change.name].after) for changes in after),
         ]
         for change in found.coefficients
     ]
     numbered = (f"after {number}" for number in range(1, len(after) + 1))
     head = ["coefficient", "unit", "value", "so far", *numbered]
-    return Table.of("Standard deviations, per cent of the value", head, rows, left=2)
+    zero = (
+        "" if all(change.of_value for change in found.coefficients) else "; of a value of zero ± in its unit"
+    )
+    return Table.of(f"Standard deviations, per cent of the value{zero}", head, rows, left=2)
 
 
 def _others(found: Plan) -> Table:
@@ -409,14 +442,15 @@ def _still_unknown(found: Plan) -> list[str]:
     """What stays unknown after the trials, and which manoeuvre would show it best."""
     groups: dict[str, list[str]] = {}
     for change in found.coefficients:
-        if change.relative_after <= _UNKNOWN:
+        if change.after / change.whole <= _UNKNOWN:
             continue
-        best, left = "", change.relative_after
+        best, left = "", change.after
         for ranked in found.ranking:
-            after = next(gain.relative_after for gain in ranked.gains if gain.name == change.name)
+            after = next(gain.after for gain in ranked.gains if gain.name == change.name)
             if after < _BETTER * left:
                 best, left = ranked.manoeuvre.name, after
-        groups.setdefault(best, []).append(f"{change.name} ({_percent(left)} %)" if best else change.name)
+        told = f"{change.told(left)} %" if change.of_value else change.told(left)
+        groups.setdefault(best, []).append(f"{change.name} ({told})" if best else change.name)
     return [
         f"Still unknown to more than {100 * _UNKNOWN:.0f} %, "
         + (f"best shown by {best}" if best else "and no manoeuvre that fits improves it")

@@ -49,6 +49,7 @@ from seatrial.flight.metrics import (
 from seatrial.flight.mismatch import ANOTHER, mismatch
 from seatrial.flight.reactions import Alert, ascent, called_for
 from seatrial.flight.tables import legs_table, loops_table, metrics_table, navigation_table
+from seatrial.vehicle.actuators import beyond_tables
 
 if TYPE_CHECKING:
     import polars as pl
@@ -313,10 +314,11 @@ def sentences(flight: Flight) -> list[str]:
             f" {max(leg.vertical_largest_m for leg in straight):.2f} m."
         )
     found += [*_clear(flight), *_beyond_the_model(flight)]
+    found += [f"WARNING: {one}." for one in _beyond_tables(flight)]
     found += _speeds(flight)
     found += _depth(legs)
     found += _stations(legs)
-    found += _loops(flight)
+    found += _loops(flight) + _unmet(flight)
     found += _actuators(flight)
     found += _sensors(flight)
     return found
@@ -435,12 +437,14 @@ def _nearness(flight: Flight) -> Finding:
 
 
 def _lesser(flight: Flight) -> tuple[str, str]:
-    """The worst of a flight that succeeded: time, errors beyond a radius, saturation, then other errors."""
+    """The worst of a flight that succeeded: time, errors beyond a radius, supply, saturation, the rest."""
     if late := overrun(flight, flight.legs):
         return late[:2]
     saturated = _loops(flight)
     if off := off_course(flight, flight.legs):
         return f"{off.words}; {saturated[0]}" if saturated else off.words, off.remedy
+    if beyond := _beyond_tables(flight):
+        return beyond[0], "fly with a supply that the table was measured at (--voltage), or measure it there"
     if saturated:
         return saturated[0], "lower the speed or the gains of this loop; its actuators have no more to give"
     actuators = _actuators(flight)
@@ -524,6 +528,12 @@ def _beyond_the_model(flight: Flight) -> list[str]:
     return found
 
 
+def _beyond_tables(flight: Flight) -> list[str]:
+    """Tables of thrust that were not measured at the supply of the flight."""
+    supply = flight.circumstances.voltage_v
+    return [] if supply is None else beyond_tables(flight.vehicle, supply)
+
+
 def _reactions(flight: Flight) -> list[str]:
     said = [fault.sentence() for fault in flight.circumstances.faults]
     said += [outage.sentence() for outage in flight.circumstances.outages]
@@ -585,6 +595,17 @@ def _loops(flight: Flight) -> list[str]:
         f" largest demand was {loop.demand_largest:.3g} {loop.demand_unit}."
         for loop in loops
         if loop.saturated > _SATURATED
+    ]
+
+
+def _unmet(flight: Flight) -> list[str]:
+    """Loops whose demands the actuators did not meet although none was at its limit."""
+    return [
+        f"The actuators did not meet the demand of the {loop.name} loop for {100.0 * loop.unmet:.0f} % of its"
+        " time, though they were not at their limits: they produce it only together with another motion, or"
+        " rest below their start."
+        for loop in flight.loops.values()
+        if loop.unmet - loop.saturated > _SATURATED
     ]
 
 

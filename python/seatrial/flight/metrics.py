@@ -15,8 +15,10 @@ waypoint, so that the next leg counts too where the vehicle only passes. The ove
 counts after a change of depth, beyond the new one, until the next change, as a share of the change.
 
 The error of a loop is what was desired less what the vehicle really did, over the time in which the loop was
-at work. A demand is saturated where it stands at the loop's limit, or where what the actuators reach differs
-from it by more than a hundredth of that limit.
+at work. A demand is saturated where it stands at the loop's limit, or is not met while an actuator that acts
+in its row is at its own. It is not met where what the actuators reach differs from it by more than a
+hundredth of the loop's limit: the allocation gives up a part for rows that it would disturb, or a motor rests
+below its start.
 
 Held by ``tests/flight/test_flight.py``; there ``test_figures_of_the_core_are_those_of_the_log``.
 """
@@ -32,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial._core import Flights, autopilot_names, error_edges
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, Mask
 from seatrial.flight.mission import Route
 
 if TYPE_CHECKING:
@@ -54,8 +56,10 @@ __all__ = [
     "metrics_of",
     "quantile",
     "reserve",
+    "saturated",
     "switches",
     "true_vertical",
+    "unmet",
 ]
 
 DIVERGED = "diverged"
@@ -395,6 +399,8 @@ _UNITS = (("m/s", "N"), ("m/s", "N"), ("m", "N"), ("deg", "N m"), ("deg", "N m")
 
 _AT_LIMIT, _SHORT = 0.999, 0.01
 
+_NOTHING = 1e-9  # N or N m per newton: an actuator that does not act in a row
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -409,7 +415,9 @@ class Loop:
     demand_unit, demand_rms, demand_largest
         What it asked of the actuators.
     saturated
-        Share of its time in which the demand was limited, or reached in part only.
+        Share of its time in which the demand was limited, or not met with an actuator at its limit.
+    unmet
+        Share of its time in which the actuators reached something else than the demand.
     """
 
     name: str
@@ -421,6 +429,7 @@ class Loop:
     demand_rms: float
     demand_largest: float
     saturated: float
+    unmet: float
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""
@@ -458,7 +467,6 @@ class ActuatorUse:
 
 def loops_of(flight: FlightLog) -> dict[str, Loop]:
     """Metrics of the loops that were at work, by name."""
-    tables = flight.autopilot.loops()
     found = {}
     for i, name in enumerate(autopilot_names()["loops"]):
         rows = flight.active[:, i]
@@ -467,10 +475,6 @@ def loops_of(flight: FlightLog) -> dict[str, Loop]:
         error_unit, demand_unit = _UNITS[i]
         scale = _DEG if error_unit == "deg" else 1.0
         error, demand = scale * flight.errors[name][rows], flight.demanded[rows, i]
-        reached = flight.achieved[rows, i]
-        limit = float(tables.get(name, {}).get("tau_max", np.max(np.abs(demand))))
-        limited = np.abs(demand) >= _AT_LIMIT * limit
-        short = np.abs(demand - reached) > _SHORT * limit
         found[name] = Loop(
             name=name,
             time_s=float(rows.sum() * flight.period_s),
@@ -480,9 +484,45 @@ def loops_of(flight: FlightLog) -> dict[str, Loop]:
             demand_unit=demand_unit,
             demand_rms=_rms(demand),
             demand_largest=float(np.max(np.abs(demand))),
-            saturated=float(np.mean((limited | short) & (limit > 0.0))),
+            saturated=float(np.mean(saturated(flight, i)[rows])),
+            unmet=float(np.mean(unmet(flight, i)[rows])),
         )
     return found
+
+
+def saturated(flight: FlightLog, index: int) -> Mask:
+    """Rows (n,) in which a loop's demand stands at its limit, or is not met with an actuator at its limit."""
+    limit = _limit(flight, index)
+    acting = np.abs(flight.vehicle.allocation_matrix()[index]) > _NOTHING
+    used = [
+        _at_limit(flight, name) for name, acts in zip(flight.vehicle.actuators, acting, strict=True) if acts
+    ]
+    exhausted = np.any(used, axis=0) if used else np.zeros(len(flight.t), dtype=bool)
+    limited = np.abs(flight.demanded[:, index]) >= _AT_LIMIT * limit
+    return np.asarray(flight.active[:, index] & (limited & (limit > 0.0) | unmet(flight, index) & exhausted))
+
+
+def unmet(flight: FlightLog, index: int) -> Mask:
+    """Rows (n,) in which the actuators reach something else than a loop demands."""
+    limit = _limit(flight, index)
+    short = np.abs(flight.demanded[:, index] - flight.achieved[:, index]) > _SHORT * limit
+    return np.asarray(flight.active[:, index] & short & (limit > 0.0))
+
+
+def _limit(flight: FlightLog, index: int) -> float:
+    """Largest demand that a loop may make, N or N m."""
+    table = flight.autopilot.loops().get(autopilot_names()["loops"][index], {})
+    demand = np.abs(flight.demanded[flight.active[:, index], index])
+    return float(table.get("tau_max", demand.max(initial=0.0)))
+
+
+def _at_limit(flight: FlightLog, name: str) -> Mask:
+    """Rows (n,) in which the command of an actuator is the largest that it takes."""
+    fact = flight.vehicle.actuator_info()[name]
+    away = flight.commands[name] - float(fact["neutral"])
+    signal = -away if fact["reversed"] else away
+    limit = np.where(signal < 0.0, float(fact["maximum_astern"]), float(fact["maximum_ahead"]))
+    return np.asarray((np.abs(away) >= _AT_LIMIT * limit) & (limit > 0.0))
 
 
 def actuators_of(flight: FlightLog) -> dict[str, ActuatorUse]:
@@ -493,14 +533,12 @@ def actuators_of(flight: FlightLog) -> dict[str, ActuatorUse]:
     for name, commands in flight.commands.items():
         fact = facts[name]
         away = commands - float(fact["neutral"])
-        signal = -away if fact["reversed"] else away
-        limit = np.where(signal < 0.0, float(fact["maximum_astern"]), float(fact["maximum_ahead"]))
         found[name] = ActuatorUse(
             name=name,
             unit=str(fact["unit"]),
             rms=_rms(away),
             largest=float(np.max(np.abs(away))),
-            at_limit=float(np.mean((np.abs(away) >= _AT_LIMIT * limit) & (limit > 0.0))),
+            at_limit=float(np.mean(_at_limit(flight, name))),
             running=float(np.mean(running(away))),
             switches_per_minute=switches(away) / minutes,
         )

@@ -127,6 +127,7 @@ def loops_table(loops: Mapping[str, Loop]) -> Table:
             f"{loop.demand_largest:.3g}",
             loop.demand_unit,
             f"{100.0 * loop.saturated:.1f}",
+            f"{100.0 * loop.unmet:.1f}",
         )
         for loop in loops.values()
     ]
@@ -139,6 +140,7 @@ def loops_table(loops: Mapping[str, Loop]) -> Table:
         "demand max",
         Column("unit", align="left"),
         Column("saturated", "%"),
+        Column("not met", "%"),
     )
     return Table.of("Control loops while they were at work", head, rows)
 

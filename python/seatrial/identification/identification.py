@@ -13,6 +13,7 @@ from seatrial.base.channels import CHANNELS, MOTIONS, readable
 from seatrial.base.report import Column, Report, Section, Table, appended
 from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.estimation.stage import StageResult
+from seatrial.identification.apparent_mass import implausible_masses, masses_of
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 from seatrial.identification.estimate import Estimate, Tally, derived, distinct, plus_minus, tally
@@ -322,7 +323,8 @@ def _prediction(fit: Identification) -> str:
         why = f": {score.blind_words}" if score is not None and score.blind else ""
         return f"{len(fit.coefficients)} coefficients estimated; nothing could be scored{why}"
     # Positions and angles barely move in seconds and score well with any model: velocities tell.
-    r2 = {name: value for name, value in r2.items() if name in CHANNELS[:6]} or r2
+    told = r2
+    r2 = {name: value for name, value in told.items() if name in CHANNELS[:6]} or told
     best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
     trials = len(score.trials)
     # A ceiling is worth a word where it is below what rounds to one, and where it is one.
@@ -332,7 +334,8 @@ def _prediction(fit: Identification) -> str:
     }
     channels = f"{_r2(r2[best])}{most.get(best, '')} in {best}"
     if len(r2) > 1:
-        channels += f", worst {_r2(r2[worst])}{most.get(worst, '')} in {worst}"
+        moving = "velocity " if len(r2) < len(told) else ""
+        channels += f", worst {moving}{_r2(r2[worst])}{most.get(worst, '')} in {worst}"
     return (
         f"{words} {score.ahead_s:g} s ahead with R2 {channels}"
         f" ({trials} trial{'s' if trials > 1 else ''}; 1 is perfect, 0 no better than the mean)"
@@ -387,6 +390,11 @@ def _worst(fit: Identification) -> tuple[str, str]:
             " than the stages (table below)",
             "take vehicle_stages.toml where these axes matter, or leave their coefficients out of [polish]"
             " (fixed)",
+        )
+    if odd := _implausible(fit):
+        return odd[0], (
+            "measure this mass or inertia, or the thrust and its lever, and give it in the vehicle file;"
+            " until then the value describes the log and not the vehicle"
         )
     combinations = () if fit.identifiability is None else fit.identifiability.combinations
     verdicts = {} if fit.identifiability is None else fit.identifiability.verdicts
@@ -660,6 +668,7 @@ def advice(fit: Identification) -> list[str]:
         for row in distinct(fit.coefficients)
         if row.at_bound
     ]
+    lines += _implausible(fit)
     if fit.choice is not None:
         lines += _joint_remarks(fit.choice)
     if fit.assessment is not None:
@@ -673,6 +682,11 @@ def advice(fit: Identification) -> list[str]:
             + ". Run again with the same run directory to go on"
         )
     return lines
+
+
+def _implausible(fit: Identification) -> list[str]:
+    """Apparent masses that the vehicle cannot have, however well the data determine them."""
+    return [*implausible_masses(fit.campaign.vehicle, fit.coefficients, masses_of(fit.vehicle)).values()]
 
 
 def _joint_remarks(choice: Choice) -> list[str]:

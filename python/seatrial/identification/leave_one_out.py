@@ -51,6 +51,8 @@ if TYPE_CHECKING:
 
 __all__ = ["LeaveOneOut", "LeftOut", "leave_one_out"]
 
+_SHARED = 0.1  # ratio below which a deviation is not that of the trials
+
 _SCATTER = 3.0
 """Jackknife deviation over the standard deviation of the fit from which the trials contradict one another."""
 
@@ -458,6 +460,15 @@ def _remarks(found: LeaveOneOut) -> tuple[str, ...]:
         for one in found.left_out
         if one.lost and not one.failed
     ]
+    small = {row["coefficient"]: row["ratio"] for row in found.coefficients() if row["ratio"] < _SHARED}
+    if small:
+        least = min(small, key=small.__getitem__)
+        said.append(
+            f"Of {len(small)} coefficients the ratio is below {_SHARED:g} ({least} {small[least]:.2g}): their"
+            " deviation is almost all what every fit shares, such as the scale of the thrust, which is known"
+            " beforehand to its sd and which leaving out a trial does not move. It does not say that the"
+            " deviation is too large."
+        )
     return tuple(said)
 
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.channels import AXES, CHANNELS, MOTIONS, VELOCITIES
+from seatrial.intake.consistency_trials import common, mean
 from seatrial.trial.instability import runs_away
 
 if TYPE_CHECKING:
@@ -35,7 +36,6 @@ _LEAST_ANGLE = 0.035  # rad: a roll or pitch that spreads less tells nothing of 
 
 _DRIVEN = 0.02  # a row of the allocation matrix, of its largest entry, that counts as driven
 
-_DIFFERENT = 4.0  # deviations that trials are apart whose corrections are not one
 
 _INERTIA, _DAMPING = 4.0, 3.0
 """How far the bounds of a hovering vehicle are widened: its thrust and levers are held, right or wrong, and
@@ -183,7 +183,7 @@ def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedT
 
 def _corrections(drafted: Sequence[DraftedTrial]) -> list[str]:
     """Corrections of all trials as comments, by table: nothing is applied in silence."""
-    shared = {where: entries for where, entries in _found(drafted).items() if _common(drafted, entries)}
+    shared = {where: entries for where, entries in _found(drafted).items() if common(entries, len(drafted))}
     if not shared:
         return []
     lines = ["# The channels contradict one another; these corrections would make them agree. None is"]
@@ -200,7 +200,7 @@ def _own_corrections(one: DraftedTrial, drafted: Sequence[DraftedTrial]) -> list
     """Corrections of one trial alone, and its slow current, as comments within its table."""
     lines = []
     for (table, _), entries in _found(drafted).items():
-        if not _common(drafted, entries) and one.name in entries:
+        if not common(entries, len(drafted)) and one.name in entries:
             found = entries[one.name]
             lines += [f"# of this trial alone, {_effect(found)}; remove the # to accept it:"]
             lines += [f"# {table}.{found.line}"]
@@ -224,31 +224,6 @@ def _found(drafted: Sequence[DraftedTrial]) -> dict[tuple[str, str], dict[str, C
     return found
 
 
-def _common(drafted: Sequence[DraftedTrial], entries: Mapping[str, Correction]) -> bool:
-    """Whether a correction is one of the vehicle: all trials that could tell it agree, and most tell it."""
-    if 2 * len(entries) <= len(drafted):
-        return False
-    values = [np.atleast_1d(np.array(one.value)) for one in entries.values()]
-    if not all(np.issubdtype(value.dtype, np.number) for value in values):
-        return all(np.array_equal(values[0], value) for value in values)
-    off, _ = _mean(entries)
-    return bool(off < _DIFFERENT)
-
-
-def _mean(entries: Mapping[str, Correction]) -> tuple[float, Any]:
-    """How many deviations the trials are apart, root mean square, and their mean, weighed by deviations."""
-    x = np.array([np.atleast_1d(np.array(one.value, float)) for one in entries.values()])
-    sd = np.array([np.broadcast_to(np.array(one.sd, float), x.shape[1:]) for one in entries.values()])
-    if not (sd > 0.0).any():
-        return (np.inf if np.ptp(x, axis=0).any() else 0.0), next(iter(entries.values())).value
-    weight = 1.0 / np.maximum(sd, 1e-12 + 1e-3 * sd.max()) ** 2
-    mean = np.sum(weight * x, axis=0) / np.sum(weight, axis=0)
-    apart = np.sqrt(np.mean(weight * (x - mean) ** 2, axis=0)) if len(x) > 1 else np.zeros(x.shape[1])
-    value = next(iter(entries.values())).value
-    rounded = [float(f"{one:.4g}") for one in mean]
-    return float(apart.max()), rounded if isinstance(value, list) else rounded[0]
-
-
 def _pooled(drafted: Sequence[DraftedTrial], entries: Mapping[str, Correction]) -> list[str]:
     """A correction's key with the mean of the trials, and how it was pooled."""
     worst = max(entries.values(), key=lambda one: one.before / max(one.after, 1e-12))
@@ -263,7 +238,7 @@ def _pooled(drafted: Sequence[DraftedTrial], entries: Mapping[str, Correction]) 
         f"{low:.4g} to {high:.4g}" for low, high in zip(spread.min(0), spread.max(0), strict=True)
     )
     said = f"mean of {of}, weighed by their deviations; by trial {ranges}"
-    return [f"# {said}", f"{replace(worst, value=_mean(entries)[1]).line} # {_effect(worst)}"]
+    return [f"# {said}", f"{replace(worst, value=mean(entries)[1]).line} # {_effect(worst)}"]
 
 
 def _effect(one: Correction) -> str:

@@ -20,7 +20,20 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.recording import Recording
 
-__all__ = ["LATE", "Proposal", "accepted", "consistency_of_trial", "late_velocity", "proposals", "series_of"]
+__all__ = [
+    "LATE",
+    "Proposal",
+    "accepted",
+    "common",
+    "consistency_of_trial",
+    "late_velocity",
+    "mean",
+    "proposals",
+    "series_of",
+]
+
+
+_DIFFERENT = 4.0  # deviations that trials are apart whose corrections are not one
 
 
 @dataclass(frozen=True)
@@ -152,7 +165,7 @@ def proposals(
         done = all(_done(one.key, reports[name]) for name, one in entries)
         where = f"trial {trials[0]}" if len(trials) == 1 else f"{len(trials)} trials ({', '.join(trials)})"
         text = f"{where}: {best.sentence}{_range(entries)}; rms of {best.of} {best.before:.3g} to"
-        text += f" {best.after:.3g}: [{best.table}] {best.line}"
+        text += f" {best.after:.3g}: {_place(dict(entries), len(found))}"
         kind, _, sensor = best.key.partition(".")
         files = {(clocks or {}).get(name, {}).get(sensor, "") for name in trials} - {""}
         if kind == "delay_s" and files:
@@ -163,6 +176,43 @@ def proposals(
         made.append(Proposal(text + (" (applied on reading)" if done else ""), trials, _effect(best), done))
     made += [_current(name, current) for name, one in found.items() if (current := accepted(one)) is not None]
     return tuple(sorted(made, key=lambda one: (one.done, -one.effect)))
+
+
+def _place(entries: Mapping[str, Correction], count: int) -> str:
+    """What to write where, as `seatrial import` drafts it: the trials' mean, or each trial's own value."""
+    one = next(iter(entries.values()))
+    if one.table == "clocks" or count == 1:
+        return f"[{one.table}] {one.line}"
+    if not common(entries, count):
+        return ", ".join(f"[trials.{name}.{own.table}] {own.line}" for name, own in entries.items())
+    if len({repr(own.value) for own in entries.values()}) == 1:
+        return f"[{one.table}] {one.line}"
+    return f"[{one.table}] {replace(one, value=mean(entries)[1]).line} (their mean)"
+
+
+def common(entries: Mapping[str, Correction], count: int) -> bool:
+    """Whether a correction is one of the vehicle: all trials that could tell it agree, and most tell it."""
+    if 2 * len(entries) <= count:
+        return False
+    values = [np.atleast_1d(np.array(one.value)) for one in entries.values()]
+    if not all(np.issubdtype(value.dtype, np.number) for value in values):
+        return all(np.array_equal(values[0], value) for value in values)
+    off, _ = mean(entries)
+    return bool(off < _DIFFERENT)
+
+
+def mean(entries: Mapping[str, Correction]) -> tuple[float, Any]:
+    """How many deviations the trials are apart, root mean square, and their mean, weighed by deviations."""
+    x = np.array([np.atleast_1d(np.array(one.value, float)) for one in entries.values()])
+    sd = np.array([np.broadcast_to(np.array(one.sd, float), x.shape[1:]) for one in entries.values()])
+    if not (sd > 0.0).any():
+        return (np.inf if np.ptp(x, axis=0).any() else 0.0), next(iter(entries.values())).value
+    weight = 1.0 / np.maximum(sd, 1e-12 + 1e-3 * sd.max()) ** 2
+    mean = np.sum(weight * x, axis=0) / np.sum(weight, axis=0)
+    apart = np.sqrt(np.mean(weight * (x - mean) ** 2, axis=0)) if len(x) > 1 else np.zeros(x.shape[1])
+    value = next(iter(entries.values())).value
+    rounded = [float(f"{one:.4g}") for one in mean]
+    return float(apart.max()), rounded if isinstance(value, list) else rounded[0]
 
 
 def accepted(found: Consistency) -> SlowCurrent | None:

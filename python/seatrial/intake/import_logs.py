@@ -246,6 +246,7 @@ def _imported(one: Recording, recorded: Recorded, trial: Trial, vehicle: Vehicle
         kind,
         recorded.notes,
         recorded.absent,
+        tuple(log.path.name for log in one.logs),
     )
 
 

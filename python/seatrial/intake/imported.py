@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,11 @@ from seatrial.intake.consistency_trials import proposals
 from seatrial.intake.kind_of_data import KindOfData
 from seatrial.intake.map_file import Column
 from seatrial.intake.survey import Survey
+from seatrial.intake.vehicle_draft import opposed
 from seatrial.logs.join import SPLIT
 from seatrial.logs.log import printable
+from seatrial.trial.assembly import JUMPED
+from seatrial.trial.defects import ABOVE
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
 __all__ = ["Imported", "ImportedTrial"]
 
 _SHOWN = 10  # problems; the others are details
+
+_NAMED = 4  # fields of a log that are not used
 
 _SHORTEST_S = 10.0  # a segment of a stage, unless the campaign says otherwise
 
@@ -52,6 +57,8 @@ class ImportedTrial:
         What the readers and the join did or could not do.
     absent
         Columns of the map whose field its logs have not.
+    logs
+        Names of its logs.
     """
 
     name: str
@@ -63,6 +70,7 @@ class ImportedTrial:
     kind: KindOfData
     notes: tuple[str, ...]
     absent: tuple[str, ...]
+    logs: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +276,9 @@ def _problems(made: Imported) -> Iterator[str]:
             f" parameters or"
             " by its motion; vehicle.toml says reversed = true for them: check with a wet test"
         )
+    yield from _upside_down(made)
+    for one in made.trials:  # of the pose once
+        yield from list(_findings(replace(made, trials=(one,)), "warning", JUMPED))[:1]
     guesses = [canonical for canonical, one in made.columns.items() if not one.certain]
     if guesses:
         shown = ", ".join(guesses[:4]) + (f" and {len(guesses) - 4} more" if len(guesses) > 4 else "")
@@ -283,6 +294,7 @@ def _problems(made: Imported) -> Iterator[str]:
             yield f"trial {one.name}: its logs have no {', '.join(one.absent)}" + (
                 "; most of their channels have other names: import them separately" if apart else ""
             )
+            yield from (f"trial {one.name}: {told}" for told in _unused(made, one))
         known = [f"{log.path.name}: {note}" for log in made.survey.logs for note in log.notes]
         yield from (f"trial {one.name}: {note}" for note in one.notes if note not in known)
     for log in made.survey.logs:
@@ -291,12 +303,50 @@ def _problems(made: Imported) -> Iterator[str]:
         yield f"{', '.join(made.kept)} kept as edited; delete a file to have it drafted again"
 
 
-def _findings(made: Imported, severity: str) -> Iterator[str]:
-    """What the readers found about the recordings, of one severity."""
+def _unused(made: Imported, one: ImportedTrial) -> Iterator[str]:
+    """Fields that the logs of a trial have for columns of the map that take another log's."""
+    for log in made.survey.logs:
+        if log.path.name not in one.logs:
+            continue
+        others = {
+            canonical: next((p.source for p in log.proposals if p.canonical == canonical), "")
+            for canonical in one.absent
+        }
+        told = [f"{source} ({canonical})" for canonical, source in others.items() if source]
+        if told:
+            more = f" and {len(told) - _NAMED} more" if len(told) > _NAMED else ""
+            yield (
+                f"{printable(log.path.name)} has {', '.join(told[:_NAMED])}{more}, not used: one map reads"
+                " all logs, and it takes other fields; import this log separately"
+            )
+
+
+def _findings(made: Imported, severity: str, words: str = "") -> Iterator[str]:
+    """What the readers found about the recordings, of one severity, with some words in it."""
     for one in made.trials:
         for finding in one.trial.report.findings:
-            if finding.severity == severity:
+            if finding.severity == severity and words in finding.message:
                 yield f"trial {one.name}: {str(finding).removeprefix(severity).strip()}"
+
+
+def _upside_down(made: Imported) -> Iterator[str]:
+    """Trials whose axes point to port and upwards, as their thrusters and their depth tell together."""
+    if made.vehicle is None:
+        return
+    names = [
+        one.name
+        for one in made.trials
+        if any(f.channel == "z" and f.message.startswith(ABOVE) for f in one.trial.report.findings)
+        and set("YZN") <= set(against := opposed(made.vehicle, one.trial))
+        and "X" not in against
+    ]
+    if names:
+        yield (
+            f"trial {', '.join(names)}: Y, Z and N answer against the thrusters, and z is above the surface:"
+            ' all axes point to port and upwards. Give in map.toml frame = "FLU" to velocities and rates,'
+            ' frame = "FLU/NWU" to the attitude and frame = "NWU" to the position (ENU where x is east), not'
+            " sign = -1 to z alone"
+        )
 
 
 def _supply(made: Imported) -> Iterator[str]:

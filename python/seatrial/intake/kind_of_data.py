@@ -147,6 +147,12 @@ def _waves(found: Waves | None) -> list[str]:
     if found is None:
         return []
     sizes = ", ".join(f"{c} {readable(c)[0] * a:.2g} {readable(c)[1]}" for c, a in found.amplitude.items())
+    if not found.line:
+        return [
+            f"motion about a period of {found.period_s:.1f} s (amplitude {sizes}) that a crude regression on"
+            " state and commands leaves unexplained: perhaps waves, which a model takes for its own error,"
+            " perhaps motion that the vehicle's model explains. In calm water ignore it"
+        ]
     return [
         f"an oscillation with a period of {found.period_s:.1f} s, as of waves (amplitude {sizes}), which"
         " no command explains; the model takes it for its own error"

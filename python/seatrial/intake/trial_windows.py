@@ -1,9 +1,9 @@
 """Which part of a trial to fit and which to hold out, as a specialist would choose.
 
 The held-out part is contiguous (samples near each other in time are alike: Bergmeir and Benitez 2012), a
-fifth to a third of the trial, has every kind of manoeuvre that occurs more than once, leaves each of them in
-the fit, cuts few of them and is no easier than the rest. Both parts have commands that change. Held by
-``tests/intake/test_trial_windows.py``.
+fifth to a third of the trial, lies where the log has samples, has every kind of manoeuvre that occurs more
+than once, leaves each of them in the fit, cuts few of them and is no easier than the rest. Both parts have
+commands that change. Held by ``tests/intake/test_trial_windows.py``.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.base.arrays import Array
-from seatrial.base.channels import VELOCITIES
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import CHANNELS, VELOCITIES
 from seatrial.intake.manoeuvres import Manoeuvre
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ _STILL = 0.15  # of the largest velocity
 _ROUND_S = 1.0
 _LASTS_S = 20.0  # that a change of a command goes on to tell something
 _DRIVEN = 0.25  # of the trial's share of driven time, in either part
+_UNMEASURED = 20.0  # what a part without any measurement costs, in units of the merit
 _TOLD = ("step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run")
 
 
@@ -86,7 +87,7 @@ def windows(trial: Trial, found: Sequence[Manoeuvre]) -> TrialWindows:
     told = [one for one in found if one.kind in _TOLD]
     kinds = {(one.kind, one.by) for one in told}
     repeated = sorted(key for key in kinds if sum((one.kind, one.by) == key for one in told) > 1)
-    driven = _driven(trial)
+    driven, blind = _driven(trial), _blind(trial)
     best = None
     for share in _SHARES:
         for start in np.linspace(use[0], use[1] - share * length, _STARTS):
@@ -98,6 +99,8 @@ def windows(trial: Trial, found: Sequence[Manoeuvre]) -> TrialWindows:
                 continue
             merit, both, effort = _merit(trial, activity, use, candidate, told, repeated)
             merit -= 2.0 * abs(share - _USUAL) - 0.2 * (start - use[0]) / length
+            held = (trial.t >= candidate[0]) & (trial.t < candidate[1])
+            merit -= _UNMEASURED * float(blind[held].mean())
             if best is None or merit > best[0]:
                 best = (merit, candidate, both, effort)
     if best is None:
@@ -174,6 +177,11 @@ def _merit(
     hard = float(np.clip(per_axis - 1.5, 0.0, 2.0).mean()) if per_axis.size else 0.0
     merit = both / max(len(repeated), 1) - 0.5 * cut / max(count, 1) - easy - 0.3 * hard
     return merit - lonely / max(len(repeated), 1), both, effort
+
+
+def _blind(trial: Trial) -> Mask:
+    """Samples (n,) of which no channel was measured, as in a gap of the log."""
+    return ~np.asarray(trial.valid[:, [CHANNELS.index(name) for name in trial.channels]].any(axis=1))
 
 
 def _driven(trial: Trial) -> NDArray[np.bool_]:

@@ -25,8 +25,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.file_names import file_name
 from seatrial.base.toml_file import VEHICLE, is_path, loaded, text_of
+from seatrial.intake.manoeuvres import drives
 from seatrial.intake.survey import SurveyedLog
 from seatrial.trial.mixer import FRAME_NAMES
 from seatrial.vehicle.actuators import actuator_groups
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["VehicleDraft", "draft_vehicle", "matched", "thruster_signs", "turned"]
+__all__ = ["VehicleDraft", "draft_vehicle", "matched", "opposed", "thruster_signs", "turned"]
 
 _BUILT_IN = {2: "bluerov2-heavy"}
 
@@ -312,6 +314,9 @@ def thruster_signs(vehicle: Vehicle, trial: Trial, parameters: Mapping[str, floa
 
 _AT_REST, _CLEAR = 0.15, 3.0
 
+_OPPOSED = 0.3
+"""Deviations by which the motion of an axis answers the other way round than its force pushes."""
+
 
 def _signs_of_mixer(allocation: Array, commands: Array) -> Array | None:
     """Signs (n,) that leave combinations without effect at rest; None where they are not clear."""
@@ -343,28 +348,39 @@ def _apart(allocation: Array) -> list[list[int]]:
 
 def _against(vehicle: Vehicle, trial: Trial, signs: Array, commands: Array, group: list[int]) -> bool:
     """Whether the motion runs against the forces of a group of thrusters."""
-    from scipy.ndimage import gaussian_filter1d
-
-    allocation = vehicle.allocation_matrix()
     chosen = np.zeros(len(signs))
     chosen[group] = signs[group]
-    tau = allocation @ (chosen[:, None] * commands)
+    tau = vehicle.allocation_matrix() @ (chosen[:, None] * commands)
+    return sum(_answers(trial, dict(zip(AXES, tau, strict=True))).values()) < 0.0
+
+
+def opposed(vehicle: Vehicle, trial: Trial) -> str:
+    """Letters of the axes whose motion clearly runs against the forces of the recorded commands."""
+    forces = {one.axis: one.y for one in drives(trial, vehicle) if one.axis}
+    return "".join(axis for axis, answer in _answers(trial, forces).items() if answer < -_OPPOSED)
+
+
+def _answers(trial: Trial, forces: Mapping[str, Array]) -> dict[str, float]:
+    """How the motion of an axis answers its force (n,), in deviations of what the regression leaves of it."""
+    from scipy.ndimage import gaussian_filter1d
+
     width = max(1.0, 0.15 / trial.dt)
-    vote = 0.0
-    for axis, channel in enumerate("uvwpqr"):
-        if channel not in trial.channels or tau[axis].std() == 0.0:
+    found = {}
+    for letter, along in forces.items():
+        axis = AXES.index(letter)
+        if CHANNELS[axis] not in trial.channels or along.std() == 0.0:
             continue
         good = trial.valid[:, axis]
         y = gaussian_filter1d(trial.nu[:, axis], width)
         change = np.gradient(y, trial.dt)
-        force = gaussian_filter1d(tau[axis] - tau[axis].mean(), width)
+        force = gaussian_filter1d(along - along.mean(), width)
         design = np.column_stack([y, np.abs(y) * y, np.ones(len(y)), force])[good]
         if len(design) < 50:
             continue
         fit, *_ = np.linalg.lstsq(design, change[good], rcond=None)
         left = change[good] - design @ fit
-        vote += float(fit[3]) * float(force[good].std()) / max(float(left.std()), 1e-12)
-    return vote < 0.0
+        found[letter] = float(fit[3]) * float(force[good].std()) / max(float(left.std()), 1e-12)
+    return found
 
 
 def turned(text: str, reversed_: Mapping[str, bool]) -> str:

@@ -137,6 +137,12 @@ def _sure(samples: Array) -> Array:
     return np.asarray(quarters.std(axis=0, ddof=1) / 2.0)
 
 
+JUMPED = "the clock may have jumped"
+"""What is said of a gap across which the motion goes on."""
+
+_ASIDE, _ONE_INTERVAL = 20, 5.0
+"""Samples on either side of a gap that tell the speed; times the usual way that is still one interval's."""
+
 _FIXES = 0.5  # share of the record in which a position from another sensor than the depth is known
 
 _STENCIL = 2  # a derivative is valid where this many samples on both sides are valid
@@ -265,7 +271,33 @@ def _report_gaps(signal: Signal, report: RecordingReport) -> None:
     intervals = np.diff(signal.t)
     gaps = intervals > GAP * signal.interval
     longest = float(intervals.max()) if gaps.any() else 0.0
-    report.add("warning", signal.label, f"gaps in time, the longest {longest:.2f} s; masked", int(gaps.sum()))
+    message = f"gaps in time, the longest {longest:.2f} s; masked"
+    if gaps.any() and _goes_on(signal, int(intervals.argmax())):
+        message += (
+            f"; across it the vehicle moved no further than in one interval: {JUMPED}. If it"
+            " did, take the jump out of the stamps, or import the parts before and after it as trials of"
+            " their own"
+        )
+    report.add("warning", signal.label, message, int(gaps.sum()))
+
+
+def _goes_on(signal: Signal, at: int) -> bool:
+    """Whether a pose goes on across the gap after a sample as if no time had passed, while under way."""
+    if signal.name not in ("position", "attitude"):
+        return False
+    good = signal.good
+    sides = [np.flatnonzero(good[: at + 1])[-_ASIDE:], at + 1 + np.flatnonzero(good[at + 1 :])[:_ASIDE]]
+    if min(map(len, sides)) < _ASIDE:
+        return False
+    steps = [np.linalg.norm(np.diff(signal.y[side], axis=0), axis=1) for side in sides]
+    ways = [float(np.linalg.norm(signal.y[side[-1]] - signal.y[side[0]])) for side in sides]
+    speed = min(way / (signal.t[side[-1]] - signal.t[side[0]]) for way, side in zip(ways, sides, strict=True))
+    usual = float(np.median(np.concatenate(steps)))
+    across = float(np.linalg.norm(signal.y[sides[1][0]] - signal.y[sides[0][-1]]))
+    # A vehicle at rest, or noise alone, has no way to go on.
+    under_way = min(ways) > _ONE_INTERVAL * usual
+    lost = speed * (signal.t[sides[1][0]] - signal.t[sides[0][-1]])
+    return under_way and across < _ONE_INTERVAL * usual and lost > 2.0 * _ONE_INTERVAL * usual
 
 
 def _actuators(signals: Mapping[str, Signal], t: Array, prefix: str) -> dict[str, Array]:

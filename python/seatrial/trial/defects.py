@@ -21,7 +21,7 @@ from seatrial.base.rotation import angle_between, conjugate, continuous, product
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["mark", "report_height"]
+__all__ = ["ABOVE", "mark", "report_height"]
 
 _MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rates")
 
@@ -357,6 +357,10 @@ def _report_constant(signal: Signal, report: RecordingReport) -> None:
             )
 
 
+ABOVE = "above the surface"
+"""Beginning of what is said of a depth with the wrong sign."""
+
+
 def report_height(signals: Mapping[str, Signal], report: RecordingReport) -> None:
     """Report a vehicle that is above the surface for most of its record: a depth with the wrong sign."""
     for signal in (signals[name] for name in ("depth", "position") if name in signals):
@@ -369,7 +373,7 @@ def report_height(signals: Mapping[str, Signal], report: RecordingReport) -> Non
             report.add(
                 "warning",
                 "z",
-                f"above the surface in {100.0 * above:.0f} % of the record ({np.median(z):.3g} m at the"
+                f"{ABOVE} in {100.0 * above:.0f} % of the record ({np.median(z):.3g} m at the"
                 " median; z counts downwards from the surface): if the sensor counts upwards, give its column"
                 ' sign = -1, or the whole position frame = "ENU" or "NWU"; if its zero is not the surface,'
                 " shift it",

@@ -60,6 +60,10 @@ BLIND = "feedback"
 """What a table shows in place of the R2 of a channel on whose axis commands answer waves."""
 
 
+_REACHED = 0.8
+"""Share of what a ceiling leaves unexplained: a model that leaves less disproves it."""
+
+
 @dataclass(frozen=True)
 class ChannelScore:
     """Score of one channel: R2, mean absolute and root mean square error in SI, number of samples.
@@ -128,8 +132,17 @@ class Score(Mapping[str, ChannelScore]):
 
     @cached_property
     def ceiling(self) -> dict[str, float]:
-        """R2 at most by velocity channel, as noise and waves of the recording let a perfect model reach."""
-        return ceiling(self.windows, self.evidence, self.limits)
+        """R2 at most by velocity channel, as noise and waves of the recording let a perfect model reach.
+
+        One that the model beats is disproved, and left out: what was taken for waves was motion. One that it
+        beats by no more than chance is reached.
+        """
+        found = ceiling(self.windows, self.evidence, self.limits)
+        return {
+            channel: max(limit, self.r2[channel])
+            for channel, limit in found.items()
+            if not 1.0 - self.r2[channel] < _REACHED * (1.0 - limit)
+        }
 
     @cached_property
     def bands(self) -> dict[str, Band]:

@@ -48,6 +48,9 @@ class Waves:
     ----------
     period_s
         Of the spectral peak, as the vehicle meets the waves.
+    line
+        Whether they are a line on the motion itself; otherwise a peak on what a crude regression on state and
+        commands leaves of it, which may be motion that it did not explain.
     amplitude
         By channel in SI: m/s, rad/s, m, rad; channels that show the peak.
     share
@@ -58,6 +61,7 @@ class Waves:
     """
 
     period_s: float
+    line: bool
     amplitude: dict[str, float]
     share: dict[str, float]
     decay_1_m: float
@@ -81,6 +85,7 @@ def waves(trial: Trial) -> Waves | None:
     parts = dict.fromkeys(signals, 1.0)
     water = [c in _WATER for c in signals]
     found = peak(seen.of(water), _LINE_IN_ALL if sum(water) == len(_WATER) else _LINE)
+    line = found is not None
     if found is None:
         left = unexplained(trial)
         found = None if left is None else peak(left[1].of([c in _WATER for c in left[0]]), BROAD)
@@ -96,7 +101,7 @@ def waves(trial: Trial) -> Waves | None:
     if not set(amplitude) & {*_WATER, "z"}:
         return None  # a peak in angles and rates alone is the vehicle's own period
     decay = _decay(trial, found, amplitude)
-    return Waves(1.0 / found, amplitude, share, *decay)
+    return Waves(1.0 / found, line, amplitude, share, *decay)
 
 
 def _unexplained_parts(

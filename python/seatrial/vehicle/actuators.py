@@ -23,6 +23,7 @@ __all__ = [
     "NOMINAL_V",
     "Push",
     "actuator_groups",
+    "beyond_tables",
     "bollard",
     "can_push",
     "command",
@@ -156,6 +157,16 @@ def voltage_for(vehicle: Vehicle, t: Array, voltage_v: float) -> Array | None:
     """Supply voltage (n,) where a table of the vehicle needs one."""
     needed = any(facts["needs_voltage"] for facts in vehicle.actuator_info().values())
     return np.full(len(t), voltage_v) if needed else None
+
+
+def beyond_tables(vehicle: Vehicle, voltage_v: float) -> list[str]:
+    """Sentence per table of thrust that does not reach to this supply voltage in V."""
+    return [
+        f"Supply: {voltage_v:g} V lies outside the {lowest:g} to {highest:g} V of the table {name},"
+        " which is read at its edge"
+        for name, (lowest, highest) in vehicle.table_voltages().items()
+        if not lowest <= voltage_v <= highest
+    ]
 
 
 def actuator_groups(vehicle: Vehicle) -> dict[str, list[str]]:

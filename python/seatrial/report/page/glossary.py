@@ -154,7 +154,11 @@ _TERMS: tuple[tuple[str, str, str], ...] = (
         "Distance of a mission from missing a requirement, in its unit or as a share; below zero it"
         " is missed.",
     ),
-    ("saturated", r"saturated", "The loop asks for more than its actuators give."),
+    (
+        "saturated",
+        r"saturated",
+        "The loop asks for more than its actuators give: its demand or an actuator is at its limit.",
+    ),
     ("SHA-256", _ALWAYS, "Fingerprint of a file: equal fingerprints, equal files."),
     ("seed", _ALWAYS, "Number that the random draws follow from; the same seed gives the same draws."),
     (

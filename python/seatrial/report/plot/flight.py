@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array, Mask, runs
+from seatrial.flight.metrics import saturated
 from seatrial.flight.watches import cause
 from seatrial.report.plot.mission import draw_obstacles, outlines
 from seatrial.report.plot.style import (
@@ -62,7 +62,6 @@ __all__ = [
     "line",
     "mode_strip",
     "mode_style",
-    "saturated",
     "settled",
     "shade",
     "shown_loops",
@@ -447,8 +446,6 @@ def _apart(page: Array, step_in: float) -> NDArray[np.bool_]:
 
 _ROW_IN, _STRIP_IN = 1.02, 0.135
 
-_SHORT_OF_LIMIT, _AT_LIMIT = 0.01, 0.999
-
 _SATURATED = "#F3C9B5"
 
 _FORCES = ("X, N", "Y, N", "Z, N", "K, N m", "M, N m", "N, N m")
@@ -493,17 +490,6 @@ def shown_loops(flight: Flight) -> list[Shown]:
         if rows.any():
             found.append(Shown(i, label, np.where(rows & ~flight.done, desired, np.nan), done))
     return found
-
-
-def saturated(flight: Flight, index: int) -> Mask:
-    """Rows in which the demand of a loop stands at its limit, or is reached in part only, (n,)."""
-    name = autopilot_names()["loops"][index]
-    table = flight.autopilot.loops().get(name, {})
-    demand, reached = flight.demanded[:, index], flight.achieved[:, index]
-    limit = float(table.get("tau_max", np.nanmax(np.abs(demand))))
-    limited = np.abs(demand) >= _AT_LIMIT * limit
-    short = np.abs(demand - reached) > _SHORT_OF_LIMIT * limit
-    return np.asarray(flight.active[:, index] & (limited | short) & (limit > 0.0))
 
 
 def flight_loops(flight: Flight) -> Figure:

@@ -148,12 +148,12 @@ def _track(axes: Axes, run: Run, other: Run) -> None:
 
 
 def _told(axes: Axes, one: Ranked) -> None:
-    """Relative standard deviations before and after, the greatest gain on top."""
+    """Standard deviations before and after, the greatest gain on top."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     rows = np.arange(len(one.gains))[::-1]
-    before = np.array([100.0 * change.relative_before for change in one.gains])
-    after = np.array([100.0 * change.relative_after for change in one.gains])
+    before = np.array([100.0 * change.before / change.whole for change in one.gains])
+    after = np.array([100.0 * change.after / change.whole for change in one.gains])
     axes.hlines(rows, after, before, color=FAINT, linewidth=0.8)
     axes.plot(before, rows, "o", color=FOURTH, markersize=_DOT, label="before")
     axes.plot(after, rows, "o", color=SIMULATED, markersize=_DOT, label="after this trial")
@@ -162,9 +162,10 @@ def _told(axes: Axes, one: Ranked) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_yticks(rows, [change.name for change in one.gains])
+    axes.set_yticks(rows, [change.name + ("" if change.of_value else " *") for change in one.gains])
     axes.set_ylim(-0.7, len(rows) - 0.3)
-    axes.set_xlabel("standard deviation, % of the value")
+    zero = "" if all(change.of_value for change in one.gains) else " (* about zero: of a tenth of its bounds)"
+    axes.set_xlabel(f"standard deviation, % of the value{zero}")
     _legend(axes, *axes.get_legend_handles_labels())
     panel_title(axes, "Coefficients")
 

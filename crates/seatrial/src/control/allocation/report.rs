@@ -206,8 +206,8 @@ impl Authority {
             } else if row.share < WHOLE && row.controlled_share < WHOLE {
                 format!(
                     "{name} cannot be commanded by itself: the actuators produce it only together with other \
-                     motions, and meet a demand in {name} alone to {:.0} %.",
-                    100.0 * row.share.max(row.controlled_share)
+                     motions. How much of a demand in {name} alone they meet is up to the priorities of the \
+                     autopilot's allocation."
                 )
             } else {
                 format!("{name} could be commanded, but the vehicle file does not list it as controllable.")

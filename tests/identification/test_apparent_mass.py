@@ -1,0 +1,35 @@
+"""An inertia that a vehicle cannot have is remarked, however well the data determine it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+import seatrial as st
+from seatrial.identification.apparent_mass import implausible_masses, masses_of
+from seatrial.identification.estimate import Estimate
+from seatrial.identification.identification import advice
+
+
+def estimate(name: str, start: float, value: float) -> Estimate:
+    return Estimate(name, "kg m2", start, value, -5.0, 0.0, None, "yaw", name)
+
+
+@pytest.mark.parametrize(("n_rdot", "told"), [(-3.02, True), (-0.6, False)])
+def test_identify_remarks_an_inertia_that_the_vehicle_cannot_have(n_rdot: float, *, told: bool) -> None:
+    """As on a dive of a BlueROV2 whose yaw was fitted with a wrong lever: 13.6 times the added inertia."""
+    start = st.Vehicle.load("bluerov2-heavy")
+    row = estimate("N_rdot", start.coefficients()["N_rdot"], n_rdot)
+    found = start.with_coefficients({"N_rdot": n_rdot})
+    odd = implausible_masses(start, [row], masses_of(found))
+    assert set(odd) == ({"N"} if told else set())
+    fit = SimpleNamespace(
+        campaign=SimpleNamespace(vehicle=start), vehicle=found, coefficients=(row,), choice=None,
+        assessment=None, scale=SimpleNamespace(sentences=list), notes=(), interrupted=False,
+    )  # fmt: skip
+    remarks = advice(fit)  # type: ignore[arg-type]
+    assert (
+        any("N: implausible, apparent inertia" in one and "13.6 times its start" in one for one in remarks)
+        == told
+    )
