@@ -393,3 +393,28 @@ def test_the_damping_of_the_truth_is_the_likelier_one(stripped: bool, tmp_path: 
     else:
         assert said.startswith("Quadratic damping (Y_vv and N_rr) makes the log likelier by")
         assert (other, found) == (joint, polished)
+
+
+def test_a_current_shared_by_water_and_vehicle_changes_nothing_of_the_flow(tmp_path: Path) -> None:
+    """What a step makes of a velocity of vehicle and water together is that the body turns beneath it."""
+    for name, text in (("field", FIELD), ("survey", SURVEY), ("truth", SENSORS)):
+        (tmp_path / f"{name}.toml").write_text(text.replace("duration_s = 150.0", "duration_s = 20.0"))
+    Recipe.load(tmp_path / "field.toml").table().write_parquet(tmp_path / "log.parquet")
+    axes = LATERAL.replace('free = "XYN", measured = "ZKM"', 'free = "XYZKMN"')
+    (tmp_path / "campaign.toml").write_text(axes.replace("[joint]", "[joint]\nsegment_s = 10.0"))
+    joint = Joint(Campaign.load(tmp_path / "campaign.toml"))
+    (span,) = OneStep(joint).linearised(joint.start)
+    trial, before = joint.campaign.trials["log"], span.afloat[:-1, :3]
+    made = span.transition[:, :3, :3] @ before + span.current[:, :3]
+    rates = trial.state(slice(span.first, span.last))[2][:, 3:]
+    turned = np.array([
+        b - trial.dt * np.cross(rate[:, None], b, axis=0) for rate, b in zip(rates, before, strict=True)
+    ])
+    # A rotation; the rate of roll changes within a step, which the bow does not see.
+    np.testing.assert_allclose(
+        made @ made.transpose(0, 2, 1), np.broadcast_to(np.eye(3), made.shape), atol=2e-3
+    )
+    np.testing.assert_allclose(made[:, 0], turned[:, 0], atol=6e-3)
+    # North, east and down, each of them at once.
+    assert np.abs(span.current[:, :3]).max(axis=(0, 1)).min() > 0.02
+    np.testing.assert_array_equal(span.depth, trial.state(slice(span.first, span.last + 1))[0][:, 2])

@@ -37,7 +37,7 @@ def predicted(x: Array, u: Array, ahead: int) -> Errors:
         state = A * state + B * u[k : k + count]
     error = (x[ahead:] - state)[:, None]
     nothing = np.zeros((0, 1, 1))
-    span = Span(0, 0, len(x) - 1, error, error > 0.0, *(nothing,) * 7)
+    span = Span(0, 0, len(x) - 1, error, error > 0.0, *(nothing,) * 7, nothing[:, 0, 0])
     every = np.ones_like(error, dtype=bool)
     return Errors(span, error, every, slope[:, None, None], slope[:, None, None])
 

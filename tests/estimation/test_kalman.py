@@ -213,7 +213,7 @@ class Bounded(Filters):
 def test_noises_with_which_the_filter_has_no_numbers_do_not_end_the_search() -> None:
     """All variances were tried at their bounds first, and what came back ended the search where it began."""
     one = np.ones((2, 2))
-    span = Span(0, 0, 1, one, one > 0.0, one, one, one, one, one, one, one)
+    span = Span(0, 0, 1, one, one > 0.0, one, one, one, one, one, one, one, one[0])
     noise = NoiseModel(np.ones(5), np.ones(2), None, (), (), 0.05)
     bounded = Bounded.__new__(Bounded)
     bounded.spans = [span]
@@ -223,11 +223,19 @@ def test_noises_with_which_the_filter_has_no_numbers_do_not_end_the_search() -> 
 
 
 def adrift(
-    damping: float, hz: float = 0.2, count: int = 3000, through: Array | None = None, toward: float = 0.0
+    damping: float,
+    hz: float = 0.2,
+    count: int = 3000,
+    through: Array | None = None,
+    toward: float = 0.0,
+    depth: Array | None = None,
+    carried: bool = True,
 ) -> tuple[Span, Array]:
     """A point in waves, seen over ground by a noisy log, and the velocity of the water.
 
-    It is adrift, or sails ``through`` (count, 2) and meets the waves that go ``toward`` at another frequency.
+    It is adrift, or sails ``through`` (count, 2) and meets the waves that go ``toward`` at another frequency,
+    at a ``depth`` (count,) where they are smaller. They carry it along, or drag it by a tenth of what they
+    move beside it in every sample.
     """
     draw = np.random.default_rng(3)
     through = np.zeros((count, 2)) if through is None else through
@@ -241,21 +249,27 @@ def adrift(
             rate += 0.1 * np.sqrt(4.0 * damping * omega * 0.01) * draw.normal()
             place += 0.01 * rate
         water[k] = rate
+    depth = np.zeros(count) if depth is None else depth
+    water *= np.exp(-(still**2) / 9.81 * depth)
+    dragged = np.zeros(count)
+    for k in range(count - 1):
+        dragged[k + 1] = 0.9 * dragged[k] + 0.05 * (water[k] + water[k + 1])
     afloat = np.zeros((count, 1, 3))
     afloat[:, 0, 0] = 1.0
     seen = Span(
         record=0,
         first=0,
         last=count - 1,
-        measured=(water + draw.normal(0.0, 0.02, count))[:, None],
+        measured=((water if carried else dragged) + draw.normal(0.0, 0.02, count))[:, None],
         valid=np.ones((count, 1), dtype=bool),
         transition=np.full((count - 1, 1, 1), 0.9),
-        current=np.zeros((count - 1, 1, 2)),
+        current=np.broadcast_to(0.0 if carried else [0.1, 0.0, 0.0], (count - 1, 1, 3)),
         unknowns=np.zeros((count - 1, 1, 1)),
         missed=np.zeros((count - 1, 1)),
         water=np.zeros((count, 2)),
         afloat=afloat,
         through=through,
+        depth=depth,
     )
     return seen, water
 
@@ -274,6 +288,38 @@ def test_water_of_waves_carries_the_vehicle_and_its_noises_are_found() -> None:
     assert orbital == pytest.approx(water.std(), rel=0.2)
     # Beside the water it does not move: its damping would have shown.
     assert motion.states.std() < 0.2 * water.std()
+
+
+def test_waves_are_smaller_at_depth() -> None:
+    """A log that changes its depth in waves of 5 s, as the filter has it and as one depth has it."""
+    hz, damping = 0.2, 0.05
+    deep, _ = adrift(damping, depth=np.repeat([3.0, 12.0], 1500))
+    process = np.array([1e-4, 1e-6, 0.0, 1e-5, 0.0, 1e-4, 1e-8, 1e-8])
+    noise = NoiseModel(process, np.array([1e-3]), hz, (0,), (0,), damping)
+    found = []
+    for span in (deep, replace(deep, depth=np.zeros(3000))):
+        likelihood, model, _ = Filters([span], noise, 0.1, [0]).likeliest(noise, 60)
+        found.append((likelihood, np.sqrt(model.process[5] / (4.0 * damping * 2.0 * np.pi * hz * 0.1))))
+    (decaying, orbit), (constant, _) = found
+    assert decaying > constant + 50.0
+    # The intensity is that of the root mean square over all depths.
+    number = (2.0 * np.pi * hz) ** 2 / 9.81
+    size = np.sqrt(np.mean(np.exp(-2.0 * number * np.array([3.0, 12.0]))))
+    assert orbit == pytest.approx(0.1 * size, rel=0.2)
+    # A depth that all samples share says nothing.
+    same = [Filters([replace(deep, depth=np.full(3000, z))], noise, 0.1, [0]) for z in (0.0, 400.0)]
+    assert same[0].likelihood(noise) == pytest.approx(same[1].likelihood(noise), rel=1e-12)
+
+
+@pytest.mark.parametrize("carried", [True, False])
+def test_likelihood_says_whether_water_carries_or_flows_past(carried: bool) -> None:
+    span, _ = adrift(0.05, carried=carried)
+    # What flows past acts on the state by the derivative by the current, which a log in both cases has.
+    span = replace(span, current=np.broadcast_to([0.1, 0.0, 0.0], (2999, 1, 3)))
+    process = np.array([1e-6, 1e-8, 0.0, 1e-12, 0.0, 1e-4, 1e-10, 1e-10])
+    for first in (True, False):
+        noise = NoiseModel(process, np.array([1e-3]), 0.2, (0,), (0,), 0.05, carried=first)
+        assert shaped([span], noise, 0.1, [0], 16, None).carried is carried
 
 
 @pytest.mark.long

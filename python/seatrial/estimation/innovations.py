@@ -393,9 +393,9 @@ class Innovations:
         self.joint.settled[self.held_out] = own, values.copy(), self.steps.path
         return self.steps.linearised(values, extra)
 
-    def _waves(self) -> tuple[float | None, float]:
-        """Frequency, Hz, and damping ratio of the waves, as the filter has them."""
-        return self._noises.wave_hz, self._noises.damping
+    def _waves(self) -> tuple[float | None, float, bool]:
+        """Frequency, Hz, and damping ratio of the waves, as the filter has them, and whether they carry."""
+        return self._noises.wave_hz, self._noises.damping, self._noises.carried
 
     def _filters(self, spans: Sequence[Span]) -> kalman.Filters:
         return kalman.Filters(spans, self._noises, self.dt, self.seen, self.joint.threads)

@@ -91,7 +91,7 @@ class Polished:
     method_reason: str = ""
     horizons: tuple[Horizon, ...] = ()
     others: tuple[OtherDamping, ...] = ()
-    waves: Mapping[str, float | None] | None = None
+    waves: Mapping[str, float | bool | None] | None = None
 
     def rms(self, cost: float) -> float:
         """Root mean square residual in its standard deviation, outliers bounded, that a cost stands for."""

@@ -126,8 +126,7 @@ def begin(spans: Sequence[Span], velocities: int, dt: float) -> NoiseModel:
         omega = 2.0 * math.pi * (wave_hz or 0.0)
         process[states + velocities + 2 * k + 1] = (0.5 * size[axis]) ** 2 * 4.0 * DAMPING * omega * dt
     for k in range(len(water)):
-        omega = 2.0 * math.pi * (wave_hz or 0.0)
-        process[states + velocities + 2 * (len(waved) + k) + 1] = _ORBIT**2 * 4.0 * DAMPING * omega * dt
+        process[states + velocities + 2 * (len(waved) + k) + 1] = _orbit(wave_hz or 0.0, DAMPING, dt)
     process[-2:] = _WALK**2
     sensors = np.full(spans[0].measured.shape[1], 1e-4)
     for column in range(len(sensors)):
@@ -151,7 +150,7 @@ def shaped(
     ratio that the filter begins with, and it is met at another frequency on every course. The autopilot
     answers what of its waves the filter does not foresee, so that a wrong model of them bends the gains.
     Values a step apart are compared in turn, upwards first, each with so many evaluations of the likelihood
-    for its intensities.
+    for its intensities. Whether the water of the waves carries the vehicle or flows past it is tried first.
     """
     if noise.wave_hz is None:
         return noise
@@ -172,6 +171,9 @@ def shaped(
             best = other
 
     best = improved(noise)
+    if noise.water:
+        other = improved(_otherwise(best[1], dt))
+        best = other if other[0] > best[0] + _WORTH else best
     if noise.toward is None:
         courses = [_towards(spans, best[1], 2.0 * math.pi * k / _COURSES) for k in range(_COURSES)]
         told = [one for one in courses if one is not None]
@@ -207,6 +209,19 @@ class _Step(NamedTuple):
 
     def back(self) -> _Step:
         return _Step(1.0 / self.broader, 1.0 / self.faster, -self.turned)
+
+
+def _otherwise(noise: NoiseModel, dt: float) -> NoiseModel:
+    """The same waves, whose water flows past the vehicle in place of carrying it, or the other way round."""
+    assert noise.wave_hz is not None
+    process, last = noise.process.copy(), len(noise.process) - 2
+    process[last - 2 * len(noise.water) + 1 : last : 2] = _orbit(noise.wave_hz, noise.damping, dt)
+    return replace(noise, process=process, carried=not noise.carried)
+
+
+def _orbit(wave_hz: float, damping: float, dt: float) -> float:
+    """Variance per sample that keeps the water of waves at `_ORBIT`."""
+    return _ORBIT**2 * 4.0 * damping * 2.0 * math.pi * wave_hz * dt
 
 
 def _towards(spans: Sequence[Span], noise: NoiseModel, toward: float) -> NoiseModel | None:
@@ -245,7 +260,8 @@ class Filters:
     ) -> None:
         self.spans, self.dt, self.threads = spans, dt, threads
         self.states = spans[0].transition.shape[1]
-        self._models = [_model(span, noise, dt, seen) for span in spans]
+        sizes = _sizes(spans, noise)
+        self._models = [_model(span, noise, dt, seen, size) for span, size in zip(spans, sizes, strict=True)]
 
     def predicted(self, noise: NoiseModel, ahead: int) -> list[Array]:
         """Per span what the channels are predicted to show so many samples after each measurement.
@@ -350,8 +366,17 @@ def _pairs(noise: NoiseModel, states: int) -> range:
     return range(last - 2 * (len(noise.waved) + len(noise.water)), last, 2)
 
 
-def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int]) -> LinearModel:
-    """The model of a span and of what drives it, as the core reads it."""
+def _sizes(spans: Sequence[Span], noise: NoiseModel) -> list[Array]:
+    """What waves do at the depth of each sample (n,) per span, of their root mean square over all of them."""
+    number = (2.0 * math.pi * (noise.wave_hz or 0.0)) ** 2 / _GRAVITY
+    depth = np.concatenate([span.depth for span in spans])
+    least = float(depth.min())
+    mean = float(np.sqrt(np.mean(np.exp(-2.0 * number * (depth - least)))))
+    return [np.exp(-number * (span.depth - least)) / mean for span in spans]
+
+
+def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int], size: Array) -> LinearModel:
+    """The model of a span and of what drives it, as the core reads it; waves are of a ``size`` (n,)."""
     from seatrial._core import LinearModel
 
     steps, states = span.missed.shape
@@ -359,12 +384,12 @@ def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int])
     velocities = pairs.start - states
     transition = np.zeros((steps, states, width))
     transition[:, :, :states] = span.transition
-    transition[:, :, -2:] = span.current
+    transition[:, :, -2:] = span.current[:, :, :2]
     # An acceleration acts throughout the step, on the angles too: the mean of what it does at both ends.
     push = 0.5 * dt * (np.eye(states) + span.transition)[:, :, :velocities]
     slow = math.exp(-dt / SLOW_S)
     turn = _turns(span, noise, dt)
-    mean = 0.5 * (turn[:, 1] + np.array([0.0, 1.0]))[:, None]
+    mean = (0.5 * size[:-1, None] * (turn[:, 1] + np.array([0.0, 1.0])))[:, None]
     places: list[tuple[int, int]] = []
     driven: list[Array] = []
 
@@ -388,18 +413,21 @@ def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int])
         seen.append((channel, column))
         shown.append(np.broadcast_to(values, steps + 1))
 
-    carried = list(zip(pairs[len(noise.waved) :], noise.water, strict=True))
+    water = list(zip(pairs[len(noise.waved) :], noise.water, strict=True))
     for channel, state in enumerate(places_seen):
         show(channel, state, 1.0)
-        if state < velocities:
+        if state < velocities and noise.carried:
             # The state's velocity is that beside the water of the waves, the measured one that over ground.
-            for at, direction in carried:
-                show(channel, at + 1, span.afloat[:, state, direction])
+            for at, direction in water:
+                show(channel, at + 1, size * span.afloat[:, state, direction])
     for at, axis in zip(pairs, noise.waved, strict=False):
         transition[:, :, at : at + 2] = push[:, :, axis, None] * mean
-    for at, direction in carried:  # places move with the water too
-        moving = span.afloat[:-1, velocities:, direction, None]
-        transition[:, velocities:, at : at + 2] = moving * (dt * mean)
+    for at, direction in water:
+        if noise.carried:  # places move with the water too
+            moving = span.afloat[:-1, velocities:, direction, None]
+            transition[:, velocities:states, at : at + 2] = moving * (dt * mean)
+        else:
+            transition[:, :, at : at + 2] = span.current[:, :, direction, None] * mean
     drift = np.zeros((steps, width))
     drift[:, :states] = span.missed
     drift[:, -2:] = -np.diff(span.water, axis=0)  # the state is the water beside that

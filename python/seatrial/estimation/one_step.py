@@ -1,8 +1,8 @@
 """The model over one sample, linearised about the smoothed measured motion of the training data.
 
 ``x[k+1] = xs[k+1] + g[k] + F[k] (x[k] - xs[k]) + C[k] (c - cs[k]) + T[k] (theta - theta0)`` with xs a
-smoothed motion, g by how much one step of the model from xs[k] misses xs[k+1], c the slow velocity of the
-water (north, east, besides what was recorded; cs is the one that belongs to xs) and theta the unknowns. The
+smoothed motion, g by how much one step of the model from xs[k] misses xs[k+1], c the velocity of the water
+(north, east, down, besides what was recorded; cs is the one that belongs to xs) and theta the unknowns. The
 state is what the instruments show: velocities of the simulated axes over ground, their angles, and depth or
 position where they were measured. All derivatives are those of the core's own step, by dual numbers; every
 sample is a segment of its own, so that one call to the core gives them all. The error of the linearisation is
@@ -38,7 +38,7 @@ _SLOWER = 1.5
 _RATE_LIMIT = 0.5
 """Largest h|lambda|: one sample needs fewer steps than a simulation of seconds; derivatives err by 0.3 %."""
 
-_CURRENT = ("current_north", "current_east")
+_CURRENT = ("current_north", "current_east", "current_down")
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,12 @@ class Span:
     """Training samples ``first`` to ``last`` (both included) of one trial, without a gap.
 
     ``measured`` (n, Y) are the measured channels minus the motion at which derivatives are taken, ``valid``
-    which of them count. ``transition`` (n-1, S, S), ``current`` (n-1, S, 2), ``unknowns`` (n-1, S, m) and
-    ``missed`` (n-1, S) are F, C, T and g. ``water`` (n, 2) is the velocity of the water that the derivatives
-    are taken at. ``afloat`` (n, S, 3) is what a velocity of the water (north, east, down) adds to the states'
-    velocities over ground, and to the rates of their places. ``through`` (n, 2) is the velocity through that
-    water, north and east, m/s.
+    which of them count. ``transition`` (n-1, S, S), ``current`` (n-1, S, 3), ``unknowns`` (n-1, S, m) and
+    ``missed`` (n-1, S) are F, C, T and g. ``water`` (n, 2) is the velocity of the water, north and east, that
+    the derivatives are taken at. ``afloat`` (n, S, 3) is what a velocity of the water (north, east, down)
+    adds to the states' velocities over ground, and to the rates of their places, where it carries the vehicle
+    along. ``through`` (n, 2) is the velocity through that water, north and east, m/s. ``depth`` (n,) is the
+    smoothed depth, m; nil where none was measured.
     """
 
     record: int
@@ -65,6 +66,7 @@ class Span:
     water: Array
     afloat: Array
     through: Array
+    depth: Array
 
 
 class Motion(NamedTuple):
@@ -185,11 +187,12 @@ class OneStep:
             seen[:, columns].reshape(-1, 2, len(columns)),
             slopes.reshape(-1, 2, *slopes.shape[1:]),
         )
+        waters = len(_CURRENT)
         # The core turns the attitude about the body's axes; what that does to the angles is seen in the first
         # sample.
-        back = np.linalg.inv(slopes[:, 0, :, 2:])
+        back = np.linalg.inv(slopes[:, 0, :, waters:])
         with np.errstate(invalid="ignore"):  # where the model diverges over a step
-            transition = slopes[:, 1, :, 2:] @ back
+            transition = slopes[:, 1, :, waters:] @ back
         replay = self._replay(tuple(extra), self.path.known)
         unknowns = replay.tangents(at, directions, channels=self.states)[1][1::2]
         spans: list[Span] = []
@@ -212,12 +215,13 @@ class OneStep:
                     np.where(valid, measured, 0.0),
                     valid,
                     transition[here],
-                    slopes[here, 1, :, :2],
+                    slopes[here, 1, :, :waters],
                     unknowns[here],
                     missed,
                     self.path.smoothed.water[record][rows, :2],
                     self._afloat(record, first, last),
                     self._through(record, first, last),
+                    self._depth(record, first, last),
                 )
             )
         return spans
@@ -303,6 +307,13 @@ class OneStep:
         over_ground = np.einsum("nij,nj->ni", matrix(attitude), nu[:, :3])[:, :2]
         recorded = 0.0 if trial.current is None else trial.current[rows, :2]
         return np.asarray(over_ground - recorded - self.path.smoothed.water[record][rows, :2])
+
+    def _depth(self, record: int, first: int, last: int) -> Array:
+        """Smoothed depth (n,) of the log; nil where it was not measured."""
+        trial = self.joint.data.trials[record]
+        if "z" not in trial.channels:
+            return np.zeros(last + 1 - first)
+        return np.asarray(trial.state(slice(first, last + 1))[0][:, 2])
 
     def _replay(self, extra: tuple[str, ...], motion: _Motion) -> Replay:
         """The model over one sample along a motion, with further coefficients that vary."""

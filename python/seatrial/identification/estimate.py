@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.channels import MOTIONS
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
+from seatrial.statistics.uncertainty import bound_reached
 from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.assessment import Assessment
 
 __all__ = ["Estimate", "Tally", "derived", "distinct", "estimates", "plus_minus", "tally"]
-
-_AT_BOUND = 0.005
 
 
 @dataclass(frozen=True)
@@ -209,15 +208,13 @@ def _rows(
 ) -> dict[str, Estimate]:
     """A row per coefficient that a parameter sets."""
     initial, info = campaign.vehicle.coefficients(), campaign.vehicle.coefficient_info()
-    near = _AT_BOUND * (parameter.upper - parameter.lower)
+    reached = bound_reached(value, parameter.lower, parameter.upper)
     rows = {}
     for member, factor in parameter.members:
         lower, upper = sorted((factor * parameter.lower, factor * parameter.upper))
-        at_bound = None
-        if value - parameter.lower < near:
-            at_bound = "lower" if factor > 0 else "upper"
-        elif parameter.upper - value < near:
-            at_bound = "upper" if factor > 0 else "lower"
+        at_bound = reached
+        if reached is not None and factor <= 0:
+            at_bound = "upper" if reached == "lower" else "lower"
         interval = None
         if known is not None and at_bound is None:
             ends = sorted((factor * known["lower"], factor * known["upper"]))

@@ -46,9 +46,9 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.statistics.blocks import BlockLength, Whitened, views
-from seatrial.statistics.linearisation import Linearisation, Unknown
+from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["Uncertainty", "covariance"]
+__all__ = ["Uncertainty", "bound_reached", "covariance"]
 
 _AT_BOUND = 0.005
 
@@ -176,7 +176,9 @@ def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Unce
         naive=np.where(view.undetermined, np.inf, np.sqrt(naive)),
         lower=lin.values - half,
         upper=lin.values + half,
-        at_bound=tuple(_bound(u, x) for u, x in zip(lin.unknowns, lin.values, strict=True)),
+        at_bound=tuple(
+            bound_reached(x, u.lower, u.upper) for u, x in zip(lin.unknowns, lin.values, strict=True)
+        ),
         alone=np.mean(alone, axis=0) > 0.5 * variance,
         dof=np.where(view.undetermined, 0.0, dof),
         covariance=matrix,
@@ -212,10 +214,11 @@ def _scatter(view: Whitened) -> tuple[Array, Array, Array]:
     return from_data + lonely, np.einsum("ij,jk,ik->i", transform, lonely, transform), dof
 
 
-def _bound(unknown: Unknown, value: float) -> str | None:
-    near = _AT_BOUND * (unknown.upper - unknown.lower)
+def bound_reached(value: float, lower: float, upper: float) -> str | None:
+    """Which bound a value has come to, "lower" or "upper": within 0.5 % of the box; else None."""
+    near = _AT_BOUND * (upper - lower)
     if not np.isfinite(near):
         return None
-    if value <= unknown.lower + near:
+    if value <= lower + near:
         return "lower"
-    return "upper" if value >= unknown.upper - near else None
+    return "upper" if value >= upper - near else None
