@@ -16,9 +16,11 @@ from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.assessment import assess
 from seatrial.diagnosis.bounds import ContradictedBounds
+from seatrial.estimation import joint as joint_estimate_setup
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
+from seatrial.estimation.method import ByItself
 from seatrial.estimation.one_step import Motion, OneStep
 from seatrial.identification import damping
 from seatrial.identification.damping import quadratic_or_strips
@@ -115,6 +117,30 @@ def test_no_filter_is_taken_across_a_long_gap(tmp_path: Path) -> None:
     # A short one is bridged.
     bridged = table.filter((pl.col("t_s") < 90.0) | (pl.col("t_s") > 93.0))
     assert len(Joint(made('method = "innovations"', tmp_path, bridged)).steps()[0]) == 1
+
+
+def test_a_log_full_of_long_gaps_is_left_to_output_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The method was chosen by itself, and then refused: the whole estimate was lost."""
+    chosen = ByItself("innovations", "in trial held rudder answers measurements")
+    monkeypatch.setattr(joint_estimate_setup, "method_of", lambda *_: chosen)
+    table = sailed()
+    jumps = 6.0 * (pl.col("t_s") // 10.0)
+    joint = Joint(made("segment_s = 12.0", tmp_path, table.with_columns(pl.col("t_s") + jumps)))
+    assert joint.method == "output"
+    assert joint.method_reason.startswith("in trial held rudder answers measurements, which biases gains")
+    assert "needs 12 s of a trial without a gap of more than 5 s, and found none" in joint.method_reason
+    for keys, log in (
+        ("segment_s = 9.0", table.with_columns(pl.col("t_s") + jumps)),
+        ("segment_s = 12.0", table),
+    ):
+        assert Joint(made(keys, tmp_path, log)).method == "innovations"
+    # What the campaign asks for is not exchanged.
+    asked = 'segment_s = 12.0\nmethod = "innovations"'
+    refused = Joint(made(asked, tmp_path, table.with_columns(pl.col("t_s") + jumps)))
+    with pytest.raises(CampaignError, match="needs 12 s of a trial without a long gap"):
+        OneStep(refused)
 
 
 def test_a_motion_that_is_no_number_is_not_followed(tmp_path: Path) -> None:

@@ -140,12 +140,11 @@ def _prior(key: str) -> tuple[float, str, bool]:
 
 
 _HIDDEN_SD = 0.25
+"""Prior standard deviation of a hidden coefficient, over the width of its bounds."""
 
 _NEAR = 0.05
 """Difference of two flights, in standard deviations of the channel, up to which the derivatives of the
 coarser one serve; at h|lambda| <= 1 they differ by about a hundredth."""
-
-"""Prior standard deviation of a hidden coefficient, over the width of its bounds."""
 
 VELOCITY_NOISES = 3.0
 """Prior standard deviation of a segment's initial velocities, over that of the sensor's noise."""
@@ -288,6 +287,12 @@ class Joint:
         self.parameters = tuple(sorted(chosen, key=lambda one: one.name in self.hidden))
         self.estimated = tuple(one for one in self.parameters if one.name not in self.hidden)
         self.data = cut(campaign, self.stage)
+        if method is None and self.polish.method == "automatic" and not self._filtered():
+            needed = f"{self.stage.segment_s:g} s of a trial without a gap of more than {_LONGEST_GAP_S:g} s"
+            self.method = "output"
+            self.method_reason = (
+                f"{found.why}, which biases gains; a filter that knows this needs {needed}, and found none"
+            )
         self.nuisances = nuisances(self.polish, self.data.names, where)
         self.unknowns = (
             *(
@@ -371,6 +376,10 @@ class Joint:
                     spans.append((index, first, end - 1))
                     segments += restarted(trial, [(k, k + 2) for k in range(first, end - 1)], index)
         return tuple(spans), tuple(segments)
+
+    def _filtered(self) -> bool:
+        """Whether the method has the measurements that it needs."""
+        return self.method == "output" or bool(self.steps()[0])
 
     def _blind(self, trial: Trial) -> Mask:
         """Samples (n,) in gaps longer than `_LONGEST_GAP_S`, in which no simulated axis is measured.
