@@ -6,6 +6,7 @@ import random
 import socket
 import struct
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,19 @@ def test_time_that_is_up_and_bad_numbers_are_said(tmp_path: Path) -> None:
             fly_realtime("cwolf", "cwolf", MISSION, speed=speed)
     with pytest.raises(SimulationError, match="voltage_v: the thrust of"):
         fly_realtime("bluerov2-heavy", "bluerov2-heavy", MISSION, speed=FAST)
+
+
+def test_a_flight_beyond_the_largest_depth_is_not_complete() -> None:
+    paced = fly_realtime("cwolf", "cwolf", MISSION, speed=FAST)
+    assert paced.complete
+    assert paced.max_depth_m == np.inf
+    deepest = float(paced.table()["z_m"].to_numpy().max())
+    for limit, kept in ((deepest - 0.04, True), (deepest - 0.06, False)):
+        judged = replace(paced, max_depth_m=limit)
+        assert judged.complete is judged.to_dict()["complete"] is kept
+    told = judged.report()
+    assert told.outcome == "complete, beyond the mission's largest depth"
+    assert told.worst.startswith(f"it went {deepest:.2f} m deep; the mission's largest depth is {limit:g} m")
 
 
 class Autopilot(threading.Thread):

@@ -23,6 +23,7 @@ from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.toml_file import loaded
+from seatrial.flight.excesses import too_deep
 from seatrial.flight.mismatch import mismatch
 from seatrial.flight.mission import Mission
 from seatrial.flight.sensor_channels import sensors_of
@@ -70,6 +71,8 @@ class RealtimeFlight:
         What differs from the sensors as described.
     doubt
         Why the autopilot does not belong to the vehicle; empty where it does.
+    max_depth_m
+        The mission's largest depth; infinite without one.
     inputs
         Texts of vehicle, autopilot and mission as they were used.
     clock
@@ -86,13 +89,24 @@ class RealtimeFlight:
     rows: list[list[float]]
     notes: tuple[str, ...] = ()
     doubt: str = ""
+    max_depth_m: float = math.inf
     inputs: Mapping[str, str] = field(default_factory=dict)
     clock: Clock = field(default_factory=Clock)
 
     @property
     def complete(self) -> bool:
-        """Whether the mission was completed; with hardware, whether the time was flown."""
-        return self.outcome == ("time is up" if self.hardware is not None else "complete")
+        """Whether the mission was completed within its depth; with hardware, whether the time was flown."""
+        ended = self.outcome == ("time is up" if self.hardware is not None else "complete")
+        return ended and not self._too_deep
+
+    @property
+    def _too_deep(self) -> bool:
+        """Whether the vehicle truly went deeper than the mission's largest depth."""
+        return bool(too_deep({"depth_largest_m": self._deepest_m}, self.max_depth_m))
+
+    @property
+    def _deepest_m(self) -> float:
+        return max((row[3] for row in self.rows), default=0.0)
 
     def table(self) -> pl.DataFrame:
         """Motion and commands as the columns of a trial."""
@@ -120,12 +134,17 @@ class RealtimeFlight:
             worst = f"{self.reaction} because of {self.cause}; {worst}"
         if self.doubt:
             worst = f"{self.doubt}; {worst}"
+        if self._too_deep:
+            deep = (
+                f"it went {self._deepest_m:.2f} m deep; the mission's largest depth is {self.max_depth_m:g} m"
+            )
+            worst = f"{deep}; {worst}"
         tables: tuple[Table, ...] = (self.timing.table(),)
         if self.hardware is not None:
             tables += (self.hardware.table(),)
         return Report(
             title=self.vehicle.name,
-            outcome=self.outcome,
+            outcome=f"{self.outcome}, beyond the mission's largest depth" if self._too_deep else self.outcome,
             good=f"{flown:.1f} s of motion at {self.speed:g} times real time; {self.timing.sentence()}",
             worst=worst,
             next_step="open the recording in Foxglove, or score the log as a trial",
@@ -137,6 +156,8 @@ class RealtimeFlight:
         return {
             "vehicle": self.vehicle.name,
             "outcome": self.outcome,
+            "complete": self.complete,
+            "depth_largest_m": self._deepest_m,
             "reaction": self.reaction,
             "cause": self.cause,
             "speed": self.speed,
@@ -283,6 +304,7 @@ def fly_realtime(
         rows=loop.rows,
         notes=notes,
         doubt=doubt,
+        max_depth_m=route.limits["max_depth_m"],
         inputs={"vehicle": flown.to_toml(), "autopilot": pilot.to_toml(), "mission": route.to_toml()},
         clock=clock,
     )
