@@ -63,11 +63,11 @@ class Change:
         """What is printed is relative to it: the value, or what the score takes where that is about zero."""
         return abs(self.value) if self.of_value else self.relative_to
 
-    def told(self, deviation: float) -> str:
-        """A deviation in per cent of the value, or with its unit and marked where the value is about zero."""
+    def told(self, deviation: float, unit: str = "") -> str:
+        """A deviation in per cent of the value, or as ± in its unit where the value is about zero."""
         if self.of_value:
             return _percent(deviation / self.whole)
-        return f"± {deviation:.2g} {self.unit}".rstrip()
+        return f"± {deviation:.2g} {unit}".rstrip()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -292,7 +292,7 @@ class Plan(RunResult):
             f"warnings = [{', '.join(_text(warning) for warning in seen.warnings)}]",
             "",
             "# Standard deviations before and after this trial, in per cent of the coefficient's value;",
-            "# those of a coefficient of about zero in its unit.",
+            "# where that is about zero, in its unit.",
             "[tells]",
         ]
         lines += [_tells(change) for change in ranked.gains[:_SHEET_ROWS]]
@@ -397,10 +397,8 @@ def _precision(found: Plan) -> Table:
     ]
     numbered = (f"after {number}" for number in range(1, len(after) + 1))
     head = ["coefficient", "unit", "value", "so far", *numbered]
-    zero = (
-        "" if all(change.of_value for change in found.coefficients) else "; of a value of zero ± in its unit"
-    )
-    return Table.of(f"Standard deviations, per cent of the value{zero}", head, rows, left=2)
+    zero = "" if all(change.of_value for change in found.coefficients) else "; where it is zero, in its unit"
+    return Table.of(f"Standard deviations in per cent of the value{zero}", head, rows, left=2)
 
 
 def _others(found: Plan) -> Table:
@@ -449,7 +447,7 @@ def _still_unknown(found: Plan) -> list[str]:
             after = next(gain.after for gain in ranked.gains if gain.name == change.name)
             if after < _BETTER * left:
                 best, left = ranked.manoeuvre.name, after
-        told = f"{change.told(left)} %" if change.of_value else change.told(left)
+        told = change.told(left, change.unit) + (" %" if change.of_value else "")
         groups.setdefault(best, []).append(f"{change.name} ({told})" if best else change.name)
     return [
         f"Still unknown to more than {100 * _UNKNOWN:.0f} %, "
