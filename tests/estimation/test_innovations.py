@@ -389,6 +389,13 @@ def undecided(joint: Joint, polished: Polished) -> None:
     (said,) = bent.refused()
     assert "compensates for N_rr, which the data would take 6.4 standard deviations beyond its upper" in said
     assert "1.25 (+2.9)" in bent.assumption_table().text()
+    late = replace(judged, spoilt="the velocity of trial log is 0.5 s late; correct it")
+    assert set(late.verdicts.values()) == {"not identifiable"}
+    assert (
+        late.refused()[0]
+        == "no coefficient is identified: the velocity of trial log is 0.5 s late; correct it"
+    )
+    assert late.to_dict()["spoilt"] == late.spoilt
 
 
 @pytest.mark.long

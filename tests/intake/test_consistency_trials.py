@@ -111,19 +111,25 @@ def slowly_placed(velocity_late: float) -> pl.DataFrame:
 
 def test_a_late_velocity_that_reading_leaves_is_said_with_the_command_to_run() -> None:
     made = campaign(turn=slowly_placed(0.3))
-    (said,) = late_velocity(made, ["turn"])
-    assert said.startswith(f"{LATE}turn is 0.30 s late")
-    problem, _, remedy = said.partition("; ")
+    late = late_velocity(made, ["turn"])
+    assert late is not None
+    assert late.sentence.startswith(f"{LATE}turn is 0.30 s late")
+    problem, _, remedy = late.sentence.partition("; ")
     assert "seatrial check" in remedy
     assert "delay_s.velocity = 0." in remedy
-    assert "position samples are too sparse" in problem
+    assert "its positions are too few" in problem
+    assert late.spoils == (late.before > 1.5 * late.after)
+    # Without any position as well.
+    bare = late_velocity(campaign(turn=slowly_placed(0.3).drop("x_m", "y_m").drop_nulls("z_m")), ["turn"])
+    assert bare is not None
+    assert bare.delay_s == pytest.approx(0.3, abs=0.03)
 
 
 def test_a_velocity_that_reading_corrects_or_that_is_on_time_or_that_is_given_is_not_called_late() -> None:
-    assert late_velocity(campaign(turn=pl.DataFrame(wrong())), ["turn"]) == ()
-    assert late_velocity(campaign(turn=slowly_placed(0.0)), ["turn"]) == ()
+    assert late_velocity(campaign(turn=pl.DataFrame(wrong())), ["turn"]) is None
+    assert late_velocity(campaign(turn=slowly_placed(0.0)), ["turn"]) is None
     given = campaign("[corrections]\ndelay_s.velocity = 0.3", turn=slowly_placed(0.3))
-    assert late_velocity(given, ["turn"]) == ()
+    assert late_velocity(given, ["turn"]) is None
 
 
 def test_identify_heads_its_lines_with_a_late_velocity() -> None:

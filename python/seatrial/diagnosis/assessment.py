@@ -61,6 +61,8 @@ class Assessment:
         Autocorrelation of the residuals, missing terms, signals that the residuals follow.
     bounds
         Bounds that the data contradict, and what the estimate would be without them; None without any.
+    spoilt
+        Why no coefficient is identified from these data, with the remedy behind a semicolon; mostly "".
     """
 
     vehicle: Vehicle
@@ -72,6 +74,7 @@ class Assessment:
     criteria: InformationCriteria
     residual_analysis: ResidualAnalysis
     bounds: ContradictedBounds | None = None
+    spoilt: str = ""
 
     @property
     def verdicts(self) -> dict[str, str]:
@@ -82,7 +85,9 @@ class Assessment:
         lost |= {name for other in self.polished.others for name in other.refused}
         lost |= set() if self.bounds is None else set(self.bounds.refused)
         told = self.identifiability.verdicts.items()
-        return {name: "not identifiable" if name in lost else verdict for name, verdict in told}
+        return {
+            name: "not identifiable" if self.spoilt or name in lost else verdict for name, verdict in told
+        }
 
     def of(self, name: str) -> Mapping[str, Any] | None:
         """Estimate, sigma, 95 % interval and verdict of a parameter; None if it is not in the estimate."""
@@ -165,7 +170,8 @@ class Assessment:
                 found.append((away, said))
         found += self._bent(fit)
         # Gains of actuators first: an autopilot rests on them.
-        return [said for _, said in sorted(found, key=lambda one: ("." not in one[1].split()[0], -one[0]))]
+        ranked = [said for _, said in sorted(found, key=lambda one: ("." not in one[1].split()[0], -one[0]))]
+        return [f"no coefficient is identified: {self.spoilt}", *ranked] if self.spoilt else ranked
 
     def _bent(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
         """Sentences on coefficients that make up for a bound that the data contradict, with their size."""
@@ -237,6 +243,7 @@ class Assessment:
             "information_criteria": self.criteria.to_dict(),
             "residual_analysis": self.residual_analysis.to_dict(),
             "bounds": None if self.bounds is None else self.bounds.to_dict(),
+            "spoilt": self.spoilt,
             "sentences": self.sentences(),
         }
 

@@ -416,7 +416,8 @@ def run_identification(
         ready = prepare(campaign, threads=threads)  # refuses a bad campaign before a search
         campaign, plans, before, notes = ready.campaign, ready.plans, ready.sentences, ready.no_joint
         fitted = dict.fromkeys(name for plan in plans for name in plan.stage.trials)
-        before = (*late_velocity(campaign, tuple(fitted)), *before)
+        late = late_velocity(campaign, tuple(fitted))
+        before = (*(() if late is None else (late.sentence,)), *before)
         order = StageOrder(campaign, plans, run, progress=progress, threads=threads, fleet=fleet)
         if progress is not None and before:
             progress(replace(order.state(plans[0], None), notes=before))
@@ -458,6 +459,8 @@ def run_identification(
                 notes = (*notes, *joint.sentences())
                 found = polish(joint, rounds=0) if found is None else found
                 sure = assess(joint, found)
+                if late is not None and late.spoils and joint.method == "innovations":
+                    sure = replace(sure, spoilt=late.sentence)
                 vehicle, rests = sure.vehicle, conditional(joint, found, ready.held, sure.uncertainty)
                 restarts = Restarts.of(campaign, joint, found.values, vehicle)
             except KeyboardInterrupt:

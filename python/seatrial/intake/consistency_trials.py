@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LATE",
+    "LateVelocity",
     "Proposal",
     "accepted",
     "common",
@@ -79,18 +80,54 @@ def consistency_of_trial(campaign: Campaign, name: str) -> Consistency | None:
 
 
 LATE = "the velocity of trial "
-"""How a sentence of `late_velocity` begins."""
+"""How a sentence on a late velocity begins."""
 
 _TELLS_DELAY = ("z", "u", "v", "w", "roll", "pitch", "yaw")
 
 _NOT_ESTIMATED = "latency not estimated: a position every"
 
+_SPOILS = 1.5
+"""Times the error of a rate of depth that a delay leaves, from which an estimate on it is none."""
 
-def late_velocity(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
-    """One sentence on a late velocity that reading leaves, with the remedy behind a semicolon; or none.
 
-    Reading removes what it can estimate from the position. Where that comes too slowly, the depth tells, as
-    in `check`: here of the shortest such trial, and of nothing but the delay.
+@dataclass(frozen=True)
+class LateVelocity:
+    """A velocity that reading leaves late: of which trial, by how much (s), and the line that corrects it.
+
+    ``before`` and ``after`` are the root mean square differences in m/s between the rate of depth and the
+    velocity, with the delay and without it.
+    """
+
+    trial: str
+    delay_s: float
+    line: str
+    before: float
+    after: float
+    campaign: str
+
+    @property
+    def spoils(self) -> bool:
+        """Whether the channels contradict one another so much that no coefficient is to be had from them."""
+        return self.before > _SPOILS * self.after
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong, and what to do behind a semicolon."""
+        word = "late" if self.delay_s > 0.0 else "early"
+        return (
+            f"{LATE}{self.trial} is {abs(self.delay_s):.2f} s {word} (it differs from the rate of depth by"
+            f" {self.before:.3g} m/s rms, without the delay by {self.after:.3g}), and its positions are too"
+            " few to correct this on reading, so forces are fitted at the wrong times; run"
+            f" seatrial check {self.campaign}, paste its proposal ({self.line} under [corrections]) and"
+            " identify again"
+        )
+
+
+def late_velocity(campaign: Campaign, names: Sequence[str]) -> LateVelocity | None:
+    """A late velocity that reading leaves; None where there is none.
+
+    Reading removes what it can estimate from the position. Where that comes too slowly or not at all, the
+    depth tells, as in `check`: here of the shortest such trial, and of nothing but the delay.
 
     Parameters
     ----------
@@ -100,7 +137,10 @@ def late_velocity(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
     """
 
     def left(name: str) -> bool:
-        findings = campaign.trials[name].report.findings
+        trial = campaign.trials[name]
+        if not {"x", "y"} & set(trial.channels):
+            return True
+        findings = trial.report.findings
         return any(one.channel == "velocity" and one.message.startswith(_NOT_ESTIMATED) for one in findings)
 
     slow = sorted((name for name in names if left(name)), key=lambda name: len(campaign.trials[name]))
@@ -111,14 +151,9 @@ def late_velocity(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
         series = {key: one for key, one in series_of(found).items() if key in _TELLS_DELAY}
         for one in consistency(series).corrections:
             if one.key == "delay_s.velocity":
-                word = "late" if float(one.value) > 0.0 else "early"
-                return (
-                    f"{LATE}{name} is {abs(float(one.value)):.2f} s {word}, and its position samples are"
-                    " too sparse to correct this on reading, so forces are fitted at the wrong times; run"
-                    f" seatrial check {campaign.source}, paste its proposal ({one.line} under [corrections])"
-                    " and identify again",
-                )
-    return ()
+                delay = float(one.value)
+                return LateVelocity(name, delay, one.line, one.before, one.after, str(campaign.source))
+    return None
 
 
 def _on_top(correction: Correction, given: Mapping[str, Any]) -> Correction:
