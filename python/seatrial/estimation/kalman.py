@@ -11,11 +11,15 @@ taken at, and what drives it besides the model:
   ``s'' + 2 zeta omega s' + omega^2 s = noise`` (Fossen 2021, section 10.2). A vehicle that sails through
   waves of omega_0 meets them at ``omega = |omega_0 - omega_0^2 / g (v . d)|``, with v its velocity through
   the water and d where they go, so that omega changes from leg to leg; the bandwidth ``zeta omega`` stays.
+  What waves do at a depth z is ``exp(-k z)`` of what they do at the surface, ``k = omega_0^2 / g``.
 
 Water that moves as a whole carries a vehicle with it that displaces its own mass: the pressure gradient that
 drives the water drives the vehicle. Beside this water the vehicle moves as in still water. A velocity of the
 state is therefore that beside the water of the waves, and the measured one the sum of both. Without that,
-waves push each axis for a reason of its own, and the fins that answer them look weak.
+waves push each axis for a reason of its own, and the fins that answer them look weak. A hull that is long
+beside the waves, or heavy for its volume, is not carried: the water flows past it and acts by drag and lift
+alone. In a turn, where the cross-flow is strong already, that disturbs the motion far more than on a straight
+leg. Which of the two it is the likelihood says (``NoiseModel.carried``).
 
 The intensities of all noises are those of the largest likelihood of the innovations, whose exact slopes the
 core gives (Koopman 1993). Expectation maximisation has the same fixed point and shrinks a noise that is
