@@ -306,6 +306,12 @@ def test_waves_are_smaller_at_depth() -> None:
     number = (2.0 * np.pi * hz) ** 2 / 9.81
     size = np.sqrt(np.mean(np.exp(-2.0 * number * np.array([3.0, 12.0]))))
     assert orbit == pytest.approx(0.1 * size, rel=0.2)
+    # A span without depth has waves of that size, and changes nothing of another one's.
+    unknown = replace(deep, depth=np.full(3000, np.nan))
+    both = Filters([deep, unknown], noise, 0.1, [0]).likelihoods(noise)
+    np.testing.assert_array_equal(both[0], Filters([deep], noise, 0.1, [0]).likelihoods(noise)[0])
+    level = replace(deep, depth=np.zeros(3000))
+    np.testing.assert_array_equal(both[1], Filters([level], noise, 0.1, [0]).likelihoods(noise)[0])
     # A depth that all samples share says nothing.
     same = [Filters([replace(deep, depth=np.full(3000, z))], noise, 0.1, [0]) for z in (0.0, 400.0)]
     assert same[0].likelihood(noise) == pytest.approx(same[1].likelihood(noise), rel=1e-12)

@@ -117,7 +117,7 @@ def test_a_late_velocity_that_reading_leaves_is_said_with_the_command_to_run() -
     problem, _, remedy = late.sentence.partition("; ")
     assert "seatrial check" in remedy
     assert "delay_s.velocity = 0." in remedy
-    assert "its positions are too few" in problem
+    assert "the log has too few positions" in problem
     assert late.spoils == (late.before > 1.5 * late.after)
     # Without any position as well.
     bare = late_velocity(campaign(turn=slowly_placed(0.3).drop("x_m", "y_m").drop_nulls("z_m")), ["turn"])

@@ -371,12 +371,16 @@ def _pairs(noise: NoiseModel, states: int) -> range:
 
 
 def _sizes(spans: Sequence[Span], noise: NoiseModel) -> list[Array]:
-    """What waves do at the depth of each sample (n,) per span, of their root mean square over all of them."""
+    """What waves do at the depth of each sample (n,) per span, of their root mean square over all of them.
+
+    A span whose depth was not measured counts as one at that mean.
+    """
     number = (2.0 * math.pi * (noise.wave_hz or 0.0)) ** 2 / _GRAVITY
     depth = np.concatenate([span.depth for span in spans])
-    least = float(depth.min())
-    mean = float(np.sqrt(np.mean(np.exp(-2.0 * number * (depth - least)))))
-    return [np.exp(-number * (span.depth - least)) / mean for span in spans]
+    depth = depth[np.isfinite(depth)]
+    least = float(depth.min(initial=math.inf))
+    mean = float(np.sqrt(np.mean(np.exp(-2.0 * number * (depth - least))))) if depth.size else 1.0
+    return [np.nan_to_num(np.exp(-number * (span.depth - least)) / mean, nan=1.0) for span in spans]
 
 
 def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int], size: Array) -> LinearModel:

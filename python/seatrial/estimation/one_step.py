@@ -51,7 +51,7 @@ class Span:
     the derivatives are taken at. ``afloat`` (n, S, 3) is what a velocity of the water (north, east, down)
     adds to the states' velocities over ground, and to the rates of their places, where it carries the vehicle
     along. ``through`` (n, 2) is the velocity through that water, north and east, m/s. ``depth`` (n,) is the
-    smoothed depth, m; nil where none was measured.
+    smoothed depth, m; NaN where none was measured.
     """
 
     record: int
@@ -309,10 +309,10 @@ class OneStep:
         return np.asarray(over_ground - recorded - self.path.smoothed.water[record][rows, :2])
 
     def _depth(self, record: int, first: int, last: int) -> Array:
-        """Smoothed depth (n,) of the log; nil where it was not measured."""
+        """Smoothed depth (n,) of the log; NaN where it was not measured."""
         trial = self.joint.data.trials[record]
         if "z" not in trial.channels:
-            return np.zeros(last + 1 - first)
+            return np.full(last + 1 - first, np.nan)
         return np.asarray(trial.state(slice(first, last + 1))[0][:, 2])
 
     def _replay(self, extra: tuple[str, ...], motion: _Motion) -> Replay:

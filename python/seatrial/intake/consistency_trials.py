@@ -116,8 +116,8 @@ class LateVelocity:
         word = "late" if self.delay_s > 0.0 else "early"
         return (
             f"{LATE}{self.trial} is {abs(self.delay_s):.2f} s {word} (it differs from the rate of depth by"
-            f" {self.before:.3g} m/s rms, without the delay by {self.after:.3g}), and its positions are too"
-            " few to correct this on reading, so forces are fitted at the wrong times; run"
+            f" {self.before:.3g} m/s rms, without the delay by {self.after:.3g}), and the log has too few"
+            " positions to correct this on reading, so forces are fitted at the wrong times; run"
             f" seatrial check {self.campaign}, paste its proposal ({self.line} under [corrections]) and"
             " identify again"
         )
