@@ -513,6 +513,17 @@ def test_a_trial_is_drawn_on_one_page(default: Plan, tmp_path: Path) -> None:
     assert save(figure, tmp_path / "trial", formats=("png",)) == [tmp_path / "trial.png"]
 
 
+def test_names_of_many_actuators_do_not_cover_a_title() -> None:
+    lauv = Vehicle.load("lauv")
+    figure = planned_trial(lauv, plan(lauv, budget_s=30.0, count=1), trial=1)
+    figure.canvas.draw()
+    (commands,) = (axes for axes in figure.axes if axes.get_title(loc="left") == "Commands")
+    legend, title = commands.get_legend(), commands._left_title  # type: ignore[attr-defined]
+    assert legend is not None
+    assert len(legend.get_texts()) == 4
+    assert not legend.get_window_extent().overlaps(title.get_window_extent())
+
+
 def test_the_verb_as_json_with_sensors_of_its_own(tmp_path: Path) -> None:
     arguments: list[str | Path] = [
         "plan",

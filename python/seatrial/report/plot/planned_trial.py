@@ -34,6 +34,8 @@ __all__ = ["planned_trial"]
 
 _ROW_IN = 0.135
 
+_TITLE_ROW, _HANDLE = 42, 4  # characters beside a panel's title, and those that a line of a legend takes
+
 _DOT = 3.2
 
 _LEAST_M = 1.0  # the track's panel shows no less to either side of the start
@@ -171,7 +173,8 @@ def _told(axes: Axes, one: Ranked) -> None:
 
 
 def _legend(axes: Axes, handles: Sequence[Any], labels: Sequence[str], *, columns: int = 3) -> None:
-    """Legend in the line of the panel's title, at its right end."""
+    """Legend in the line of the panel's title, at its right end, in rows that leave the title its room."""
+    columns = max(1, min(columns, _TITLE_ROW // (max(map(len, labels)) + _HANDLE)))
     axes.legend(
         handles,
         labels,
