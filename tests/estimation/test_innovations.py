@@ -22,6 +22,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.method import ByItself
 from seatrial.estimation.one_step import Motion, OneStep
+from seatrial.estimation.specification import LogAlone
 from seatrial.identification import damping
 from seatrial.identification.damping import quadratic_or_strips
 from seatrial.trial import Recipe
@@ -173,6 +174,31 @@ def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
     # Least squares over this horizon say -81 to -91: the autopilot answers what the prediction misses.
     assert horizons[0].refused == ()
     assert horizons[0].values == pytest.approx(list(TRUTH.values()), rel=0.12)
+
+
+def test_a_coefficient_that_moves_without_answers_to_unlogged_motion_is_not_identified(
+    tmp_path: Path,
+) -> None:
+    joint = Joint(made('method = "innovations"\nrounds = 1\nhorizons_s = []', tmp_path))
+    judged = assess(joint, polish(joint))
+    values, away = judged.polished.values.copy(), np.array([0.1, 4.2])
+    values[1] *= 1.1
+    bent = LogAlone(("rudder",), (35.0,), values, away, ("N_r",))
+    told = replace(judged, polished=replace(judged.polished, log_alone=bent))
+    assert told.verdicts["N_r"] == "not identifiable"
+    assert told.verdicts["N_rdot"] == judged.verdicts["N_rdot"]
+    assert told.refused()[0] == (
+        "N_r is not identified: the commands of rudder answered motion that the log does not hold; without"
+        f" these answers the estimate is {values[1]:.3g} and the fit gives {judged.polished.values[1]:.3g},"
+        " 4.2 standard deviations of the difference apart; log the rates and angles that the autopilot uses,"
+        " as it uses them"
+    )
+    table = str(told.assumption_table())
+    assert "the log alone" in " ".join(table.split())
+    assert told.to_dict()["polish"]["log_alone"]["commands"] == {"rudder": 35.0}
+    warned = replace(told, polished=replace(told.polished, log_alone=replace(bent, refused=())))
+    assert warned.verdicts == judged.verdicts
+    assert "the commands of rudder answered motion that the log does not hold" in warned.method()[1]
 
 
 def test_predictions_restart_from_what_the_filter_knew(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
-from seatrial.base.report import Table
+from seatrial.base.report import Table, listed
 from seatrial.campaign.parameters import Parameter
 from seatrial.diagnosis.advice import manoeuvre, role, strayed
 from seatrial.diagnosis.bounds import ContradictedBounds, contradicted_bounds
@@ -24,7 +24,7 @@ from seatrial.estimation.joint_estimate import Polished, linearise, with_horizon
 from seatrial.statistics.information import InformationCriteria, information_criteria
 from seatrial.statistics.linearisation import Linearisation, Unknown
 from seatrial.statistics.uncertainty import Uncertainty, covariance
-from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
+from seatrial.vehicle.actuators import actuator_groups, fins_and_groups, pushed_axes
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -83,6 +83,7 @@ class Assessment:
         lost = {name for name, bound in known if bound is not None}
         lost |= {name for horizon in self.polished.horizons for name in horizon.refused}
         lost |= {name for other in self.polished.others for name in other.refused}
+        lost |= set() if self.polished.log_alone is None else set(self.polished.log_alone.refused)
         lost |= set() if self.bounds is None else set(self.bounds.refused)
         told = self.identifiability.verdicts.items()
         return {
@@ -141,7 +142,14 @@ class Assessment:
             f"joint estimate by innovations: prediction errors of a filter with a model of {seen}slow forces"
             f" and current, because {self.polished.method_reason}"
         )
-        return [line, *self.refused()]
+        lines = [line, *self.refused()]
+        alone = self.polished.log_alone
+        if alone is not None and not alone.refused:
+            lines.append(
+                f"the commands of {self._answering()} answered motion that the log does not hold, which bends"
+                " gains; log the rates and angles that the autopilot uses, as it uses them"
+            )
+        return lines
 
     def refused(self) -> list[str]:
         """Sentences on coefficients that other horizons, damping or bounds contradict, worst first."""
@@ -168,10 +176,38 @@ class Assessment:
                     " the autopilot's output (seatrial plan)"
                 )
                 found.append((away, said))
+        found += self._unlogged(fit)
         found += self._bent(fit)
         # Gains of actuators first: an autopilot rests on them.
         ranked = [said for _, said in sorted(found, key=lambda one: ("." not in one[1].split()[0], -one[0]))]
         return [f"no coefficient is identified: {self.spoilt}", *ranked] if self.spoilt else ranked
+
+    def _answering(self) -> str:
+        """The groups of actuators whose commands answer more than the log holds."""
+        groups = actuator_groups(self.vehicle)
+        alone = self.polished.log_alone
+        told = () if alone is None else alone.commands
+        return listed([
+            next((group for group, members in groups.items() if name in members), name) for name in told
+        ])
+
+    def _unlogged(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
+        """Sentences on coefficients that commands bend which answer more than the log holds."""
+        if (alone := self.polished.log_alone) is None:
+            return []
+        names = [unknown.name for unknown in self.unknowns]
+        found = []
+        for name in alone.refused:
+            place = names.index(name)
+            away = float(abs(alone.away[place]))
+            said = (
+                f"{name} is not identified: the commands of {self._answering()} answered motion that the"
+                f" log does not hold; without these answers the estimate is {alone.values[place]:.3g} and the"
+                f" fit gives {fit[name]:.3g}, {away:.1f} standard deviations of the difference apart; log the"
+                " rates and angles that the autopilot uses, as it uses them"
+            )
+            found.append((away, said))
+        return found
 
     def _bent(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
         """Sentences on coefficients that make up for a bound that the data contradict, with their size."""
@@ -203,6 +239,9 @@ class Assessment:
             (f"{one.ahead_s:g} s ahead", _named(names, one.values), _named(names, one.away), one.refused)
             for one in polished.horizons
         ]
+        if (alone := polished.log_alone) is not None:
+            values, away = _named(names, alone.values), _named(names, alone.away)
+            columns.append(("the log alone", values, away, alone.refused))
         for one in polished.others:
             words = one.damping.partition(" (")[0].removeprefix("cross-flow drag ")
             columns.append((words, one.values, one.away, one.refused))

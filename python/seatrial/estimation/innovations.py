@@ -31,7 +31,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.base.progress import Step
 from seatrial.estimation import kalman
-from seatrial.estimation.instruments import driven, instrumented, lag_s
+from seatrial.estimation.answers import Answers, answers
+from seatrial.estimation.instruments import driven, drivers, instrumented, lag_s
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.one_step import OneStep, Path, Span
@@ -409,13 +410,23 @@ class Innovations:
         late = self.errors(spans, ahead)
         if ahead == 1:
             return late
-        driving = driven(self.joint.data.records)
         known = [
-            np.hstack([driving[span.record][span.first : span.last + 1], self._velocities(span)])
-            for span in spans
+            np.hstack([driving, self._velocities(span)])
+            for span, driving in zip(spans, self._driving(spans), strict=True)
         ]
         lag = max(round(lag_s(self._noises.wave_hz) / self.dt), 1)
         return instrumented(late, self.errors(spans, 1), known, lag)
+
+    def answers(self, spans: Sequence[Span]) -> Answers:
+        """Which commands answer more than the log holds (`seatrial.estimation.answers`)."""
+        velocities = [self._velocities(span) for span in spans]
+        names = drivers(self.joint.data.records)
+        return answers(self._driving(spans), names, self.errors(spans, 1), velocities)
+
+    def _driving(self, spans: Sequence[Span]) -> list[Array]:
+        """What drives the vehicle along each span, (n, k)."""
+        driving = driven(self.joint.data.records)
+        return [driving[span.record][span.first : span.last + 1] for span in spans]
 
     def _velocities(self, span: Span) -> Array:
         """The velocities of the simulated axes that the filter knew at each sample of a span."""

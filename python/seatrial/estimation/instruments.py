@@ -25,7 +25,7 @@ from seatrial.base.arrays import Array
 from seatrial.estimation.prediction_errors import Errors
 from seatrial.trial.record import Record
 
-__all__ = ["driven", "instrumented", "lag_s"]
+__all__ = ["driven", "drivers", "instrumented", "lag_s"]
 
 _LAGS = 4
 
@@ -43,10 +43,14 @@ def lag_s(wave_hz: float | None) -> float:
     return _LAG_S if wave_hz is None else _OF_A_WAVE / wave_hz
 
 
+def drivers(records: Sequence[Record]) -> list[str]:
+    """What drives the vehicles, in the order of `driven`: its kind, then an actuator or axis."""
+    return sorted({name for record in records for name in _signals(record)})
+
+
 def driven(records: Sequence[Record]) -> list[Array]:
     """What drives each record's vehicle, (n, k): commands, actuator signals, wrench; zero if it has none."""
-    signals = [_signals(record) for record in records]
-    names = sorted({name for one in signals for name in one})
+    signals, names = [_signals(record) for record in records], drivers(records)
     found = [np.zeros((len(record.trial), len(names))) for record in records]
     for rows, one in zip(found, signals, strict=True):
         for name, values in one.items():

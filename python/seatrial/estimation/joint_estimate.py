@@ -33,7 +33,7 @@ from seatrial.estimation.gauss_newton import INITIALS, GaussNewton
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.method import Method
-from seatrial.estimation.specification import Horizon, OtherDamping, horizons
+from seatrial.estimation.specification import Horizon, LogAlone, OtherDamping, horizons, log_alone
 from seatrial.statistics.linearisation import Linearisation
 
 __all__ = ["Polished", "linearise", "polish", "with_horizons"]
@@ -70,7 +70,8 @@ class Polished:
     ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
     ``method_reason`` says why the method is what it is, "" where nothing speaks against output error.
     With the method "innovations" ``horizons`` are what predictions over other horizons say, once they were
-    made (`with_horizons`), ``others`` what other models of the damping say that are as likely, and ``waves``
+    made (`with_horizons`), ``log_alone`` what the log says without commands that answer more than it holds,
+    where there are such, ``others`` what other models of the damping say that are as likely, and ``waves``
     the waves of its noise model (`NoiseModel.waves`).
     """
 
@@ -90,6 +91,7 @@ class Polished:
     method: Method = "output"
     method_reason: str = ""
     horizons: tuple[Horizon, ...] = ()
+    log_alone: LogAlone | None = None
     others: tuple[OtherDamping, ...] = ()
     waves: Mapping[str, float | bool | None] | None = None
 
@@ -105,6 +107,7 @@ class Polished:
             "method": self.method,
             "method_reason": self.method_reason,
             "horizons": [one.to_dict(names) for one in self.horizons],
+            "log_alone": None if self.log_alone is None else self.log_alone.to_dict(names),
             "others": [one.to_dict() for one in self.others],
             "waves": None if self.waves is None else dict(self.waves),
             "values": dict(zip(names, self.values.tolist(), strict=True)),
@@ -195,7 +198,9 @@ def with_horizons(joint: Joint, polished: Polished) -> Polished:
     """The joint estimate with what predictions over other horizons say, where it has a noise model."""
     if joint.method == "output" or not polished.rounds or polished.interrupted:
         return polished
-    return replace(polished, horizons=horizons(Innovations(joint), polished.values))
+    innovations, values = Innovations(joint), polished.values
+    found = horizons(innovations, values)
+    return replace(polished, horizons=found, log_alone=log_alone(innovations, values))
 
 
 def linearise(

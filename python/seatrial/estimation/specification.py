@@ -4,7 +4,8 @@ A noise model may be wrong, and the estimate then depends on how far ahead is pr
 therefore estimated again from predictions over other horizons, with what was known at the start of each as
 instruments (`seatrial.estimation.instruments`), so that an autopilot's answer within a horizon does not bend
 them. A model of the damping may be wrong, and the log may not tell it from another one
-(`seatrial.identification.damping`). Where the difference is larger than three of its standard deviations,
+(`seatrial.identification.damping`). An autopilot may answer what its sensors show and the log does not hold
+(`seatrial.estimation.answers`). Where the difference is larger than three of its standard deviations,
 and larger than a twentieth of the estimate, the coefficient is not identified.
 
 Standard deviations of differences are those of the sums over blocks of time longer than the correlation.
@@ -27,9 +28,12 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import Span
 from seatrial.estimation.prediction_errors import Errors
 
-__all__ = ["Horizon", "OtherDamping", "horizons", "matters", "other_damping"]
+__all__ = ["Horizon", "LogAlone", "OtherDamping", "horizons", "log_alone", "matters", "other_damping"]
 
 _APART, _MATTERS = 3.0, 0.05  # standard deviations of a difference, and part of the estimate
+
+_PART_OF = 0.5
+"""Part of an error by what an autopilot alone knows that is seen: a smaller difference matters."""
 
 _NOTHING = 0.01
 """An estimate below this part of its scale is as good as zero, and a twentieth of it does not matter."""
@@ -79,6 +83,52 @@ class OtherDamping:
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain data."""
         return asdict(self) | {"refused": list(self.refused)}
+
+
+@dataclass(frozen=True)
+class LogAlone:
+    """Estimates (m,) free of what commands answer beyond the log, and how far from those of the fit.
+
+    ``commands`` names the actuators whose commands do, ``sure`` by how many of its deviations chi squared of
+    the prediction errors on the innovations of each says so. ``away`` and ``refused`` as of a `Horizon`.
+    """
+
+    commands: tuple[str, ...]
+    sure: tuple[float, ...]
+    values: Array
+    away: Array
+    refused: tuple[str, ...]
+
+    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
+        """The same by the names of actuators and unknowns."""
+        return {
+            "commands": dict(zip(self.commands, self.sure, strict=True)),
+            "values": dict(zip(names, self.values.tolist(), strict=True)),
+            "away": dict(zip(names, self.away.tolist(), strict=True)),
+            "refused": list(self.refused),
+        }
+
+
+def log_alone(innovations: Innovations, values: Array) -> LogAlone | None:
+    """Estimates free of what commands answer beyond the log, beside the values (m,); None where none does."""
+    joint = innovations.joint
+    told = innovations.answers(innovations.settled(values))
+    if not told.names:
+        return None
+    own = _influence(innovations, values)
+
+    def free(spans: Sequence[Span], steps: int) -> list[Errors]:
+        return told.freed(innovations.errors(spans, steps))
+
+    at, influence = _estimated(innovations, free, values, values, 1)
+    away = _away(values, own, at, influence)
+    refused = [
+        unknown.name
+        for unknown, far, before, after in zip(joint.unknowns, away, values, at, strict=True)
+        if unknown.kind == "coefficient" and _apart(far, before, after, unknown.scale, _PART_OF)
+    ]
+    commands = tuple(name.partition(" ")[2] for name in told.names)
+    return LogAlone(commands, told.sure, at, away, tuple(refused))
 
 
 def horizons(innovations: Innovations, values: Array) -> tuple[Horizon, ...]:
@@ -181,11 +231,11 @@ def _away(one: Array, influence: Array, other: Array, others: Array) -> Array:
     return np.asarray((other - one) / np.maximum(spread, 1e-300))
 
 
-def _apart(away: float, one: float, other: float, scale: float) -> bool:
-    """Whether two estimates differ by more than chance, and by enough to matter."""
-    return abs(away) > _APART and matters(one, other, scale)
+def _apart(away: float, one: float, other: float, scale: float, part: float = 1.0) -> bool:
+    """Whether two estimates differ by more than chance, and by a part of what matters."""
+    return abs(away) > _APART and matters(one, other, scale, part)
 
 
-def matters(one: float, other: float, scale: float) -> bool:
-    """Whether two estimates differ by more than a twentieth; `scale` is the width of the bounds."""
-    return bool(abs(other - one) > _MATTERS * max(abs(one), _NOTHING * scale))
+def matters(one: float, other: float, scale: float, part: float = 1.0) -> bool:
+    """Whether two estimates differ by a twentieth or part of it; `scale` is the width of the bounds."""
+    return bool(abs(other - one) > part * _MATTERS * max(abs(one), _NOTHING * scale))
