@@ -15,9 +15,8 @@ command knows more than the log (`Answers.sure`).
 
 The estimate is then made again with instruments that are free of it: from the slopes of the predictions is
 taken what follows from the last innovations of the commands and of the measurements. Left are the set points,
-and what else nobody on board answers. With the noises of a mission that was steered by the log two of the
-four logs then say 0.163 and 0.154; with noises found from the log alone one of them says 0.151. A coefficient
-that this moves is therefore not identified, and the second estimate is no better one.
+and what else nobody on board answers. Three of the four logs then say 0.163, 0.153 and 0.155. A coefficient
+that this moves is not identified.
 
 Held by ``tests/estimation/test_answers.py``.
 """

@@ -33,7 +33,7 @@ __all__ = ["Horizon", "LogAlone", "OtherDamping", "horizons", "log_alone", "matt
 _APART, _MATTERS = 3.0, 0.05  # standard deviations of a difference, and part of the estimate
 
 _PART_OF = 0.5
-"""Part of an error by what an autopilot alone knows that is seen: a smaller difference matters."""
+"""Part of what matters elsewhere that is refused where an autopilot knows more than the log."""
 
 _NOTHING = 0.01
 """An estimate below this part of its scale is as good as zero, and a twentieth of it does not matter."""
