@@ -90,7 +90,7 @@ class Answers:
 def answers(
     driving: Sequence[Array], names: Sequence[str], errors: Sequence[Errors], velocities: Sequence[Array]
 ) -> Answers:
-    """Which commands answer more than the log holds; none is no `Answers.names`.
+    """Which commands answer more than the log holds; `Answers.names` is empty where none does.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def _unforeseen(driving: Sequence[Array], shown: Sequence[Array], velocities: Se
 
 
 def _sure(told: Sequence[Array], errors: Sequence[Errors]) -> float:
-    """Deviations by which chi squared of the errors on the last innovations (n,) of a command exceeds."""
+    """By how many deviations chi squared of the errors on a command's last innovations is too large."""
     table = np.vstack([
         _lagged(one[:, None], _BINS)[: len(late.error)] for one, late in zip(told, errors, strict=True)
     ])
