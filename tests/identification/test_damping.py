@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from seatrial.identification import damping
 from seatrial.identification.damping import likelier_by
 
 
@@ -14,7 +17,30 @@ def test_a_gain_of_likelihood_is_held_against_chance() -> None:
     assert likelier_by(before, before + 3.0) == (12.0, 0.0)
     gain, chance = likelier_by(before, before + np.array([40.0, -30.0, 20.0, -18.0]))
     assert gain == pytest.approx(12.0)
-    assert chance == pytest.approx(2.0 * np.std([40.0, -30.0, 20.0, -18.0]) * 2.0)
+    assert chance == pytest.approx(3.0 * np.std([40.0, -30.0, 20.0, -18.0]) * 2.0)
     assert gain < chance
     assert likelier_by(before, before * np.nan) == (-np.inf, 0.0)
     assert likelier_by(before * np.nan, before) == (np.inf, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("kept", "anew", "best"), [(5.0, 7.0, "anew"), (7.0, 5.0, "kept"), (7.0, np.nan, "kept")]
+)
+def test_of_the_estimates_with_noises_kept_and_found_anew_the_likelier_one_stays(
+    kept: float, anew: float, best: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the noises of a wrong damping a log had strips end 720 in log-likelihood below their best."""
+    joint = SimpleNamespace(noise_model="kept")
+
+    def polished(*_: object, **__: object) -> SimpleNamespace:
+        joint.noise_model = joint.noise_model or "anew"
+        return SimpleNamespace(values=joint.noise_model, interrupted=False)
+
+    def judge(_: object) -> SimpleNamespace:
+        return SimpleNamespace(likelihoods=lambda values: np.array([{"kept": kept, "anew": anew}[values]]))
+
+    monkeypatch.setattr(damping, "polish", polished)
+    monkeypatch.setattr(damping, "Innovations", judge)
+    found = damping._likeliest(joint, ["kept", None], np.zeros(1), 6, None)  # type: ignore[arg-type, list-item]
+    assert found.values == best
+    assert joint.noise_model == best

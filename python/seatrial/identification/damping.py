@@ -2,8 +2,9 @@
 
 Where a noise model is estimated along, quadratic damping of single velocities stands against cross-flow drag
 by strips: a slender hull that sideslips and turns at once is damped by neither velocity alone, and gains bend
-to make up for it. The likelihood of held-out data judges. Where it cannot tell the two apart, quadratic
-damping stays, and a coefficient of which the two say different things is not identified
+to make up for it. The noises of a wrong damping may hold strips where they begin, so that these are also
+tried with noises found anew. The likelihood of held-out data judges. Where it cannot tell the two apart,
+quadratic damping stays, and a coefficient of which the two say different things is not identified
 (`seatrial.estimation.specification`).
 
 Tests: ``tests/identification/test_choice.py``, ``tests/estimation/test_innovations.py``.
@@ -12,7 +13,7 @@ Tests: ``tests/identification/test_choice.py``, ``tests/estimation/test_innovati
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -25,6 +26,7 @@ from seatrial.campaign.parameters import STRIPS
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
+from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.specification import other_damping
 
 __all__ = ["likelier_by", "quadratic_or_strips"]
@@ -32,9 +34,9 @@ __all__ = ["likelier_by", "quadratic_or_strips"]
 _LIKELIER = 10.0
 """Log-likelihood of all held-out data from which the other damping is the result."""
 
-_BY_CHANCE = 2.0  # standard deviations of a difference over blocks of time
+_BY_CHANCE = 3.0  # standard deviations of a difference over blocks of time
 
-_ROUNDS, _FAR = 6, 3.0
+_ROUNDS, _FAR = 6, 2.0
 """Rounds after which strips are given up, where they are so many times as unlikely as chance makes them."""
 
 _STRIPS = 0.8
@@ -49,7 +51,7 @@ def quadratic_or_strips(
     Each plane whose quadratic damping is free in both axes (``Y_vv`` and ``N_rr``, ``Z_ww`` and ``M_qq``) is
     estimated again with one drag coefficient for all strips of the hull. It is the result where it makes
     held-out data, or all where nothing is held out, more likely by `_LIKELIER` and by more than chance:
-    twice the standard deviation of the difference over blocks of time. Output error is left as it is: its
+    three standard deviations of the difference over blocks of time. Output error is left as it is: its
     residual analysis names strips that are missing.
 
     Parameters
@@ -83,14 +85,15 @@ def quadratic_or_strips(
         other = Joint(
             change(joint.campaign), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
         )
-        other.method_reason, other.noise_model = joint.method_reason, joint.noise_model
+        other.method_reason = joint.method_reason
+        noises: list[NoiseModel | None] = [None] if joint.noise_model is None else [joint.noise_model, None]
         start = [known.get(one.name, own) for one, own in zip(other.unknowns, other.start, strict=True)]
         held_out, ended = bool(joint.steps(held_out=True)[0]), np.array(start)
         for rounds in (_ROUNDS, other.polish.rounds):
-            again = polish(other, start=ended, rounds=min(rounds, other.polish.rounds), watch=watch)
-            ended = again.values
+            again = _likeliest(other, noises, ended, min(rounds, other.polish.rounds), watch)
             if again.interrupted:
                 return joint, replace(polished, interrupted=True), kind, tuple(said)
+            ended, noises = again.values, [other.noise_model]
             quadratic, strips = (
                 Innovations(one, held_out=held_out).likelihoods(end.values)
                 for one, end in ((joint, polished), (other, again))
@@ -104,9 +107,9 @@ def quadratic_or_strips(
         chosen, rejected = drag if better > 0.0 else drag[::-1]
         by = "beyond measure"
         if math.isfinite(better):
-            luck = f", no more than chance: ± {chance / _BY_CHANCE:.0f}" if abs(better) <= chance else ""
-            by = f"by {abs(better):.0f} (log-likelihood{luck})"
-        kept = "" if taken or better <= 0.0 else "; the latter is kept"
+            by = f"by {abs(better):.0f} ± {chance / _BY_CHANCE:.0f} (log-likelihood)"
+        kept = ", too little to tell them apart" if abs(better) <= max(_LIKELIER, chance) else ""
+        kept += "" if taken or better <= 0.0 else "; the latter is kept"
         said.append(f"{chosen[0].upper()}{chosen[1:]} makes {words} likelier {by} than {rejected}{kept}")
         if taken:
             joint, polished, kind = other, again, _after(kind, change)
@@ -116,10 +119,33 @@ def quadratic_or_strips(
     return joint, polished, kind, tuple(said)
 
 
+def _likeliest(
+    joint: Joint,
+    noises: Sequence[NoiseModel | None],
+    start: Array,
+    rounds: int,
+    watch: Callable[[Step], None] | None,
+) -> Polished:
+    """The likeliest of the estimates that noise models lead to, which is left with its own."""
+    best: tuple[float, Polished, NoiseModel | None] | None = None
+    for noise in noises:
+        joint.noise_model = noise
+        found = polish(joint, start=start, rounds=rounds, watch=watch)
+        if found.interrupted:
+            return found
+        likely = float(Innovations(joint).likelihoods(found.values).sum()) if len(noises) > 1 else 0.0
+        likely = likely if math.isfinite(likely) else -math.inf
+        if best is None or likely > best[0]:
+            best = likely, found, joint.noise_model
+    assert best is not None
+    joint.noise_model = best[2]
+    return best[1]
+
+
 def likelier_by(before: Array, after: Array) -> tuple[float, float]:
     """By how much a log-likelihood (blocks,) by blocks of time grew, and how much chance makes of it.
 
-    The latter is twice the standard deviation of the difference, nil where one of them is of a model that
+    The latter is three standard deviations of the difference, nil where one of them is of a model that
     diverged.
     """
     if not np.isfinite(after).all():
