@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Self
 
-__all__ = ["Clock", "Progress", "Step", "Watch"]
+__all__ = ["Clock", "Progress", "Step", "Watch", "part_of"]
 
 
 class Clock:
@@ -104,3 +104,35 @@ class Progress:
 
 
 Watch = Callable[[Step], None]
+
+
+def part_of(
+    progress: Callable[[Progress], None], part: str, number: int, count: int, clock: Clock
+) -> Callable[[Progress], None]:
+    """What one of several equal parts of long work reports to, so that the whole reports.
+
+    Parameters
+    ----------
+    progress
+        What the whole reports to.
+    part
+        The part in words, before what it says itself.
+    number, count
+        Its place among them, from 0, and how many there are.
+    clock
+        Of the whole.
+    """
+
+    def show(state: Progress) -> None:
+        fraction = (number + state.fraction) / count
+        progress(
+            replace(
+                state,
+                what=f"{part}, {state.what}",
+                fraction=fraction,
+                elapsed_s=clock.elapsed_s,
+                left_s=clock.left_s(fraction, 1.0 - fraction),
+            )
+        )
+
+    return show

@@ -21,7 +21,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ from seatrial._core import checked_threads
 from seatrial.base.atomic_write import parquet
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import CampaignError, SeatrialError
-from seatrial.base.progress import Clock, Progress, Step
+from seatrial.base.progress import Clock, Progress, Step, part_of
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version
 from seatrial.campaign.campaign import input_hashes
@@ -254,7 +254,8 @@ def leave_one_out(
     with RunDirectory(run_dir, "leave one out", resume=resume) as run:
         try:
             for number, name in enumerate(names):
-                show = None if progress is None else _whole(progress, name, number, len(names), clock)
+                part = f"without {name} ({number + 1} of {len(names)})"
+                show = None if progress is None else part_of(progress, part, number, len(names), clock)
                 inputs = _inputs(campaign, name, hashes)
                 kept = run.finished(f"without {name}", inputs)
                 if kept is not None:
@@ -358,26 +359,6 @@ def _inputs(campaign: Campaign, name: str, hashes: Mapping[str, str]) -> str:
         for values in (trial.t, trial.observed, trial.valid, *trial.commands.values()):
             digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
-
-
-def _whole(
-    progress: Callable[[Progress], None], name: str, number: int, count: int, clock: Clock
-) -> Callable[[Progress], None]:
-    """What the fit without one trial reports, as progress of all of them."""
-
-    def show(state: Progress) -> None:
-        fraction = (number + state.fraction) / count
-        progress(
-            replace(
-                state,
-                what=f"without {name} ({number + 1} of {count}), {state.what}",
-                fraction=fraction,
-                elapsed_s=clock.elapsed_s,
-                left_s=clock.left_s(fraction, 1.0 - fraction),
-            )
-        )
-
-    return show
 
 
 def _polishing(progress: Callable[[Progress], None], order: StageOrder) -> Callable[[Step], None]:

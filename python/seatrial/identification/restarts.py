@@ -18,7 +18,7 @@ from seatrial._core import checked_threads
 from seatrial.base.chunks import RECORDS, Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock, Progress, part_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
 from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.stage import StageResult, plan
@@ -106,10 +106,13 @@ def restarts(
     with RunDirectory(run_dir, "random starts", resume=resume) as run, fleet_of(executor) as fleet:
         shared, inputs = Shared(campaign), _inputs(campaign, seed)
 
+        def part(number: int) -> str:
+            return f"start {number + 1} of {starts}"
+
         def here(chunk: Chunk[Stages]) -> Stages:
             """One start in this process, whose stages are kept one by one and tell how far they are."""
             number = chunk.arguments[1]
-            told = None if progress is None else _whole(progress, number, starts, clock)
+            told = None if progress is None else part_of(progress, part(number), number, starts, clock)
             return _stages(campaign, seed, number, run=run, progress=told, threads=threads)
 
         chunks = (
@@ -121,7 +124,8 @@ def restarts(
                 rows.append(done.value)
                 records.append(done.record)
                 if progress is not None and fleet is not None and not done.kept:
-                    _whole(progress, len(rows) - 1, starts, clock)(_finished(done.value))
+                    over = len(rows) - 1
+                    part_of(progress, part(over), over, starts, clock)(_finished(done.value))
         except KeyboardInterrupt:
             interrupted = True
         ends = Restarts(
@@ -198,26 +202,6 @@ def start_values(campaign: Campaign, seed: int, number: int) -> dict[str, dict[s
 def _stream(seed: int, number: int) -> int:
     """Seed of the search from one start."""
     return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
-
-
-def _whole(
-    progress: Callable[[Progress], None], number: int, starts: int, clock: Clock
-) -> Callable[[Progress], None]:
-    """What one start reports, as progress of all of them."""
-
-    def show(state: Progress) -> None:
-        fraction = (number + state.fraction) / starts
-        progress(
-            replace(
-                state,
-                what=f"start {number + 1} of {starts}, {state.what}",
-                fraction=fraction,
-                elapsed_s=clock.elapsed_s,
-                left_s=clock.left_s(fraction, 1.0 - fraction),
-            )
-        )
-
-    return show
 
 
 _FORMAT: Format[Stages] = Format(
