@@ -173,6 +173,16 @@ def test_an_estimate_never_leaves_its_bounds_and_the_rest_makes_the_best_of_it()
     assert values["N_rr"] == pytest.approx(TRUTH["N_rr"], rel=0.05)
 
 
+def test_what_a_solver_leaves_a_hair_inside_a_bound_is_the_bound() -> None:
+    """-3e-16 at a bound of zero was printed as the estimate, and 3e-18 as its factor."""
+    one = joint(recording())
+    lower, upper = (np.array([getattr(u, end) for u in one.unknowns]) for end in ("lower", "upper"))
+    width = upper - lower
+    np.testing.assert_array_equal(one.on_bounds(upper - 1e-12 * width), upper)
+    np.testing.assert_array_equal(one.on_bounds(lower + 1e-12 * width), lower)
+    np.testing.assert_array_equal(one.on_bounds(lower + 1e-3 * width), lower + 1e-3 * width)
+
+
 def test_held_unknowns_keep_their_value() -> None:
     one = joint(recording())
     place = [u.name for u in one.unknowns].index("N_rr")

@@ -142,6 +142,8 @@ def _prior(key: str) -> tuple[float, str, bool]:
 _HIDDEN_SD = 0.25
 """Prior standard deviation of a hidden coefficient, over the width of its bounds."""
 
+_A_HAIR = 1e-6  # of a box: as near as solvers come to its ends, and cannot be told from them
+
 _NEAR = 0.05
 """Difference of two flights, in standard deviations of the channel, up to which the derivatives of the
 coarser one serve; at h|lambda| <= 1 they differ by about a hundredth."""
@@ -393,6 +395,15 @@ class Joint:
         for first, end in runs(unseen):
             blind[first:end] = (end - first) * trial.dt > _LONGEST_GAP_S
         return blind
+
+    def on_bounds(self, values: Array) -> Array:
+        """The values (m,) of the unknowns; one that a solver left a hair inside a bound is that bound."""
+        ends = np.array([(one.lower, one.upper) for one in self.unknowns]).reshape(-1, 2)
+        found, width = values.copy(), ends[:, 1] - ends[:, 0]
+        for end in ends.T:
+            reached = np.isfinite(width) & (np.abs(values - end) <= _A_HAIR * width)
+            found[reached] = end[reached]
+        return found
 
     def centres(self, values: Array) -> Array:
         """Where the priors of the unknowns (m,) lie: these values where nothing is known beforehand."""

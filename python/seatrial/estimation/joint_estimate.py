@@ -159,7 +159,8 @@ def polish(
     search.rounds.near = near
     found = [search.run(first)]
     if near:
-        return replace(found[0], wall_s=time.monotonic() - began)
+        ended = joint.on_bounds(found[0].values)
+        return replace(found[0], values=ended, wall_s=time.monotonic() - began)
     if start is None and not fixed and limit and joint.unstaged and not found[-1].interrupted:
         smaller = _Descent(searched, frozenset(joint.unstaged), limit, watch).run(first)
         if not smaller.interrupted:
@@ -185,6 +186,7 @@ def polish(
         best = replace(last, rounds=best.rounds + last.rounds)
     return replace(
         best,
+        values=joint.on_bounds(best.values),
         start_cost=start_cost,
         evaluations=evaluations,
         interrupted=interrupted,
@@ -251,7 +253,7 @@ def _with_noise_model(
         start = innovations.likelier([start, own])
     found = innovations.estimate(start, rounds, fixed, watch)
     return Polished(
-        values=found.values,
+        values=joint.on_bounds(found.values),
         initial=innovations.initial(),
         noise=found.noise,
         cost=found.cost,

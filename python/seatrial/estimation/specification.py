@@ -179,7 +179,7 @@ def _estimated(
         before, at = at, np.clip(at + taken.step, criterion.lower, criterion.upper)
         if np.all(np.abs(at - before) < _CLOSE * np.sqrt((taken.influence**2).sum(axis=0))):
             break
-    return at, taken.influence
+    return innovations.joint.on_bounds(at), taken.influence
 
 
 def other_damping(
