@@ -50,7 +50,7 @@ class Estimate:
     @property
     def factor(self) -> float | None:
         """Estimate over start value, None where that is zero."""
-        return self.estimate / self.start if self.start else None
+        return self.estimate / self.start + 0.0 if self.start else None  # no minus before a zero
 
 
 @dataclass(frozen=True)
