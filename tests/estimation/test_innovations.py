@@ -22,7 +22,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.method import ByItself
 from seatrial.estimation.one_step import Motion, OneStep
-from seatrial.estimation.specification import LogAlone
+from seatrial.estimation.specification import Horizon, LogAlone
 from seatrial.identification import damping
 from seatrial.identification.damping import quadratic_or_strips
 from seatrial.trial import Recipe
@@ -193,6 +193,13 @@ def test_a_coefficient_that_moves_without_answers_to_unlogged_motion_is_not_iden
         " 4.2 standard deviations of the difference apart; log the rates and angles that the autopilot uses,"
         " as it uses them"
     )
+    ahead = Horizon(2.0, values, away, ("N_r",))
+    early = replace(judged, polished=replace(judged.polished, horizons=(ahead,)))
+    assert early.refused() == [
+        f"N_r is not identified: predictions 2 s ahead give {values[1]:.3g} and the fit gives"
+        f" {judged.polished.values[1]:.3g}, 4.2 standard deviations of the difference apart; hold it at a value"
+        " that you trust, or add steps to the autopilot's output (seatrial plan)"
+    ]
     table = str(told.assumption_table())
     assert "the log alone" in " ".join(table.split())
     assert told.to_dict()["polish"]["log_alone"]["commands"] == {"rudder": 35.0}

@@ -21,6 +21,7 @@ from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint
 from seatrial.estimation.gauss_newton import ran_away
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, with_horizons
+from seatrial.estimation.specification import Horizon, LogAlone
 from seatrial.statistics.information import InformationCriteria, information_criteria
 from seatrial.statistics.linearisation import Linearisation, Unknown
 from seatrial.statistics.uncertainty import Uncertainty, covariance
@@ -165,17 +166,15 @@ class Assessment:
             for other in self.polished.others
             for name in other.refused
         ]
-        for horizon in self.polished.horizons:
-            for name in horizon.refused:
-                place = names.index(name)
-                away = float(abs(horizon.away[place]))
-                said = (
-                    f"{name} is not identified: predictions {horizon.ahead_s:g} s ahead give"
-                    f" {horizon.values[place]:.3g} and the fit gives {fit[name]:.3g}, {away:.1f} standard"
-                    " deviations of the difference apart; hold it at a value that you trust, or add steps to"
-                    " the autopilot's output (seatrial plan)"
-                )
-                found.append((away, said))
+        found += [
+            (
+                away,
+                f"{name} is not identified: predictions {horizon.ahead_s:g} s ahead give {both}; hold it at a"
+                " value that you trust, or add steps to the autopilot's output (seatrial plan)",
+            )
+            for horizon in self.polished.horizons
+            for away, name, both in self._contradicted(horizon, fit)
+        ]
         found += self._unlogged(fit)
         found += self._bent(fit)
         # Gains of actuators first: an autopilot rests on them.
@@ -195,18 +194,29 @@ class Assessment:
         """Sentences on coefficients that commands bend which answer more than the log holds."""
         if (alone := self.polished.log_alone) is None:
             return []
-        names = [unknown.name for unknown in self.unknowns]
-        found = []
-        for name in alone.refused:
-            place = names.index(name)
-            away = float(abs(alone.away[place]))
-            said = (
-                f"{name} is not identified: the commands of {self._answering()} answered motion that the"
-                f" log does not hold; without these answers the estimate is {alone.values[place]:.3g} and the"
-                f" fit gives {fit[name]:.3g}, {away:.1f} standard deviations of the difference apart; log the"
-                " rates and angles that the autopilot uses, as it uses them"
+        return [
+            (
+                away,
+                f"{name} is not identified: the commands of {self._answering()} answered motion that the log"
+                f" does not hold; without these answers the estimate is {both}; log the rates and angles that"
+                " the autopilot uses, as it uses them",
             )
-            found.append((away, said))
+            for away, name, both in self._contradicted(alone, fit)
+        ]
+
+    def _contradicted(
+        self, other: Horizon | LogAlone, fit: Mapping[str, float]
+    ) -> list[tuple[float, str, str]]:
+        """Coefficients that another estimate contradicts: by how many deviations, which, and both values."""
+        places = {unknown.name: place for place, unknown in enumerate(self.unknowns)}
+        found = []
+        for name in other.refused:
+            away, value = float(abs(other.away[places[name]])), other.values[places[name]]
+            both = (
+                f"{value:.3g} and the fit gives {fit[name]:.3g}, {away:.1f} standard deviations of the"
+                " difference apart"
+            )
+            found.append((away, name, both))
         return found
 
     def _bent(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
