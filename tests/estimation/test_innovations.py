@@ -197,8 +197,8 @@ def test_a_coefficient_that_moves_without_answers_to_unlogged_motion_is_not_iden
     early = replace(judged, polished=replace(judged.polished, horizons=(ahead,)))
     assert early.refused() == [
         f"N_r is not identified: predictions 2 s ahead give {values[1]:.3g} and the fit gives"
-        f" {judged.polished.values[1]:.3g}, 4.2 standard deviations of the difference apart; hold it at a value"
-        " that you trust, or add steps to the autopilot's output (seatrial plan)"
+        f" {judged.polished.values[1]:.3g}, 4.2 standard deviations of the difference apart; hold it at a"
+        " value that you trust, or add steps to the autopilot's output (seatrial plan)"
     ]
     table = str(told.assumption_table())
     assert "the log alone" in " ".join(table.split())
