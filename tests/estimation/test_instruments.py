@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from seatrial.base.arrays import Array
-from seatrial.estimation.instruments import driven, instrumented, lag_s
+from seatrial.estimation.instruments import driven, drivers, instrumented, lag_s
 from seatrial.estimation.one_step import Span
 from seatrial.estimation.prediction_errors import Errors
 from seatrial.trial.record import Record
@@ -87,7 +87,9 @@ def test_trials_may_be_driven_by_different_things() -> None:
     wrench = {f"tau.{axis}": 2.0 * np.cos(t) for axis in ("X_n", "Y_n", "Z_n", "K_nm", "M_nm", "N_nm")}
     by_wrench = Trial.read(pl.DataFrame(motion | wrench))
     counted = np.ones((len(t), 12), dtype=bool)
-    one, other = driven([Record(by_command, "commands", counted), Record(by_wrench, "tau", counted)])
+    records = [Record(by_command, "commands", counted), Record(by_wrench, "tau", counted)]
+    one, other = driven(records)
+    assert drivers(records) == ["commands stern", "tau K", "tau M", "tau N", "tau X", "tau Y", "tau Z"]
     assert one.shape == other.shape == (len(t), 7)
     np.testing.assert_allclose(one, np.column_stack([np.cos(t), *[np.zeros_like(t)] * 6]))
     np.testing.assert_allclose(other, np.column_stack([np.zeros_like(t), *[2.0 * np.cos(t)] * 6]))

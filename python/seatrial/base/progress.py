@@ -109,16 +109,16 @@ Watch = Callable[[Step], None]
 def part_of(
     progress: Callable[[Progress], None], part: str, number: int, count: int, clock: Clock
 ) -> Callable[[Progress], None]:
-    """What one of several equal parts of long work reports to, so that the whole reports.
+    """Callback for one of several equal parts of long work, which reports the progress of the whole.
 
     Parameters
     ----------
     progress
         What the whole reports to.
     part
-        The part in words, before what it says itself.
+        Name of the part; what it reports itself follows.
     number, count
-        Its place among them, from 0, and how many there are.
+        Place of the part, from 0, and number of parts.
     clock
         Of the whole.
     """

@@ -22,6 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES
 from seatrial.estimation.prediction_errors import Errors
 from seatrial.trial.record import Record
 
@@ -31,6 +32,8 @@ _LAGS = 4
 
 _OF_A_WAVE, _LAG_S = 0.125, 0.7
 """Time between the lags: that part of the waves' period, or so many seconds where there are none."""
+
+_WRENCH = tuple(f"tau {axis}" for axis in AXES)
 
 _PARTS = 10
 """Parts of the log whose regressions come from the others."""
@@ -62,7 +65,7 @@ def _signals(record: Record) -> dict[str, Array]:
     """By name what drives a record's vehicle."""
     trial = record.trial
     if record.input == "tau":
-        return {} if trial.tau is None else {f"tau {k}": one for k, one in enumerate(trial.tau.T)}
+        return {} if trial.tau is None else dict(zip(_WRENCH, trial.tau.T, strict=True))
     own = trial.commands if record.input == "commands" else trial.measured
     return {f"{record.input} {name}": one for name, one in own.items()}
 
