@@ -454,10 +454,10 @@ class OpenLoop:
     XYZKMN, the other axes are frozen; loss: absolute, squared or huber with its knee; substeps per sample.
     """
     def __new__(cls, /, vehicle: Vehicle, records: SupportsGetItem[int, Record], segments: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsIndex, ArrayLike, ArrayLike, ArrayLike]], *, names: SupportsGetItem[int, str] = ..., free: str = "XYZKMN", measured: str = "", loss: str = "absolute", knee: SupportsFloat | SupportsIndex = 1.0, substeps: SupportsIndex = 1) -> OpenLoop: ...
-    def along(self, /, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, currents: SupportsGetItem[int, ArrayLike]) -> OpenLoop:
+    def along(self, /, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike) -> OpenLoop:
         """
-        The same segments from other starts and in other currents: position (k, 3), attitude (k, 4) or (k, 3), and
-        nu (k, 6) per segment; currents: (n, 3) per record, NED, m/s.
+        The same segments from other starts, each in a steady current of its own besides the recorded one: position
+        (k, 3), attitude (k, 4) or (k, 3), nu (k, 6), and current (k, 3), NED, m/s.
         """
     def errors(self, /, values: ArrayLike, threads: SupportsIndex | None = None) -> NDArray[float64]:
         """

@@ -194,39 +194,41 @@ def test_segments_along_another_motion_are_those_that_start_there() -> None:
     attitude = np.tile([0.1, -0.2, 0.3], (3, 1))
     nu = np.tile([0.7, 0.1, -0.1, 0.1, 0.2, -0.2], (3, 1))
     aside, faster = 0.1 * draw.uniform(size=(3, 3)), 0.1 * draw.uniform(size=(3, 6))
-    currents = [0.2 * draw.uniform(size=(41, 3)) for _ in range(2)]
-    begun = flights.loop.along(place, attitude, nu, currents)
+    current = 0.2 * draw.uniform(size=(3, 3))
+    begun = flights.loop.along(place, attitude, nu, current)
     # A start beside another one is that one with initial conditions.
-    beside = flights.loop.along(place + aside, attitude, nu + faster, currents).predict(values)
+    beside = flights.loop.along(place + aside, attitude, nu + faster, current).predict(values)
     initial = np.hstack([aside, np.zeros((3, 3)), faster])
     for one, other in zip(beside, begun.predict(values, initial=initial), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-10)
-    turned = flights.loop.along(place, attitude + 0.1, nu, currents).predict(values)
+    turned = flights.loop.along(place, attitude + 0.1, nu, current).predict(values)
     for one, other in zip(turned, begun.predict(values), strict=True):
         np.testing.assert_allclose(one[0, 9:] - other[0, 9:], 0.1, atol=1e-9)
-    # The currents are those of the record.
-    steady, still = np.tile([0.1, 0.0, 0.0], (41, 1)), np.zeros((41, 3))
-    nuisance = np.zeros((2, 38))
-    nuisance[0, NUISANCES.index("current_north")] = 0.1
-    flowing = flights.loop.along(place, attitude, nu, [steady, still]).predict(values)
-    moved = flights.loop.along(place, attitude, nu, [still, still]).predict(values, nuisance=nuisance)
-    for one, other in zip(flowing, moved, strict=True):
+    # The currents are those of the segments, besides those of the records.
+    steady, nuisance = np.tile([0.1, 0.0, 0.0], (3, 1)), np.zeros((2, 38))
+    nuisance[:, NUISANCES.index("current_north")] = 0.1
+    flowing = flights.loop.along(place, attitude, nu, steady).predict(values)
+    moved = flights.loop.along(place, attitude, nu, 0.0 * steady).predict(values, nuisance=nuisance)
+    twice = flights.loop.along(place, attitude, nu, -steady).predict(values, nuisance=2.0 * nuisance)
+    for one, other, third in zip(flowing, moved, twice, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-10)
+        np.testing.assert_allclose(one, third, atol=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("place", "shape", "message"),
-    [(0, (2, 3), "expected 3 rows each"), (3, (2, 40, 3), "currents: expected 41 finite rows")],
-)
-def test_starts_and_currents_that_do_not_fit_are_refused(
-    place: int, shape: tuple[int, ...], message: str
-) -> None:
+@pytest.mark.parametrize(("place", "shape"), [(0, (2, 3)), (3, (2, 3))])
+def test_starts_and_currents_that_do_not_fit_are_refused(place: int, shape: tuple[int, ...]) -> None:
     flights = Flights("cwolf")
-    given = [np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 6)), np.zeros((2, 41, 3))]
+    given = [np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 6)), np.zeros((3, 3))]
     given[place] = np.zeros(shape)
-    position, attitude, nu, currents = given
-    with pytest.raises(SimulationError, match=message):
-        flights.loop.along(position, attitude, nu, list(currents))
+    position, attitude, nu, current = given
+    with pytest.raises(SimulationError, match="expected 3 rows each"):
+        flights.loop.along(position, attitude, nu, current)
+
+
+def test_a_current_that_is_no_number_is_refused() -> None:
+    flights = Flights("cwolf")
+    with pytest.raises(SimulationError, match="current: expected finite numbers"):
+        flights.loop.along(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 6)), np.full((3, 3), np.nan))
 
 
 def test_a_nuisance_belongs_to_its_record_and_an_initial_condition_to_its_segment() -> None:

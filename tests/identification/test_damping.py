@@ -23,6 +23,25 @@ def test_a_gain_of_likelihood_is_held_against_chance() -> None:
     assert likelier_by(before * np.nan, before) == (np.inf, 0.0)
 
 
+def test_strips_are_tried_on_slender_hulls_only() -> None:
+    """A box of 0.46 m by 0.58 m has no strips along which a cross-flow could change."""
+
+    def tried(**measures: float) -> bool:
+        joint = SimpleNamespace(
+            method="innovations", unknowns=(), vehicle=SimpleNamespace(geometry=lambda: measures)
+        )
+        try:
+            damping.quadratic_or_strips(joint, SimpleNamespace(interrupted=False))  # type: ignore[arg-type]
+        except AttributeError as asked:  # it goes on to ask the campaign
+            return asked.name == "hidden"
+        return False
+
+    assert tried(length=1.33, diameter=0.19, height=0.19)
+    assert tried()
+    assert not tried(length=0.46, diameter=0.58, height=0.25)
+    assert not tried(length=0.6, diameter=0.2, height=0.25)
+
+
 @pytest.mark.parametrize(
     ("kept", "anew", "best"), [(5.0, 7.0, "anew"), (7.0, 5.0, "kept"), (7.0, np.nan, "kept")]
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from io import StringIO
 
+import pytest
 from rich.console import Console
 
 from seatrial.base.report import Column, Report, Section, Table
@@ -79,3 +80,16 @@ def test_the_terminal_shows_the_same_words_and_says_what_it_hides() -> None:
     show(REPORT, Console(file=stream, width=80), verbose=True)
     assert "- A long remark" in stream.getvalue()
     assert "--verbose" not in stream.getvalue()
+
+
+@pytest.mark.parametrize("width", [30, 60, 100, 140])
+def test_no_word_and_no_number_is_broken_however_narrow_the_terminal(width: int) -> None:
+    head = ["coefficient", "fit", *(f"{ahead} s ahead" for ahead in (0.2, 0.5, 2, 5)), ""]
+    row = ["rudder.gain", "0.226", *("-23.2 (-2.4)" for _ in range(4)), "not identified"]
+    stream = StringIO()
+    show(
+        Report("log", "", "", "", "", (Section(tables=(Table.of("Estimates", head, [row]),)),)),
+        Console(file=stream, width=width),
+    )
+    (line,) = (line for line in stream.getvalue().splitlines() if "gain" in line)
+    assert line.split() == " ".join(row).split()

@@ -142,6 +142,7 @@ impl OpenLoop {
                     start: *start,
                     stop: *stop,
                     state,
+                    current: [0.0; 3],
                     motors: MotorStart::Recorded,
                 })
             })
@@ -159,40 +160,29 @@ impl OpenLoop {
         Ok(Self { description, records, segments, modes, loss, substeps, sought })
     }
 
-    /// The same segments from other starts and in other currents: position (k, 3), attitude (k, 4) or (k, 3), and
-    /// nu (k, 6) per segment; currents: (n, 3) per record, NED, m/s.
-    fn along(
-        &self,
-        position: Numbers,
-        attitude: Numbers,
-        nu: Numbers,
-        currents: Vec<Numbers>,
-    ) -> PyResult<Self> {
+    /// The same segments from other starts, each in a steady current of its own besides the recorded one: position
+    /// (k, 3), attitude (k, 4) or (k, 3), nu (k, 6), and current (k, 3), NED, m/s.
+    fn along(&self, position: Numbers, attitude: Numbers, nu: Numbers, current: Numbers) -> PyResult<Self> {
         let (positions, attitudes) = (position.rows("position")?, attitude.attitudes("attitude")?);
-        let velocities = nu.rows("nu")?;
+        let (velocities, currents) = (nu.rows("nu")?, current.rows("current")?);
         let found = [positions.len(), attitudes.len(), velocities.len(), currents.len()];
         let expected = self.segments.len();
-        if found != [expected, expected, expected, self.records.len()] {
+        if found != [expected; 4] {
             return Err(refused(format!(
-                "position, attitude, nu, currents: expected {expected} rows each and {} currents, found {found:?}",
-                self.records.len()
+                "position, attitude, nu, current: expected {expected} rows each, found {found:?}"
             )));
         }
-        let mut records = self.records.clone();
-        for (record, current) in records.iter_mut().zip(currents) {
-            record.current = current.rows("currents")?;
-            if record.current.len() != record.len
-                || !record.current.as_flattened().iter().all(|x| x.is_finite())
-            {
-                return Err(refused(format!("currents: expected {} finite rows", record.len)));
-            }
+        if !currents.as_flattened().iter().all(|x| x.is_finite()) {
+            return Err(refused("current: expected finite numbers, m/s"));
         }
         let mut segments = self.segments.clone();
-        let states = positions.into_iter().zip(attitudes).zip(velocities);
-        for (segment, ((position, attitude), nu)) in segments.iter_mut().zip(states) {
+        let states = positions.into_iter().zip(attitudes).zip(velocities).zip(currents);
+        for (segment, (((position, attitude), nu), current)) in segments.iter_mut().zip(states) {
             segment.state = State { position, attitude, nu };
+            segment.current = current;
         }
-        let (description, sought) = (self.description.clone(), self.sought.clone());
+        let (description, records, sought) =
+            (self.description.clone(), self.records.clone(), self.sought.clone());
         let Self { modes, loss, substeps, .. } = *self;
         Ok(Self { description, records, segments, modes, loss, substeps, sought })
     }

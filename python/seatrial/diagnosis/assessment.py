@@ -253,8 +253,8 @@ class Assessment:
             values, away = _named(names, alone.values), _named(names, alone.away)
             columns.append(("the log alone", values, away, alone.refused))
         for one in polished.others:
-            words = one.damping.partition(" (")[0].removeprefix("cross-flow drag ")
-            columns.append((words, one.values, one.away, one.refused))
+            words = one.damping.partition(" (")[2].removesuffix(")")
+            columns.append((f"with {words}", one.values, one.away, one.refused))
         if (free := self.bounds) is not None:
             columns.append(("without bounds", free.values, free.away, free.refused))
         rows = []

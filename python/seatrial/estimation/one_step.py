@@ -333,7 +333,9 @@ class OneStep:
                 threads=joint.threads,
                 starts_count=True,
             )
-        return self._replays[extra].along(motion[:3], motion.water)
+        water = [motion.water[record][first:last] for record, first, last in self._spans]
+        current = np.vstack([np.zeros((0, 3)), *water])
+        return self._replays[extra].along((motion.position, motion.attitude, motion.nu, current))
 
 
 def _readings(record: Record) -> tuple[Array, Mask]:

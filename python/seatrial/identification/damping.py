@@ -2,7 +2,8 @@
 
 Where a noise model is estimated along, quadratic damping of single velocities stands against cross-flow drag
 by strips: a slender hull that sideslips and turns at once is damped by neither velocity alone, and gains bend
-to make up for it. The noises of a wrong damping may hold strips where they begin, so that these are also
+to make up for it. A hull shorter than `_SLENDER` of its diameters has no cross-flow of that kind and keeps
+quadratic damping. The noises of a wrong damping may hold strips where they begin, so that these are also
 tried with noises found anew. The likelihood of held-out data judges. Where it cannot tell the two apart,
 quadratic damping stays, and a coefficient of which the two say different things is not identified
 (`seatrial.estimation.specification`).
@@ -19,6 +20,7 @@ from functools import partial
 
 import numpy as np
 
+from seatrial._core import Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.progress import Step
 from seatrial.campaign.campaign import Campaign
@@ -38,6 +40,10 @@ _BY_CHANCE = 3.0  # standard deviations of a difference over blocks of time
 
 _ROUNDS, _FAR = 6, 2.0
 """Rounds after which strips are given up, where they are so many times as unlikely as chance makes them."""
+
+_SLENDER = 3.0
+"""Length over the larger of diameter and height from which strips are tried: a shorter hull has hardly a
+strip that the flow crosses as it crosses a long cylinder. The limit is a choice."""
 
 _STRIPS = 0.8
 """Cross-flow drag coefficient to begin with: a cylinder of finite length (White 2011, table 7.3)."""
@@ -68,7 +74,7 @@ def quadratic_or_strips(
         sentence for each plane that was compared.
     """
     kind: Callable[[Campaign], Campaign] = lambda campaign: campaign  # noqa: E731
-    if joint.method != "innovations" or polished.interrupted:
+    if joint.method != "innovations" or polished.interrupted or not _slender(joint.vehicle):
         return joint, polished, kind, ()
     said: list[str] = []
     for name, made in STRIPS.items():
@@ -117,6 +123,12 @@ def quadratic_or_strips(
             rival = other_damping(name, (drag[0], drag[1]), (joint, polished.values), (other, again.values))
             polished = replace(polished, others=(*polished.others, rival))
     return joint, polished, kind, tuple(said)
+
+
+def _slender(vehicle: Vehicle) -> bool:
+    """Whether a hull is so long that strips of it see a cross-flow; a hull without measures may be."""
+    measures = vehicle.geometry()
+    return not measures or measures["length"] >= _SLENDER * max(measures["diameter"], measures["height"])
 
 
 def _likeliest(

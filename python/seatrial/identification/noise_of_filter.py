@@ -181,7 +181,7 @@ def _residual(vehicle: Vehicle, record: Record) -> tuple[Array, Mask]:
     states = trial.state(slice(None))
     begun = zip(*(map(tuple, part[places].tolist()) for part in states), strict=True)
     segments = tuple(Segment(0, k, k + 2, *state) for k, state in zip(places.tolist(), begun, strict=True))
-    whole = Record(trial, record.input, np.ones_like(record.counted), record.water)
+    whole = Record(trial, record.input, np.ones_like(record.counted))
     substeps = max(1, math.ceil(trial.dt / _SUBSTEP_S - 1e-9))
     shown = Replay(vehicle, (whole,), segments, substeps=substeps, starts_count=True).simulated()
     after = np.array([channels[1, :6] for channels in shown])

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 __all__ = ["rich_table", "show"]
 
+_LONGEST_WORD = 24
+"""Characters of a word that no column breaks; a longer one is a path or a formula."""
+
 
 def show(report: Report, console: Console, *, verbose: bool = False) -> None:
     """Print a report; details only when `verbose`, else a line that says how many there are.
@@ -33,7 +36,7 @@ def show(report: Report, console: Console, *, verbose: bool = False) -> None:
         if section.title:
             _say(console, section.title, style="bold")
         for table in section.tables:
-            console.print(rich_table(table, width=console.width))
+            console.print(rich_table(table, width=console.width), crop=False)
             if table.note:
                 _say(console, table.note)
                 console.print()
@@ -51,7 +54,7 @@ def rich_table(table: Table, *, width: int) -> RichTable:
 
     shown = table.filled()
     # Where a terminal is too narrow, heads of numbers break at spaces, then at hyphens and with less space
-    # between columns; text wraps, and numbers are never broken.
+    # between columns; text wraps, and neither words nor numbers are ever broken: lines are then too long.
     heads = [column.head for column in shown.columns]
     for broken in (" ", "-"):
         if tight := _width(heads, shown) > width:
@@ -59,12 +62,15 @@ def rich_table(table: Table, *, width: int) -> RichTable:
                 head.replace(broken, broken.strip() + "\n") if column.align == "right" else head
                 for head, column in zip(heads, shown.columns, strict=True)
             ]
+    narrowest = [_narrowest(head, k, shown) for k, head in enumerate(heads)]
+    least = sum(narrowest) + (2 if tight else 3) * len(heads)
     made = Made(
         title=shown.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False,
-        collapse_padding=tight,
+        collapse_padding=tight, width=least if least > width else None,
     )  # fmt: skip
-    for head, column in zip(heads, shown.columns, strict=True):
-        made.add_column(head, justify=column.align, no_wrap=column.align == "right", overflow="fold")
+    for head, column, own in zip(heads, shown.columns, narrowest, strict=True):
+        whole = column.align == "right"
+        made.add_column(head, justify=column.align, no_wrap=whole, overflow="fold", min_width=own)
     for row in shown.rows:
         made.add_row(*row)
     return made
@@ -74,6 +80,14 @@ def _width(heads: Sequence[str], table: Table) -> int:
     """Width of a table with these heads, of several lines each, with three spaces between columns."""
     cells = [[*head.split("\n"), *(row[k] for row in table.rows)] for k, head in enumerate(heads)]
     return sum(max(map(len, column)) for column in cells) + 3 * len(cells)
+
+
+def _narrowest(head: str, place: int, table: Table) -> int:
+    """Least width of a column: of the widest number, or of the longest word."""
+    cells = [head, *(row[place] for row in table.rows)]
+    if table.columns[place].align == "right":
+        return max(len(line) for cell in cells for line in cell.split("\n"))
+    return min(max((len(word) for cell in cells for word in cell.split()), default=0), _LONGEST_WORD)
 
 
 def _say(console: Console, text: str, *, style: str | None = None) -> None:

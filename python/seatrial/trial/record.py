@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,15 +33,11 @@ __all__ = ["Record", "Replay", "Segment", "cut_spans", "restarted"]
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A trial as a model is compared with it: what drives the model, and the samples (n, 12) that count.
-
-    ``water`` is the velocity of the water (n, 3), NED in m/s, besides what was recorded; None: none.
-    """
+    """A trial as a model is compared with it: what drives the model, and the samples (n, 12) that count."""
 
     trial: Trial
     input: Input
     counted: Mask
-    water: Array | None = None
     _packed: dict[tuple[int, bool], CoreRecord] = field(default_factory=dict, init=False, repr=False)
 
     def packed(
@@ -70,14 +66,7 @@ class Record:
         return self._core(np.where(self.counted, np.asarray(weight), 0.0), substeps, motion)
 
     def _core(self, weights: Array, substeps: int, motion: bool) -> CoreRecord:
-        return self.trial.record(
-            weight=weights, substeps=substeps, input=self.input, motion=motion, water=self.water
-        )
-
-    def current(self) -> Array:
-        """Velocity of the water (n, 3), NED in m/s: what was recorded and `water`."""
-        still = np.zeros((len(self.trial), 3))
-        return np.asarray(sum((part for part in (self.trial.current, self.water) if part is not None), still))
+        return self.trial.record(weight=weights, substeps=substeps, input=self.input, motion=motion)
 
     def __getstate__(self) -> dict[str, Any]:
         """What the core reads is packed again where it is needed."""
@@ -141,6 +130,10 @@ def restarted(trial: Trial, spans: Sequence[tuple[int, int]], record: int = 0) -
     ]
 
 
+Starts: TypeAlias = tuple[Array, Array, Array, Array]
+"""Positions (k, 3), attitudes (k, 4), velocities (k, 6) and steady currents (k, 3) of segments."""
+
+
 @dataclass(frozen=True, eq=False)
 class Replay:
     """What a vehicle shows on the segments of records, and how far that is from what was measured.
@@ -163,8 +156,8 @@ class Replay:
     starts_count
         Whether the first sample of a segment counts; by default not, the smoothed start is made of it.
     starts
-        Positions (k, 3), attitudes (k, 4) and velocities (k, 6) that the segments start from in place of
-        their own (`along`).
+        Positions, attitudes, velocities and currents that the segments start with in place of their own
+        (`along`).
     """
 
     vehicle: Vehicle
@@ -176,7 +169,7 @@ class Replay:
     substeps: int = 1
     threads: int | None = None
     starts_count: bool = False
-    starts: tuple[Array, Array, Array] | None = None
+    starts: Starts | None = None
     _loops: dict[Any, OpenLoop] = field(default_factory=dict, init=False, repr=False)
 
     def counted(self, index: int) -> Mask:
@@ -278,22 +271,17 @@ class Replay:
             threads=self.threads,
         )
 
-    def along(self, starts: tuple[Array, Array, Array], water: Sequence[Array]) -> Replay:
-        """The same segments from other starts, in water that moves besides what was recorded.
+    def along(self, starts: Starts) -> Replay:
+        """The same segments from other starts, each in a steady current of its own.
 
         Parameters
         ----------
         starts
-            Positions (k, 3), attitudes (k, 4) and velocities (k, 6).
-        water
-            Velocity (n, 3) per record, NED in m/s.
+            Positions (k, 3), attitudes (k, 4), velocities (k, 6), and currents (k, 3) besides what was
+            recorded, NED in m/s.
         """
-        records = tuple(
-            Record(one.trial, one.input, one.counted, moved)
-            for one, moved in zip(self.records, water, strict=True)
-        )
-        other = replace(self, records=records, starts=starts)
-        other._loops[None] = self._loop().along(*starts, [record.current() for record in records])
+        other = replace(self, starts=starts)
+        other._loops[None] = self._loop().along(*starts)
         return other
 
     def losses(self, values: ArrayLike, *, weight: Array, loss: str, knee: float) -> Array:
@@ -329,10 +317,10 @@ class Replay:
                 record.packed(substeps=self.substeps, motion=bool(self.measured), weight=weight)
                 for record in self.records
             ]
-            self._loops[key] = OpenLoop(
+            loop = OpenLoop(
                 self.vehicle,
                 records,
-                self._started(),
+                [(s.record, s.start, s.stop, s.position, s.attitude, s.nu) for s in self.segments],
                 names=self.names,
                 free=self.free,
                 measured=self.measured,
@@ -340,16 +328,8 @@ class Replay:
                 knee=knee,
                 substeps=self.substeps,
             )
+            self._loops[key] = loop if self.starts is None else loop.along(*self.starts)
         return self._loops[key]
-
-    def _started(self) -> list[tuple[Any, ...]]:
-        """The segments as the core reads them."""
-        if self.starts is None:
-            return [(s.record, s.start, s.stop, s.position, s.attitude, s.nu) for s in self.segments]
-        return [
-            (s.record, s.start, s.stop, *start)
-            for s, *start in zip(self.segments, *(part.tolist() for part in self.starts), strict=True)
-        ]
 
     def __getstate__(self) -> dict[str, Any]:
         """The core's batches are packed again where they are needed."""

@@ -388,7 +388,6 @@ class Trial:
         substeps: int = 1,
         input: Input = "commands",
         motion: bool = True,
-        water: Array | None = None,
     ) -> Record:
         """Samples, weights and input of the trial as the core reads them.
 
@@ -404,8 +403,6 @@ class Trial:
             alone.
         motion
             Whether to give the smoothed velocities, which only measured axes need.
-        water
-            Velocity of the water (n, 3), NED in m/s, besides the recorded current.
 
         Raises
         ------
@@ -418,9 +415,6 @@ class Trial:
             raise TrialError(f'{self.name}: unknown input "{input}"{nearest(input, _INPUT_COLUMNS)}')
         if input not in self.inputs:
             raise TrialError(f"{self.name}: input {input} is not recorded; map {_INPUT_COLUMNS[input]}")
-        current = self.current
-        if water is not None:
-            current = water if current is None else current + water
         nu = nu_rate = None
         if motion:
             points = 2 * substeps * (len(self) - 1) + 1
@@ -430,7 +424,7 @@ class Trial:
             self.commands if input == "commands" else {},
             voltage_v=self.voltage_v,
             tau=self.tau if input == "tau" else None,
-            current=current,
+            current=self.current,
             actuators=self.measured if input == "measured" else None,
             nu=nu,
             nu_rate=nu_rate,

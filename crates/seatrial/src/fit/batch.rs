@@ -269,6 +269,6 @@ fn lane_of<S: Simd>(track: &Track<f64x8<S>>, lane: usize) -> Run {
 impl Segment {
     /// The whole of record `record` of `len` samples from a state.
     pub fn whole(record: usize, len: usize, state: State<f64>, motors: MotorStart) -> Self {
-        Self { record, start: 0, stop: len, state, motors }
+        Self { record, start: 0, stop: len, state, current: [0.0; 3], motors }
     }
 }

@@ -16,7 +16,7 @@
 
 use crate::description::coefficients::FORCES;
 use crate::fit::criterion::{CHANNEL_NAMES, CHANNELS, ROLL};
-use crate::fit::record::Start;
+use crate::fit::record::{Segment, Start};
 use crate::model::integrate::State;
 use crate::model::kinematics::{
     Quaternion, euler_angle, from_euler, normalised, quaternion_product, rotation, to_euler,
@@ -102,10 +102,10 @@ impl<T: Real> Nuisance<T> {
         }
     }
 
-    /// The true state behind a recorded one, moved by the initial conditions, and the current.
+    /// The true state behind a segment's recorded one, moved by the initial conditions, and the current.
     #[inline(always)]
-    pub fn start(&self, recorded: &State<f64>, initial: &[T; INITIALS]) -> Start<T> {
-        let zero = initial[0].zero();
+    pub fn start(&self, segment: &Segment, initial: &[T; INITIALS]) -> Start<T> {
+        let (zero, recorded) = (initial[0].zero(), &segment.state);
         let bias = &self.bias;
         // The recorded attitude turned from its Euler angles to those without bias: at a pitch of ±90° the
         // angles alone would not give it back.
@@ -129,7 +129,8 @@ impl<T: Real> Nuisance<T> {
             nu[i] += initial[6 + i];
         }
         let position = std::array::from_fn(|i| place[i] + initial[i]);
-        Start { state: State { position, attitude, nu }, current: Some(self.current) }
+        let current = std::array::from_fn(|i| self.current[i] + segment.current[i]);
+        Start { state: State { position, attitude, nu }, current: Some(current) }
     }
 
     /// What the channels would show without latency and bias.

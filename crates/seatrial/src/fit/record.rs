@@ -121,6 +121,8 @@ pub struct Segment {
     pub stop: usize,
     /// The state at `start`.
     pub state: State<f64>,
+    /// A steady current besides the record's, NED, m/s.
+    pub current: Vec3<f64>,
     /// The motors at `start`.
     pub motors: MotorStart,
 }
@@ -135,13 +137,15 @@ pub struct Start<T> {
 }
 
 impl<T: Real> Start<T> {
-    /// The segment's own state, in the kind of `unit`.
+    /// The segment's own state and current, in the kind of `unit`.
     #[inline(always)]
     pub fn of(segment: &Segment, unit: T) -> Self {
         let State { position, attitude, nu } = segment.state;
         let position = position.map(|x| unit.splat(x));
         let attitude = attitude.map(|x| unit.splat(x));
-        Self { state: State { position, attitude, nu: nu.map(|x| unit.splat(x)) }, current: None }
+        // Still water stays still water.
+        let current = (segment.current != [0.0; 3]).then(|| segment.current.map(|x| unit.splat(x)));
+        Self { state: State { position, attitude, nu: nu.map(|x| unit.splat(x)) }, current }
     }
 }
 

@@ -109,7 +109,7 @@ impl<T: Real> Prepared<T> {
         // Where nothing stands between motion and channels, they are the plain model's to the last bit.
         let none = initial[0].zero();
         let mut start =
-            if self.plain { Start::of(segment, none) } else { self.shows.start(&segment.state, initial) };
+            if self.plain { Start::of(segment, none) } else { self.shows.start(segment, initial) };
         // Still water stays still water.
         start.current = start.current.filter(|current| !current.iter().all(|x| x.equals(none)));
         start

@@ -78,7 +78,8 @@ impl Trials {
         let records =
             (0..2).map(|which| inputs(which).record(&description, false, 1).expect("valid inputs")).collect();
         let state = moving([1.0, 0.1, -0.05, 0.02, 0.05, -0.1]);
-        let segment = |record, start, stop, motors| Segment { record, start, stop, state, motors };
+        let segment =
+            |record, start, stop, motors| Segment { record, start, stop, state, current: [0.0; 3], motors };
         let segments = vec![
             segment(0, 0, 151, MotorStart::Held(vec![300.0, 0.0, -200.0, 0.0, 150.0, 0.0])),
             segment(0, 40, 120, MotorStart::Recorded),

@@ -103,8 +103,22 @@ impl Flights {
         };
         let running = (0..description.actuators.len()).map(|i| 100.0 * noise(300 + i)).collect();
         let segments = vec![
-            Segment { record: 0, start: 0, stop: 31, state, motors: MotorStart::Held(running) },
-            Segment { record: 0, start: 20, stop: 51, state, motors: MotorStart::Recorded },
+            Segment {
+                record: 0,
+                start: 0,
+                stop: 31,
+                state,
+                current: [0.0; 3],
+                motors: MotorStart::Held(running),
+            },
+            Segment {
+                record: 0,
+                start: 20,
+                stop: 51,
+                state,
+                current: [0.0; 3],
+                motors: MotorStart::Recorded,
+            },
         ];
         Self {
             description,

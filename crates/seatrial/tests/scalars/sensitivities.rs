@@ -242,7 +242,8 @@ fn scalar_a_vehicle_at_rest_answers_to_its_unknowns() {
     let inputs = Inputs { t: times(n, 0.1), ..Inputs::default() };
     let record = inputs.record(&description, false, 1).expect("valid inputs");
     let state = moving([0.0; 6]);
-    let segment = Segment { record: 0, start: 0, stop: n, state, motors: MotorStart::Recorded };
+    let segment =
+        Segment { record: 0, start: 0, stop: n, state, current: [0.0; 3], motors: MotorStart::Recorded };
     let sought: Vec<usize> = (0..description.layout.len()).collect();
     let values = sought.iter().map(|&index| description.coefficients[index]).collect();
     let flights = Flights {

@@ -179,7 +179,7 @@ pub fn fly_from(
     substeps: usize,
 ) -> Run {
     let record = inputs.record(description, !measured.is_empty(), substeps).expect("valid inputs");
-    let segment = Segment { record: 0, start: 0, stop: record.len, state, motors };
+    let segment = Segment { record: 0, start: 0, stop: record.len, state, current: [0.0; 3], motors };
     let batch = Batch {
         description,
         records: &[record],
