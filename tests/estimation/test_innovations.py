@@ -396,6 +396,65 @@ def test_water_of_waves_and_current_do_not_bend_the_rudder(tmp_path: Path) -> No
     assert drag == pytest.approx(Vehicle.load("remus100").coefficients()["N_rr"], rel=0.05)
 
 
+OPEN_FRAME = """
+format = 1
+name = "made"
+vehicle = "bluerov2-heavy"
+[trials.log]
+file = "log.parquet"
+[[stages]]
+name = "surge, sway and yaw"
+trials = ["log"]
+axes = { free = "XYN", measured = "ZKM" }
+[stages.coefficients]
+X_udot = [-25.0, -1.0]
+X_u = [-55.0, 0.0]
+X_uu = [-560.0, -35.0]
+Y_vdot = [-28.0, -1.5]
+Y_vv = [-870.0, -50.0]
+N_rdot = [-0.9, -0.05]
+N_rr = [-6.0, -0.3]
+[joint]
+method = "innovations"
+horizons_s = []
+[joint.coefficients]
+""" + "".join(f'"thruster_{k}.gain" = {{ bounds = [0.5, 1.5], sd = 0.15 }}\n' for k in range(1, 5))
+
+
+@pytest.mark.long
+def test_the_scale_of_all_forces_stays_where_the_prior_has_it(tmp_path: Path) -> None:
+    """Trials tell ratios of forces. With water that knew the next measurement the scale rose by 30 %."""
+    field = FIELD.replace("remus100", "bluerov2-heavy").replace("seed = 2", "seed = 2\nvoltage_v = 15.0")
+    corners = ((8, 0), (8, 4), (0, 4), (0, 8), (8, 8), (8, 12), (0, 12), (0, 16))
+    legs = "".join(
+        f"[[legs]]\nnorth_m = {north}\neast_m = {east}\ndepth_m = 6.0\n" for north, east in corners
+    )
+    head = SURVEY.partition("[[legs]]")[0].replace("speed_m_s = 1.5", "speed_m_s = 0.5")
+    for name, text in (
+        ("field", field.replace("east_m_s = 0.2", "east_m_s = 0.2\nwalk_m_s = 0.5")),
+        ("survey", head.replace("acceptance_radius_m = 8.0", "acceptance_radius_m = 1.0") + legs),
+        ("truth", SENSORS.replace("remus100", "bluerov2-heavy")),
+        ("campaign", OPEN_FRAME),
+    ):
+        (tmp_path / f"{name}.toml").write_text(text)
+    Recipe.load(tmp_path / "field.toml").table().write_parquet(tmp_path / "log.parquet")
+    joint = Joint(Campaign.load(tmp_path / "campaign.toml"))
+    found = dict(zip([one.name for one in joint.unknowns], polish(joint).values, strict=True))
+    truth = Vehicle.load("bluerov2-heavy").coefficients()
+    gain = np.mean([found[f"thruster_{k}.gain"] for k in range(1, 5)])
+    assert gain == pytest.approx(1.0, abs=2.0 * 0.15 / 2.0)  # four gains, each known to 15 %
+    # The ratios are what the log tells.
+    mass, inertia = truth["m"], truth["I_z"]
+    for name, rigid in (
+        ("X_udot", mass),
+        ("Y_vdot", mass),
+        ("N_rdot", inertia),
+        ("Y_vv", 0.0),
+        ("N_rr", 0.0),
+    ):
+        assert (found[name] - rigid) / gain == pytest.approx(truth[name] - rigid, rel=0.05)
+
+
 BOTH = LATERAL.replace("N_rr = [-250.0, -10.0]", "Y_vv = [-3000.0, -50.0]\nN_rr = [-250.0, -10.0]")
 
 
