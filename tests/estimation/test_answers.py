@@ -108,3 +108,16 @@ def test_a_log_that_is_too_short_tells_nothing() -> None:
     slope = errors.slope[:200]
     short = Errors(errors.span, errors.error[:200], errors.counted[:200], slope, slope)
     assert answers([commands[:201, None]], ["commands rudder"], [short], [rates[:201]]).names == ()
+
+
+@pytest.mark.parametrize("own_gyro", [True, False])
+def test_a_loop_spread_over_many_thrusters_is_found_by_all_of_them_together(own_gyro: bool) -> None:
+    """Each of six thrusters has other tasks besides, and tells too little alone."""
+    commands, measured = sailed(own_gyro)
+    errors, rates = foretold(commands, measured, GAIN)
+    spread = commands[:, None] + 0.1 * np.random.default_rng(1).standard_normal((SAMPLES, 6))
+    names = [f"commands {k}" for k in range(6)]
+    told = answers([spread], names, [errors], [rates])
+    assert bool(told.names) == own_gyro
+    assert max(told.sure, default=0.0) < 10.0
+    assert min(told.sure, default=4.0) > 3.0

@@ -8,7 +8,7 @@ import pytest
 import seatrial as st
 from seatrial.base.arrays import Array
 from seatrial.trial.trial import Trial
-from seatrial.trial.verdict import Verdict, judge, judge_trial, pushed_by, untold
+from seatrial.trial.verdict import Verdict, blind, judge, judge_trial, pushed_by, untold
 
 DT = 0.2
 VEHICLE = st.Vehicle.load("remus100")
@@ -123,3 +123,14 @@ def test_an_axis_is_judged_by_the_wrench_where_no_command_is_recorded() -> None:
     assert found["N"].commands == ("tau.N_nm",)
     assert found["N"].kind == other.kind == "feedback-dominated"
     assert found["N"].told == pytest.approx(other.told, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("explained", "wave_share", "period_s", "letters"),
+    [(0.17, 0.51, 5.0, "Y"), (0.17, 0.1, 5.0, ""), (0.02, 0.51, 5.0, ""), (0.17, np.nan, np.nan, "")],
+)
+def test_a_loop_that_passes_as_open_is_not_scored_where_it_answers_waves(
+    explained: float, wave_share: float, period_s: float, letters: str
+) -> None:
+    """Station keeping of a generated ROV with unlogged velocities: a model that is right scores -0.4."""
+    assert blind({"Y": Verdict("Y", "open", ("fr",), explained, np.nan, wave_share, period_s)}) == letters

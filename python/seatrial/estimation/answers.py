@@ -48,8 +48,11 @@ _BINS = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 6), (6, 8), (8, 12), (12, 16), (16,
 _LATE_BINS = (*_BINS, (32, 40), (40, 50), (50, 60))
 """Samples before a prediction over which innovations of commands, and of measurements, are summed."""
 
-_SURE = 10.0
-"""Deviations of chi squared from which a command is said to know more than the log."""
+_SURE, _EACH = 10.0, 3.0
+"""Deviations of chi squared from which commands, together or one alone, are said to know more than the log.
+
+An allocator spreads one loop over many thrusters. Where all together are sure, each counts from `_EACH`.
+"""
 
 _RIDGE = 1e-9  # of a sum of squares: combinations that the data do not have
 
@@ -106,11 +109,15 @@ def answers(
     """
     columns, shown = _distinct(driving), _shown(errors)
     told = _unforeseen([one[:, columns] for one in driving], shown, velocities)
-    sure = [_sure([one[:, g] for one in told], errors) for g in range(len(columns))]
-    kept = [g for g, one in enumerate(sure) if one > _SURE]
+    excess, free = np.array([
+        _excess([one[:, g] for one in told], errors) for g in range(len(columns))
+    ]).reshape(-1, 2).T  # fmt: skip
+    sure = excess / np.sqrt(np.maximum(2.0 * free, 1.0))
+    together = float(excess.sum() / np.sqrt(max(2.0 * free.sum(), 1.0)))
+    kept = np.flatnonzero(sure > (_EACH if together > _SURE else _SURE)).tolist()
     return Answers(
         tuple(names[columns[g]] for g in kept),
-        tuple(sure[g] for g in kept),
+        tuple(sure[kept].tolist()),
         tuple(one[:, kept] for one in told),
     )
 
@@ -171,8 +178,11 @@ def _unforeseen(driving: Sequence[Array], shown: Sequence[Array], velocities: Se
     return np.split(found, np.cumsum([len(one) for one in driving])[:-1])
 
 
-def _sure(told: Sequence[Array], errors: Sequence[Errors]) -> float:
-    """By how many deviations chi squared of the errors on a command's last innovations is too large."""
+def _excess(told: Sequence[Array], errors: Sequence[Errors]) -> tuple[float, int]:
+    """By how much chi squared of the errors on a command's last innovations exceeds its degrees of freedom.
+
+    And how many these are; its deviation is the root of twice as many.
+    """
     table = np.vstack([
         _lagged(one[:, None], _BINS)[: len(late.error)] for one, late in zip(told, errors, strict=True)
     ])
@@ -185,7 +195,7 @@ def _sure(told: Sequence[Array], errors: Sequence[Errors]) -> float:
         fit = _fitted(table[counted], target[:, None])[:, 0]
         chi += float((fit**2).sum() / np.mean((target - fit) ** 2))
         free += table.shape[1]
-    return float((chi - free) / np.sqrt(2.0 * free)) if free else 0.0
+    return chi - free, free
 
 
 def _fitted(table: Array, target: Array) -> Array:

@@ -67,6 +67,10 @@ REPLAYED = 0.7
 NOTHING = 0.05
 """Share below which it does not, whether or not waves were seen, in a log of five minutes and more."""
 
+_PARTLY, _IN_WAVES = 0.1, 0.3
+"""Part of a command that measurements foretell, and its share of power at wave frequencies, from which an
+axis that passes as open answers waves all the same: preset commands have neither together."""
+
 _DRAG = ("X_u", "X_uu", "Y_v", "Y_vv", "Z_w", "Z_ww")
 _TRIAL = (
     "run seatrial plan with the campaign of this log: it proposes a dither on top of the autopilot that makes"
@@ -127,6 +131,11 @@ class Verdict:
     def dominated(self) -> bool:
         """Whether no gain of this axis can be told from the recording."""
         return self.kind == "feedback-dominated"
+
+    @property
+    def answers_waves(self) -> bool:
+        """Whether the commands of an axis that passes as open answer waves in part."""
+        return self.kind == "open" and self.explained > _PARTLY and self.wave_share > _IN_WAVES
 
     @property
     def trial(self) -> str:
@@ -225,8 +234,9 @@ def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
     """Letters of the axes on which a replay of a trial's commands judges no model, for they answer waves.
 
     In waves those that feedback dominates and those that are informative by less than `REPLAYED`: a gain can
-    be found there, by a method that knows of the loop, and the true vehicle fails a replay. Sway and heave
-    that no command pushes ride on yaw and pitch, and are blind where these are.
+    be found there, by a method that knows of the loop, and the true vehicle fails a replay. So it does where
+    a loop passes as open because it uses what was not logged. Sway and heave that no command pushes ride on
+    yaw and pitch, and are blind where these are.
 
     Parameters
     ----------
@@ -238,7 +248,8 @@ def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
     found = {
         axis
         for axis, one in verdicts.items()
-        if (waves or math.isfinite(one.wave_period_s)) and (one.dominated or one.told < REPLAYED)
+        if (waves or math.isfinite(one.wave_period_s))
+        and (one.dominated or one.told < REPLAYED or one.answers_waves)
     }
     found |= {axis for axis, on in (("Y", "N"), ("Z", "M")) if on in found and axis not in verdicts}
     return "".join(axis for axis in AXES if axis in found)
