@@ -219,6 +219,7 @@ fn law_a_segment_meets_the_motors_as_the_record_left_them() {
             start,
             stop: 80,
             state: moving([0.0; 6]),
+            current: [0.0; 3],
             motors: MotorStart::Recorded,
         };
         let batch = seatrial::fit::batch::Batch {
