@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,6 +100,14 @@ def test_coefficients_of_a_dominated_axis_are_named_unless_another_axis_tells_th
     }
     rolls = Verdict("K", "open", ("stern_plane_port",), 0.0, 0.0, 0.0, 6.0)
     assert untold(names, {"M": dominated, "K": rolls}, VEHICLE) == {"M": ["M_q"]}
+
+
+def test_buoyancy_goes_with_a_heave_that_feedback_dominates_in_waves() -> None:
+    told = ("B", "Z_w", "z_b")
+    heave = Verdict("Z", "feedback-dominated", ("vfr",), 0.2, 0.2, 0.6, 5.0)
+    assert untold(told, {"Z": heave}, VEHICLE) == {"Z": ["B", "Z_w"]}
+    assert untold(told, {"Z": replace(heave, wave_period_s=np.nan)}, VEHICLE) == {"Z": ["Z_w"]}
+    assert untold(told, {"M": replace(heave, axis="M")}, VEHICLE) == {}
 
 
 def test_fins_serve_by_their_moment() -> None:

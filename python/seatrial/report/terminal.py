@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 __all__ = ["rich_table", "show"]
 
-_LONGEST_WORD = 24
-"""Characters of a word that no column breaks; a longer one is a path or a formula."""
+_LONGEST_WORD = 11
+"""Characters of a word that every column has room for; a longer one may go on in the next line."""
 
 
 def show(report: Report, console: Console, *, verbose: bool = False) -> None:
@@ -54,7 +54,7 @@ def rich_table(table: Table, *, width: int) -> RichTable:
 
     shown = table.filled()
     # Where a terminal is too narrow, heads of numbers break at spaces, then at hyphens and with less space
-    # between columns; text wraps, and neither words nor numbers are ever broken: lines are then too long.
+    # between columns; text wraps, and neither short words nor numbers are broken: lines are then too long.
     heads = [column.head for column in shown.columns]
     for broken in (" ", "-"):
         if tight := _width(heads, shown) > width:

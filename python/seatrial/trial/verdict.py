@@ -260,7 +260,9 @@ def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehic
 
     With a gain held at its true value the damping and lift of the axis come out wrong by factors all the
     same, for the loop shapes the motion that would tell them. Drag along an axis on which the vehicle keeps
-    its way is told: the mean thrust, with the vehicle file's gain, balances it.
+    its way is told: the mean thrust, with the vehicle file's gain, balances it. It would tell the buoyancy
+    ``B``, too, but in waves that of two generated logs of an ROV was 2 N off, six of its standard deviations:
+    the hidden motion of heave through the water tells it, by Munk moments of roll and pitch.
 
     Parameters
     ----------
@@ -283,7 +285,7 @@ def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehic
                 if owner in (actuator, actuators[actuator])
             }
         else:
-            drives = {name[0]}
+            drives = {"Z"} if name == "B" and _in_waves(verdicts.get("Z")) else {name[0]}
             if name in _DRAG and name[0] in verdicts and verdicts[name[0]].under_way:
                 continue
         if drives and drives <= set(dominated):
@@ -312,6 +314,10 @@ def pushed_by(vehicle: Vehicle) -> dict[str, dict[str, float]]:
                     float(wrench[index]) / push.step
                 )
     return {a: {name: float(np.mean(s)) for name, s in found[a].items()} for a in AXES if a in found}
+
+
+def _in_waves(verdict: Verdict | None) -> bool:
+    return verdict is not None and math.isfinite(verdict.wave_period_s)
 
 
 def _order(verdict: Verdict) -> int:
