@@ -26,6 +26,7 @@ from seatrial.base.run import (
     RunDirectory,
     belongs_to_run,
     check_writable,
+    from_json,
     part_file,
     run_facts,
     to_json,
@@ -456,6 +457,12 @@ def test_full_disk_keeps_the_former_run_and_leaves_no_part(
         run.publish({"name": "latter"}, {"vehicle.toml": ""})
     assert name_in(tmp_path / "run") == "former"
     assert entries(tmp_path) == ["run"]
+
+
+def test_json_nested_beyond_all_use_is_no_json() -> None:
+    assert from_json('{"a": [1]}') == {"a": [1]}
+    with pytest.raises(ValueError, match="nested too deeply"):
+        from_json("[" * 100_000)
 
 
 def test_json_has_null_for_numbers_that_are_not_finite() -> None:

@@ -61,6 +61,10 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def test_no_option_takes_a_number_that_is_not_finite() -> None:
+    refused(call("plan", "cwolf", "--current", "inf"), "--current: expected a finite number, found inf")
+
+
 def test_help_and_version_load_nothing_heavy() -> None:
     heavy = ["scipy", "polars", "matplotlib", "plotly", "cma", "pint", "pandas", "pydantic"]
     code = (

@@ -150,7 +150,7 @@ def test_beluga_logs_its_supply(here: Path) -> None:
         ("[sensors.dvl]", ["--out", "log.parquet"], "expected the ending .csv"),
         ("[sensors.dvl]", ["--run", "run.xlsx"], "expected the ending .csv or .parquet"),
         ("[sensors.dvl]", ["--out", "nowhere/log.csv"], "there is no folder nowhere"),
-        ("[sensors.dvl]", ["--current", "nan", "0", "0"], "--current: expected three numbers"),
+        ("[sensors.dvl]", ["--current", "nan", "0", "0"], "--current: expected a finite number"),
     ],
 )
 def test_wrong_sensors_are_one_message_and_exit_code_2(

@@ -179,7 +179,7 @@ def test_roll_is_seen_in_a_free_decay() -> None:
 def test_thrust_scale_needs_a_bench_test() -> None:
     found = judge(at_truth("surge"))
     scaled = ("X_udot", "X_u", "X_uu", "stern.p1_ahead", "stern.p1_astern", "stern.p2")
-    assert "thrust scale comes from a bench (bollard) test only" in sentence(found, *scaled)
+    assert "measure the thrust on a bench (bollard test)" in sentence(found, *scaled)
     # X_udot takes the factor for the fixed dry mass too. The flight moves by a fortieth of what it does with
     # the thrust alone: the net weight and the sums of the other axes are fixed.
     lin = at_truth("surge")

@@ -188,10 +188,10 @@ def test_a_coefficient_that_moves_without_answers_to_unlogged_motion_is_not_iden
     assert told.verdicts["N_r"] == "not identifiable"
     assert told.verdicts["N_rdot"] == judged.verdicts["N_rdot"]
     assert told.refused()[0] == (
-        "N_r is not identified: the commands of rudder answered motion that the log does not hold; without"
-        f" these answers the estimate is {values[1]:.3g} and the fit gives {judged.polished.values[1]:.3g},"
-        " 4.2 standard deviations of the difference apart; log the rates and angles that the autopilot uses,"
-        " as it uses them"
+        "N_r is not identified: the commands of rudder reacted to motion that is not in the log; corrected"
+        f" for this, the estimate is {values[1]:.3g} and the fit gives {judged.polished.values[1]:.3g}, 4.2"
+        " standard deviations of the difference apart; log the rates and angles exactly as the autopilot"
+        " uses them"
     )
     ahead = Horizon(2.0, values, away, ("N_r",))
     early = replace(judged, polished=replace(judged.polished, horizons=(ahead,)))
@@ -205,7 +205,7 @@ def test_a_coefficient_that_moves_without_answers_to_unlogged_motion_is_not_iden
     assert told.to_dict()["polish"]["log_alone"]["commands"] == {"rudder": 35.0}
     warned = replace(told, polished=replace(told.polished, log_alone=replace(bent, refused=())))
     assert warned.verdicts == judged.verdicts
-    assert "the commands of rudder answered motion that the log does not hold" in warned.method()[1]
+    assert "the commands of rudder reacted to motion that is not in the log" in warned.method()[1]
 
 
 def test_predictions_restart_from_what_the_filter_knew(tmp_path: Path) -> None:
@@ -479,7 +479,7 @@ def undecided(joint: Joint, polished: Polished) -> None:
     bent = replace(judged, polished=found, uncertainty=uncertain, bounds=bound)
     assert bent.verdicts["rudder.gain"] == "not identifiable"
     (said,) = bent.refused()
-    assert "compensates for N_rr, which the data would take 6.4 standard deviations beyond its upper" in said
+    assert "compensates for the upper bound of N_rr, which the data contradict by 6.4" in said
     assert "1.25 (+2.9)" in bent.assumption_table().text()
     late = replace(judged, spoilt="the velocity of trial log is 0.5 s late; correct it")
     assert set(late.verdicts.values()) == {"not identifiable"}
@@ -512,11 +512,11 @@ def test_the_damping_of_the_truth_is_the_likelier_one(stripped: bool, tmp_path: 
     assert [*kind(campaign).stages[0].coefficients] == names
     gain = dict(zip(names, found.values, strict=True))["rudder.gain"]
     if stripped:
-        assert said.startswith("Cross-flow drag by strips (C_Dy) makes the log likelier by")
+        assert said.startswith("Cross-flow drag by strips (C_Dy) fits the log better than")
         assert dict(zip(names, found.values, strict=True))["C_Dy"] == pytest.approx(1.1, rel=0.1)
         assert abs(gain - 1.0) < 0.05
     else:
-        assert said.startswith("Quadratic damping (Y_vv and N_rr) makes the log likelier by")
+        assert said.startswith("Quadratic damping (Y_vv and N_rr) fits the log better than")
         assert (other, found) == (joint, polished)
 
 

@@ -43,7 +43,7 @@ def campaign(*, closed: bool = True, waves: float = 0.02, keys: str = "", joint:
 def test_commands_that_answer_waves_call_for_a_filter() -> None:
     found = method_of(campaign(), ["log"])
     assert found.method == "innovations"
-    assert found.why.startswith("in trial log rudder_upper, rudder_lower answer measurements, in waves of")
+    assert found.why.startswith("in trial log feedback drives rudder_upper, rudder_lower, in waves of")
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_a_calm_loop_calls_for_a_filter_unless_another_trial_is_open() -> None:
     found = method_of(calm, ["log"])
     assert found.method == "innovations"
     assert found.why == (
-        "rudder_upper, rudder_lower answer measurements in every trial, and commands independent of"
+        "feedback drives rudder_upper, rudder_lower in every trial, and commands independent of"
         " feedback drive only 30 % of an axis' motion"
     )
     calm._verdicts["steps"] = {"N": replace(told, kind="open")}

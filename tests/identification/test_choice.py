@@ -177,7 +177,7 @@ def test_gains_with_a_prior_leave_a_joint_estimate_that_predicts_worse_with_them
     fit = identify(campaign, threads=2)
     assert not [row.name for row in fit.coefficients if row.name.endswith(".gain")]
     assert any(note.startswith("SbU.gain, SbL.gain, PU.gain, PL.gain keep") for note in fit.notes)
-    assert any("(R2 r 0.90 to 0.80, held to free)" in note for note in fit.notes)
+    assert any("(R2 r 0.90 to 0.80 when freed)" in note for note in fit.notes)
 
 
 def test_a_tight_prior_holds_a_coefficient_that_the_data_would_move() -> None:

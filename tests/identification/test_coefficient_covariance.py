@@ -78,7 +78,7 @@ def test_a_gain_at_its_bound_varies_inside_its_bounds_and_damping_at_zero_does_n
         joint([[4.0, 0.0], [0.0, 1.0]], names=("X_u", "SbL.gain"), at_bound=("upper", "lower"))
     )
     np.testing.assert_allclose(np.diag(known.matrix), [0.0, 400.0**2 / 12.0], rtol=1e-12)
-    assert "SbL.gain: the data tell less than the campaign's bounds" in known.notes[0]
+    assert "SbL.gain: constrained less by the data than by the campaign's bounds" in known.notes[0]
 
 
 def test_what_ended_at_a_bound_stays_there_and_the_rest_is_known_as_beside_a_fixed_value() -> None:
@@ -113,7 +113,7 @@ def test_direction_without_information_gets_the_bounds_and_keeps_its_sum() -> No
     spread = both @ (known.matrix / np.outer(width, width)) @ both.T
     # rtol: rounding of the eigenvectors, of 1e-16 beside 1/12 against 1e-4
     np.testing.assert_allclose(spread, np.diag([1e-4, 1.0 / 12.0]), rtol=1e-9, atol=1e-15)
-    assert known.notes[0].startswith("X_uu, Y_vv: the data tell less than the campaign's bounds")
+    assert known.notes[0].startswith("X_uu, Y_vv: constrained less by the data than by the campaign's bounds")
 
 
 def test_a_coefficient_of_a_stage_alone_is_said_to_stay() -> None:
@@ -127,7 +127,7 @@ def test_a_coefficient_of_a_stage_alone_is_said_to_stay() -> None:
 def test_coefficient_wider_than_its_bounds_is_cut_there() -> None:
     known = covariance_of(joint([[1.0, 0.0], [0.0, 1e6]]))
     np.testing.assert_allclose(known.matrix, np.diag([1.0, 400.0**2 / 12.0]), rtol=1e-12)
-    assert known.notes[0].startswith("Y_vv: the data tell less")
+    assert known.notes[0].startswith("Y_vv: constrained less by the data")
 
 
 def test_thrust_varies_as_the_bench_test_found_it() -> None:

@@ -74,7 +74,7 @@ def test_what_feedback_hides_is_not_estimated_and_said_to_be_so() -> None:
     assert [stage.name for stage in fit.stages] == ["sway"]
     report = fit.report()
     assert report.worst.startswith("yaw (N) is dominated by feedback")
-    assert "Not identified, the vehicle file's values are kept: N_rr, rudder.gain" in report.worst
+    assert "Not identified, kept at the vehicle file's values: N_rr, rudder.gain" in report.worst
     assert report.next_step.startswith("run seatrial plan")
     assert "N dominated by feedback" in report.text()
     files = fit.files()

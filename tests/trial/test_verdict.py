@@ -66,7 +66,7 @@ def test_constant_set_points_in_waves_are_dominated_and_turns_are_not(seed: int)
     assert dominated.kind == "feedback-dominated"
     assert dominated.told < 0.1
     assert dominated.wave_period_s == pytest.approx(6.0, rel=0.15)
-    assert "this log cannot tell" in dominated.sentence
+    assert "this log does not determine how" in dominated.sentence
     assert informative.kind == "closed and informative"
     assert informative.told > 0.5
 
@@ -77,7 +77,7 @@ def test_a_command_that_tells_nothing_is_dominated_where_no_waves_are_seen(
     monkeypatch.setattr("seatrial.trial.verdict.waves", lambda trial: None)
     found = yaw(sailed(3))
     assert found.kind == "feedback-dominated"
-    assert "follow the motion itself" in found.sentence
+    assert "follow the motion, and commands" in found.sentence
     assert yaw(sailed(0, turns=True)).kind == "closed and informative"
 
 

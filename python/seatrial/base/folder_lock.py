@@ -108,7 +108,7 @@ def _in_use(run: Path, holder: bytes) -> str:
         found = json.loads(holder)
         who = f"process {found['pid']} on {found['host']}, since {found['since_utc']}"
         stop = f"stop it (kill {found['pid']})"
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         who, stop = "another process", "stop it"
     return (
         f"run directory {run}: expected to be its only user, found it in use by {who}; wait until that run"

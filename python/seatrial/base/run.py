@@ -65,6 +65,7 @@ __all__ = [
     "RunResult",
     "belongs_to_run",
     "check_writable",
+    "from_json",
     "part_file",
     "run_facts",
     "sha256",
@@ -173,7 +174,7 @@ class RunDirectory:
         name = part_file(part)
         for folder in (self.workspace, self.path):
             try:
-                kept = json.loads((folder / name).read_text(encoding="utf-8"))
+                kept = from_json((folder / name).read_text(encoding="utf-8"))
             except (OSError, ValueError):
                 continue
             if isinstance(kept, dict) and kept.get("inputs") == inputs:
@@ -466,6 +467,20 @@ def part_file(part: str, ending: str = ".json") -> str:
     return f"{_PARTS}/{safe}{tail}{ending}"
 
 
+def from_json(text: str) -> Any:
+    """The data of a JSON text.
+
+    Raises
+    ------
+    ValueError
+        The text is no JSON, or is nested deeper than any file that seatrial writes.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
 def to_json(value: Any) -> str:
     """JSON text; a number that is not finite becomes null, because JSON has none."""
     return json.dumps(_plain(value), indent=1, allow_nan=False) + "\n"
@@ -504,7 +519,7 @@ def _alone_in(folder: Path) -> Iterator[None]:
 def _facts_in(folder: Path) -> dict[str, Any]:
     """Content of the ``run.json`` of a folder; empty where there is none that can be read."""
     try:
-        found = json.loads((folder / RUN_FILE).read_text(encoding="utf-8"))
+        found = from_json((folder / RUN_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

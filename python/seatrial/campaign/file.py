@@ -89,6 +89,15 @@ def _valid_corrections(given: dict[str, Any]) -> dict[str, Any]:
 Corrections = Annotated[dict[str, Any], AfterValidator(_valid_corrections)]
 
 
+def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
+    if (name := twice(names)) is not None:
+        raise ValueError(f"trial {name!r} stands twice, and data that count twice look surer; name it once")
+    return names
+
+
+TrialNames = Annotated[tuple[Name, ...], AfterValidator(_each_once)]
+
+
 class TrialSource(Section):
     """One recording: where it is, how it is read, what of it is held out."""
 
@@ -177,7 +186,7 @@ class Stage(Section):
     """One step of the identification: these coefficients from those trials."""
 
     name: Name
-    trials: Annotated[tuple[Name, ...], Field(min_length=1)]
+    trials: Annotated[TrialNames, Field(min_length=1)]
     axes: Axes
     coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = Field(
         default_factory=dict
@@ -224,13 +233,13 @@ class Nuisance(Section):
 
     sd: Positive | None = None
     shared: bool | None = None
-    trials: tuple[Name, ...] = ()
+    trials: TrialNames = ()
 
 
 class Polish(Section):
     """The joint estimate after the stages: every coefficient, trial and nuisance parameter at once."""
 
-    trials: tuple[Name, ...] = ()
+    trials: TrialNames = ()
     axes: Axes | None = None
     coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = Field(
         default_factory=dict
@@ -356,6 +365,20 @@ class CampaignFile(Section):
     autopilot: Name | None = None
     tuning: TuningTable | None = None
     verification: VerificationTable | None = None
+
+    @model_validator(mode="after")
+    def _no_recording_twice(self) -> CampaignFile:
+        read: dict[tuple[str, str], str] = {}
+        for name, trial in self.trials.items():
+            if trial.hold_out:
+                continue
+            other = read.setdefault((trial.file, repr(trial.columns)), name)
+            if other != name:
+                raise ValueError(
+                    f"trials {other!r} and {name!r} are both fitted to {trial.file}, and data that count"
+                    " twice look surer; remove one, or set hold_out = true for one"
+                )
+        return self
 
     @model_validator(mode="after")
     def _something_to_do(self) -> CampaignFile:

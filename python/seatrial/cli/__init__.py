@@ -7,12 +7,15 @@ libraries load with the verb that needs them.
 from __future__ import annotations
 
 import inspect
+import math
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
+from seatrial.base.errors import SeatrialError
 from seatrial.cli import (
     ardusub,
     autopilot,
@@ -42,6 +45,20 @@ __all__ = ["app", "main"]
 
 class _Verbs(ExitCodes, TyperGroup):
     """The verbs; what they raise on purpose becomes one message and an exit code."""
+
+
+class _Verb(TyperCommand):
+    """A verb: infinity, which a number of the command line may say, is none that it takes."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run it, unless a number is not finite."""
+        parameters: list[Any] = self.params
+        for one in parameters:
+            given = ctx.params.get(one.name)
+            for value in given if isinstance(given, list | tuple) else [given]:
+                if isinstance(value, float) and not math.isfinite(value):
+                    raise SeatrialError(f"{one.opts[0]}: expected a finite number, found {value}")
+        return super().invoke(ctx)
 
 
 app = typer.Typer(
@@ -98,7 +115,7 @@ _VERBS: tuple[Callable[..., None], ...] = (
 for _verb in _VERBS:
     # Said whole: the list of verbs would cut it after a few words.
     _first = inspect.cleandoc(_verb.__doc__ or "").partition("\n\n")[0]
-    app.command(_verb.__name__.rstrip("_"), short_help=" ".join(_first.split()))(_verb)
+    app.command(_verb.__name__.rstrip("_"), cls=_Verb, short_help=" ".join(_first.split()))(_verb)
 
 
 def main(begins: Callable[[], None] | None = None) -> None:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
@@ -173,7 +172,7 @@ def _draw_vehicle(vehicle: Vehicle, voltage: float, folder: Path, endings: tuple
 
 
 def _check_options(voltage: float, speed_kn: list[float], seabed: float | None) -> None:
-    """Refuse numbers that are no voltage, speed or depth."""
+    """Refuse numbers beyond any voltage, speed or depth."""
     bottom = [] if seabed is None else [seabed]
     for option, values, most in (
         ("--voltage", [voltage], 10_000.0),
@@ -181,8 +180,6 @@ def _check_options(voltage: float, speed_kn: list[float], seabed: float | None) 
         ("--seabed", bottom, 12_000.0),
     ):
         for value in values:
-            if not math.isfinite(value):
-                raise SeatrialError(f"{option}: expected a finite number, found {value}")
             if value > most:
                 raise SeatrialError(f"{option}: expected at most {most:g}, found {value:g}; check the unit")
 

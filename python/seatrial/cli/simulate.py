@@ -97,7 +97,7 @@ def simulate(
         for option, value in (("--seed", seed), ("--bottom", bottom), ("--run", run)):
             if value is not None:
                 raise TrialError(f"{option} is for a log; give --sensors too")
-    if bottom is not None and not 0.0 < bottom < float("inf"):
+    if bottom is not None and not bottom > 0.0:
         raise TrialError(f"--bottom: expected a depth in m below the surface, found {bottom:g}")
     fitted = None if sensors is None else load_sensors(sensors, loaded)
     if fitted is not None and not held and not fitted.keys() <= set(ON_THE_TETHER):

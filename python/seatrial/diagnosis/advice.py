@@ -388,12 +388,12 @@ def scaled(names: Sequence[str], factor_sd: float, *, fins: Collection[str] = ()
         only += f" (the common factor to {_percent(factor_sd)} at best, through what is held fixed)"
     driven = [one for one in (role(name, fins=fins) for name in names) if one.actuator]
     if driven and all(one.of_fin for one in driven):
-        how = "a fin's lift at a given speed comes from its area and lift slope; until then fix one of them"
+        how = "take the fin's lift from its area and lift slope, or hold one of them"
     elif driven:
-        how = "thrust scale comes from a bench (bollard) test only; until then fix one of them"
+        how = "measure the thrust on a bench (bollard test), give an [anchor], or hold one of them"
     else:
         how = f"the absolute scale comes from a known weight: {INCLINE}"
-    return f"all of {', '.join(names)} scale together, {only}: {how}"
+    return f"all of {', '.join(names)} scale together, {only}; {how}"
 
 
 def inseparable(names: Sequence[str], *, pushed: str = AXES, fins: Collection[str] = ()) -> str:

@@ -147,8 +147,8 @@ class Assessment:
         alone = self.polished.log_alone
         if alone is not None and not alone.refused:
             lines.append(
-                f"the commands of {self._answering()} answered motion that the log does not hold, which bends"
-                " gains; log the rates and angles that the autopilot uses, as it uses them"
+                f"the commands of {self._answering()} reacted to motion that is not in the log, which biases"
+                " gains; log the rates and angles exactly as the autopilot uses them"
             )
         return lines
 
@@ -197,9 +197,9 @@ class Assessment:
         return [
             (
                 away,
-                f"{name} is not identified: the commands of {self._answering()} answered motion that the log"
-                f" does not hold; without these answers the estimate is {both}; log the rates and angles that"
-                " the autopilot uses, as it uses them",
+                f"{name} is not identified: the commands of {self._answering()} reacted to motion that is"
+                f" not in the log; corrected for this, the estimate is {both}; log the rates and angles"
+                " exactly as the autopilot uses them",
             )
             for away, name, both in self._contradicted(alone, fit)
         ]
@@ -228,11 +228,11 @@ class Assessment:
         return [
             (
                 abs(self.bounds.away[name]),
-                f"{name} is not identified: it compensates for {bounded}, which the data would take"
-                f" {pull:.1f} standard deviations beyond its {end} bound; without bounds that the data"
-                f" contradict {name} would be {self.bounds.values[name]:.3g} instead of {fit[name]:.3g};"
-                f" widen the bounds of {', '.join(self.bounds.pulls)} if values beyond are plausible,"
-                f" otherwise hold {name} at a value that you trust, for the model lacks something there",
+                f"{name} is not identified: it compensates for the {end} bound of {bounded}, which the data"
+                f" contradict by {pull:.1f} standard deviations; without such bounds it would be"
+                f" {self.bounds.values[name]:.3g} instead of {fit[name]:.3g}; widen the bounds of"
+                f" {', '.join(self.bounds.pulls)} if values beyond are plausible, otherwise hold {name} at a"
+                " value that you trust: the model lacks something there",
             )
             for name in self.bounds.refused
         ]
@@ -323,12 +323,12 @@ def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]
         lin = linearise(joint, joint.start)
         lost = sum(not piece.counted.any() for piece in lin.pieces)
     if lost == len(lin.pieces):
-        return ["what the data tell is judged after the search: the start vehicle diverges on every segment"]
+        return ["identifiability is judged after the search: the start vehicle diverges on every segment"]
     said = warnings_before(lin)
     if lost and said:
         said.append(
-            f"the sentences before are of {len(lin.pieces) - lost} of {len(lin.pieces)} segments: on the"
-            " others the start vehicle diverges"
+            f"the warnings above use {len(lin.pieces) - lost} of {len(lin.pieces)} segments: on the others"
+            " the start vehicle diverges"
         )
     return said
 

@@ -66,9 +66,7 @@ def _answered_waves(campaign: Campaign, trials: Sequence[str]) -> str:
         closed = [one for one in campaign.verdicts(name).values() if one.kind != "open"]
         swell = waves(campaign.trials[name]) if closed else None
         if swell is not None:
-            return (
-                f"in trial {name} {_commands(closed)} answer measurements, in waves of {swell.period_s:.1f} s"
-            )
+            return f"in trial {name} feedback drives {_commands(closed)}, in waves of {swell.period_s:.1f} s"
     return ""
 
 
@@ -87,7 +85,7 @@ def _answered(campaign: Campaign, trials: Sequence[str]) -> str:
     told = min(one.told for one in closed)
     percent = 100.0 * max(told, 0.0)
     share = f", and commands independent of feedback drive only {percent:.0f} % of an axis' motion"
-    return f"{_commands(closed)} answer measurements in every trial{share if told == told else ''}"
+    return f"feedback drives {_commands(closed)} in every trial{share if told == told else ''}"
 
 
 def _commanded(campaign: Campaign, trials: Sequence[str]) -> list[str]:

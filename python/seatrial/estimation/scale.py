@@ -342,9 +342,9 @@ class ScaleReport:
             )
         elif not self.implied and not self.waiting:
             said.append(
-                "No absolute anchor is given; one is needed for true values. Give it under [anchor]: bollard"
-                " (a pull at rest under known commands), ballast (a known weight, and the sinking, the angle"
-                " or the commands that answer it) or dry_mass (beside an assumed added mass)"
+                "No absolute anchor is given; only ratios are known. Give one under [anchor]: bollard (a pull"
+                " at rest under known commands), ballast (a known weight, and the sink rate, angle or"
+                " commands that it causes) or dry_mass (with an assumed added mass)"
             )
         if self.ratios:
             told = ", ".join(f"{name} {value:.4g}" for name, value in self.ratios.items())

@@ -58,7 +58,7 @@ def implausible_masses(
         found[axis] = (
             f"{axis}: implausible, apparent {mass_in_words(axis, mass)} is {mass / of_file[axis]:.2g} times"
             f" the {of_file[axis]:.2g} of the vehicle file{by}, whose bounds allow {low:.2g} to {high:.2g}; a"
-            " wrong thrust or lever, or a delay that the model lacks, is fitted as inertia"
+            " wrong thrust or lever arm, or an unmodelled delay, may appear as inertia"
         )
     return found
 

@@ -6,8 +6,8 @@ loop, a missing term), one badly modelled axis can bend coefficients that anothe
 therefore judged outside the fit, ten seconds ahead, each with the nuisance parameters that it has:
 
 - on what the campaign holds out (`hold_out`, `hold_out_s`), which neither has seen;
-- with the method "innovations" by predictions from the state of a filter over the longest horizon, for a
-  replay of commands that react to waves, without the waves, cannot test a model;
+- with the method "innovations" by predictions from the state of a filter over the longest horizon up to
+  half a second, for a replay of commands that react to waves, without the waves, cannot test a model;
 - where nothing is held out, on the last fifth of every trial, after both were fitted again without it: the
   stages by a descent from their optimum, the joint estimate from there. The winner's estimate from all data
   is the result.
@@ -174,8 +174,8 @@ def choose(
     words, first, second, rivals = _outside(campaign, joint, polished, begun)
     if joint.method == "innovations" and not first:
         why = (
-            "it was not compared with the stages, for no part of its trials is held out (hold_out_s), and a"
-            " replay of commands that react to waves, without the waves, cannot test a model"
+            "not compared with the stages, because nothing is held out (set hold_out_s); replaying commands"
+            " that react to waves, without the waves, cannot test a model"
         )
         return Choice("joint estimate", why, {}, {}, 0.0, polished)
     if not first.keys() & second.keys():
@@ -249,8 +249,8 @@ def with_or_without_presumed(
         plain,
         again,
         names,
-        f"{', '.join(names)} keep the vehicle's values: with them free the joint estimate predicts {words}"
-        f" worse (R2 {figures}, held to free)",
+        f"{', '.join(names)} stay at the vehicle's values: with them free the joint estimate predicts {words}"
+        f" worse (R2 {figures} when freed)",
     )
 
 

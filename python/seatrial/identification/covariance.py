@@ -209,9 +209,9 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     if weak:
         said.insert(
             0,
-            f"{', '.join(weak)}: the data tell less than the campaign's bounds; draws have the spread of a"
-            " uniform distribution between them (standard deviation 0.29 of their width), and correlated"
-            " coefficients vary less as a result.",
+            f"{', '.join(weak)}: constrained less by the data than by the campaign's bounds; draws have the"
+            " spread of a uniform distribution between them (standard deviation 0.29 of their width), and"
+            " correlated coefficients vary less as a result.",
         )
     return width[:, None] * bounded * width, said
 

@@ -111,12 +111,12 @@ def quadratic_or_strips(
         words = "held-out data" if held_out else "the log"
         drag = f"cross-flow drag by strips ({name})", f"quadratic damping ({' and '.join(replaced)})"
         chosen, rejected = drag if better > 0.0 else drag[::-1]
-        by = "beyond measure"
+        by = ", which diverges"
         if math.isfinite(better):
-            by = f"by {abs(better):.0f} ± {chance / _BY_CHANCE:.0f} (log-likelihood)"
-        kept = ", too little to tell them apart" if abs(better) <= max(_LIKELIER, chance) else ""
+            by = f", by {abs(better):.0f} ± {chance / _BY_CHANCE:.0f} in log-likelihood"
+        kept = ", which is not significant" if abs(better) <= max(_LIKELIER, chance) else ""
         kept += "" if taken or better <= 0.0 else "; the latter is kept"
-        said.append(f"{chosen[0].upper()}{chosen[1:]} makes {words} likelier {by} than {rejected}{kept}")
+        said.append(f"{chosen[0].upper()}{chosen[1:]} fits {words} better than {rejected}{by}{kept}")
         if taken:
             joint, polished, kind = other, again, _after(kind, change)
         elif abs(better) <= max(_LIKELIER, chance):

@@ -11,7 +11,6 @@ Tests: ``tests/identification/test_fitted.py``.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, reason
+from seatrial.base.run import from_json
 from seatrial.base.toml_file import loaded
 from seatrial.diagnosis.advice import manoeuvre, role
 from seatrial.identification.covariance import CoefficientCovariance, widened
@@ -299,7 +299,7 @@ def _found(source: Any) -> Fitted:
         folder = Path(source)
         path = folder / RESULT
         try:
-            data = json.loads(file_text(path))
+            data = from_json(file_text(path))
         except ValueError as error:
             raise CampaignError(
                 f"{folder}: expected a run directory of `seatrial identify`, but {RESULT} cannot be read"

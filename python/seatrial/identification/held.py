@@ -198,8 +198,8 @@ def sentences(held: Sequence[Held]) -> tuple[str, ...]:
         own = [one for one in held if one.axis == axis]
         kept = ", ".join(dict.fromkeys(one.parameter for one in own))
         found.append(
-            f"{own[0].why}. Not identified, the vehicle file's values are kept: {kept}. What else acts on"
-            f" this axis may rest on them; {own[0].trial}"
+            f"{own[0].why}. Not identified, kept at the vehicle file's values: {kept}. Other estimates on"
+            f" this axis may depend on these; {own[0].trial}"
         )
     return tuple(found)
 

@@ -295,7 +295,7 @@ def _how_good(fit: Identification) -> str:
         said.insert(0, f"Does not beat a baseline in {simpler}.")
     choice = fit.choice
     if choice is not None and choice.result == "stages":
-        said.insert(0, "The stages' coefficients, for the joint estimate predicts worse outside its fit.")
+        said.insert(0, "Result: the stages, because the joint estimate predicts worse outside its fit.")
     if choice is not None and not (choice.polished.converged or choice.polished.interrupted):
         count = choice.polished.rounds
         said.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
@@ -329,7 +329,7 @@ def _prediction(fit: Identification) -> str:
     trials = len(score.trials)
     # A ceiling is worth a word where it is below what rounds to one, and where it is one.
     most = {
-        c: f" of at most {_r2(limit)}" if r2.get(c, -1.0) < limit < _NEAR_ONE else ""
+        c: f" (ceiling {_r2(limit)})" if r2.get(c, -1.0) < limit < _NEAR_ONE else ""
         for c, limit in score.ceiling.items()
     }
     channels = f"{_r2(r2[best])}{most.get(best, '')} in {best}"
@@ -352,9 +352,9 @@ def _filtered(fit: Identification) -> str:
     simpler = not_beaten(r2, choice.rivals)
     return (
         f"{f'Does not beat a baseline in {simpler}. ' if simpler else ''}Predicts held-out motion"
-        f" {choice.ahead_s:g} s ahead from the state of a filter with R2 {_r2(r2[best])} in {best}, worst"
-        f" {_r2(r2[worst])} in {worst} (1 is perfect, 0 no better than the mean); not scored farther ahead,"
-        " where commands react to waves"
+        f" {choice.ahead_s:g} s ahead from the filter's state with R2 {_r2(r2[best])} in {best}, worst"
+        f" {_r2(r2[worst])} in {worst} (1 is perfect, 0 no better than the mean); longer horizons are not"
+        " scored, because commands react to waves"
     )
 
 
@@ -663,8 +663,8 @@ def _replayed_words(fit: Identification) -> str:
 def advice(fit: Identification) -> list[str]:
     """Sentences: bounds that were hit, what the data cannot tell, what the model lacks, what did not run."""
     lines = [
-        f"{row.name} is not identified, it ended at its {row.at_bound} bound: widen it if the value makes"
-        " sense; otherwise the data cannot tell this coefficient"
+        f"{row.name} is not identified, it ended at its {row.at_bound} bound: widen the bound if the value"
+        " is plausible; otherwise hold the coefficient"
         for row in distinct(fit.coefficients)
         if row.at_bound
     ]

@@ -385,7 +385,7 @@ def _report(found: LeaveOneOut) -> Report:
             f" {score_text(value)} at worst ({channel} of {trial.trial}; {len(judged)} trials)"
         )
     else:
-        good = "No trial could be judged by a fit without it"
+        good = "No left-out trial could be scored"
     if worse:
         good = f"Does not beat a baseline in {'; '.join(worse)}. {good}"
     worst, next_step = _worst(found)
@@ -445,10 +445,9 @@ def _remarks(found: LeaveOneOut) -> tuple[str, ...]:
     if small:
         least = min(small, key=small.__getitem__)
         said.append(
-            f"Of {len(small)} coefficients the ratio is below {_SHARED:g} ({least} {small[least]:.2g}): their"
-            " deviation is almost all what every fit shares, such as the scale of the thrust, which is known"
-            " beforehand to its sd and which leaving out a trial does not move. It does not say that the"
-            " deviation is too large."
+            f"{len(small)} coefficients have a ratio below {_SHARED:g} ({least} {small[least]:.2g}): their"
+            " standard deviation comes mostly from what all fits share, such as the scale of the thrust,"
+            " whose prior leaving out a trial does not change. This does not mean that it is too large."
         )
     return tuple(said)
 
@@ -472,13 +471,11 @@ def _scatter(found: LeaveOneOut) -> Table:
             row["coefficient"],
             row["unit"],
             f"{row['least']:.4g} to {row['most']:.4g}",
-            f"{row['jackknife']:.2g}"
-            if math.isfinite(row["jackknife"])
-            else f"only {row['only_from']} tells",
+            f"{row['jackknife']:.2g}" if math.isfinite(row["jackknife"]) else f"only in {row['only_from']}",
             f"{row['sigma']:.2g}" if math.isfinite(row["sigma"]) else "",
             f"{row['ratio']:.2g}" if math.isfinite(row["ratio"]) else "",
         )
         for row in found.coefficients()
     ]
-    head = ("coefficient", "unit", "without a trial each", "jackknife sd", "sd of the fit", "ratio")
-    return Table.of("Coefficients without a trial each", head, rows, left=2)
+    head = ("coefficient", "unit", "one trial left out", "jackknife sd", "sd of the fit", "ratio")
+    return Table.of("Coefficients with one trial left out", head, rows, left=2)

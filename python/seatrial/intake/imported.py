@@ -272,9 +272,8 @@ def _problems(made: Imported) -> Iterator[str]:
     yield from _supply(made)
     if made.reversed_thrusters:
         yield (
-            f"{', '.join(made.reversed_thrusters)} push against the built-in direction, by the log's"
-            f" parameters or"
-            " by its motion; vehicle.toml says reversed = true for them: check with a wet test"
+            f"{', '.join(made.reversed_thrusters)}: thrust opposite to that of the built-in vehicle, judging"
+            " by the log's parameters or motion; vehicle.toml sets reversed = true: check in the water"
         )
     yield from _upside_down(made)
     for one in made.trials:  # of the pose once

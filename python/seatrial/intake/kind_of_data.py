@@ -139,7 +139,7 @@ def _loops(loops: tuple[Feedback, ...]) -> list[str]:
     )
     return [
         f"recorded in closed loop: {follows}. A fit on such data may bias gains and damping, and its score"
-        " also rates the controller: add a trial with preset steps of them"
+        " also rates the controller: add a trial with preset steps of these commands"
     ]
 
 

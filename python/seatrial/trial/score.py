@@ -285,7 +285,7 @@ class Score(Mapping[str, ChannelScore]):
         return "\n".join(text for table in self.report().sections[0].tables if (text := table.text()))
 
 
-LIMITS = ("at most", "below waves", "at waves")
+LIMITS = ("ceiling", "below waves", "at waves")
 """Heads of the columns beside an R2: the ceiling by noise and waves, the score in two bands."""
 
 
@@ -295,8 +295,8 @@ def limit_text(value: float | None) -> str:
 
 
 _LIKELIHOOD = (
-    "log-likelihood over the best: mean per sample, of the model minus that of the best baseline (natural"
-    " logarithm); above zero the model tells more; 10 % less error variance is worth 0.05"
+    "log-likelihood gain: mean per sample, of the model minus that of the best baseline (natural logarithm);"
+    " above zero the model predicts better; 10 % less error variance is worth 0.05"
 )
 
 
@@ -323,7 +323,7 @@ def baseline_table(score: Score, *, words: str = "", gains: Mapping[str, float] 
     ]
     ahead = f"{score.ahead_s:g} s ahead" if math.isfinite(score.ahead_s) else "in a free run"
     title = f"R2 {ahead} beside baselines{words}"
-    head = ("channel", "model", *score.baselines, "log-likelihood over the best")
+    head = ("channel", "model", *score.baselines, "log-likelihood gain")
     return Table.of(title, head, rows, note=_LIKELIHOOD if gains else "")
 
 

@@ -152,7 +152,7 @@ class Verdict:
         """The verdict with its evidence."""
         who = f"{MOTIONS[self.axis]} ({self.axis})"
         if self.kind == "open":
-            return f"{who} is open: its commands were not seen to follow measurements"
+            return f"{who} is in open loop: no feedback was detected in its commands"
         told = f"{100.0 * max(self.told, 0.0):.0f} % of the motion"
         if self.kind == "closed and informative":
             waves = "" if math.isfinite(self.wave_period_s) else ", and no waves were seen"
@@ -160,11 +160,12 @@ class Verdict:
                 f"{who} is in closed loop but informative: commands independent of feedback drive"
                 f" {told}{waves}"
             )
-        by = f"by waves of {self.wave_period_s:.1f} s" if math.isfinite(self.wave_period_s) else "itself"
+        by = f" in waves of {self.wave_period_s:.1f} s" if math.isfinite(self.wave_period_s) else ""
         verb = "follows" if len(self.commands) == 1 else "follow"
         return (
-            f"{who} is dominated by feedback: {', '.join(self.commands)} {verb} the motion {by}, and"
-            f" commands independent of feedback drive only {told}; this log cannot tell how the axis responds"
+            f"{who} is dominated by feedback: {', '.join(self.commands)} {verb} the motion{by}, and"
+            f" commands independent of feedback drive only {told}; this log does not determine how the axis"
+            " responds"
         )
 
 

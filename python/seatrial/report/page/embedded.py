@@ -17,7 +17,7 @@ from typing import Any
 from seatrial.base.atomic_write import whole_folder, write_atomic
 from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.file_names import no_file
-from seatrial.base.run import sha256
+from seatrial.base.run import from_json, sha256
 
 __all__ = ["ELEMENT", "files_of_page", "script_json", "unpack"]
 
@@ -69,8 +69,8 @@ def files_of_page(page: str | Path) -> dict[str, str]:
             " that seatrial report wrote"
         )
     try:
-        entries = json.loads(found.texts[0])
-    except (ValueError, RecursionError):
+        entries = from_json(found.texts[0])
+    except ValueError:
         raise SeatrialError(
             f"{path}: the files in it are cut off or changed; get the page again from who sent it"
         ) from None

@@ -8,7 +8,6 @@ tables and the Parquet file have those. Held by ``tests/report/test_page_evidenc
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,7 @@ from seatrial.base.arrays import Array, runs
 from seatrial.base.atomic_write import parquet, write_atomic
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import SeatrialError, TrialError, reason
-from seatrial.base.run import belongs_to_run, to_json
+from seatrial.base.run import belongs_to_run, from_json, to_json
 from seatrial.intake.manoeuvres import manoeuvres
 from seatrial.report.page.run_folder import RunFolder
 from seatrial.report.plot.identification import predicted
@@ -125,7 +124,7 @@ def _units(run: RunFolder) -> dict[str, str]:
 def _done(place: Path) -> Mapping[str, Any]:
     """Manoeuvres by trial; none where no file tells them."""
     try:
-        found = json.loads(place.read_text(encoding="utf-8"))
+        found = from_json(place.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

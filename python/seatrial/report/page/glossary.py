@@ -104,7 +104,7 @@ _TERMS: tuple[tuple[str, str, str], ...] = (
         "log-likelihood",
         r"log-likelihood",
         "Mean gain in the logarithm of the likelihood over the best baseline; above zero the model"
-        " tells more.",
+        " predicts better.",
     ),
     (
         "navigation filter",

@@ -5,7 +5,6 @@ Held by ``tests/report/test_page.py``.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.report import REPORT_FILE, Report, Section
-from seatrial.base.run import RUN_FILE
+from seatrial.base.run import RUN_FILE, from_json
 
 __all__ = ["Figure", "RunFolder"]
 
@@ -221,7 +220,7 @@ def _facts(path: Path) -> dict[str, Any]:
 
 def _read_json(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = from_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise SeatrialError(f"{path}: expected JSON, found none ({error}); repeat the run") from None
     if not isinstance(found, dict):
