@@ -146,10 +146,6 @@ def test_refusal_says_where_what_and_what_was_found(text: str, words: list[str])
             HEAD + TRIAL + STAGE.replace('["surge"]', '["surge", "surge"]') + COEFFICIENTS,
             "tank.toml: stages 'surge', key trials: trial 'surge' stands twice",
         ),
-        (
-            HEAD + TRIAL + TRIAL.replace(".surge]", ".again]") + STAGE + COEFFICIENTS,
-            "trials 'surge' and 'again' are both fitted to surge.csv",
-        ),
         (HEAD + TRIAL + TRIAL, "tank.toml: line 9: [trials.surge] stands there for the second time"),
     ],
 )

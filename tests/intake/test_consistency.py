@@ -293,3 +293,26 @@ def test_the_report_says_what_to_paste() -> None:
     text = several().report().text()
     assert "scale.velocity = 0.001" in text
     assert several().to_dict()["corrections"][0]["before"] > 0.0
+
+
+def test_a_velocity_that_no_correction_brings_to_the_depth_is_a_contradiction() -> None:
+    def found(tilt: float) -> Consistency:
+        given = log(2, Errors(tilt=(0.0, tilt * DEGREE, 0.0)))
+        return consistency({name: one for name, one in given.items() if name not in ("x", "y")})
+
+    assert not found(0.0).contradictions
+    wrong = found(80.0)
+    (said,) = wrong.contradictions
+    _, before, after = next(one for one in wrong.compared if "depth" in one[0])
+    assert said.startswith("rate of depth and the velocity contradict one another")
+    assert f"{after:.3g} m/s rms with the best correction ({before:.3g} m/s as recorded)" in said
+    # A sensor that looks down shows the forward speed, 1.3 m/s, as a rate of depth.
+    assert min(before, after) > 1.0
+
+
+def test_a_stuck_pitch_is_a_contradiction_and_proposes_no_tilt() -> None:
+    given = {name: one for name, one in log(7).items() if name not in ("x", "y")}
+    stuck = Series(given["pitch"].t, np.full_like(given["pitch"].t, 0.1), given["pitch"].clock)
+    found = consistency(given | {"pitch": stuck})
+    assert any(said.startswith("pitch stays at 0.1 rad") for said in found.contradictions)
+    assert "tilt_deg.velocity" not in keys(found)

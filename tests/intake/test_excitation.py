@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.intake.excitation import contacts, excitation, saturation
+from seatrial.intake.excitation import contacts, excesses, excitation, saturation
 from seatrial.intake.manoeuvres import drives
 
 T = np.arange(0.0, 300.0, 0.1)
@@ -43,6 +43,18 @@ def test_a_command_at_its_motor_limit_is_saturated_and_preset_steps_are_not() ->
     assert {one.command for one in found} == {names[0]}
     assert sorted(one.limit for one in found) == [-2000.0, 2000.0]
     assert [one.share for one in found] == pytest.approx([0.205, 0.205], abs=0.02)
+
+
+def test_a_command_in_another_unit_is_beyond_its_limit_and_one_at_the_limit_is_not() -> None:
+    vehicle = st.Vehicle.load("cwolf")
+    names = vehicle.actuators
+    table = {"t_s": T, "u_m_s": np.sin(T)} | {f"cmd.{name}": 0.0 * T for name in names}
+    table[f"cmd.{names[0]}"] = np.where(T < 100.0, 0.0, 99999.0)
+    table[f"cmd.{names[1]}"] = np.full(len(T), -2100.0)
+    (found,) = excesses(st.Trial.read(table), vehicle)
+    assert (found.command, found.reached, found.limit) == (names[0], 99999.0, 2000.0)
+    assert found.share == pytest.approx(2.0 / 3.0, abs=0.01)
+    assert excesses(st.Trial.read(table)) == []
 
 
 def dived(stop_depth: float) -> st.Trial:

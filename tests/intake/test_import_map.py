@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -171,3 +172,68 @@ def test_a_log_without_a_time_names_the_columns_that_there_are(tmp_path: Path) -
         st.import_logs(path)
     said = str(refused.value)
     assert "there are the columns depth_m, yaw_deg, u_m_s; name its time column" in said
+
+
+T = np.arange(0.0, 60.0, 0.1)
+ODD = {
+    "dashes": (["-"] * 600, 'odd.csv: column "u_m_s" (u_m_s by its name) is not used: no number in 600 rows'),
+    "text": (["-"] * 600, '(text, "-" in line 2)'),
+    "nan": (["nan"] * 600, "no number in 600 rows (empty cells or NaN); expected at least 10"),
+    "short": (["0.5", "0.7"], "odd.csv: 2 rows, expected at least 10: none of its columns is used"),
+}
+
+
+@pytest.mark.parametrize("kind", list(ODD))
+def test_a_column_that_cannot_be_used_is_said_with_file_and_reason(tmp_path: Path, kind: str) -> None:
+    cells, said = ODD[kind]
+    rows = "".join(f"{t:.1f},{cell}\n" for t, cell in zip(T.tolist(), cells, strict=False))
+    (tmp_path / "odd.csv").write_text("time,u_m_s\n" + rows)
+    report = st.import_logs([_log(tmp_path), tmp_path / "odd.csv"]).report()
+    assert report.outcome == "imported in part"
+    assert said in report.text()
+
+
+def test_a_column_of_lists_in_parquet_is_said(tmp_path: Path) -> None:
+    pl.DataFrame({"time": T, "u_m_s": [[0.1]] * len(T)}).write_parquet(tmp_path / "odd.parquet")
+    made = st.import_logs([_log(tmp_path), tmp_path / "odd.parquet"])
+    said = 'column "u_m_s" is not read: expected a number in each cell, found List(Float64)'
+    assert f"odd.parquet was read in part: {said}" in made.report().text()
+
+
+def test_an_unknown_unit_is_said_with_its_row_and_those_that_are_known(tmp_path: Path) -> None:
+    rows = "".join(f"{t:.1f},{0.2 * np.sin(t):.4f},{0.1 * np.cos(t):.4f}\n" for t in T)
+    (tmp_path / "nav.csv").write_text("time,yaw,pitch\ns,grad,grad\n" + rows)
+    made = st.import_logs(tmp_path / "nav.csv")
+    assert made.columns["yaw_deg"].source == "nav.yaw"
+    said = made.report().text()
+    assert 'read in part: line 2: the unit "grad" of "yaw", "pitch" is not known, rad was taken' in said
+    assert "known are m/s, mm/s" in said
+
+
+def test_a_link_to_itself_beside_other_logs_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    with pytest.raises(st.TrialError, match=r"loop.csv: expected a log, but this is a link that leads to no"):
+        st.import_logs([_log(tmp_path), tmp_path / "loop.csv"])
+
+
+def test_a_name_that_is_not_utf_8_makes_a_project(tmp_path: Path) -> None:
+    odd = tmp_path / os.fsdecode(b"nav\xff.csv")
+    try:
+        _log(tmp_path).rename(odd)
+    except OSError:
+        pytest.skip("this file system takes names in UTF-8 alone")
+    st.import_logs(odd, out=tmp_path / "p")
+    again = st.import_logs(odd, out=tmp_path / "p", map=tmp_path / "p" / "map.toml", force=True)
+    assert "yaw" in again.trials[0].trial.channels
+
+
+def test_a_record_of_a_project_that_is_nested_too_deeply_is_as_one_that_is_not_readable(
+    tmp_path: Path,
+) -> None:
+    log = _log(tmp_path)
+    kept = {}
+    for name, text in (("broken", "["), ("deep", "[" * 100_000)):
+        st.import_logs(log, out=tmp_path / name, vehicle="cwolf")
+        (tmp_path / name / "import.json").write_text(text)
+        kept[name] = st.import_logs(log, out=tmp_path / name, vehicle="cwolf", force=True).kept
+    assert kept["deep"] == kept["broken"]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import tracemalloc
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 from seatrial.base.errors import TrialError
@@ -180,7 +182,8 @@ def test_a_damaged_column_of_a_parquet_file_is_empty_and_said(logs: dict[str, Pa
     path.write_bytes(data)
     log = open_log(path)
     (topic,) = log.topics()
-    assert sorted(field.samples for field in topic.fields) in ([0, len(T)], [0, len(T), len(T)])
+    numbers = [field.samples for field in topic.fields if field.name != "remark"]
+    assert sorted(numbers) == [0, len(T)]
     assert any("is damaged" in note for note in log.notes)
 
 
@@ -216,6 +219,108 @@ def test_a_clock_that_begins_again_ends_the_recording(tmp_path: Path) -> None:
     assert found.table["nav.a"].to_list() == [*range(200, 300), 301, 300, *range(302, 700)]
     assert any("time begins again 2 times, the first in row 201 (from 19.9 to 0 s)" in n for n in found.notes)
     assert any("runs backwards once" in n for n in found.notes)
+
+
+def _dated(path: Path, stamps: list[str]) -> Path:
+    path.write_text("time,a\n" + "".join(f"{stamp},{k}\n" for k, stamp in enumerate(stamps)))
+    return path
+
+
+def test_zones_of_dates_are_subtracted_also_over_a_change_of_summer_time(tmp_path: Path) -> None:
+    """30 s before and after 01:00 UTC of 27 October 2024, as a logger in central Europe writes them."""
+    begin = datetime(2024, 10, 27, 0, 59, 30, tzinfo=UTC)
+    utc = [begin + timedelta(seconds=k) for k in range(60)]
+    local = [t.astimezone(timezone(timedelta(hours=2 if k < 30 else 1))) for k, t in enumerate(utc)]
+    forms = {
+        "offset": [t.isoformat() for t in local],
+        "hours": [t.isoformat()[:-3] for t in local],
+        "blank": [t.strftime("%Y-%m-%d %H:%M:%S %z") for t in local],
+        "word": [t.strftime("%Y-%m-%d %H:%M:%S UTC") for t in utc],
+        "z": [t.strftime("%Y-%m-%dT%H:%M:%SZ") for t in utc],
+        "halves": [t.strftime("%m/%d/%Y %I:%M:%S %p") for t in utc],
+    }
+    for name, stamps in forms.items():
+        t = open_log(_dated(tmp_path / f"{name}.csv", stamps)).read({name: ["a"]})[name].t
+        np.testing.assert_array_equal(t, [one.timestamp() for one in utc], name)
+
+
+def test_a_damaged_stamp_costs_its_row_and_nothing_else(tmp_path: Path) -> None:
+    stamps = [f"{0.1 * k:.1f}" for k in range(900)]
+    stamps[90], stamps[899] = "1e18", "-1e6"
+    found = join([open_log(_dated(tmp_path / "nav.csv", stamps))], [Wanted("nav", "a")])
+    assert len(found.table) == 898
+    assert any(
+        "the stamps of 2 rows are far from those around them, the first in row 91" in n for n in found.notes
+    )
+
+
+@pytest.mark.parametrize(
+    ("stamps", "said"),
+    [
+        ([f"{99.5 - k}" for k in range(60)], 'column "time" runs backwards, from 99.5 in line 2 to 98.5 in'),
+        (["5.0"] * 60, 'column "time" is 5 in all of the first 60 rows'),
+        (["27 October 2024 um 02.58"] * 60, '"27 October 2024 um 02.58" in line 2, whose form is not known'),
+        (["2024-06-01 12:00:00"] * 60, r"rows with a time \(60\) all have the same one, 1717243200 s"),
+    ],
+)
+def test_stamps_that_are_no_times_are_refused_with_the_reason(
+    tmp_path: Path, stamps: list[str], said: str
+) -> None:
+    log = open_log(_dated(tmp_path / "nav.csv", stamps))
+    with pytest.raises(TrialError, match=said):
+        join([log], [Wanted("nav", "a")])
+
+
+@pytest.mark.parametrize(
+    ("cell", "number", "stamp"),
+    [
+        ('"1,{k:03d}"', 1000, "{k}.5"),
+        ('"0,{k:03d}"', 0.0, "{k}.5"),
+        ("{k}", 0, '"2024-06-01 12:00:{k:02d},250"'),
+    ],
+)
+def test_quoted_cells_may_hold_the_separator(tmp_path: Path, cell: str, number: float, stamp: str) -> None:
+    path = tmp_path / "nav.csv"
+    rows = [f"{stamp.format(k=k)},{cell.format(k=k)}" for k in range(60)]
+    path.write_text("time,a\n" + "\n".join(rows) + "\n")
+    samples = open_log(path).read({"nav": ["a"]})["nav"]
+    scale = 1e-3 if cell.startswith('"0') else 1.0
+    np.testing.assert_allclose(samples.fields["a"], number + scale * np.arange(60.0), rtol=1e-12)
+    np.testing.assert_allclose(np.diff(samples.t), 1.0, rtol=1e-6)
+
+
+def test_a_comma_that_may_be_decimal_or_group_thousands_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "nav.csv"
+    path.write_text("t,a\n" + "".join(f'{k},"1,{k:03d}"\n' for k in range(60)))
+    with pytest.raises(TrialError, match=r'line 12, column 2: "1,010": whether the comma is a decimal comma'):
+        open_log(path)
+
+
+@pytest.mark.parametrize("nulls", [4096, 200_000])
+def test_null_bytes_at_the_end_are_left_out_and_said(tmp_path: Path, nulls: int) -> None:
+    path = tmp_path / "nav.csv"
+    text = "t,a\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(60)) + "6"
+    path.write_bytes(text.encode() + bytes(nulls))
+    log = open_log(path)
+    assert log.read({"nav": ["a"]})["nav"].fields["a"].tolist() == list(range(60))
+    assert any(f"it ends with null bytes ({nulls:,})" in note for note in log.notes)
+
+
+def test_a_name_in_quotes_may_hold_a_line_feed(tmp_path: Path) -> None:
+    path = tmp_path / "nav.csv"
+    path.write_text('t,"yaw\nangle"\ns,rad\n' + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(60)))
+    log = open_log(path)
+    assert log.fields == {"nav": {"t": "s", "yaw angle": "rad"}}
+    assert log.read({"nav": ["yaw angle"]})["nav"].fields["yaw angle"].tolist() == list(range(60))
+
+
+def test_numbers_and_dates_as_text_are_read_from_parquet(tmp_path: Path) -> None:
+    path = tmp_path / "nav.parquet"
+    stamps = [f"2024-06-01T12:00:{k:02d}+02:00" for k in range(60)]
+    pl.DataFrame({"time": stamps, "u": [f"{0.1 * k:.1f}" for k in range(60)]}).write_parquet(path)
+    samples = open_log(path).read({"nav": ["u"]})["nav"]
+    np.testing.assert_array_equal(samples.t, 1_717_236_000.0 + np.arange(60.0))
+    np.testing.assert_allclose(samples.fields["u"], 0.1 * np.arange(60.0), atol=1e-12)
 
 
 def test_a_table_of_text_with_the_name_of_a_binary_log_is_read(tmp_path: Path) -> None:

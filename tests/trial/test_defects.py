@@ -193,3 +193,33 @@ def test_gaps_of_a_depth_alone_are_not_those_of_a_position() -> None:
     said = str(Trial.read(table, align=False).report)
     assert "depth: 1 gap in time" in said
     assert "position" not in said
+
+
+@pytest.mark.parametrize("angle", ["pitch", "yaw"])
+def test_a_stuck_angle_is_reported_and_an_angle_that_was_not_recorded_is_not(angle: str) -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    table = {"t_s": t, "roll_deg": 0.0 * t, "pitch_deg": 3.0 * np.sin(t), "yaw_deg": 20.0 * np.sin(0.2 * t)}
+    assert "constant" not in str(Trial.read(table).report)
+    trial = Trial.read(table | {f"{angle}_deg": np.full_like(t, 10.0)})
+    assert "constant at 0.174533 rad" in findings(trial, angle)
+    assert "roll: constant" not in str(trial.report)
+
+
+def test_angles_in_degrees_that_are_called_rad_are_an_error() -> None:
+    t = np.arange(0.0, 300.0, 0.1)
+    heading = 180.0 + 2.0 * t
+    table = {"t_s": t, "pitch": 8.0 * np.sin(t), "yaw": heading % 360.0}
+
+    def read(unit: str, factor: float = 1.0, **other: Array) -> Trial:
+        columns = {f"{name}_deg": {"from": name, "unit": unit} for name in ("pitch", "yaw")}
+        cells = {name: y if name == "t_s" else factor * y for name, y in (table | other).items()}
+        return Trial.read(cells, columns=columns)
+
+    assert [one for one in read("rad").report.errors if 'yaw_deg = { from = "yaw", unit = "deg" }' in one]
+    # Yaw alone, and a yaw in degrees that does not pass north.
+    assert read("rad", pitch=0.001 * t).report.errors
+    assert read("rad", pitch=0.001 * t, yaw=np.clip(heading, 180.0, 350.0)).report.errors
+    assert not read("deg").report.errors
+    assert not read("rad", np.pi / 180.0).report.errors
+    # Radians counted over two turns are no degrees.
+    assert not read("rad", np.pi / 180.0, yaw=heading).report.errors

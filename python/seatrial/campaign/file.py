@@ -367,20 +367,6 @@ class CampaignFile(Section):
     verification: VerificationTable | None = None
 
     @model_validator(mode="after")
-    def _no_recording_twice(self) -> CampaignFile:
-        read: dict[tuple[str, str], str] = {}
-        for name, trial in self.trials.items():
-            if trial.hold_out:
-                continue
-            other = read.setdefault((trial.file, repr(trial.columns)), name)
-            if other != name:
-                raise ValueError(
-                    f"trials {other!r} and {name!r} are both fitted to {trial.file}, and data that count"
-                    " twice look surer; remove one, or set hold_out = true for one"
-                )
-        return self
-
-    @model_validator(mode="after")
     def _something_to_do(self) -> CampaignFile:
         if len(self.stages) > _MOST_STAGES:
             raise ValueError(

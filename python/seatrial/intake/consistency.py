@@ -25,8 +25,10 @@ from seatrial.intake.consistency_wording import (
     corrections_of,
     list_sentence,
     offset_sentence,
+    opposed_sentence,
     unlike_sentence,
 )
+from seatrial.trial.defects import stuck
 from seatrial.trial.kinematic_fit import Curve, robust_rms
 from seatrial.trial.kinematic_series import INPUTS, Series, checked
 from seatrial.trial.kinematics import Channels
@@ -69,13 +71,14 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
     said = list(missing(given))
     if few := [name for name in given if name not in known and not name.startswith(INPUTS)]:
         said.insert(0, f"fewer than {_FEWEST} samples of {', '.join(few)}: not compared with other channels")
+    contradictions = _stuck(known)
     if not {"pitch", "yaw"} & set(known):
-        return Consistency((), tuple(said))
+        return Consistency((), tuple(said), contradictions=tuple(contradictions))
     corrections = _angles(known)
     angles = ("roll", "yaw")
     channels = Channels({name: Curve(one, angle=name in angles) for name, one in known.items()})
     found = [rates_found(channels), *velocity_found(channels)]
-    compared, contradictions = [], list[str]()
+    compared = []
     for one in (*(one for one in found if one is not None), force_found(channels)):
         if one is None:
             continue
@@ -88,8 +91,8 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
         else:
             present = {correction.key for correction in corrections}
             corrections += [correction for correction in made if correction.key not in present]
-        if (unlike := unlike_sentence(one)) is not None:
-            contradictions.append(unlike)
+        if (wrong := unlike_sentence(one) or opposed_sentence(one)) is not None:
+            contradictions.append(wrong)
         sentences = (list_sentence(one.fit), offset_sentence(one, channels))
         said += [sentence for sentence in sentences if sentence is not None]
         if one.group == "velocity":
@@ -107,6 +110,18 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
         tuple(compared),
         tuple(contradictions),
     )
+
+
+def _stuck(known: dict[str, Series]) -> list[str]:
+    """Leave out angles that never change while another one does, in place; a sentence that says so."""
+    still = stuck({name: known[name].value for name in ("roll", "pitch", "yaw") if name in known})
+    for name in still:
+        del known[name]
+    return [
+        f"{name} stays at {value:.4g} rad while another angle changes, so it is not compared with other"
+        " channels: is the sensor stuck? Map the right column, or leave this one out"
+        for name, value in still.items()
+    ]
 
 
 def _angles(known: dict[str, Series]) -> list[Correction]:

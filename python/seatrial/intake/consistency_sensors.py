@@ -62,6 +62,8 @@ class Found:
         Time at which a delay with a drift holds, s.
     why
         Why there is no fit, and what to do; empty for too little in common.
+    motion, speed
+        Of a velocity: root mean squares of the rates that it is compared with and of the velocity, m/s.
     """
 
     group: str
@@ -73,6 +75,8 @@ class Found:
     sizes: tuple[float, float] = (0.0, 0.0)
     middle: float = 0.0
     why: str = ""
+    motion: float = 0.0
+    speed: float = 0.0
 
 
 def _undated(group: str, clock: str, reference: str, delays: Sequence[float]) -> str:
@@ -231,7 +235,11 @@ def _velocity(channels: Channels, rows: tuple[int, ...], *, timed: bool, sized: 
     fit = fitted(residual, parameters, grid, starts)
     for group in ("velocity", *{channels.group("xyz"[k]) for k in rows}) if timed else ():
         _keep_delay(channels, group, fit)
-    return Found("velocity", of, fit, assignment, units, other, sizes, channels.middle)
+    motion = _rms(residual.rate({}))
+    speed = robust_rms(np.stack([channels.at(name, grid.t, {}) for name in "uvw"], axis=1))
+    return Found(
+        "velocity", of, fit, assignment, units, other, sizes, channels.middle, motion=motion, speed=speed
+    )
 
 
 def _velocity_parameters(channels: Channels, grid: Grid, rows: tuple[int, ...]) -> list[Parameter]:

@@ -13,13 +13,15 @@ from seatrial.trial.kinematic_fit import Fit
 from seatrial.trial.kinematic_series import INPUTS
 from seatrial.trial.kinematics import Channels
 
-__all__ = ["corrections_of", "list_sentence", "offset_sentence", "unlike_sentence"]
+__all__ = ["corrections_of", "list_sentence", "offset_sentence", "opposed_sentence", "unlike_sentence"]
 
 _CERTAIN = 5.0
 
 _LEAST_S = 0.015
 
 _UNCERTAIN_S = 0.1  # deviation of a clock's offset that is worth a word
+
+_OPPOSED, _OPPOSED_M_S = 0.2, 0.1  # of the speed, and m/s: a smaller difference may be noise
 
 _MATERIAL = 0.03  # share of the residual that a delay must take away: a lever arm may look like a small one
 
@@ -268,6 +270,25 @@ def unlike_sentence(found: Found) -> str | None:
     return (
         f"{' and '.join(unlike)}: not as large as the motion says, beyond any scale error of a sensor;"
         " check unit and sign in map.toml or the campaign"
+    )
+
+
+def opposed_sentence(found: Found) -> str | None:
+    """A velocity that no correction brings anywhere near the rates of the pose; None where one does.
+
+    It then differs from them by more than they are: no velocity at all would agree better.
+    """
+    fit = found.fit
+    if fit is None or found.group != "velocity":
+        return None
+    if fit.after < max(found.motion, _OPPOSED * found.speed, _OPPOSED_M_S):
+        return None
+    what = found.of.removesuffix(", m/s")
+    return (
+        f"{what} contradict one another: they differ by {fit.after:.3g} m/s rms with the best correction"
+        f" ({found.sizes[0]:.3g} m/s as recorded), while the {what.removesuffix(' and the velocity')} is"
+        f" {found.motion:.3g} m/s rms; check axes, signs and unit of the velocity in map.toml, and"
+        " tilt_deg.velocity under [corrections] in the campaign"
     )
 
 

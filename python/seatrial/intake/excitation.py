@@ -22,7 +22,17 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["BANDS_HZ", "Contact", "Excitation", "Saturation", "contacts", "excitation", "saturation"]
+__all__ = [
+    "BANDS_HZ",
+    "Contact",
+    "Excess",
+    "Excitation",
+    "Saturation",
+    "contacts",
+    "excesses",
+    "excitation",
+    "saturation",
+]
 
 BANDS_HZ = ((0.0, 0.05), (0.05, 0.2), (0.2, 1.0), (1.0, np.inf))
 """Drift and speed, manoeuvres, quick steps and waves, vibration and noise."""
@@ -32,6 +42,7 @@ _WINDOW_S = 60.0
 _THIN_S = 0.12
 _SATURATED = 0.02  # share of the samples
 _AT_LIMIT = 0.005  # of the command's range
+_EXCESS, _SELDOM = 0.1, 0.01  # of the range beyond a limit, and share of the samples
 _LEVELS = 50  # a command with fewer values is one of preset steps, which may rest at its largest
 _CONTACT_S = 5.0
 _PUSHED = 0.4  # of the largest force
@@ -87,6 +98,16 @@ class Saturation:
     """A command that stays at its limit: in `share` of the samples, at `limit` in the command's unit."""
 
     command: str
+    limit: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Excess:
+    """A command beyond what its actuator can do: in `share` of the samples, up to `reached`."""
+
+    command: str
+    reached: float
     limit: float
     share: float
 
@@ -154,6 +175,25 @@ def saturation(trial: Trial, vehicle: Vehicle | None = None) -> list[Saturation]
             beyond = y >= limit - margin if limit > 0.5 * (low + high) else y <= limit + margin
             if (share := float(beyond.mean())) > _SATURATED:
                 found.append(Saturation(name, limit, share))
+    return found
+
+
+def excesses(trial: Trial, vehicle: Vehicle | None = None) -> list[Excess]:
+    """Commands beyond their actuator's limit by a tenth of its range, in more than 1 % of the samples.
+
+    Such a command has another unit than the vehicle file, or the file is of another actuator.
+    """
+    facts = {} if vehicle is None else vehicle.actuator_info()
+    found = []
+    for name, y in trial.commands.items():
+        if name not in facts:
+            continue
+        one = facts[name]
+        low, high = one["neutral"] - one["maximum_astern"], one["neutral"] + one["maximum_ahead"]
+        for limit, over in ((high, y - high), (low, low - y)):
+            share = float((over > _EXCESS * (high - low)).mean()) if np.isfinite(high - low) else 0.0
+            if share > _SELDOM:
+                found.append(Excess(name, float(y[int(over.argmax())]), float(limit), share))
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -183,7 +184,8 @@ def _report(made: Imported) -> Report:
     problems = list(dict.fromkeys(_problems(made)))
     seconds = sum(float(one.trial.t[-1] - one.trial.t[0]) for one in made.trials)
     count = len(made.trials)
-    partial = any(log.notes for log in made.survey.logs) or bool(made.refused or _left_out(made))
+    partial = any(log.notes for log in made.survey.logs)
+    partial |= bool(made.refused or _left_out(made) or _lost(made))
     actuators = sum(name.startswith("cmd.") for name in made.columns)
     reports = {one.name: one.trial.report for one in made.trials}
     proposed = proposals({one.name: one.consistency for one in made.trials}, reports)
@@ -227,6 +229,12 @@ def _left_out(made: Imported) -> list[str]:
     return [f"trial {one.name}: {note}" for one in made.trials for note in one.notes if SPLIT in note]
 
 
+def _lost(made: Imported) -> list[str]:
+    """Columns that the logs have by name, or that the map names, and that could not be used."""
+    sources = None if made.map_source == "proposed" else [one.source for one in made.columns.values()]
+    return [told for one in made.trials for told in made.survey.lost(one.logs, sources)]
+
+
 def _problems(made: Imported) -> Iterator[str]:
     """What is wrong or doubtful, the worst first."""
     for log in made.survey.logs:
@@ -238,9 +246,12 @@ def _problems(made: Imported) -> Iterator[str]:
     yield from made.refused
     yield from made.twice
     yield from _findings(made, "error")
+    for one in made.trials:
+        yield from (f"trial {one.name}: {said}" for said in one.consistency.contradictions)
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
     yield from _left_out(made)
+    yield from _lost(made)
     longest = max((float(one.trial.t[-1] - one.trial.t[0]) for one in made.trials), default=0.0)
     if longest < _SHORTEST_S:
         yield (
@@ -364,8 +375,10 @@ def _next(made: Imported) -> str:
     if made.folder is None:
         return "seatrial import with --out PROJECT writes map, vehicle, campaign and trials"
     if made.vehicle is None:
-        return f"fill in {made.folder}/vehicle.toml, then seatrial check {made.folder}/vehicle.toml"
-    return f"seatrial check {made.folder}/campaign.toml, then seatrial identify {made.folder}/campaign.toml"
+        file = shlex.quote(f"{made.folder}/vehicle.toml")
+        return f"fill in {file}, then seatrial check {file}"
+    file = shlex.quote(f"{made.folder}/campaign.toml")
+    return f"seatrial check {file}, then seatrial identify {file}"
 
 
 def _done(made: Imported) -> Iterator[str]:

@@ -10,7 +10,16 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.channels import readable
-from seatrial.intake.excitation import Contact, Excitation, Saturation, contacts, excitation, saturation
+from seatrial.intake.excitation import (
+    Contact,
+    Excess,
+    Excitation,
+    Saturation,
+    contacts,
+    excesses,
+    excitation,
+    saturation,
+)
 from seatrial.intake.manoeuvres import Manoeuvre, counted, drives, manoeuvres
 from seatrial.intake.trial_windows import TrialWindows, windows
 from seatrial.trial.feedback import Feedback, feedback
@@ -30,9 +39,10 @@ class KindOfData:
 
     Attributes
     ----------
-    contacts, saturated, loops, waves, excitation
+    contacts, saturated, beyond, loops, waves, excitation
         What may spoil an identification: parts in which the vehicle was held, commands at their limits,
-        commands that follow measurements, waves, and how much each axis moves.
+        commands beyond what an actuator can do, commands that follow measurements, waves, and how much each
+        axis moves.
     verdicts
         Whether it tells how an axis answers its commands, the worst first; empty without a vehicle.
     manoeuvres, windows
@@ -41,6 +51,7 @@ class KindOfData:
 
     contacts: tuple[Contact, ...]
     saturated: tuple[Saturation, ...]
+    beyond: tuple[Excess, ...]
     loops: tuple[Feedback, ...]
     verdicts: tuple[Verdict, ...]
     waves: Waves | None
@@ -52,6 +63,12 @@ class KindOfData:
     def warnings(self) -> tuple[str, ...]:
         """What spoils the data, the worst first, with what to do about it."""
         said = [
+            f"command of {one.command} reaches {one.reached:g}, and its limit is {one.limit:g} (beyond it in"
+            f" {100.0 * one.share:.0f} % of the samples); check the unit of the column and the limits in the"
+            " vehicle file"
+            for one in self.beyond
+        ]
+        said += [
             f"{one.sentence}. Leave this part out: split the trial or hold it out" for one in self.contacts
         ]
         dominated = [one.sentence for one in self.verdicts if one.dominated]
@@ -92,6 +109,7 @@ class KindOfData:
         return {
             "contacts": [asdict(one) for one in self.contacts],
             "saturated": [asdict(one) for one in self.saturated],
+            "beyond": [asdict(one) for one in self.beyond],
             "closed_loops": [asdict(one) for one in self.loops],
             "feedback": [asdict(one) | {"sentence": one.sentence} for one in self.verdicts],
             "waves": None if self.waves is None else asdict(self.waves),
@@ -121,6 +139,7 @@ def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
     return KindOfData(
         contacts=tuple(contacts(trial, driving)),
         saturated=tuple(saturation(trial, vehicle)),
+        beyond=tuple(excesses(trial, vehicle)),
         loops=loops,
         verdicts=() if vehicle is None else tuple(judge_trial(trial, vehicle).values()),
         waves=swell,

@@ -18,6 +18,7 @@ import numpy as np
 
 from seatrial.base.atomic_write import whole_folder, write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError, reason
+from seatrial.base.run import from_json
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, line
 from seatrial.intake.consistency_trials import accepted
 from seatrial.intake.map_file import Column
@@ -62,7 +63,7 @@ def delays_given(folder: Path) -> dict[str, set[str]]:
         return {}
     try:
         data = tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}  # said where the campaign is read
     trials = data.get("trials", {})
     tables = {"": data} | (trials if isinstance(trials, dict) else {})
@@ -77,7 +78,7 @@ def delays_given(folder: Path) -> dict[str, set[str]]:
 def clocks_proposed(folder: Path) -> dict[str, dict[str, str]]:
     """By trial and sensor the file whose clock the import of a folder proposed to set, if it did."""
     try:
-        trials = json.loads((folder / _OWN).read_text(encoding="utf-8"))["trials"]
+        trials = from_json((folder / _OWN).read_text(encoding="utf-8"))["trials"]
         return {
             one["name"]: {
                 found["sensor"]: found["key"].rpartition(".")[0]
@@ -226,9 +227,11 @@ def write_project(
 def _plain(value: Any) -> Any:
     """Plain data without NaN, which JSON does not know."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {_plain(str(key)): _plain(one) for key, one in value.items()}
     if isinstance(value, tuple | list):
         return [_plain(one) for one in value]
+    if isinstance(value, str):  # a name of a file may hold bytes that are no UTF-8
+        return value.encode(errors="replace").decode()
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     if isinstance(value, np.integer | np.bool_):
@@ -238,7 +241,7 @@ def _plain(value: Any) -> Any:
 
 def _hashes(folder: Path) -> dict[str, str]:
     try:
-        found = json.loads((folder / _OWN).read_text(encoding="utf-8"))["written"]
+        found = from_json((folder / _OWN).read_text(encoding="utf-8"))["written"]
     except (OSError, ValueError, KeyError, TypeError):
         return {}
     return found if isinstance(found, dict) else {}

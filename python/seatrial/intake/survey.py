@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from os.path import realpath
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
 from seatrial.logs.formats import FORMATS, open_log
-from seatrial.logs.log import Event, Field, Share, Topic, printable
-from seatrial.logs.recognise import Proposal, propose
+from seatrial.logs.log import Event, Field, Log, Share, Topic, printable
+from seatrial.logs.recognise import FEWEST, KNOWN_UNITS, Proposal, named_but_empty, propose, unknown_unit
 
-__all__ = ["Survey", "SurveyedLog", "chosen", "survey"]
+__all__ = ["Survey", "SurveyedLog", "Unused", "chosen", "survey"]
 
 _VECTORS = (
     ("x_m", "y_m"),
@@ -33,6 +34,15 @@ _VECTORS = (
     ("current_north_m_s", "current_east_m_s", "current_down_m_s"),
 )
 """Columns that one topic must give together."""
+
+
+class Unused(NamedTuple):
+    """A field whose name is that of a canonical column and that holds too few numbers: what, and why."""
+
+    canonical: str
+    topic: str
+    name: str
+    why: str
 
 
 @dataclass(frozen=True)
@@ -57,6 +67,8 @@ class SurveyedLog:
         Of the vehicle, by name.
     epoch_s
         Unix time of the log's time zero, s; None where it does not say.
+    unused
+        Fields that hold too few numbers.
     """
 
     path: Path
@@ -68,6 +80,7 @@ class SurveyedLog:
     events: tuple[Event, ...]
     parameters: Mapping[str, float]
     epoch_s: float | None
+    unused: tuple[Unused, ...] = ()
 
     def field(self, proposal: Proposal) -> tuple[Topic, Field]:
         """Topic and field of a proposal."""
@@ -107,6 +120,27 @@ class Survey:
     """Logs surveyed, in the order given."""
 
     logs: tuple[SurveyedLog, ...]
+
+    def lost(self, files: Sequence[str], sources: Sequence[str] | None = None) -> list[str]:
+        """Sentences on columns that no log of a recording gives, though a field has their name, and why.
+
+        Parameters
+        ----------
+        files
+            Names of the recording's logs.
+        sources
+            Fields that a map takes; by their names when omitted.
+        """
+        logs = [log for log in self.logs if log.path.name in files]
+        given = {canonical for log in logs for canonical in chosen(log)}
+        given |= {"roll_deg", "pitch_deg", "yaw_deg"} if "q_w" in given else set()
+        said = []
+        for log in logs:
+            for one in log.unused:
+                mapped = {one.name, f"{one.topic}.{one.name}"} & set(sources or ())
+                if mapped if sources is not None else one.canonical not in given:
+                    said.append(f"{printable(log.path.name)}: {one.why}")
+        return list(dict.fromkeys(said))
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Every field of every topic of every log as plain data."""
@@ -186,6 +220,7 @@ class Survey:
         worst = [
             *(f"{one}: this is no underwater vehicle" for one in odd),
             *notes,
+            *self.lost([log.path.name for log in self.logs]),
             *([] if taken else ["no field is recognised; write a map with [columns] by hand"]),
         ]
         remarks = [f"{printable(log.path.name)}: {one}" for log in self.logs for one in log.remarks]
@@ -219,7 +254,8 @@ def survey(paths: Iterable[str | Path], share: Callable[[float, str], None] | No
     if not files:
         raise TrialError("expected a log or several, found none; give the path of a file")
     for k, path in enumerate(files):
-        if any(path.resolve() == other.resolve() for other in files[:k]):
+        # Path.resolve raises on a link that leads back to itself.
+        if any(realpath(path) == realpath(other) for other in files[:k]):
             raise TrialError(f"{path}: given twice; give each log once")
     logs = []
     for k, path in enumerate(files):
@@ -241,7 +277,7 @@ def _surveyed(path: Path, share: Share) -> SurveyedLog:
             f"{path}: no topic with samples was found in this {FORMATS[log.format].description}{said};"
             " fetch the file from the vehicle again"
         )
-    return SurveyedLog(
+    made = SurveyedLog(
         path,
         log.format,
         tuple(topics),
@@ -251,7 +287,46 @@ def _surveyed(path: Path, share: Share) -> SurveyedLog:
         tuple(log.events()),
         dict(log.parameters),
         log.epoch_s,
+        tuple(_unused(log, topics)),
     )
+    return replace(made, notes=(*made.notes, *_unknown_units(made, log.units_in)))
+
+
+def _unused(log: Log, topics: Sequence[Topic]) -> Iterator[Unused]:
+    """Fields with a known name and too few numbers; formats with documented messages have many."""
+    if log.format not in ("csv", "parquet", "matlab"):
+        return
+    for canonical, topic, field in named_but_empty(topics):
+        words = log.words.get((topic.name, field.name), "")
+        if topic.samples < FEWEST:
+            why = f"{_rows(topic.samples)}, expected at least {FEWEST}: none of its columns is used"
+        else:
+            count = f"{field.samples} numbers" if field.samples else "no number"
+            found = f"{count} in {_rows(topic.samples)} ({words or 'empty cells or NaN'})"
+            why = (
+                f'column "{printable(field.name)}" ({canonical} by its name) is not used: {found}; expected'
+                f" at least {FEWEST} numbers: write them, or remove the column"
+            )
+        yield Unused(canonical, topic.name, field.name, why)
+
+
+def _rows(count: int) -> str:
+    return f"{count:,} row{'s' if count != 1 else ''}"
+
+
+def _unknown_units(log: SurveyedLog, where: str) -> Iterator[str]:
+    """Notes on columns that are taken and state a unit that is not known."""
+    names: dict[tuple[str, str], list[str]] = {}
+    for one in chosen(log).values():
+        field = log.field(one)[1]
+        if unknown_unit(one, field):
+            names.setdefault((field.unit, one.unit), []).append(f'"{printable(field.name)}"')
+    for (stated, taken), columns in names.items():
+        yield (
+            f'{f"{where}: " if where else ""}the unit "{printable(stated, 20)}" of {", ".join(columns)} is'
+            f" not known, {taken or 'none'} was taken; known are {', '.join(KNOWN_UNITS)}: correct it in the"
+            ' file, or give unit = "..." in map.toml'
+        )
 
 
 def chosen(log: SurveyedLog) -> dict[str, Proposal]:

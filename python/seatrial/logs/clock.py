@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.logs.log import printable
 
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["TimeScale", "is_time", "scale_of", "seconds", "time_fields"]
+__all__ = ["TimeScale", "is_time", "scale_of", "seconds", "time_fields", "unfit"]
 
 _DAY_S = 86_400.0
 _SPREADSHEET_EPOCH_D = 25_569.0  # 1970-01-01 in days of a spreadsheet
@@ -140,37 +141,92 @@ def scale_of(name: str, unit: str, values: Array) -> TimeScale:
     return TimeScale(1.0)
 
 
-_CLOCK = re.compile(r"^\s*(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)\s*$")
+_ZONE = r"^(.*\d)\s*(?:[Zz]|UTC|GMT|([+-]\d{2}):?(\d{2})?)$"
+_CLOCK = r"^(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)\s*(?:([Aa]|[Pp])[Mm])?$"
 _DATES = ("%Y-%m-%dT%H:%M:%S%.f", "%Y-%m-%d %H:%M:%S%.f", "%Y/%m/%d %H:%M:%S%.f", "%d.%m.%Y %H:%M:%S%.f",
-          "%d/%m/%Y %H:%M:%S%.f", "%m/%d/%Y %H:%M:%S%.f", "%Y%m%d %H:%M:%S%.f",
-          "%Y%m%dT%H%M%S%.f")  # fmt: skip
+          "%d/%m/%Y %H:%M:%S%.f", "%m/%d/%Y %H:%M:%S%.f", "%Y%m%d %H:%M:%S%.f", "%Y%m%dT%H%M%S%.f",
+          "%m/%d/%Y %I:%M:%S%.f %p", "%d/%m/%Y %I:%M:%S%.f %p", "%Y-%m-%d %I:%M:%S%.f %p")  # fmt: skip
 
 
 def seconds(cells: pl.Series) -> tuple[Array, bool] | None:
     """Seconds of cells that hold dates or times of day as text, and whether they are Unix times.
 
+    A zone behind a time (``Z``, ``UTC``, ``+02``, ``+0200``, ``+02:00``) is subtracted; a date without one is
+    taken for UTC.
+
     Returns
     -------
     tuple or None
         Shape (n,), NaN where a cell is neither; None where hardly any cell is.
+
+    Examples
+    --------
+    >>> import polars as pl
+    >>> seconds(pl.Series(["1970-01-02T02:00:00.5+02:00", "1970-01-02T00:00:01 UTC"]))[0].tolist()
+    [86400.5, 86401.0]
     """
     import polars as pl
 
-    text = cells.cast(pl.String).str.strip_chars().str.strip_chars_end("Z")
+    table = cells.cast(pl.String).str.strip_chars().alias("text").to_frame()
+    zone = pl.col("text").str.extract_groups(_ZONE).struct.rename_fields(["time", "hours", "minutes"])
+    table = table.with_columns(zone.struct.unnest())
+    hours = pl.col("hours").cast(pl.Float64, strict=False).fill_null(0.0)
+    minutes = pl.col("minutes").cast(pl.Float64, strict=False).fill_null(0.0)
+    west = pl.col("hours").str.starts_with("-").fill_null(value=False)
+    table = table.select(
+        pl.coalesce("time", "text").str.replace(r",(\d+)", ".$1").alias("text"),
+        (3600.0 * hours + 60.0 * pl.when(west).then(-minutes).otherwise(minutes)).alias("ahead"),
+    )
+    text, ahead = table["text"], table["ahead"].to_numpy()
     some = max(int(text.is_not_null().sum()), 1)
-    parts = text.str.extract_groups(_CLOCK.pattern.replace("(?:", "(?:"))
-    clock = parts.struct.unnest()
-    if clock.width == 3 and clock.to_series(0).is_not_null().sum() > 0.9 * some:
-        numbers = [clock.to_series(k).str.replace(",", ".").cast(pl.Float64, strict=False) for k in range(3)]
-        t = (numbers[0] * 3600.0 + numbers[1] * 60.0 + numbers[2]).to_numpy().astype(float)
+    clock = text.str.extract_groups(_CLOCK).struct.unnest()
+    if clock.to_series(0).is_not_null().sum() > 0.9 * some:
+        h, m, s = (clock.to_series(k).cast(pl.Float64, strict=False).to_numpy() for k in range(3))
+        half = clock.to_series(3).str.to_lowercase()
+        h = np.where(half.is_not_null(), h % 12.0 + 12.0 * (half == "p").fill_null(value=False), h)
+        t = (h * 3600.0 + m * 60.0 + s - ahead) % _DAY_S
         # Midnight: the clock starts again.
         return t + _DAY_S * np.cumsum(np.diff(t, prepend=t[:1]) < -0.5 * _DAY_S), False
-    zone = text.str.replace(r"[+-]\d{2}:?\d{2}$", "")
     for form in _DATES:
-        dates = zone.str.to_datetime(form, strict=False, time_unit="us")
+        dates = text.str.to_datetime(form, strict=False, time_unit="us")
         if dates.is_not_null().sum() > 0.9 * some:
-            return dates.to_physical().cast(pl.Float64).to_numpy().astype(float) * 1e-6, True
+            return dates.to_physical().cast(pl.Float64).to_numpy().astype(float) * 1e-6 - ahead, True
     return None
+
+
+def unfit(name: str, numbers: Array, cells: Sequence[str | None], row: int) -> str:
+    """Clause on why the column `name` is no time: its `numbers` (n,) and `cells`, the first in line `row`.
+
+    Examples
+    --------
+    >>> unfit("time", np.array([3.0, 3.0]), ["3", "3"], 2)
+    'column "time" is 3 in all of the first 2 rows; expected times that rise: write the time of each row'
+    """
+    called = f'column "{printable(name)}"'
+    given = [(k, cell) for k, cell in enumerate(cells) if cell]
+    known = np.flatnonzero(np.isfinite(numbers))
+    if not given:
+        return f"{called} is empty; expected times that rise: write the time of each row"
+    if len(known) <= 0.5 * len(given):
+        k, cell = next((k, cell) for k, cell in given if not np.isfinite(numbers[k]))
+        return (
+            f'{called} holds "{printable(cell, 40)}" in line {row + k}, whose form is not known; expected'
+            " seconds or a date such as 2024-06-01T12:58:30.25+02:00 or 06/01/2024 02:58:30 PM: write it so"
+        )
+    if np.ptp(numbers[known]) == 0.0:
+        return (
+            f"{called} is {numbers[known[0]]:.10g} in all of the first {len(known)} rows; expected times that"
+            " rise: write the time of each row"
+        )
+    falls = np.diff(numbers[known]) < 0.0
+    if not falls.any():
+        return f"{called} is empty in most rows; expected times that rise: write the time of each row"
+    k = int(np.argmax(falls))
+    (a, b), (x, y) = known[k : k + 2], numbers[known[k : k + 2]]
+    return (
+        f"{called} runs backwards, from {x:.10g} in line {row + a} to {y:.10g} in line {row + b}, and goes on"
+        " so; expected times that rise: sort the rows of the file by time"
+    )
 
 
 def joined_names(units: Mapping[str, str]) -> tuple[str, str] | None:

@@ -1,9 +1,7 @@
-"""Tables of text: comma, semicolon, tab or blanks; title, name and unit rows; decimal commas; any encoding.
+"""Tables of text as their layout says (`seatrial.logs.layout`), read in blocks.
 
-The layout is found from the first rows: the separator that cuts most rows into equally many cells, the
-first row of numbers, the row of names before it, and a row of units between the two. Spreadsheets write
-``#REF!``, ``#####``, dates and thousands separators where a number was: such cells are empty samples,
-counted and named by row.
+Spreadsheets write ``#REF!``, ``#####`` and dates where a number was: such cells are empty samples, counted
+and named by row. Thousands separators are read where decimal points show what the commas are.
 """
 
 from __future__ import annotations
@@ -22,57 +20,19 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, reason
-from seatrial.logs.clock import TimeScale, joined_names, scale_of, seconds, time_fields
+from seatrial.logs.clock import TimeScale, joined_names, scale_of, seconds, time_fields, unfit
 from seatrial.logs.formats import DAMAGED, unpacked
-from seatrial.logs.log import MOST_FIELDS, Chunk, Log, Share, printable
+from seatrial.logs.layout import GROUPED, Layout, cells_of, layout_of
+from seatrial.logs.log import Chunk, Log, Share, printable, stem_of
 
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Layout", "Table", "encoding_of", "layout_of", "open_log", "shared_name", "stripped"]
+__all__ = ["Table", "open_log", "shared_name", "stripped"]
 
-_HEAD_BYTES = 262_144
-_HEAD_ROWS = 200
 _BLOCK_BYTES = 8_388_608
 _LONGEST_LINE = 4_194_304
-_CONTROLS = bytes(k for k in range(32) if k not in b"\t\n\r")
-_MOST_CONTROLS = 0.05  # share of control bytes in text that a loss of power damaged
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How a table of text is laid out.
-
-    Attributes
-    ----------
-    encoding, separator
-        Of the text; the separator " " stands for runs of blanks.
-    decimal_comma
-        Whether ``1,5`` is one and a half.
-    comment
-        First character of lines to skip; "" for none.
-    first_row
-        Line of the first row of values, from 1.
-    names, units
-        Of the columns; a unit is "" where none is stated.
-    named
-        Whether the file has a row of names.
-    plain
-        Whether the row of names is the first, and the values follow it.
-    twice
-        Places, from 1, of the columns that share a name; all but the first of them are numbered in `names`.
-    """
-
-    encoding: str
-    separator: str
-    decimal_comma: bool
-    comment: str
-    first_row: int
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    named: bool
-    plain: bool
-    twice: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+_QUOTED = re.compile('"[^"]*"')
 
 
 def open_log(path: Path) -> Log:
@@ -98,11 +58,13 @@ class Table(Log):
         for name, places in self.layout.twice.items():
             called = ", ".join(f'"{printable(self.layout.names[k - 1])}"' for k in places)
             self.note(f"{shared_name(name, places)}; here they are called {called}: rename them in the file")
+        if self.layout.unit_row:
+            self.units_in = f"line {self.layout.unit_row}"
 
     @property
     def topic(self) -> str:
         """Name of the only topic."""
-        return self.path.name.removesuffix(".gz").rpartition(".")[0] or self.path.name
+        return stem_of(self.path.with_suffix("") if self.path.suffix == ".gz" else self.path)
 
     @property
     def fields(self) -> Mapping[str, Mapping[str, str]]:
@@ -123,8 +85,10 @@ class Table(Log):
             yield Chunk(self.topic, time.of(table), values)
             row += table.height
         for name, cells in text.items():
-            if cells and count[name] < row - self.layout.first_row:
+            if cells:
                 where, what = cells[0]
+                self.words[self.topic, name] = f'text, "{printable(what, 30)}" in line {where}'
+            if cells and count[name] < row - self.layout.first_row:
                 many = (
                     f"{count[name]} cells hold text, the first" if count[name] > 1 else "a cell holds text,"
                 )
@@ -139,6 +103,10 @@ class Table(Log):
         plain = cells.str.strip_chars()
         if self.layout.decimal_comma:
             plain = plain.str.replace(",", ".", literal=True)
+        elif self.layout.thousands:
+            grouped = plain.str.contains(GROUPED).fill_null(value=False)
+            if grouped.any():
+                plain = plain.str.replace_all(",", "", literal=True).zip_with(grouped, plain)
         numbers = plain.cast(pl.Float64, strict=False)
         wrong = (numbers.is_null() & plain.is_not_null() & (plain != "")).arg_true()
         if len(wrong):
@@ -166,12 +134,14 @@ class Table(Log):
             dated = seconds(head[name])
             if dated is not None:
                 return name, None, None
+            self.timeless = self.timeless or unfit(name, values, head[name].to_list(), self.layout.first_row)
         first = self.layout.names[0]
         values = self._numbers(head[first], 0, [], Counter())
         if len(values) > 2 and np.all(np.diff(values) > 0.0) and not _counts(values):
-            self.remark(f'no column is called time; taken: the first, "{printable(first)}", which rises')
+            why = self.timeless or "no column is called time"
+            self.remark(f'{why}; taken: the first, "{printable(first)}", which rises')
             return first, None, scale_of(first, units[first], values)
-        self.note("no column is a time: name one in the map, or this file cannot be used")
+        self.note(self.timeless or "no column is a time: name one in the map, or this file cannot be used")
         return None
 
     def cells(self, share: Share | None = None, rows: int | None = None) -> Iterator[pl.DataFrame]:
@@ -214,29 +184,43 @@ class Table(Log):
     def _whole(self, text: str) -> tuple[str, int, int]:
         """The text without its lines of more cells than columns, how many these are, and how many have fewer.
 
-        All of it where quotes or comments may hide a separator.
+        All of it where comments may hide a separator or quotes a line feed.
         """
         separator, width = self.layout.separator, len(self.layout.names) - 1
-        if separator == " " or self.layout.comment or '"' in text:
+        bare = _QUOTED.sub("", text) if '"' in text else text
+        if separator == " " or self.layout.comment or bare.count("\n") != text.count("\n"):
             return text, 0, 0
-        if text.count(separator) == width * text.count("\n"):
+        if bare.count(separator) == width * bare.count("\n"):
             return text, 0, 0
         lines = [line for line in text.split("\n") if line.strip()]
-        kept = [line for line in lines if not any(c.strip() for c in line.split(separator)[width + 1 :])]
-        short = sum(line.count(separator) < width for line in kept)
+        rows = [cells_of(line, separator) for line in lines]
+        kept = [line for line, row in zip(lines, rows, strict=True) if not any(row[width + 1 :])]
+        short = sum(len(row) <= width and not any(row[width + 1 :]) for row in rows)
         return "".join(f"{line}\n" for line in kept), len(lines) - len(kept), short
 
     def _blocks(self, raw: Any, size: int) -> Iterator[str]:
         """Text of about `size` bytes at a time, from the first row on; up to where the file is damaged."""
         # A codecs.StreamReader would decode the whole file at once.
         decoder = codecs.getincrementaldecoder(self.layout.encoding)("replace")
-        skipped, before = self.layout.first_row - 1, ""
+        skipped, before, empty = self.layout.first_row - 1, "", 0
+        wide = self.layout.encoding == "utf-16"  # whose letters hold null bytes
         while True:
             try:
                 data = raw.read(size)
             except DAMAGED as error:
                 self.note(f"its packing is cut short or damaged ({reason(error)}); what came before was read")
                 data = b""
+            if data and not wide:
+                held = data.rstrip(b"\0")
+                if not held:
+                    empty += len(data)
+                    continue
+                data, empty = (b"\0" if empty else b"") + held, len(data) - len(held)
+            elif empty:
+                self.note(
+                    f"it ends with null bytes ({empty:,}), as a file that was given its size in advance and"
+                    " not filled; what comes before them was read"
+                )
             text = decoder.decode(data, final=not data)
             if skipped:
                 lines = (before + text).split("\n", skipped)
@@ -251,7 +235,7 @@ class Table(Log):
     def _last(self, line: str) -> Iterator[pl.DataFrame]:
         """The last line, which no line feed ends, unless cells are missing in it."""
         separator = self.layout.separator
-        cells = line.split() if separator == " " else line.split(separator)
+        cells = cells_of(line, separator)
         if 1 < len(self.layout.names) > len(cells):
             self.note("the last line is cut short; left out")
         else:
@@ -351,7 +335,7 @@ def _rises(values: Array) -> bool:
     steps = np.diff(values)
     if len(steps) == 0:
         return True
-    if not values[-1] > values[0]:
+    if not np.median(values[-3:]) > np.median(values[:3]):  # one stamp may be damaged
         return False
     along = np.corrcoef(values, np.arange(len(values)))[0, 1]
     return bool(np.mean(steps >= 0.0) > 0.9 or (np.mean(steps >= 0.0) > 0.5 and along > _ALONG))
@@ -360,179 +344,3 @@ def _rises(values: Array) -> bool:
 def _counts(values: Array) -> bool:
     """Whether numbers are just 0, 1, 2, ... or 1, 2, 3, ...: an index, not a time."""
     return bool(np.all(np.diff(values) == 1.0) and values[0] in (0.0, 1.0))
-
-
-def encoding_of(path: Path) -> str:
-    """Encoding of a text file from its first bytes.
-
-    Raises
-    ------
-    TrialError
-        If the file cannot be read or is no text.
-    """
-    try:
-        with unpacked(path) as raw:
-            return _encoding(raw.read(_HEAD_BYTES), path)
-    except DAMAGED as error:
-        raise TrialError(f"{path}: cannot be read: {reason(error)}") from None
-
-
-def layout_of(path: Path) -> Layout:
-    """Layout of a table of text from its first rows.
-
-    Raises
-    ------
-    TrialError
-        If the file is no text or holds no rows of numbers.
-    """
-    try:
-        with unpacked(path) as raw:
-            head = raw.read(_HEAD_BYTES)
-    except DAMAGED as error:
-        raise TrialError(f"{path}: cannot be read: {reason(error)}") from None
-    encoding = _encoding(head, path)
-    text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(head)
-    lines = text.splitlines()[:_HEAD_ROWS]
-    if len(head) == _HEAD_BYTES and len(lines) > 1 and len(lines) < _HEAD_ROWS:
-        lines.pop()  # the block may end within it
-    comment = "#" if any(line.startswith("#") for line in lines) else ""
-    kept = [(k + 1, line) for k, line in enumerate(lines) if line.strip()]
-    data = [(k, line) for k, line in kept if not (comment and line.startswith(comment))]
-    if not data:
-        raise TrialError(f"{path}: no rows; expected a row of names and rows of numbers")
-    separator = _separator([line for _, line in data])
-    decimal_comma = separator != "," and _decimal_comma([line for _, line in data], separator)
-    rows = [(k, _cut(line, separator)) for k, line in data]
-    width = Counter(len(cells) for _, cells in rows[len(rows) // 2 :]).most_common(1)[0][0]
-    first = _first_row(rows, width, decimal_comma)
-    if first is None and len(rows) == 1:
-        raise TrialError(f"{path}: a single row; expected a row of names and rows of numbers below it")
-    if first is None:
-        raise TrialError(
-            f"{path}: fewer than two rows of numbers in the first {len(rows)} rows, cut at {separator!r} into"
-            f" {width} cells; expected a row of names and rows of numbers"
-        )
-    above = [cells for k, cells in rows[:first] if len(cells) == width]
-    if not above and comment:  # "# t x y": the names are a comment
-        commented = [_cut(line.lstrip("#% \t"), separator) for k, line in kept if line.startswith(comment)]
-        above = [cells for cells in commented if len(cells) == width]
-    names, units, twice = _names(above, width)
-    if len(names) > MOST_FIELDS:
-        raise TrialError(f"{path}: {len(names)} columns; expected at most {MOST_FIELDS}")
-    return Layout(
-        encoding, separator, decimal_comma, comment, rows[first][0], tuple(names), tuple(units), bool(above),
-        plain=first == 1 and len(above) == 1, twice=twice,
-    )  # fmt: skip
-
-
-def _encoding(head: bytes, path: Path) -> str:
-    if b"\r" in head and b"\n" not in head:
-        raise TrialError(
-            f"{path}: its lines end in a carriage return alone; expected a line feed, or both: save it with"
-            " the line ends of Unix or Windows"
-        )
-    for mark, name in ((codecs.BOM_UTF8, "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
-        if head.startswith(mark):
-            return name
-    if b"\0" in head and len(head.translate(None, _CONTROLS)) < (1.0 - _MOST_CONTROLS) * len(head):
-        raise TrialError(
-            f"{path}: not a text file (it holds null bytes); expected a row of names and rows of numbers;"
-            " save it as UTF-8 text, or name its reader"
-        )
-    try:
-        codecs.getincrementaldecoder("utf-8")().decode(head)
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8"
-
-
-def _cut(line: str, separator: str) -> list[str]:
-    if separator == " ":
-        return line.split()
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(separator)]
-    end = re.escape(separator)
-    blank = rf"[^\S{end}]*"  # a tab that separates is none
-    pattern = rf'{blank}(?:"((?:[^"]|"")*)"|([^{end}]*)){blank}(?:{end}|$)'
-    cells = [a.replace('""', '"') if a else b.strip() for a, b in re.findall(pattern, line + separator)]
-    return cells[: line.count(separator) + 1] if len(cells) > line.count(separator) + 1 else cells
-
-
-def _separator(lines: Sequence[str]) -> str:
-    """The separator that cuts most rows into equally many cells, at least two."""
-    sample = lines[len(lines) // 4 :] or lines
-
-    def merit(separator: str) -> tuple[float, int]:
-        counts = Counter(len(_cut(line, separator)) for line in sample)
-        width, rows = counts.most_common(1)[0]
-        # In a log of several rates most cells may be empty.
-        filled = [cell for line in sample[:20] for cell in _cut(line, separator) if cell]
-        numbers = float(np.mean([_number(cell, True) for cell in filled])) if filled else 0.0
-        return (rows / len(sample) * (width > 1) * (0.2 + numbers), width)
-
-    # A decimal comma makes the comma cut regularly too: then semicolon, tab or blank cut into whole numbers.
-    for separator in (";", "\t"):
-        if merit(separator)[0] > 0.9:
-            return separator
-    return max((",", ";", "\t", " "), key=merit)
-
-
-def _number(cell: str, decimal_comma: bool) -> bool:
-    plain = cell.strip()
-    try:
-        float(plain.replace(",", ".") if decimal_comma else plain)
-    except ValueError:
-        return False
-    return plain != ""
-
-
-def _decimal_comma(lines: Sequence[str], separator: str) -> bool:
-    cells = [cell for line in lines[-50:] for cell in _cut(line, separator)]
-    return any(re.fullmatch(r"[+-]?\d+,\d+(e[+-]?\d+)?", cell, re.IGNORECASE) for cell in cells)
-
-
-def _first_row(rows: Sequence[tuple[int, list[str]]], width: int, decimal_comma: bool) -> int | None:
-    """Index of the first row of values: as many cells as most, and numbers where most rows have numbers."""
-    wide = [cells for _, cells in rows if len(cells) == width]
-    share = [
-        np.mean([_number(cells[k], decimal_comma) for cells in wide[len(wide) // 3 :]]) for k in range(width)
-    ]
-    numeric = [k for k in range(width) if share[k] > 0.5]
-    if not numeric:
-        return None
-    for index, (_, cells) in enumerate(rows):
-        if len(cells) == width:
-            given = [k for k in numeric if cells[k] != ""]
-            if given and np.mean([_number(cells[k], decimal_comma) for k in given]) > 0.5:
-                return index
-    return None
-
-
-_UNIT = re.compile(r"^[\[(]?\s*(-|1|%|°|°c|deg\w*|rad\w*|[numkc]?m|[mu]?s|sec|h|hz|k?n|n\s*\*?\s*m|nm|"
-                   r"[mk]?v|[mk]?a|k?w|w?h|[kmh]?pa|m?bar|psi|k?g|rpm|rev/?\w*|kn|kt|knots?|mph|c|k|"
-                   r"(k|c|m)?m\s*/\s*(s|h)(\s*\^?\s*2|²)?|g/\w+|\w+\s*/\s*(s|min|h)(\^?2|²)?|pwm|u?µ?us|ns|ms|text|bool|"
-                   r"none|n/a|unitless)?\s*[\])]?$", re.IGNORECASE)  # fmt: skip
-
-
-def _names(above: Sequence[list[str]], width: int) -> tuple[list[str], list[str], dict[str, tuple[int, ...]]]:
-    """Names and units of the columns from the rows above the values; places of those that share a name."""
-    if not above:
-        return [f"column_{k + 1}" for k in range(width)], [""] * width, {}
-    last = above[-1]
-    some = [cell for cell in last if cell]
-    if len(above) > 1 and (not some or np.mean([bool(_UNIT.match(cell)) for cell in some]) > 0.8):
-        names, units = above[-2], [cell.strip("[]() ") for cell in last]
-    else:
-        names = last
-        units = [
-            found[1].strip() if (found := re.search(r"[\[(]([^\])]*)[\])]\s*$", n)) else "" for n in names
-        ]
-    places: dict[str, list[int]] = {}
-    unique = []
-    for k, name in enumerate(names):
-        name = name.strip() or f"column_{k + 1}"
-        known = places.setdefault(name, [])
-        known.append(k + 1)
-        unique.append(name if len(known) == 1 else f"{name}_{len(known)}")
-    units = [unit if unit not in ("-", "1", "none", "n/a", "unitless") else "" for unit in units]
-    return unique, units, {name: tuple(known) for name, known in places.items() if len(known) > 1}

@@ -67,6 +67,11 @@ def format_of(path: Path) -> str:
         if (path / "metadata.yaml").is_file():
             return "rosbag"
         raise TrialError(f"{path}: expected a log, but this is a folder; give its files")
+    if path.is_symlink() and not path.exists():
+        raise TrialError(
+            f"{path}: expected a log, but this is a link that leads to no file, or back to itself; give the"
+            " path of the file"
+        )
     if not path.exists():
         raise TrialError(f"{path}: expected a log, but this does not exist; give the path of a file")
     if not path.is_file():

@@ -18,7 +18,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.logs.log import Log, Samples, Share, printable
-from seatrial.logs.stamps import spread_bursts
+from seatrial.logs.stamps import spread_bursts, strays
 
 if TYPE_CHECKING:
     import polars as pl
@@ -197,13 +197,20 @@ def _ordered(
     t = samples.t
     known = np.isfinite(t)
     if not known.any():
-        raise TrialError(
-            f"{log.path}: topic {topic}: no row has a time; there are the columns"
-            f" {_listed(list(log.fields[topic]))}; name its time column (a bollard test without time is for"
-            " seatrial bench)"
+        why = log.timeless or (
+            f"there are the columns {_listed(list(log.fields[topic]))}; name its time column (a bollard test"
+            " without time is for seatrial bench)"
         )
+        raise TrialError(f"{log.path}: topic {topic}: no row has a time; {why}")
     if not known.all():
         notes.append(f"{topic}: {int((~known).sum())} rows without a time left out")
+    rows = np.flatnonzero(known)[strays(t[known])]
+    if len(rows):
+        known[rows] = False
+        notes.append(
+            f"{topic}: the stamps of {len(rows)} row{'s' if len(rows) > 1 else ''} are far from those around"
+            f" them, the first in row {rows[0] + 1:,} ({t[rows[0]]:.6g} s); left out"
+        )
     parts = _parts(t[known])
     if len(parts) > 1:
         rows, again = np.flatnonzero(known), parts[1][0]
@@ -228,6 +235,11 @@ def _ordered(
     last = np.append(np.diff(stamps) > _MEET_S / 2.0, True)
     if not last.all():
         notes.append(f"{topic}: {int((~last).sum())} rows with the stamp of the next one left out")
+    if np.count_nonzero(last) == 1:
+        raise TrialError(
+            f"{log.path}: topic {topic}: its rows with a time ({len(order):,}) all have the same one,"
+            f" {stamps[0]:.10g} s; expected times that rise: write the time of each row"
+        )
     order = order[last]
     cells = {}
     for column in columns:

@@ -146,6 +146,12 @@ class Log(ABC):
         What could not be read and why; complete after everything was read once.
     remarks
         How something was read that the log does not state; nothing was lost by it.
+    timeless
+        Why no row has a time, and what to do; "" where the log has no column for it.
+    units_in
+        Where a row of the file states the units, as "line 3"; "" where none does.
+    words
+        What the fields without numbers hold instead, by topic and field.
     epoch_s
         Unix time of stamp zero, s; None where the log does not say. Logs with an epoch share a clock.
     parameters
@@ -158,6 +164,9 @@ class Log(ABC):
     epoch_s: float | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    timeless: str = ""
+    units_in: str = ""
+    words: dict[tuple[str, str], str] = field(default_factory=dict)
 
     @property
     @abstractmethod
@@ -325,6 +334,11 @@ def printable(name: str, longest: int = 60) -> str:
     """A name from a file as it may be shown: no control characters, not too long."""
     plain = name if name.isprintable() else repr(name)[1:-1]
     return plain if len(plain) <= longest else plain[: longest - 3] + "..."
+
+
+def stem_of(path: Path) -> str:
+    """Name of a file without its ending as text; bytes that are not UTF-8 are replaced."""
+    return path.stem.encode(errors="surrogateescape").decode(errors="replace")
 
 
 def foreign(error: Exception) -> str:

@@ -19,7 +19,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.logs.clock import TimeScale, scale_of, time_fields
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share, foreign
+from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share, foreign, stem_of
 from seatrial.logs.matlab5 import arrays
 from seatrial.logs.rows import LONGEST_ARRAY
 
@@ -96,7 +96,7 @@ class _Matlab(Log):
         top = {len(c[n]): c[n] for (s, _), c in groups.items() if not s for n in time_fields(list(c))[:1]}
         for (structure, length), columns in groups.items():
             several = sum(other == structure for other, _ in groups) > 1
-            topic = (structure or self.path.stem) + (f" ({length} rows)" if several else "")
+            topic = (structure or stem_of(self.path)) + (f" ({length} rows)" if several else "")
             names = [n for n in time_fields(list(columns)) if np.mean(np.diff(columns[n]) >= 0.0) > 0.9]
             time = columns[names[0]] if names else top.get(length)
             self._columns[topic] = columns

@@ -18,8 +18,8 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.logs.clock import TimeScale, scale_of, time_fields
-from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share, printable
+from seatrial.logs.clock import TimeScale, scale_of, seconds, time_fields, unfit
+from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share, printable, stem_of
 
 if TYPE_CHECKING:
     import polars as pl
@@ -71,20 +71,36 @@ class _Parquet(Log):
 
     @cached_property
     def fields(self) -> Mapping[str, Mapping[str, str]]:
-        """Columns of numbers and times."""
+        """Columns of numbers, times, and text that may be either."""
+        for name, kind in self._schema.items():
+            if kind.is_nested():
+                self.note(
+                    f'column "{printable(name)}" is not read: expected a number in each cell, found'
+                    f" {printable(str(kind), 40)}; write a column for each number"
+                )
         kept = {
             name: ""
             for name, kind in self._schema.items()
-            if kind.is_numeric() or kind.is_temporal() or kind.base_type().__name__ in ("Boolean", "Null")
+            if kind.is_numeric()
+            or kind.is_temporal()
+            or kind.base_type().__name__ in ("Boolean", "Null", "String")
         }
-        return {self.path.stem: kept}
+        return {self.topic: kept}
+
+    @property
+    def topic(self) -> str:
+        """Name of the only topic."""
+        return stem_of(self.path)
 
     @cached_property
     def _clock(self) -> tuple[str, TimeScale | None] | None:
         """Column of the time and its scale (None: it holds dates)."""
-        names = list(self.fields[self.path.stem])
+        import polars as pl
+
+        names = list(self.fields[self.topic])
         dated = [name for name in names if self._schema[name].is_temporal()]
-        candidates = dated + time_fields(names)
+        # Text is a time only where no number is.
+        candidates = dated + sorted(time_fields(names), key=lambda name: self._schema[name] == pl.String)
         if not candidates:
             self.note("no column is a time: name one in the map, or this file cannot be used")
             return None
@@ -93,6 +109,14 @@ class _Parquet(Log):
             self.epoch_s = 0.0
             return name, None
         head = self._part(0, min(2_000, self._height), [name])[name]
+        if head.dtype == pl.String and not np.isfinite(_numbers(head)).any():
+            dated_text = seconds(head)
+            if dated_text is None:
+                self.timeless = unfit(name, _numbers(head), head.to_list(), 1)
+                self.note(self.timeless)
+                return None
+            self.epoch_s = 0.0 if dated_text[1] else None
+            return name, None
         scale = scale_of(name, "", _numbers(head))
         if scale.unix:
             self.epoch_s = 0.0
@@ -115,6 +139,14 @@ class _Parquet(Log):
         rows = min(column.height for column in columns)
         return pl.concat([column.head(rows) for column in columns], how="horizontal")
 
+    def _word(self, cells: pl.Series, numbers: Array) -> None:
+        """Keep what a column without numbers holds instead."""
+        if np.isfinite(numbers).any() or cells.null_count() == len(cells):
+            return
+        if cells.dtype.base_type().__name__ == "String":
+            first = str(cells.drop_nulls()[0])
+            self.words.setdefault((self.topic, cells.name), f'text, the first "{printable(first, 30)}"')
+
     @cached_property
     def _height(self) -> int:
         import polars as pl
@@ -130,6 +162,8 @@ class _Parquet(Log):
 
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
         """Samples of the columns wanted."""
+        import polars as pl
+
         (topic, names), *_ = wanted.items()
         needed = list(names)
         if self._clock is not None and self._clock[0] not in needed:
@@ -138,10 +172,13 @@ class _Parquet(Log):
         for begin in range(0, rows, CHUNK_ROWS):
             part = self._part(begin, min(CHUNK_ROWS, rows - begin), needed)
             values = [_numbers(part[name]) for name in names]
+            for name, value in zip(names, values, strict=True):
+                self._word(part[name], value)
             stamps = np.full(part.height, np.nan)
             if self._clock is not None:
                 name, scale = self._clock
-                stamps = _numbers(part[name])
+                dated = seconds(part[name]) if scale is None and part[name].dtype == pl.String else None
+                stamps = _numbers(part[name]) if dated is None else dated[0]
                 if scale is not None:
                     with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers
                         stamps = (stamps - scale.origin) * scale.factor

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from seatrial.logs.log import Field, Topic
 
-__all__ = ["Proposal", "propose"]
+__all__ = ["FEWEST", "KNOWN_UNITS", "Proposal", "named_but_empty", "propose", "unknown_unit"]
 
 
 @dataclass(frozen=True)
@@ -237,6 +237,12 @@ _STATED = {
     "us": "us", "µs": "us", "dbar": "dbar", "bar": "bar", "mbar": "mbar", "pa": "Pa", "kpa": "kPa",
     "hpa": "hPa", "rev/s": "rev/s", "cdeg": "0.01 deg", "cdegrees": "0.01 deg", "pwm": "us",
 }  # fmt: skip
+KNOWN_UNITS = tuple(dict.fromkeys(_STATED.values()))
+"""As a log may state them, in the words of a map."""
+
+FEWEST = 10
+"""Numbers of a field that is taken for something."""
+
 _PRESSURES = ("dbar", "bar", "mbar", "Pa", "kPa", "hPa")
 
 
@@ -263,7 +269,7 @@ def _documented(format: str, topics: Sequence[Topic]) -> Iterator[Proposal]:
     for rank, rule in enumerate(rules):
         for topic in topics:
             fields = {field.name: field for field in topic.fields}
-            if not re.fullmatch(rule.topic, topic.name, re.IGNORECASE) or topic.samples < 10:
+            if not re.fullmatch(rule.topic, topic.name, re.IGNORECASE) or topic.samples < FEWEST:
                 continue
             if not set(rule.fields.values()) <= set(fields):
                 continue
@@ -379,27 +385,39 @@ def _by_name(topics: Sequence[Topic]) -> Iterator[Proposal]:
 
 
 def _matched(topic: Topic) -> Iterator[tuple[str, Field, int]]:
-    """Canonical column, field and rank of each field whose name is known."""
-    context = topic.name.lower()
+    """Canonical column, field and rank of each field whose name is known and that holds numbers."""
     for field in topic.fields:
-        plain = _plain(field.name)
-        inner = plain.rpartition(".")[2]
-        if field.samples < 10 or re.fullmatch(
-            r"(t|time\w*|stamp\w*|sec|secs|nsecs?|index|column_\d+)", plain
-        ):
-            continue
-        if plain.startswith(("cmd.", "meas.", "tau.")):
-            yield field.name, field, 0
-            continue
-        whole = [canonical for canonical, pattern in _NAMES if re.fullmatch(pattern, plain)]
-        last = [canonical for canonical, pattern in _NAMES if re.fullmatch(pattern, inner)]
-        if whole or last:
-            yield (whole or last)[0], field, len(plain)
-        else:
-            if _ACTUATOR.search(plain) or (_ACTUATOR.search(context) and re.fullmatch(r"\w+", plain)):
-                label = re.sub(r"_(deg|rad|rpm|us|pwm|n)$", "", _label(plain)) or _label(plain)
-                kind = "meas" if _MEASURED.search(field.name) else "cmd"
-                yield f"{kind}.{label}", field, 0
+        known = _known(topic.name, field) if field.samples >= FEWEST else None
+        if known is not None:
+            yield known[0], field, known[1]
+
+
+def named_but_empty(topics: Sequence[Topic]) -> Iterator[tuple[str, Topic, Field]]:
+    """Canonical column, topic and field of fields whose name is known and that hold too few numbers."""
+    for topic in topics:
+        for field in topic.fields:
+            known = _known("", field) if field.samples < FEWEST else None
+            if known is not None:
+                yield known[0], topic, field
+
+
+def _known(topic: str, field: Field) -> tuple[str, int] | None:
+    """Canonical column and rank of a field by its name and its topic's; None where these say nothing."""
+    plain = _plain(field.name)
+    if re.fullmatch(r"(t|time\w*|stamp\w*|sec|secs|nsecs?|index|column_\d+)", plain):
+        return None
+    if plain.startswith(("cmd.", "meas.", "tau.")):
+        return field.name, 0
+    inner = plain.rpartition(".")[2]
+    for name in (plain, inner):
+        for canonical, pattern in _NAMES:
+            if re.fullmatch(pattern, name):
+                return canonical, len(plain)
+    if _ACTUATOR.search(plain) or (_ACTUATOR.search(topic.lower()) and re.fullmatch(r"\w+", plain)):
+        label = re.sub(r"_(deg|rad|rpm|us|pwm|n)$", "", _label(plain)) or _label(plain)
+        kind = "meas" if _MEASURED.search(field.name) else "cmd"
+        return f"{kind}.{label}", 0
+    return None
 
 
 def _plain(name: str) -> str:
@@ -463,6 +481,19 @@ def _unit(
         unit = "N" if canonical.endswith("_n") else "N*m"
         return unit, f"unit {unit} assumed", False
     return ("", "no unit", False) if canonical.startswith("q_") else ("m", "unit m assumed", False)
+
+
+def unknown_unit(one: Proposal, field: Field) -> bool:
+    """Whether a field that was told by its name states a unit that is not known.
+
+    Examples
+    --------
+    >>> field = Field("yaw", "grad", 50, -1.0, 1.0, 0.0, 0.5, 0.0)
+    >>> unknown_unit(Proposal("yaw_deg", "nav", "yaw", "rad", why="its name; unit rad by its range"), field)
+    True
+    """
+    unit = field.unit.strip().lower()
+    return unit not in ("", "%", *_STATED) and one.why.startswith("its name")
 
 
 def _told_unit(field: Field) -> tuple[str, str] | None:

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, Mask, runs
 
-__all__ = ["Spread", "base_step", "spread_bursts", "usual_interval"]
+__all__ = ["Spread", "base_step", "spread_bursts", "strays", "usual_interval"]
 
 _LONG, _SHORT = 0.85, 0.2  # quantiles of the intervals
 
@@ -32,6 +32,11 @@ _STEADY = 1.6  # ratio of the time per sample among the bursts: a sensor that sa
 _LONGEST = 1.5  # times the usual time per sample: a longer one is a gap before the burst
 
 _FEWEST = 20
+
+_BLOCK, _FAR, _SLACK_S = 50, 10.0, 1.0
+"""Stamps per block, and how far from its neighbours' medians, in their spread and in s, one is no time."""
+
+_STRAYS, _IN_A_ROW = 0.01, 3  # share of damaged stamps, and rows in a row, above which they may be right
 
 
 class Spread(NamedTuple):
@@ -55,6 +60,29 @@ def usual_interval(t: Array) -> float:
         return np.inf
     intervals = np.diff(t)
     return float(max(np.median(intervals), np.quantile(intervals, _LONG)))
+
+
+def strays(t: Array) -> Mask:
+    """Stamps (n,) far from those before and after them: single damaged rows.
+
+    Examples
+    --------
+    >>> t = np.arange(500.0)
+    >>> t[[90, 499]] = 1e18, -5e6
+    >>> np.flatnonzero(strays(t)).tolist()
+    [90, 499]
+    """
+    count = len(t) // _BLOCK
+    if count < 2:
+        return np.zeros(len(t), bool)
+    middle = np.median(t[: count * _BLOCK].reshape(count, _BLOCK), axis=1)
+    near = np.stack([np.r_[middle[0], middle[:-1]], middle, np.r_[middle[1:], middle[-1]]])
+    least, most = near.min(axis=0), near.max(axis=0)
+    slack = np.maximum(_SLACK_S, _FAR * (most - least))
+    block = np.minimum(np.arange(len(t)) // _BLOCK, count - 1)
+    far = (t < (least - slack)[block]) | (t > (most + slack)[block])
+    few = far.mean() < _STRAYS and all(end - begin <= _IN_A_ROW for begin, end in runs(far))
+    return np.asarray(far & few)
 
 
 def base_step(t: Array) -> float:

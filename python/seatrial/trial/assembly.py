@@ -19,7 +19,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.rotation import body_rates, matrix, to_euler
-from seatrial.trial.resampling import GAP, angles, held, linear
+from seatrial.trial.resampling import GAP, angles, held, linear, silences
 from seatrial.trial.signals import RecordingReport, Signal
 from seatrial.trial.smoothing import spline
 
@@ -145,6 +145,8 @@ _ASIDE, _ONE_INTERVAL = 20, 5.0
 
 _FIXES = 0.5  # share of the record in which a position from another sensor than the depth is known
 
+_MOST_SPANS = 5  # silences of a command that are named
+
 _STENCIL = 2  # a derivative is valid where this many samples on both sides are valid
 
 
@@ -170,6 +172,8 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
         _derive(observed, valid, filled, attitude, turned, t, report)
     else:
         attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+    silent = _silent(signals, t, report)
+    valid[silent] = False
     for k in range(12):
         observed[~np.isfinite(observed[:, k]), k] = np.nan
     absent = np.logical_and.reduce(np.isnan(observed), axis=0)
@@ -188,6 +192,7 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
         "attitude": attitude,
         "nu": filled[:, :6],
         "commands": _actuators(signals, t, "cmd."),
+        "silent": silent if silent.any() else None,
         "measured": {name: y[:, 0] for name, y in _continuous(signals, t, "meas.").items()},
         "tau": _wrench(signals, t),
         "voltage_v": _scalar(signals, t, "voltage"),
@@ -298,6 +303,36 @@ def _goes_on(signal: Signal, at: int) -> bool:
     under_way = min(ways) > _ONE_INTERVAL * usual
     lost = speed * (signal.t[sides[1][0]] - signal.t[sides[0][-1]])
     return under_way and across < _ONE_INTERVAL * usual and lost > 2.0 * _ONE_INTERVAL * usual
+
+
+def _silent(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -> Mask:
+    """Times (n,) at which the command in force is unknown, because its stream is silent; reports them."""
+    streams: dict[bytes, list[Signal]] = {}
+    for name, signal in signals.items():
+        if name.startswith("cmd."):
+            streams.setdefault(signal.t.tobytes(), []).append(signal)
+    silent = np.zeros(len(t), bool)
+    for stream in streams.values():
+        stamps = stream[0].t
+        spans = silences(stamps, np.concatenate([signal.y for signal in stream], axis=1), t)
+        if not spans:
+            continue
+        usual = float(np.median(np.diff(stamps)))
+        for start, end in spans:
+            # The last command acts for its usual time; before the first one, none is known.
+            first = start if start <= t[0] else start + usual
+            silent |= (t >= first) & ((t < end) | (end >= t[-1]))
+        longest = sorted(sorted(spans, key=lambda span: span[0] - span[1])[:_MOST_SPANS])
+        said = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in longest)
+        more = f" and {len(spans) - len(longest)} shorter ones" if len(spans) > len(longest) else ""
+        names = ", ".join(signal.name.removeprefix("cmd.") for signal in stream)
+        report.add(
+            "warning",
+            "commands",
+            f"{names}: no command from {said}{more}, otherwise one every {usual:.2g} s; all channels are"
+            " masked there. If a command was held there, add rows with its value to the log",
+        )
+    return silent
 
 
 def _actuators(signals: Mapping[str, Signal], t: Array, prefix: str) -> dict[str, Array]:

@@ -17,11 +17,12 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask, runs
-from seatrial.base.rotation import angle_between, conjugate, continuous, product
+from seatrial.base.channels import ANGLES
+from seatrial.base.rotation import angle_between, conjugate, continuous, product, to_euler
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["ABOVE", "mark", "report_height"]
+__all__ = ["ABOVE", "mark", "report_height", "stuck"]
 
 _MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rates")
 
@@ -39,6 +40,8 @@ _BELIEVED = 3.0  # a pose may move this many times faster than its speed sensor 
 _ROUNDED_SHARE = 0.01  # a rounded sensor repeats single channels in more than this share of its samples
 
 _CHANCE = 3  # repeats in a row of a scalar that mean nothing
+
+_STUCK = 1e-6  # rad: less than any sensor's noise, more than the rounding of quaternions
 
 _LONGEST_SPIKE = 3  # samples in a row
 
@@ -347,6 +350,15 @@ def _report_constant(signal: Signal, report: RecordingReport) -> None:
     if signal.name == "attitude":
         if np.ptp(signal.y, axis=0).max() == 0.0:
             report.add("warning", "attitude", "constant over the whole recording; a sensor that is off?")
+            return
+        euler = to_euler(signal.y[signal.good])
+        for angle, value in stuck({name: euler[:, ANGLES.index(name)] for name in signal.channels}).items():
+            report.add(
+                "warning",
+                angle,
+                f"constant at {value:.6g} rad over the whole recording while another angle changes; a sensor"
+                " that is stuck? Map the right column, or leave this one out of the map",
+            )
         return
     good = signal.good
     for k, channel in enumerate(signal.channels):
@@ -355,6 +367,22 @@ def _report_constant(signal: Signal, report: RecordingReport) -> None:
             report.add(
                 "warning", channel, f"constant at {y[0]:.6g} over the whole recording; a sensor that is off?"
             )
+
+
+def stuck(angles: Mapping[str, Array]) -> dict[str, float]:
+    """Angles in rad that never change while another one does, and their values; zeros are none.
+
+    An angle that was not recorded, or that a simulation without noise keeps, is often written as zero.
+
+    Examples
+    --------
+    >>> stuck({"roll": np.zeros(9), "pitch": np.full(9, 0.1), "yaw": np.arange(9.0)})
+    {'pitch': 0.1}
+    """
+    still = {name: float(y[0]) for name, y in angles.items() if len(y) and np.ptp(y) <= _STUCK}
+    if len(still) == len(angles):
+        return {}
+    return {name: value for name, value in still.items() if abs(value) > _STUCK}
 
 
 ABOVE = "above the surface"

@@ -21,11 +21,14 @@ __all__ = ["own_samples"]
 _TICK = 1e-6  # two stamps closer than this share of an interval are the same
 
 
-def own_samples(by_name: Mapping[str, Signal], base: Array | None = None) -> dict[str, tuple[Array, Array]]:
+def own_samples(
+    by_name: Mapping[str, Signal], base: Array | None = None, silent: Mask | None = None
+) -> dict[str, tuple[Array, Array]]:
     """Good samples of each channel at the stamps of its sensor: times in s and values in SI (m,).
 
     A sensor whose stamps are those of the time base `base` (n,) has no others than the base: it is left out,
-    for a second copy of a long log would take as much memory as the trial.
+    for a second copy of a long log would take as much memory as the trial. Samples next to those of the base
+    at which the command is unknown (`silent`, (n,)) are left out.
     """
     found: dict[str, tuple[Array, Array]] = {}
     for name in ("position", "depth", "velocity", "rates"):
@@ -39,6 +42,10 @@ def own_samples(by_name: Mapping[str, Signal], base: Array | None = None) -> dic
             good = attitude.good if attitude.unknown is None else ~attitude.unknown[:, k]
             if channel in attitude.channels:
                 found[channel] = _kept(attitude.t, angles[:, k], good)
+    if base is not None and silent is not None:
+        for channel, (t, y) in found.items():
+            after = np.clip(np.searchsorted(base, t), 1, len(base) - 1)
+            found[channel] = _kept(t, y, ~(silent[after] | silent[after - 1]))
     return {channel: found[channel] for channel in CHANNELS if channel in found}
 
 

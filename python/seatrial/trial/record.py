@@ -91,7 +91,7 @@ def cut_spans(
     """Spans (start, stop) of a part of a trial, one after the other; the last may be shorter.
 
     A span starts at the first sample from which it may (`Trial.startable`) once the one before has ended.
-    Neighbours share the sample between them.
+    Neighbours share the sample between them. No span runs on where the command is unknown (`Trial.silent`).
 
     Parameters
     ----------
@@ -110,6 +110,12 @@ def cut_spans(
             break
         start = int(following[0])
         stop = min(start + length, end)
+        if trial.silent is not None and trial.silent[start:stop].any():
+            stop = start + int(np.argmax(trial.silent[start:stop]))
+            if stop - start >= shortest:
+                spans.append((start, stop))
+            planned = stop
+            continue
         if stop - start < shortest:
             break
         spans.append((start, stop))

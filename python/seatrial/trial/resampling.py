@@ -1,8 +1,9 @@
 """One uniform time base: channels linearly between neighbours, means of commands, gaps left open.
 
 A point of the base is valid where both neighbouring samples are good and no further apart than `GAP` times
-the sensor's own usual interval; elsewhere the value is a fill that no criterion may use. Stamps that came in
-bursts are spread first, and irregular ones get a base that is fine enough for all of them
+the sensor's own usual interval; elsewhere the value is a fill that no criterion may use. A command is held
+until the next one, unless a stream of a fixed rate falls silent: then it is unknown (`silences`). Stamps that
+came in bursts are spread first, and irregular ones get a base that is fine enough for all of them
 (`seatrial.logs.stamps`).
 
 In a log of several rates a row has cells of the sensors that sampled then and empty cells elsewhere. A depth
@@ -16,16 +17,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
-from seatrial.base.arrays import Array, Mask
+from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import continuous
 from seatrial.logs.stamps import Spread, base_step, spread_bursts, usual_interval
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["GAP", "angles", "common", "evenly_stamped", "held", "instruments", "linear", "together"]
+__all__ = [
+    "GAP",
+    "angles",
+    "common",
+    "evenly_stamped",
+    "held",
+    "instruments",
+    "linear",
+    "silences",
+    "together",
+]
 
 GAP = 1.9
 """Longest distance between neighbours that is no gap, in usual intervals: one lost sample is a gap."""
@@ -89,6 +101,46 @@ def held(signal: Signal, t: Array) -> Array:
     result = np.array(value, dtype=float)
     np.add.at(result, steps, share[:, None] * change)
     return result
+
+
+_SILENT_S, _SILENT = 2.0, 10.0  # s, usual intervals: a stream of a fixed rate is not silent for longer
+
+_RATE, _SPREAD = 0.98, 2.5  # share of the intervals that are usual ones, and by how much these may differ
+
+_FEWEST_COMMANDS, _SHORTEST_S = 100, 20.0  # samples, and s with samples, that show a fixed rate
+
+_FEW = 3  # silences: a stream with more of them that never repeats a row may log changes only
+
+
+def silences(t: Array, y: Array, base: Array) -> list[tuple[float, float]]:
+    """Spans (start, end) in s of the time base `base` (n,) in which a stream of commands is unknown.
+
+    A stream of a fixed rate that falls silent is unknown there; one that is logged when it changes, or now
+    and then, holds until the next sample.
+
+    Parameters
+    ----------
+    t, y
+        Stamps of the stream in s (m,), and the commands that share them (m, k).
+    base
+        Uniform times, s.
+    """
+    if len(t) < _FEWEST_COMMANDS:
+        return []
+    intervals = np.diff(t)
+    usual = float(np.median(intervals))
+    limit = max(_SILENT_S, _SILENT * usual)
+    long = intervals > limit
+    steady = (intervals < _SPREAD * usual) & (intervals > usual / _SPREAD)
+    if steady.mean() < _RATE or float(intervals[~long].sum()) < _SHORTEST_S:
+        return []
+    # Rows that go on while all commands rest: the log has every sample, not every change.
+    rests = runs(np.logical_and.reduce(y[1:] == y[:-1], axis=1) & ~long)
+    resting = any(t[stop] - t[start] > limit for start, stop in rests)
+    if long.sum() > _FEW and not resting:
+        return []
+    edges = [float(base[0]), *t.tolist(), float(base[-1])]
+    return [(start, end) for start, end in pairwise(edges) if end - start > limit]
 
 
 def linear(signal: Signal, t: Array) -> tuple[Array, Mask]:

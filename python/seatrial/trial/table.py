@@ -25,6 +25,13 @@ MINIMUM_ROWS = 10
 
 _LEAST_NORM, _NORM_TOLERANCE = 1e-3, 1e-2
 
+_MOST_PITCH, _MOST_YAW = 1.75, 12.6
+"""Angles in rad that no pitch and, counted over turns, not all of a yaw have: a right angle, two turns."""
+
+_FULL_TURN = (300.0, 400.0)  # step with which a yaw in degrees begins again
+
+_NEARLY_ALL = 0.99  # of the samples: a spike tells no unit
+
 _MOST = 1e9
 """Size of a command or of what an actuator measures, in its unit, that none has."""
 
@@ -205,6 +212,7 @@ def _attitude(
             report.add("warning", "attitude", f"{missing} not recorded and taken as zero")
             y[:, absent] = 0.0
         unknown = ~np.isfinite(y)
+        _note_degrees(y, given, report)
         bad = np.logical_or.reduce(unknown, axis=1)
         q = from_euler(_bridged_angles(t, y))
         channels = tuple(group.channels[k] for k in range(3) if k not in absent)
@@ -235,6 +243,26 @@ def _attitude(
     if group.name == "quaternion":
         report.add("info", "attitude", "sign flips of the quaternion made continuous", flips)
     return Signal("attitude", channels, t, q, np.repeat(bad[:, None], 4, axis=1), unknown)
+
+
+def _note_degrees(y: Array, given: Mapping[str, Source], report: RecordingReport) -> None:
+    """Say where angles (m, 3), rad by the map and not wrapped yet, can only be degrees."""
+    known = [angle[np.isfinite(angle)] for angle in y.T]
+    largest = [float(np.quantile(np.abs(angle), _NEARLY_ALL)) if len(angle) else 0.0 for angle in known]
+    steps = np.abs(np.diff(known[2]))
+    wraps = np.any((steps > _FULL_TURN[0]) & (steps < _FULL_TURN[1]))
+    far = float(np.abs(known[2]).min(initial=np.inf)) if len(known[2]) else 0.0
+    if not (largest[1] > _MOST_PITCH or wraps or far > _MOST_YAW):
+        return
+    named = [(k, name) for k, name in enumerate(("roll_deg", "pitch_deg", "yaw_deg")) if name in given]
+    said = ", ".join(f"{name.removesuffix('_deg')} {largest[k]:.3g} rad" for k, name in named)
+    entries = ", ".join(f'{name} = {{ from = "{given[name].column}", unit = "deg" }}' for _, name in named)
+    report.add(
+        "error",
+        "attitude",
+        f"angles reach {said}, more than any vehicle's: they look like degrees; state the unit in the column"
+        f" map: {entries}",
+    )
 
 
 def _bridged_angles(t: Array, y: Array) -> Array:

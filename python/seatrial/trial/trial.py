@@ -111,6 +111,8 @@ class Trial:
     states
         Position (n, 3), attitude (n, 4) and velocities (n, 6) from which simulations restart, as a filter
         knew them; None: the smoothed ones.
+    silent
+        Samples (n,) at which the command in force is unknown; no simulation runs across them. None: nowhere.
     """
 
     name: str
@@ -132,6 +134,7 @@ class Trial:
     report: RecordingReport
     samples: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     states: tuple[Array, Array, Array] | None = None
+    silent: Mask | None = None
 
     @classmethod
     def read(
@@ -240,7 +243,7 @@ class Trial:
         if given.frame is None:
             signals = tilt.level(signals, report, remove=level and given.automatic)
         parts = assemble(signals, t, report)
-        samples = own_samples(signals, t)
+        samples = own_samples(signals, t, parts["silent"])
         return cls(name=name, source=file, t=t, rho=rho, g=g, report=report, samples=samples, **parts)
 
     def __len__(self) -> int:
@@ -282,10 +285,11 @@ class Trial:
     def filled(self, name: str) -> Array | None:
         """Samples of one channel in SI, shape (n,), gaps filled linearly and angles without jumps.
 
-        None where the channel is absent or less than half of it is valid.
+        None where the channel is absent or less than half of it is valid, of what has a known command.
         """
         good = self.valid[:, CHANNELS.index(name)]
-        if name not in self.channels or good.mean() < 0.5:
+        whole = len(self) if self.silent is None else int((~self.silent).sum())
+        if name not in self.channels or not good.any() or good.sum() < 0.5 * whole:
             return None
         y = self.channel(name)[good]
         return np.asarray(np.interp(self.t, self.t[good], np.unwrap(y) if name in ANGLES else y))

@@ -1,4 +1,4 @@
-"""Comma-separated values, and other tables of text, as their layout says (`seatrial.logs.delimited`).
+"""Comma-separated values, and other tables of text, as their layout says (`seatrial.logs.layout`).
 
 Columns whose first rows are numbers are read as numbers, which takes a quarter of the memory of text. Where a
 later cell is none, every cell is read as text, so that the column map can name its row and its value.
@@ -15,7 +15,7 @@ from seatrial.base.errors import TrialError
 if TYPE_CHECKING:
     import polars as pl
 
-    from seatrial.logs.delimited import Layout
+    from seatrial.logs.layout import Layout
 
 __all__ = ["read", "twice", "units"]
 
@@ -108,7 +108,7 @@ def twice(path: Path) -> Mapping[str, tuple[int, ...]]:
 
 def _layout(path: Path) -> Layout | None:
     """Layout of the table; None where it shows no row of numbers: what is wrong with it is said later."""
-    from seatrial.logs.delimited import encoding_of, layout_of
+    from seatrial.logs.layout import encoding_of, layout_of
 
     encoding_of(path)
     try:

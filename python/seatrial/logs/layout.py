@@ -1,0 +1,307 @@
+"""The layout of a table of text, from its first lines: separator, rows of names and units, first numbers.
+
+The separator is the one that cuts most rows into equally many cells; the first row of numbers, the row of
+names before it, and a row of units between the two follow. Cells in quotes may hold the separator.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from seatrial.base.errors import TrialError, reason
+from seatrial.logs.clock import stated_unit, time_fields
+from seatrial.logs.formats import DAMAGED, unpacked
+from seatrial.logs.log import MOST_FIELDS, printable
+
+__all__ = ["GROUPED", "Layout", "cells_of", "encoding_of", "layout_of"]
+
+_HEAD_BYTES = 262_144
+_HEAD_ROWS = 200
+_MOST_LINES = 8  # of a name in quotes
+_CONTROLS = bytes(k for k in range(32) if k not in b"\t\n\r")
+_OPEN = re.compile(r'(?:^|[,;\t]) *"(?:[^"]|"")*$')  # a cell whose quotes do not end in this line
+GROUPED = r"^[+-]?\d{1,3}(,\d{3})+(\.\d*)?$"  # a number with thousands separators
+_MOST_CONTROLS = 0.05  # share of control bytes in text that a loss of power damaged
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a table of text is laid out.
+
+    Attributes
+    ----------
+    encoding, separator
+        Of the text; the separator " " stands for runs of blanks.
+    decimal_comma, thousands
+        Whether ``1,5`` is one and a half, and whether ``1,150`` is over a thousand.
+    comment
+        First character of lines to skip; "" for none.
+    first_row
+        Line of the first row of values, from 1.
+    names, units
+        Of the columns; a unit is "" where none is stated.
+    named
+        Whether the file has a row of names.
+    plain
+        Whether the row of names is the first, and the values follow it.
+    twice
+        Places, from 1, of the columns that share a name; all but the first of them are numbered in `names`.
+    unit_row
+        Line of the row of units, from 1; 0 where there is none.
+    """
+
+    encoding: str
+    separator: str
+    decimal_comma: bool
+    comment: str
+    first_row: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    named: bool
+    plain: bool
+    twice: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    thousands: bool = False
+    unit_row: int = 0
+
+
+def encoding_of(path: Path) -> str:
+    """Encoding of a text file from its first bytes.
+
+    Raises
+    ------
+    TrialError
+        If the file cannot be read or is no text.
+    """
+    try:
+        with unpacked(path) as raw:
+            return _encoding(raw.read(_HEAD_BYTES), path)
+    except DAMAGED as error:
+        raise TrialError(f"{path}: cannot be read: {reason(error)}") from None
+
+
+def layout_of(path: Path) -> Layout:
+    """Layout of a table of text from its first rows.
+
+    Raises
+    ------
+    TrialError
+        If the file is no text or holds no rows of numbers.
+    """
+    try:
+        with unpacked(path) as raw:
+            head = raw.read(_HEAD_BYTES)
+    except DAMAGED as error:
+        raise TrialError(f"{path}: cannot be read: {reason(error)}") from None
+    encoding = _encoding(head, path)
+    held = head if encoding == "utf-16" else head.rstrip(b"\0")
+    text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(held)
+    lines = text.splitlines()[:_HEAD_ROWS]
+    if len(head) == _HEAD_BYTES and len(lines) > 1 and len(lines) < _HEAD_ROWS:
+        lines.pop()  # the block may end within it
+    comment = "#" if any(line.startswith("#") for line in lines) else ""
+    kept = [(k, line) for k, line in _logical(lines) if line.strip()]
+    data = [(k, line) for k, line in kept if not (comment and line.startswith(comment))]
+    if not data:
+        raise TrialError(f"{path}: no rows; expected a row of names and rows of numbers")
+    separator = _separator([line for _, line in data])
+    decimal_comma, thousands = _commas(data, separator, path)
+    rows = [(k, cells_of(line, separator)) for k, line in data]
+    width = Counter(len(cells) for _, cells in rows[len(rows) // 2 :]).most_common(1)[0][0]
+    first = _first_row(rows, width, decimal_comma)
+    if first is None and len(rows) == 1:
+        raise TrialError(f"{path}: a single row; expected a row of names and rows of numbers below it")
+    if first is None:
+        raise TrialError(
+            f"{path}: fewer than two rows of numbers in the first {len(rows)} rows, cut at {separator!r} into"
+            f" {width} cells; expected a row of names and rows of numbers"
+        )
+    above = [(k, cells) for k, cells in rows[:first] if len(cells) == width]
+    if not above and comment:  # "# t x y": the names are a comment
+        commented = [
+            (k, cells_of(line.lstrip("#% \t"), separator)) for k, line in kept if line.startswith(comment)
+        ]
+        above = [(k, cells) for k, cells in commented if len(cells) == width]
+    names, units, twice, with_units = _names([cells for _, cells in above], width)
+    if len(names) > MOST_FIELDS:
+        raise TrialError(f"{path}: {len(names)} columns; expected at most {MOST_FIELDS}")
+    return Layout(
+        encoding, separator, decimal_comma, comment, rows[first][0], tuple(names), tuple(units), bool(above),
+        plain=first == 1 and len(above) == 1 and len(held) == len(head), twice=twice, thousands=thousands,
+        unit_row=above[-1][0] if with_units else 0,
+    )  # fmt: skip
+
+
+def _encoding(head: bytes, path: Path) -> str:
+    if b"\r" in head and b"\n" not in head:
+        raise TrialError(
+            f"{path}: its lines end in a carriage return alone; expected a line feed, or both: save it with"
+            " the line ends of Unix or Windows"
+        )
+    for mark, name in ((codecs.BOM_UTF8, "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
+        if head.startswith(mark):
+            return name
+    held = head.rstrip(b"\0")  # the end of a file that was given its size in advance
+    if b"\0" in head and len(held.translate(None, _CONTROLS)) <= (1.0 - _MOST_CONTROLS) * len(held):
+        raise TrialError(
+            f"{path}: not a text file (it holds null bytes); expected a row of names and rows of numbers;"
+            " save it as UTF-8 text, or name its reader"
+        )
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(held)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """The cells of a line; one in quotes may hold the separator."""
+    if separator == " ":
+        return line.split()
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    cells = next(csv.reader([line], delimiter=separator, skipinitialspace=separator != "\t"))
+    return [cell.strip() for cell in cells]
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """The separator that cuts most rows into equally many cells, at least two."""
+    sample = lines[len(lines) // 4 :] or lines
+
+    def merit(separator: str) -> tuple[float, int]:
+        counts = Counter(len(cells_of(line, separator)) for line in sample)
+        width, rows = counts.most_common(1)[0]
+        # In a log of several rates most cells may be empty.
+        filled = [cell for line in sample[:20] for cell in cells_of(line, separator) if cell]
+        numbers = float(np.mean([_number(cell, True) for cell in filled])) if filled else 0.0
+        return (rows / len(sample) * (width > 1) * (0.2 + numbers), width)
+
+    # A decimal comma makes the comma cut regularly too: then semicolon, tab or blank cut into whole numbers.
+    for separator in (";", "\t"):
+        if merit(separator)[0] > 0.9:
+            return separator
+    return max((",", ";", "\t", " "), key=merit)
+
+
+def _logical(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Lines with their number, from 1; lines whose end stands in quotes go on with the next ones."""
+    k = 0
+    while k < len(lines):
+        line, last = lines[k], k
+        while _OPEN.search(line) and last < min(k + _MOST_LINES, len(lines) - 1):
+            last += 1
+            line += "\n" + lines[last]
+        if _OPEN.search(line):  # a quote that nothing closes
+            line, last = lines[k], k
+        yield k + 1, line
+        k = last + 1
+
+
+def _number(cell: str, decimal_comma: bool) -> bool:
+    plain = cell.strip()
+    if decimal_comma:
+        plain = plain.replace(",", ".")
+    elif "," in plain and re.match(GROUPED, plain):
+        plain = plain.replace(",", "")
+    try:
+        float(plain)
+    except ValueError:
+        return False
+    return plain != ""
+
+
+def _commas(rows: Sequence[tuple[int, str]], separator: str, path: Path) -> tuple[bool, bool]:
+    """Whether a comma in a number is a decimal comma, and whether it groups thousands.
+
+    Raises
+    ------
+    TrialError
+        If quoted numbers hold commas and nothing tells which.
+    """
+    told = [(row, cells_of(line, separator)) for row, line in rows[-50:]]
+    cells = [cell for _, row in told for cell in row]
+    decimal = [cell for cell in cells if re.fullmatch(r"[+-]?\d+,\d+(e[+-]?\d+)?", cell, re.IGNORECASE)]
+    points = any(re.fullmatch(r"[+-]?\d*\.\d+(e[+-]?\d+)?", cell, re.IGNORECASE) for cell in cells)
+    if separator != ",":
+        return bool(decimal), points and not decimal
+    if any(not re.match(GROUPED, cell) or re.match("[+-]?0", cell) for cell in decimal):
+        return True, False
+    if decimal and not points:
+        row, column = next((row, line.index(c) + 1) for row, line in told for c in decimal if c in line)
+        raise TrialError(
+            f'{path}: line {row}, column {column}: "{printable(decimal[0], 30)}": whether the comma is a'
+            " decimal comma or groups thousands is not known; expected numbers such as 1150 or 1.15: write"
+            " the file without grouping"
+        )
+    return False, points
+
+
+def _first_row(rows: Sequence[tuple[int, list[str]]], width: int, decimal_comma: bool) -> int | None:
+    """Index of the first row of values: as many cells as most, and numbers where most rows have numbers."""
+    wide = [cells for _, cells in rows if len(cells) == width]
+    share = [
+        np.mean([_number(cells[k], decimal_comma) for cells in wide[len(wide) // 3 :]]) for k in range(width)
+    ]
+    numeric = [k for k in range(width) if share[k] > 0.5]
+    if not numeric:
+        return None
+    for index, (_, cells) in enumerate(rows):
+        if len(cells) == width:
+            given = [k for k in numeric if cells[k] != ""]
+            if given and np.mean([_number(cells[k], decimal_comma) for k in given]) > 0.5:
+                return index
+    return None
+
+
+_UNIT = re.compile(r"^[\[(]?\s*(-|1|%|°|°c|deg\w*|rad\w*|[numkc]?m|[mu]?s|sec|h|hz|k?n|n\s*\*?\s*m|nm|"
+                   r"[mk]?v|[mk]?a|k?w|w?h|[kmh]?pa|m?bar|psi|k?g|rpm|rev/?\w*|kn|kt|knots?|mph|c|k|"
+                   r"(k|c|m)?m\s*/\s*(s|h)(\s*\^?\s*2|²)?|g/\w+|\w+\s*/\s*(s|min|h)(\^?2|²)?|pwm|u?µ?us|ns|ms|text|bool|"
+                   r"none|n/a|unitless)?\s*[\])]?$", re.IGNORECASE)  # fmt: skip
+
+
+def _names(
+    above: Sequence[list[str]], width: int
+) -> tuple[list[str], list[str], dict[str, tuple[int, ...]], bool]:
+    """Names and units of the columns from the rows above the values; places of those that share a name.
+
+    Last, whether a row of units is below the names.
+    """
+    if not above:
+        return [f"column_{k + 1}" for k in range(width)], [""] * width, {}, False
+    last = above[-1]
+    with_units = len(above) > 1 and _of_units(above[-2], last)
+    if with_units:
+        names, units = above[-2], [cell.strip("[]() ") for cell in last]
+    else:
+        names = last
+        units = [
+            found[1].strip() if (found := re.search(r"[\[(]([^\])]*)[\])]\s*$", n)) else "" for n in names
+        ]
+    places: dict[str, list[int]] = {}
+    unique = []
+    for k, name in enumerate(names):
+        name = " ".join(name.split("\n")).strip() or f"column_{k + 1}"
+        known = places.setdefault(name, [])
+        known.append(k + 1)
+        unique.append(name if len(known) == 1 else f"{name}_{len(known)}")
+    units = [unit if unit not in ("-", "1", "none", "n/a", "unitless") else "" for unit in units]
+    return unique, units, {name: tuple(known) for name, known in places.items() if len(known) > 1}, with_units
+
+
+def _of_units(names: Sequence[str], cells: Sequence[str]) -> bool:
+    """Whether a row of cells holds the units of the `names` above it: most cells are, or that of the time."""
+    some = [cell for cell in cells if cell]
+    if not some or np.mean([bool(_UNIT.match(cell)) for cell in some]) > 0.8:
+        return True
+    times = time_fields(names)
+    if not times or not all(names) or len(set(names)) < len(names):
+        return False
+    unit = cells[list(names).index(times[0])]
+    return not time_fields(cells) and (not unit or stated_unit("", unit) is not None)
