@@ -137,7 +137,7 @@ def test_an_option_is_answered_in_a_sentence(here: Path, options: list[str], wor
         (["sensors.toml"], "found a set of sensors; fly with it"),
         (["recipe.toml"], "found the recipe of a generated trial"),
         (["out.toml", "--vehicle", "out.toml"], "expected a vehicle file, found a mission"),
-        ([*FLOWN, "--current", "nan", "0", "0"], "--current: expected three finite"),
+        ([*FLOWN, "--current", "nan", "0", "0"], "--current: expected a finite"),
         ([*FLOWN, "--current", "90", "0", "0"], "--current: expected at most 15 m/s"),
         ([*FLOWN, "--seabed", "nan"], "--seabed: expected a finite number"),
         (["out.toml", "--vehicle", ""], "--vehicle: expected a name or a path"),
