@@ -72,6 +72,21 @@ def test_a_campaign_without_faults_is_ready(folder: Path) -> None:
     assert not [text for text in found.warnings if "column" in text or "diverges" in text]
 
 
+def test_a_command_beyond_its_actuator_is_the_worst(folder: Path) -> None:
+    table = pl.read_csv(folder / "zigzag.csv").with_columns(pl.col("cmd.SbU") * 100.0)
+    table.write_csv(folder / "zigzag.csv")
+    worst = check_campaign(campaign(folder)).report().worst
+    assert worst.startswith("trial zigzag: command of SbU reaches 90000, and its limit is 2000 (beyond it in")
+
+
+def test_commands_that_fall_silent_are_the_worst(folder: Path) -> None:
+    log = pl.read_csv(folder / "zigzag.csv")
+    names = [name for name in log.columns if name.startswith("cmd.")]
+    silent = [pl.when(pl.col("t_s") < 30.0).then(pl.col(name)) for name in names]
+    log.with_columns(silent).write_csv(folder / "zigzag.csv")
+    assert ": no command from 29.9 to " in check_campaign(campaign(folder)).report().worst
+
+
 def test_a_missing_command_column_of_a_group_is_refused(folder: Path) -> None:
     without(folder, "cmd.PL")
     assert "trial 'zigzag': no column cmd.PL, but others of the group 'stern'" in refused_by_both(

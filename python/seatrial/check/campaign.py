@@ -12,6 +12,7 @@ from seatrial.intake.consistency_result import UNTOLD, current_sentence
 from seatrial.intake.consistency_trials import Proposal, accepted, consistency_of_trial, proposals
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.project import clocks_proposed
+from seatrial.trial.assembly import UNCOMMANDED
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -153,6 +154,8 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
     unlike = [
         f"trial {name}: {said}" for name, one in check.consistency.items() for said in one.contradictions
     ]
+    unlike += [f"trial {name}: {said}" for name, one in check.kinds.items() for said in one.impossible]
+    unlike += [text for severity, text in found if severity == "warning" and UNCOMMANDED in text]
     if (text := next((text for severity, text in found if severity == "error"), None)) is not None:
         return text, correct
     if unlike:

@@ -60,17 +60,22 @@ class KindOfData:
     windows: TrialWindows
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """What spoils the data, the worst first, with what to do about it."""
-        said = [
+    def impossible(self) -> tuple[str, ...]:
+        """Commands that no actuator of the vehicle follows."""
+        return tuple(
             f"command of {one.command} reaches {one.reached:g}, and its limit is {one.limit:g} (beyond it in"
             f" {100.0 * one.share:.0f} % of the samples); check the unit of the column and the limits in the"
             " vehicle file"
             for one in self.beyond
-        ]
-        said += [
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What spoils the data, the worst first, with what to do about it."""
+        held = [
             f"{one.sentence}. Leave this part out: split the trial or hold it out" for one in self.contacts
         ]
+        said = [*self.impossible, *held]
         dominated = [one.sentence for one in self.verdicts if one.dominated]
         return tuple(said + dominated + _loops(self.loops) + _waves(self.waves) + _saturated(self.saturated))
 

@@ -140,6 +140,9 @@ def _sure(samples: Array) -> Array:
 JUMPED = "the clock may have jumped"
 """What is said of a gap across which the motion goes on."""
 
+UNCOMMANDED = "no command from"
+"""What is said of commands that fall silent."""
+
 _ASIDE, _ONE_INTERVAL = 20, 5.0
 """Samples on either side of a gap that tell the speed; times the usual way that is still one interval's."""
 
@@ -329,7 +332,7 @@ def _silent(signals: Mapping[str, Signal], t: Array, report: RecordingReport) ->
         report.add(
             "warning",
             "commands",
-            f"{names}: no command from {said}{more}, otherwise one every {usual:.2g} s; all channels are"
+            f"{names}: {UNCOMMANDED} {said}{more}, otherwise one every {usual:.2g} s; all channels are"
             " masked there. If a command was held there, add rows with its value to the log",
         )
     return silent
