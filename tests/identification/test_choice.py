@@ -176,7 +176,7 @@ def test_gains_with_a_prior_leave_a_joint_estimate_that_predicts_worse_with_them
     campaign = Campaign.from_toml(HELD_OUT + GAINS, source="made.toml", trials=recordings(waves=False))
     fit = identify(campaign, threads=2)
     assert not [row.name for row in fit.coefficients if row.name.endswith(".gain")]
-    assert any(note.startswith("SbU.gain, SbL.gain, PU.gain, PL.gain keep") for note in fit.notes)
+    assert any(note.startswith("SbU.gain, SbL.gain, PU.gain, PL.gain stay at") for note in fit.notes)
     assert any("(R2 r 0.90 to 0.80 when freed)" in note for note in fit.notes)
 
 
