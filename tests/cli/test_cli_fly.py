@@ -200,10 +200,7 @@ def test_the_flight_of_the_verb_is_that_of_the_function() -> None:
         (["cwolf", "cwolf", "out.toml", "--outage", "position"], "expected GROUP@FROM-UNTIL"),
         (["cwolf", "cwolf", "out.toml", "--outage", "position@a-b"], "times in s as FROM-UNTIL"),
         (["cwolf", "cwolf", "out.toml", "--outage", "velocty@5"], 'did you mean "velocity"'),
-        (
-            ["cwolf", "cwolf", "out.toml", "--current", "nan", "0", "0"],
-            "--current: expected a finite number",
-        ),
+        (["cwolf", "cwolf", "out.toml", "--current", "nan", "0", "0"], "--current: expected a finite number"),
         (["cwolf", "cwolf", "out.toml", "--turbulence", "7"], "turbulence: expected a standard deviation"),
         (["cwolf", "cwolf", "out.toml", "--seabed", "1"], "seabed: expected the start"),
         (["cwolf", "cwolf", "out.toml", "--sensors", "none.toml"], "none.toml"),
