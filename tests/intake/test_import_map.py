@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 
 import seatrial as st
+from seatrial.base.frames import LocalFrame
 from seatrial.intake.consistency_result import Correction
 from seatrial.intake.map_file import MapClock, MapFile, MapTrial, load_map, parse_map
 from tests.docs.pages import ROOT
@@ -127,6 +128,27 @@ def test_pressure_becomes_depth_and_fixes_become_metres(tmp_path: Path) -> None:
     # A degree of latitude at 63.4 deg is 111.48 km, of longitude 50.0 km (WGS 84).
     assert trial.channel("x")[-1] == pytest.approx(111_480.0 * 1e-6 * trial.t[-1], rel=1e-3)
     assert trial.channel("y")[-1] == pytest.approx(50_030.0 * 2e-6 * trial.t[-1], rel=2e-3)
+
+
+@pytest.mark.parametrize(("start", "step"), [((60.0, 5.0), (2e-3, 4e-3)), ((0.0, 179.9), (1e-4, 4e-3))])
+def test_law_logs_and_missions_share_one_projection(
+    tmp_path: Path, start: tuple[float, float], step: tuple[float, float]
+) -> None:
+    """Metres of a log are those of a mission: 14 km from the first fix, and across the antimeridian."""
+    t = np.arange(0.0, 60.0, 0.1)
+    latitude, longitude = start[0] + step[0] * t, start[1] + step[1] * t
+    path = _log(tmp_path, lat=latitude, lon=(longitude + 180.0) % 360.0 - 180.0)
+    (tmp_path / "map.toml").write_text(
+        'format = 1\n[columns]\nyaw_deg = "nav.heading"\n'
+        'x_m = { from = "nav.lat", convert = "latitude" }\n'
+        'y_m = { from = "nav.lon", convert = "longitude" }\n'
+    )
+    trial = st.import_logs(path, map=tmp_path / "map.toml").trials[0].trial
+    places = np.column_stack([np.interp(trial.t, t, latitude), np.interp(trial.t, t, longitude)])
+    expected = LocalFrame(*start).metres(places)
+    # 1 cm: the trial's time base interpolates between fixes.
+    np.testing.assert_allclose(trial.channel("x"), expected[:, 0], atol=0.01)
+    np.testing.assert_allclose(trial.channel("y"), expected[:, 1], atol=0.01)
 
 
 def test_clock_of_the_map_moves_its_file(tmp_path: Path) -> None:

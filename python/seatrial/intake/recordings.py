@@ -17,6 +17,7 @@ from seatrial.base import units
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.file_names import file_name, free_name
+from seatrial.base.frames import LocalFrame
 from seatrial.intake.map_file import Column, ImportMap, MapTrial
 from seatrial.intake.survey import SurveyedLog, chosen
 from seatrial.logs.formats import open_log
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MANY", "Recorded", "Recording", "proposed_columns", "rate_of_long", "recordings", "table_of"]
 
-_EARTH_M, _FLATTENING = 6_378_137.0, 1.0 / 298.257223563  # WGS 84
 
 _SURFACE_PA = (8e4, 1.1e5)  # pressures of the air at the surface
 
@@ -154,6 +154,8 @@ def table_of(
     TrialError
         None of the columns is in its logs, or their times do not meet.
     """
+    import polars as pl
+
     logs = [open_log(log.path) for log in recording.logs]
     found: dict[str, tuple[Wanted, Log]] = {}
     absent = []
@@ -175,13 +177,21 @@ def table_of(
     notes += [f"{log.path.name}: {note}" for log in logs for note in log.notes]
     plain = {c for c, (w, _) in found.items() if wanted.columns[c].source in (w.name, f"{w.name}/{w.per}")}
     columns: dict[str, dict[str, Any]] = {}
+    fixes: dict[str, tuple[str, Array]] = {}  # latitude and longitude: canonical column, values in degrees
     for canonical, (field, log) in found.items():
         column = wanted.columns[canonical]
         name = field.column
+        if column.convert == "pressure":
+            pressure = _numbers(table[name]) * units.factor(
+                column.unit or "Pa", ("Pa",), f"{log.path}: {canonical}"
+            )
+            table = table.with_columns(pl.Series(canonical, _depth(pressure, notes), nan_to_null=True))
+            continue
         if column.convert:
-            latitude = _latitude(table, wanted.columns.get("x_m"), found.get("x_m"))
-            table = table.with_columns(
-                _converted(table[name], column, canonical, notes, latitude, f"{log.path}: {canonical}")
+            fixes[column.convert] = (
+                canonical,
+                _numbers(table[name])
+                * units.factor(column.unit or "deg", ("deg",), f"{log.path}: {canonical}"),
             )
             continue
         if canonical in plain:
@@ -189,6 +199,13 @@ def table_of(
             if name not in table.columns:
                 table = table.with_columns(table[field.column].alias(name))
         columns[canonical] = column.entry(name)
+    if fixes:
+        if "latitude" not in fixes:
+            raise TrialError(
+                f"{wanted.source}: {fixes['longitude'][0]}: no latitude is known from which metres count;"
+                " map x_m with convert, too"
+            )
+        table = table.with_columns(_metres(_numbers(table["t_s"]), fixes, notes))
     kept = ["t_s", *dict.fromkeys(entry["from"] for entry in columns.values())]
     kept += [c for c in found if wanted.columns[c].convert]
     table = table.select(kept)
@@ -256,40 +273,8 @@ def _events(
     return sorted(found)
 
 
-def _latitude(table: pl.DataFrame, column: Column | None, found: tuple[Wanted, Log] | None) -> float | None:
-    """Latitude of the first fix, rad; None where no latitude is mapped or known."""
-    if column is None or found is None or column.convert != "latitude":
-        return None
-    values = _numbers(table[found[0].column]) * units.factor(column.unit or "deg", ("rad",), "latitude")
-    known = values[np.isfinite(values) & (values != 0.0)]
-    return float(known[0]) if len(known) else None
-
-
 def _numbers(cells: pl.Series) -> Array:
     return np.asarray(cells.cast(float).fill_null(float("nan")).to_numpy())
-
-
-def _converted(
-    cells: pl.Series, column: Column, canonical: str, notes: list[str], latitude: float | None, where: str
-) -> pl.Series:
-    """Cells of a column in metres; empty cells stay empty.
-
-    Raises
-    ------
-    TrialError
-        A longitude without a latitude.
-    """
-    import polars as pl
-
-    values = _numbers(cells)
-    if column.convert == "pressure":
-        metres = _depth(values * units.factor(column.unit or "Pa", ("Pa",), where), notes)
-    elif latitude is None:
-        raise TrialError(f"{where}: no latitude is known from which metres count; map x_m with convert, too")
-    else:
-        angle = values * units.factor(column.unit or "deg", ("rad",), where)
-        metres = _metres(angle, column.convert, latitude, notes)
-    return pl.Series(canonical, metres, nan_to_null=True)
 
 
 def _depth(pressure: Array, notes: list[str]) -> Array:
@@ -302,15 +287,39 @@ def _depth(pressure: Array, notes: list[str]) -> Array:
     return np.asarray((pressure - surface) / (_WATER_KG_M3 * _GRAVITY_M_S2))
 
 
-def _metres(angle: Array, convert: str, latitude: float, notes: list[str]) -> Array:
-    """North or east in m of latitudes or longitudes in rad, from the first fix on the ellipsoid WGS 84."""
-    angle = np.where(angle == 0.0, np.nan, angle)  # a receiver without a fix writes zeros
-    known = angle[np.isfinite(angle)]
-    squared = _FLATTENING * (2.0 - _FLATTENING)
-    bow = 1.0 - squared * np.sin(latitude) ** 2
-    if convert == "latitude":
-        notes.append("north and east from latitude and longitude: metres from the first fix")
-        radius = _EARTH_M * (1.0 - squared) / bow**1.5
+def _metres(t: Array, fixes: Mapping[str, tuple[str, Array]], notes: list[str]) -> list[pl.Series]:
+    """North and east in m of fixes in degrees, from the first fix, in the projection that missions use.
+
+    Latitude and longitude need not share their stamps: where one is sampled, the other is interpolated. Empty
+    cells stay empty.
+    """
+    import polars as pl
+
+    latitude = fixes["latitude"][1]
+    longitude = fixes["longitude"][1] if "longitude" in fixes else None
+    if longitude is None:
+        latitude = np.where(latitude == 0.0, np.nan, latitude)  # a receiver without a fix writes zeros
+        both = np.stack([latitude, np.zeros_like(latitude)], axis=-1)
     else:
-        radius = _EARTH_M / np.sqrt(bow) * np.cos(latitude)
-    return np.asarray((angle - (known[0] if len(known) else 0.0)) * radius)
+        nowhere = (latitude == 0.0) & (longitude == 0.0)
+        both = np.stack([np.where(nowhere, np.nan, latitude), np.where(nowhere, np.nan, longitude)], axis=-1)
+    sampled = np.isfinite(both)
+    both[sampled[:, 1], 1] = np.unwrap(both[sampled[:, 1], 1], period=360.0)
+    for column in both.T:
+        known = np.isfinite(column)
+        if known.any():
+            column[~known] = np.interp(t[~known], t[known], column[known])
+    if not sampled.any(axis=0).all():
+        metres = np.full_like(both, np.nan)
+    else:
+        origin = both[np.argmax(sampled.any(axis=1))]
+        metres = np.where(sampled, LocalFrame(*origin).metres(both), np.nan)
+        place = f"latitude {origin[0]:.7f}" + (
+            "" if longitude is None else f", longitude {origin[1]:.7f} deg"
+        )
+        notes.append(f"north and east from latitude and longitude: metres from the first fix, {place}")
+    return [
+        pl.Series(fixes[kind][0], metres[:, axis], nan_to_null=True)
+        for axis, kind in enumerate(("latitude", "longitude"))
+        if kind in fixes
+    ]
