@@ -334,3 +334,30 @@ def test_navigation_by_sensors_is_as_before_and_other_words_are_refused() -> Non
     assert filtered.metrics["navigation_nis"] < 1.0
     with pytest.raises(SimulationError, match='expected "sensors", "filter"'):
         st.fly("cwolf", "cwolf", mission, navigation="kalman")
+
+
+def test_a_filter_knows_that_other_coefficients_than_its_own_fly() -> None:
+    """With the model named or not, the filter of drawn coefficients trusts its model less."""
+    vehicle = st.Vehicle.load("cwolf")
+    lighter = {"X_uu": vehicle.coefficients()["X_uu"] * np.array([0.85, 1.15])}
+    nominal = {"X_uu": np.full(2, vehicle.coefficients()["X_uu"])}
+
+    def estimates(**options: Any) -> st.Flights:
+        return st.fly_batch(
+            vehicle,
+            "cwolf",
+            st.Mission.from_toml(MISSION),
+            sensors="typical",
+            navigation="filter",
+            seeds=[1, 2],
+            max_time_s=10.0,
+            logs=True,
+            **options,
+        )
+
+    unnamed = estimates(coefficients=lighter)
+    np.testing.assert_array_equal(unnamed.log(0), estimates(coefficients=lighter, model=vehicle).log(0))
+    # Coefficients that are the model's own leave it exact.
+    exact = estimates()
+    np.testing.assert_array_equal(estimates(coefficients=nominal).log(0), exact.log(0))
+    assert np.any(estimates(model=vehicle).log(0) != exact.log(0))

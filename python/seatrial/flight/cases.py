@@ -318,6 +318,7 @@ class Cases:
             current_trend=_triple(trend) if trend.ndim == 1 else (0.0, 0.0, 0.0),
             current_walk=_triple(walk) if walk.ndim == 1 else (0.0, 0.0, 0.0),
             waves=None if seas_differ else seas[0],
+            varied=_differs(flown[0], changed[0]),
             faults=() if faults_differ else failing,
             outages=() if outages_differ else silent,
             seed=checked_seed(listed[0]),
@@ -421,6 +422,12 @@ class Cases:
         )
 
 
+def _differs(vehicle: Vehicle, coefficients: Mapping[str, Array]) -> bool:
+    """Whether any case flies with a coefficient other than the vehicle's."""
+    nominal = vehicle.coefficients()
+    return any(bool(np.any(values != nominal.get(name))) for name, values in coefficients.items())
+
+
 def _count(lengths: Mapping[str, int]) -> int:
     """Number of cases, from the lengths of what is given per case."""
     k = max(lengths.values(), default=1)
@@ -447,6 +454,7 @@ def _circumstances(
     outages: tuple[Outage, ...],
     seed: int,
     logs: bool,
+    varied: bool,
     model: Vehicle | str | Path | None = None,
     sensors: Mapping[str, Sensor] | str | Path | None = None,
     turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S,
@@ -460,7 +468,10 @@ def _circumstances(
     rho: float | None = None,
     g: float | None = None,
 ) -> tuple[Circumstances, SensorChannels, Filter | None]:
-    """What all cases share, checked, and the sensors as the core takes them."""
+    """What all cases share, checked, and the sensors as the core takes them.
+
+    A navigation filter takes its model for exact only where no case flies with other coefficients (`varied`).
+    """
     vehicle, autopilot = flown
     until = longest(route, autopilot, max_time_s, logs=logs)
     checked_step(max_step_s, autopilot)
@@ -511,7 +522,7 @@ def _circumstances(
         landmarks=landmarks,
         waves=waves,
         gusts=gusts,
-        exact=model is None,
+        exact=model is None and not varied,
     )
     return around, channels, None if aboard is None else aboard.core
 

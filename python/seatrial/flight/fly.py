@@ -116,7 +116,8 @@ def fly(
     navigation : str or NavigationFilter, optional
         What the autopilot goes by: "sensors", what they show, or "filter", the estimate of a navigation
         filter on `model` with the sensors of the flight, told of turbulence and waves that all flights
-        share; or a filter of one's own settings.
+        share; or a filter of one's own settings. Its model counts as exact where neither `model` is given nor
+        other coefficients fly.
     max_step_s : float, optional
         Largest step of the integration, s.
     max_time_s : float, optional
