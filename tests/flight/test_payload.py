@@ -124,7 +124,10 @@ def test_a_stop_has_the_mean_of_its_samples(flown: st.Flight) -> None:
     assert flown.samples is not None
     stop, under_way = flown.samples.stops
     assert (stop.label, under_way.label) == ("downstream", UNDER_WAY)
-    table = flown.samples.table().filter(pl.col("stop") == "downstream", pl.col("t_s") >= stop.begin_s)
+    table = flown.samples.table().filter(pl.col("stop") == "downstream", pl.col("settled"))
+    table = table.filter(pl.col("t_s") >= stop.begin_s)
+    assert stop.sensors_settled
+    assert len(table) == stop.count
     for name in CHANNELS:
         assert stop.values[name].mean == pytest.approx(table[name].mean())
     nitrate = stop.values["nitrate_mg_l"]
@@ -181,3 +184,55 @@ def test_a_plume_needs_a_current() -> None:
 def test_a_wrong_payload_file_is_named(text: str, said: str) -> None:
     with pytest.raises(SimulationError, match=said):
         Payload.from_toml(text, "farm.toml")
+
+
+DEEP = """
+format = 1
+name = "deep stop"
+speed_m_s = 0.8
+acceptance_radius_m = 3.0
+[start]
+depth_m = 2.0
+[[legs]]
+north_m = 12.0
+east_m = 0.0
+depth_m = 2.0
+[[legs]]
+label = "deep"
+north_m = 18.0
+east_m = 0.0
+depth_m = 8.0
+hold_s = {hold_s}
+"""
+
+
+@pytest.mark.parametrize("hold_s", [4.0, 18.0, 60.0])
+def test_law_samples_of_a_stop_show_the_water_of_the_stop(hold_s: float) -> None:
+    """What a vehicle passes on its way down to a stop is left out, and counted."""
+    water = WATER.replace("salinity_per_m = 0.05", "salinity_per_m = 0.5\nnitrate_per_m = 0.1")
+    flight = st.fly(
+        "cwolf",
+        "cwolf",
+        st.Mission.from_toml(DEEP.format(hold_s=hold_s)),
+        payload=Payload.from_toml(water),
+        sensors="typical",
+        seed=2,
+    )
+    assert flight.samples is not None
+    stop = flight.samples.stops[0]
+    table = flight.samples.table().filter(pl.col("stop") == "deep")
+    assert stop.label == "deep"
+    assert stop.on_the_way > 5
+    assert stop.count + stop.on_the_way + stop.unsettled == len(table)
+    assert stop.sensors_settled == (hold_s == 60.0)
+    if hold_s == 4.0:
+        assert stop.count == 0
+        assert 'No sample counts at "deep"' in flight.summary()
+        return
+    # 0.25 m of depth: the offset of the gauge and what the loop still corrects.
+    np.testing.assert_allclose(table.filter(pl.col("settled"))["depth_m"], 8.0, atol=0.25)
+    if hold_s == 18.0:
+        assert "The sensors had not settled" in flight.summary()
+    else:
+        expected = 0.3 + 0.1 * 8.0
+        assert stop.values["nitrate_mg_l"].mean == pytest.approx(expected, abs=0.25 * 0.1 + 0.01)

@@ -279,10 +279,10 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
     part = slice(first, switched + 1)
     rows = np.zeros(switched + 1 - first, dtype=bool)
     rows[found - first] = True
-    distance = _distance(flight, k, flight.position[part], flight.altitude[part])
+    distance = distance_to_stop(flight, k, flight.position[part], flight.altitude[part])
     near = slice(first, 1 + _passed(flight, k, of_legs, switched))
     smallest, perceived = (
-        float(np.nanmin(_distance(flight, k, position[near], altitude[near])))
+        float(np.nanmin(distance_to_stop(flight, k, position[near], altitude[near])))
         for position, altitude in ((flight.position, flight.altitude), (told, flight.measured["altitude"]))
     )
     half = 0.5 * path.length(k)
@@ -348,7 +348,7 @@ def _never(path: Route, k: int) -> Leg:
     )
 
 
-def _distance(flight: FlightLog, k: int, position: Array, altitude: Array) -> Array:
+def distance_to_stop(flight: FlightLog, k: int, position: Array, altitude: Array) -> Array:
     """Distance to waypoint `k`, or to its circle, of rows (n, 3) with their altitude (n,), (n,), m."""
     stop = flight.route.stops[k]
     aside = np.hypot(*(position[:, :2] - stop.position[:2]).T)

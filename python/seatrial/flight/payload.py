@@ -23,6 +23,7 @@ from seatrial.base.errors import SimulationError
 from seatrial.base.report import Section as ReportSection
 from seatrial.base.report import Table
 from seatrial.base.toml_file import NotNegative, Number, Positive, Section, checked, tables, text_of
+from seatrial.flight.metrics import distance_to_stop
 from seatrial.flight.water import CHANNELS, SLOWEST_M_S, Plume, Profile, properties
 
 if TYPE_CHECKING:
@@ -176,20 +177,27 @@ class Value:
     deviation: float
 
     def text(self, decimals: int) -> str:
-        """Both with so many decimals."""
+        """Both with so many decimals, a dash where there are none."""
+        if math.isnan(self.mean):
+            return "–"
         return f"{self.mean:.{decimals}f} ± {self.deviation:.{decimals}f}"
 
 
 @dataclass(frozen=True)
 class StopSamples:
-    """Samples of one stop, from three response times after its begin on.
+    """Samples of one stop: those taken in the water that the stop is to sample.
 
     Attributes
     ----------
     label
         Of the stop; "under way" for all samples between stops.
     begin_s, end_s, count
-        Of the samples.
+        Of the samples; NaN, NaN and 0 where none counts.
+    on_the_way, unsettled
+        Samples that are left out: taken while the vehicle kept station but had not reached the stop, in three
+        dimensions, and after that before its depth and, where the stop lasts long enough, its sensors settled.
+    sensors_settled
+        Whether those that count begin three response times of the slowest sensor after the vehicle settled.
     position
         North, east, depth as the vehicle was told, m; the deviation is that of its navigation.
     values
@@ -200,6 +208,9 @@ class StopSamples:
     begin_s: float
     end_s: float
     count: int
+    on_the_way: int
+    unsettled: int
+    sensors_settled: bool
     position: tuple[Value, Value, Value]
     values: Mapping[str, Value]
 
@@ -207,16 +218,31 @@ class StopSamples:
         """As plain data."""
         places = zip(("north_m", "east_m", "depth_m"), self.position, strict=True)
         found = {**dict(places), **self.values}
-        numbers = {name: {"mean": one.mean, "deviation": one.deviation} for name, one in found.items()}
+        numbers = {name: {"mean": value.mean, "deviation": value.deviation} for name, value in found.items()}
         return {
             "label": self.label,
             "begin_s": self.begin_s,
             "end_s": self.end_s,
             "count": self.count,
+            "on_the_way": self.on_the_way,
+            "unsettled": self.unsettled,
+            "sensors_settled": self.sensors_settled,
         } | numbers
 
 
 UNDER_WAY = "under way"
+
+ON_THE_WAY, UNSETTLED, SETTLED = 0, 1, 2
+"""Phases of a stop: not reached yet; reached, but depth or sensors still change; samples of the stop."""
+
+RESPONSE_TIMES = 3.0
+"""Response times after which a first-order sensor shows 95 % of a change of the water."""
+
+STEADY_S = 6.0
+"""Time over which the depth is steady at a stop, s: about the period of usual waves, which average out."""
+
+STEADY_M = 0.1
+"""Largest difference of the mean depths in both halves of that time, m: three times a gauge's noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,6 +263,8 @@ class Samples:
         `CHANNELS` as measured, and of the water at the vehicle, (n, 4).
     stop
         Label of the stop at which each was taken, "" under way.
+    phase
+        What each is at its stop: `ON_THE_WAY`, `UNSETTLED` or `SETTLED`; `ON_THE_WAY` without a stop.
     """
 
     payload: Payload
@@ -247,13 +275,18 @@ class Samples:
     values: Array
     true: Array
     stop: tuple[str, ...]
+    phase: Rows
 
     def table(self) -> pl.DataFrame:
-        """A row per sample: time, stop, position and channels, each with its deviation, and the truth."""
+        """A row per sample: time, stop, whether it counts there, position, channels, deviations, truth."""
         import polars as pl
 
         instrument = np.hypot(self.payload.noise, self.payload.bias)
-        columns: dict[str, Any] = {"t_s": np.round(self.t, 9), "stop": list(self.stop)}
+        columns: dict[str, Any] = {
+            "t_s": np.round(self.t, 9),
+            "stop": list(self.stop),
+            "settled": self.phase == SETTLED,
+        }
         for k, name in enumerate(("north", "east", "depth")):
             columns |= {f"{name}_m": self.position[:, k], f"{name}_deviation_m": self.deviation[:, k]}
         for k, name in enumerate(CHANNELS):
@@ -267,39 +300,58 @@ class Samples:
         return {f"payload.{name}": found[:, k] for k, name in enumerate(CHANNELS)}
 
     @property
+    def settling_s(self) -> float:
+        """Time after which the slowest sensor shows the water at a stop, s."""
+        return RESPONSE_TIMES * float(self.payload.response_s.max())
+
+    @property
     def stops(self) -> tuple[StopSamples, ...]:
         """Samples of every stop in the order of the flight, and last those under way."""
         labels = np.array(self.stop)
-        settle = 3.0 * float(self.payload.response_s.max())
-        found = []
+        summaries = []
         for label in [*dict.fromkeys(name for name in self.stop if name), ""]:
-            rows = np.flatnonzero(labels == label)
-            if not len(rows):
-                continue
-            settled = rows[self.t[rows] >= self.t[rows[0]] + settle]
-            rows = settled if label and len(settled) > 1 else rows
-            found.append(self._summary(label or UNDER_WAY, rows))
-        return tuple(found)
+            at = labels == label
+            if np.any(at):
+                left_out = [int((at & (self.phase == phase)).sum()) for phase in (ON_THE_WAY, UNSETTLED)]
+                rows = np.flatnonzero(at & (self.phase == SETTLED)) if label else np.flatnonzero(at)
+                summaries.append(self._summary(label or UNDER_WAY, rows, *(left_out if label else (0, 0))))
+        return tuple(summaries)
 
-    def _summary(self, label: str, rows: Rows) -> StopSamples:
-        mean, spread = self.values[rows].mean(axis=0), self.values[rows].std(axis=0)
-        values = {name: Value(float(mean[k]), float(spread[k])) for k, name in enumerate(CHANNELS)}
-        place, off = self.position[rows].mean(axis=0), self.deviation[rows].mean(axis=0)
-        north, east, depth = (Value(float(place[k]), float(off[k])) for k in range(3))
-        return StopSamples(
-            label, float(self.t[rows[0]]), float(self.t[rows[-1]]), len(rows), (north, east, depth), values
-        )
+    def _summary(self, label: str, rows: Rows, on_the_way: int, unsettled: int) -> StopSamples:
+        later = rows[self.t[rows] >= self.t[rows[0]] + self.settling_s] if len(rows) else rows
+        sensors_settled = label == UNDER_WAY or len(later) > 1
+        if label != UNDER_WAY and sensors_settled:
+            unsettled += len(rows) - len(later)
+            rows = later
+        nothing = Value(math.nan, math.nan)
+        position, values, times = [nothing] * 3, dict.fromkeys(CHANNELS, nothing), (math.nan, math.nan)
+        if len(rows):
+            measured, places, off = self.values[rows], self.position[rows], self.deviation[rows]
+            position = [Value(float(places[:, k].mean()), float(off[:, k].mean())) for k in range(3)]
+            values = {
+                name: Value(float(measured[:, k].mean()), float(measured[:, k].std()))
+                for k, name in enumerate(CHANNELS)
+            }
+            times = float(self.t[rows[0]]), float(self.t[rows[-1]])
+        north, east, depth = position
+        place = north, east, depth
+        return StopSamples(label, *times, len(rows), on_the_way, unsettled, sensors_settled, place, values)
 
     def section(self) -> ReportSection:
         """Tables of the stops, and where the most nitrate was."""
         stops = self.stops
         places = Table.of(
             "Position of the samples, m; ± deviation of the navigation",
-            ("stop", "samples", "north", "east", "depth"),
+            ("stop", "samples", "left out", "north", "east", "depth"),
             [
-                (one.label, str(one.count), *(value.text(2) for value in one.position))
-                for one in stops
-                if one.label != UNDER_WAY
+                (
+                    stop.label,
+                    str(stop.count),
+                    str(stop.on_the_way + stop.unsettled),
+                    *(value.text(2) for value in stop.position),
+                )
+                for stop in stops
+                if stop.label != UNDER_WAY
             ],
         )
         values = Table.of(
@@ -311,7 +363,7 @@ class Samples:
         return ReportSection("Water samples", tuple(self.sentences()), tables=tables)
 
     def sentences(self) -> list[str]:
-        """The largest nitrate, and how far measured and true values are apart."""
+        """What is left out at stops, the largest nitrate, and how far measured and true values are apart."""
         if not len(self.t):
             return ["The payload took no sample."]
         top = int(np.argmax(self.values[:, 0]))
@@ -322,11 +374,37 @@ class Samples:
             for k, (name, unit) in enumerate(CHANNELS.items())
         )
         return [
+            *self._left_out(),
             f"{len(self.t)} samples; the most nitrate was {self.values[top, 0]:.2f} mg/L at"
             f" {self.t[top]:.0f} s, north {north:.1f} m, east {east:.1f} m, {depth:.1f} m deep, where the"
             f" background is {self.payload.water.at(np.array([depth]))[0, 0]:.2f} mg/L.",
             f"Measured and true water at the vehicle differ by {apart} rms: response, noise and offset.",
         ]
+
+    def _left_out(self) -> list[str]:
+        stops = [stop for stop in self.stops if stop.on_the_way + stop.unsettled]
+        if not stops:
+            return []
+        on_the_way, unsettled = (
+            sum(getattr(stop, name) for stop in stops) for name in ("on_the_way", "unsettled")
+        )
+        sentences = [
+            f"Samples at stops that do not count: {on_the_way} before the vehicle was within the acceptance"
+            f" radius, {unsettled} before depth and sensors had settled."
+        ]
+        empty = [stop.label for stop in stops if not stop.count]
+        if empty:
+            sentences.append(
+                f"No sample counts at {_some(empty)}: the vehicle was still diving; give a longer hold_s, or"
+                " first a waypoint at the depth of the stop."
+            )
+        lagging = [stop.label for stop in stops if stop.count and not stop.sensors_settled]
+        if lagging:
+            sentences.append(
+                f"The sensors had not settled at {_some(lagging)}: the slowest needs {self.settling_s:.3g} s"
+                " at the stop's depth; give a longer hold_s."
+            )
+        return sentences
 
     def to_dict(self) -> dict[str, Any]:
         """Stops as plain data; the samples are in the table."""
@@ -372,13 +450,7 @@ def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
     ])
     at = errors[:3]
     variance = at[:, 0] ** 2 + at[:, 1] ** 2 + at[:, 3] ** 2 / 12.0 + at[:, 2] ** 2 * flight.t[rows, None]
-    stops = flight.route.stops
-    labels = [
-        stops[leg].label if holding and stops[leg].task == "hold" else ""
-        for leg, holding in zip(
-            np.clip(flight.leg[rows], 0, len(stops) - 1), flight.holding[rows], strict=True
-        )
-    ]
+    labels, phase = _stops(flight, count)
     return Samples(
         payload,
         flight.t[rows],
@@ -387,8 +459,45 @@ def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
         np.sqrt(variance),
         follows[rows] + payload.bias + payload.noise * noise,
         water[rows],
-        tuple(labels),
+        tuple(labels[row] for row in rows),
+        phase[rows],
     )
+
+
+def _some(labels: Sequence[str]) -> str:
+    named = ", ".join(f'"{label}"' for label in labels[:3])
+    return named + (f" and {len(labels) - 3} more" if len(labels) > 3 else "")
+
+
+def _stops(flight: FlightLog, count: int) -> tuple[list[str], Rows]:
+    """Label of the stop at which the vehicle keeps station, "" elsewhere, and its phase, of `count` rows.
+
+    A stop is reached as a waypoint is: within its acceptance radius in three dimensions, as the vehicle was
+    told. Guidance keeps station as soon as the vehicle is near in the plane, and dives from there. A row is
+    settled where the vehicle has been at the stop for `STEADY_S` and its depth has not drifted.
+    """
+    stops = flight.route.stops
+    leg = np.clip(flight.leg[:count], 0, len(stops) - 1)
+    told = np.column_stack([
+        _held(flight.measured[name][:count], flight.position[0, k]) for k, name in enumerate("xyz")
+    ])
+    altitude = _held(flight.measured["altitude"][:count], math.inf)
+    half = max(1, round(0.5 * STEADY_S / flight.period_s))
+    depth = np.concatenate([[0.0], np.cumsum(told[:, 2])])
+    drift = np.full(count, np.inf)
+    drift[2 * half - 1 :] = np.abs(depth[2 * half :] - 2.0 * depth[half:-half] + depth[: -2 * half]) / half
+    labels, phase = [""] * count, np.full(count, ON_THE_WAY)
+    for k, stop in enumerate(stops):
+        rows = np.flatnonzero((leg == k) & flight.holding[:count])
+        if stop.task != "hold" or not len(rows):
+            continue
+        inside = distance_to_stop(flight, k, told[rows], altitude[rows]) <= stop.acceptance
+        for row in rows:
+            labels[row] = stop.label
+        phase[rows[np.cumsum(inside) > 0]] = UNSETTLED
+        last_outside = np.maximum.accumulate(np.where(inside, rows[0] - 1, rows))
+        phase[rows[(rows - last_outside > 2 * half) & (drift[rows] <= STEADY_M)]] = SETTLED
+    return labels, phase
 
 
 _STREAM = 0x9A710AD  # of the payload's noise, apart from those of the flight

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.errors import SimulationError
+from seatrial.flight.payload import SETTLED
 from seatrial.flight.water import CHANNELS, properties
 from seatrial.report.plot.style import FAINT, MEASURED, RESIDUAL, SHADE, SIMULATED, house_style, new_figure
 from seatrial.report.plot.track import extent
@@ -60,7 +61,7 @@ def flight_samples(flight: Flight) -> Figure:
             _course(axes, samples, stops, k)
             axes.set_ylabel(f"{_NAMES[name]},\n{unit}")
             axes.tick_params(labelbottom=k == len(CHANNELS) - 1)
-        axes.set_xlabel("time, s; shaded: at a stop")
+        axes.set_xlabel("time, s; shaded: samples of a stop")
         figure.suptitle(f"{flight.vehicle.name}: {flight.mission.name}", x=0.01, ha="left", fontweight="bold")
     return figure
 
@@ -81,6 +82,8 @@ def _plan(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples]
         zorder=3,
     )
     for one in stops:
+        if not one.count:
+            continue
         north, east = one.position[0], one.position[1]
         radius = 2.0 * max(north.deviation, east.deviation)
         axes.add_patch(Circle((east.mean, north.mean), radius, fill=False, color=MEASURED, zorder=4))
@@ -133,7 +136,9 @@ def _course(axes: Axes, samples: Samples, stops: list[StopSamples], k: int) -> N
     """A channel over time: measured, its two deviations, and the true water."""
     labels = np.array(samples.stop)
     for one in stops:
-        at = samples.t[labels == one.label]
+        at = samples.t[(labels == one.label) & (samples.phase == SETTLED)]
+        if not len(at):
+            continue
         axes.axvspan(float(at[0]), float(at[-1]), color=SHADE, linewidth=0.0, zorder=0)
     deviation = 2.0 * float(np.hypot(samples.payload.noise[k], samples.payload.bias[k]))
     y = samples.values[:, k]
