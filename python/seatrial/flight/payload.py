@@ -195,7 +195,7 @@ class StopSamples:
         Of the samples; NaN, NaN and 0 where none counts.
     on_the_way, unsettled
         Samples that are left out: taken while the vehicle kept station but had not reached the stop, in three
-        dimensions, and after that before its depth and, where the stop lasts long enough, its sensors settled.
+        dimensions, and after that before its depth and, where the stop is long enough, its sensors settled.
     sensors_settled
         Whether those that count begin three response times of the slowest sensor after the vehicle settled.
     position
