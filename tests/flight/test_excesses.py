@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seatrial.flight.excesses import counted, unkept
+from seatrial.flight.excesses import excesses, sentences, unkept
 
 
 def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
@@ -50,9 +50,9 @@ def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
     ],
 )
 def test_each_kind_tells_how_many_and_the_worst(changed: dict[str, tuple[float, ...]], words: str) -> None:
-    assert counted(_metrics(), 5.0, "abc".__getitem__, "flights") == []
-    (said,) = counted(_metrics(**changed), 5.0, "abc".__getitem__, "flights")
-    assert said.startswith(words)
+    assert excesses(_metrics(), 5.0) == []
+    (sentence,) = sentences(excesses(_metrics(**changed), 5.0), "abc".__getitem__, "flights")
+    assert sentence.startswith(words)
 
 
 def test_limits_of_depth_and_altitude_are_broken_beyond_the_ripple_of_a_loop() -> None:
@@ -65,8 +65,15 @@ def test_limits_of_depth_and_altitude_are_broken_beyond_the_ripple_of_a_loop() -
         "below the mission's least altitude": [False, True, False],
         "beyond the mission's largest depth": [False, True, True],
     }
-    said = counted(_metrics(**changed), 5.0, "abc".__getitem__, "flights", limits)
-    assert said[1:] == [
+    found = excesses(_metrics(**changed), 5.0, **limits)
+    assert sentences(found, "abc".__getitem__, "flights")[1:] == [
         "1 of 3 flights came below the mission's least altitude of 0.1 m, the worst is b: 0.02 m",
         "2 of 3 flights went beyond the mission's largest depth of 8 m, the worst is b: 9.50 m",
     ]
+
+
+def test_an_incomplete_flight_and_an_empty_battery_are_excesses() -> None:
+    metrics = _metrics() | {"energy_wh": np.array([10.0, 90.0, 95.0])}
+    found = excesses(metrics, 5.0, complete=np.array([True, False, True]), battery_wh=80.0)
+    assert [(one.kind, one.count, one.worst) for one in found] == [("not_complete", 1, 1), ("battery", 2, 2)]
+    assert found[1].to_dict()["share"] == pytest.approx(2 / 3)

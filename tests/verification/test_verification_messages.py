@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import seatrial as st
+from seatrial.statistics.proportions import share
 from seatrial.verification.campaign import VerifiedCampaign, verified_campaign
 from seatrial.verification.verification import Verification
 from seatrial.verification.verify import verify
@@ -180,3 +181,24 @@ def test_the_first_lines_tell_who_came_too_near_or_left_the_water(tmp_path: Path
     assert f"{count} of 4 missions came too near to an obstacle" in hit
     assert re.search(r"the worst is mission \d: \d\.\d\d m inside at \d+\.\d s", hit)
     assert "too near" not in flown(tmp_path, easy).report().worst
+
+
+def test_held_says_its_reservations_in_every_form(tmp_path: Path) -> None:
+    """What no requirement decides on stands in the outcome, in JSON and in JUnit; the exit code stays 0."""
+    asked = '[[verification.requirements]]\nname = "ends"\nholds = "duration_s < 1e4"\nprobability = 0.05\n'
+    pile = "obstacles = { north_m = 30.0, east_m = 1.0, radius_m = 2.0 }\n"
+    reserved = flown(tmp_path, pile + asked)
+    assert reserved.held
+    (one,) = (excess for excess in reserved.reservations if excess.kind == "too_near")
+    assert one.count == int((reserved.flown.metrics["clearance_m"] <= 0.0).sum()) > 0
+    first = reserved.report().lines()[0]
+    assert f": held, but {share(one.count / 4, 'up')} of the missions came too near to an obstacle" in first
+    assert reserved.to_dict()["outcome"] == "held"
+    assert reserved.to_dict()["reservations"][0]["kind"] == "too_near"
+    assert 'name="no requirement: came too near to an obstacle"' in reserved.junit()
+    assert 'failures="0"' in reserved.junit()
+    # A requirement on the same metric decides instead.
+    decided = flown(tmp_path, pile + asked.replace("duration_s < 1e4", "clearance_reserve_m > -9"))
+    assert decided.held
+    assert not [excess for excess in decided.reservations if excess.kind == "too_near"]
+    assert ": held. " in decided.report().lines()[0]

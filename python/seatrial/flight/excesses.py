@@ -11,21 +11,25 @@ Tests: ``tests/flight/test_excesses.py``, ``tests/verification/test_verification
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial.base.arrays import Mask
+from seatrial.base.arrays import Array, Mask
 from seatrial.flight.metrics import OFF_PROMISE
 
 __all__ = [
     "IN_THE_AIR_M",
+    "KINDS",
     "OFF_LIMIT_M",
     "STEEP_DEG",
-    "counted",
+    "Excess",
+    "excesses",
     "promise_counts",
+    "sentences",
     "too_deep",
     "too_low",
     "too_near",
@@ -57,9 +61,12 @@ def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
     return np.asarray((clear <= 0.0) | (reserve < -OFF_PROMISE * np.asarray(promised_m)))
 
 
+_ROUNDING_M = 1e-6
+
+
 def promise_counts(clear_m: float, reserve_m: float) -> bool:
     """Whether a promise was what came nearest to being broken, and not an obstacle that has none."""
-    return reserve_m < clear_m - 1e-6
+    return reserve_m < clear_m - _ROUNDING_M
 
 
 def touched(metrics: Mapping[str, Any]) -> Mask:
@@ -104,80 +111,218 @@ def unkept(metrics: Mapping[str, Any], promised_m: ArrayLike, limits: Mapping[st
     }
 
 
-def counted(
+@dataclass(frozen=True)
+class Excess:
+    """Flights of many that did what every user calls a failure, whatever is required of them.
+
+    Attributes
+    ----------
+    kind
+        Key of `KINDS`.
+    count, of
+        Flights that did, and flights in all.
+    worst
+        Place of the one that went farthest.
+    value, limit
+        What it came to, and the limit that it broke, in the unit of the kind; NaN where there is none.
+    at_s
+        When, s; NaN where it is not known.
+    """
+
+    kind: str
+    count: int
+    of: int
+    worst: int
+    value: float
+    limit: float
+    at_s: float
+
+    @property
+    def words(self) -> str:
+        """What the flights did."""
+        return KINDS[self.kind].words.format(limit=self.limit)
+
+    @property
+    def how_far(self) -> str:
+        """What the worst flight came to."""
+        return KINDS[self.kind].how_far(self.value, self.limit)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data; ``worst`` is the place of the flight among all."""
+        return {
+            "kind": self.kind,
+            "count": self.count,
+            "of": self.of,
+            "share": self.count / self.of,
+            "worst": self.worst,
+            "value": self.value,
+            "limit": self.limit,
+            "unit": KINDS[self.kind].unit,
+            "at_s": self.at_s,
+        }
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of excess.
+
+    Attributes
+    ----------
+    words, how_far
+        What flights of this kind did, and how far one went, of its value and limit.
+    unit
+        Of value and limit.
+    metrics
+        Metrics of which any is asked for where a requirement decides on this kind by itself.
+    time
+        Metric with the time at which it happened; empty where none is kept.
+    """
+
+    words: str
+    how_far: Callable[[float, float], str]
+    unit: str
+    metrics: tuple[str, ...]
+    time: str = ""
+
+
+def _clearance(value: float, limit: float) -> str:
+    where = f"{value:.2f} m away" if value > 0.0 else f"{-value:.2f} m inside"
+    return where + (f" (promised: {limit:g} m)" if limit > 0.0 else "")
+
+
+KINDS: Mapping[str, Kind] = {
+    "too_near": Kind(
+        "came too near to an obstacle", _clearance, "m", ("clearance_reserve_m",), "clearance_time_s"
+    ),
+    "bottom_touched": Kind(
+        "touched the bottom", lambda value, _: f"{-value:.2f} m below it", "m", ("altitude_smallest_m",)
+    ),
+    "too_low": Kind(
+        "came below the mission's least altitude of {limit:g} m",
+        lambda value, _: f"{value:.2f} m",
+        "m",
+        ("altitude_smallest_m",),
+    ),
+    "too_deep": Kind(
+        "went beyond the mission's largest depth of {limit:g} m",
+        lambda value, _: f"{value:.2f} m",
+        "m",
+        ("depth_largest_m",),
+    ),
+    "above_surface": Kind(
+        "rose above the surface",
+        lambda value, _: f"{-value:.1f} m high",
+        "m",
+        ("depth_smallest_m",),
+        "depth_smallest_time_s",
+    ),
+    "too_steep": Kind(
+        "pitched beyond {limit:g} deg",
+        lambda value, _: f"{value:.0f} deg",
+        "deg",
+        ("pitch_largest_deg",),
+        "pitch_time_s",
+    ),
+    "not_complete": Kind(
+        "did not end complete",
+        lambda *_: "the first of them",
+        "",
+        ("ending", "abort", "alert", "waypoints_behind"),
+    ),
+    "battery": Kind(
+        "used more energy than the battery of {limit:g} Wh holds",
+        lambda value, _: f"{value:.1f} Wh",
+        "Wh",
+        ("energy_wh",),
+    ),
+}
+"""Kinds of excess, the gravest first."""
+
+
+def excesses(
     metrics: Mapping[str, Any],
     promised_m: ArrayLike,
-    name: Callable[[int], str],
-    what: str = "missions",
-    limits: Mapping[str, float] | None = None,
-) -> list[str]:
-    """A sentence without a full stop for each kind of excess: how many flights, the worst one and when.
+    *,
+    max_depth_m: ArrayLike = math.inf,
+    min_altitude_m: ArrayLike = 0.0,
+    complete: ArrayLike = True,
+    battery_wh: float = math.inf,
+) -> list[Excess]:
+    """Excesses of flights, in the order of `KINDS`; none of a kind that no flight has.
 
     Parameters
     ----------
     metrics : mapping
         Metrics of flights by name, (k,) each.
-    promised_m : array_like
-        What the mission of each promises, m, (k,) or one number.
+    promised_m, max_depth_m, min_altitude_m : array_like
+        What the mission of each promises and allows, m, (k,) or one number.
+    complete : array_like of bool
+        Whether each flew its mission to the end, (k,).
+    battery_wh : float
+        Energy of a full battery, Wh; infinite where it is not known.
+    """
+    clear, altitude, shallowest, deepest, pitch, beyond = (
+        np.asarray(metrics[name], dtype=float)
+        for name in (
+            "clearance_m",
+            "altitude_smallest_m",
+            "depth_smallest_m",
+            "depth_largest_m",
+            "pitch_largest_deg",
+            "clearance_reserve_m",
+        )
+    )
+    energy = np.asarray(metrics.get("energy_wh", np.zeros_like(clear)), dtype=float)
+    promised = np.where(beyond < clear - _ROUNDING_M, np.asarray(promised_m, dtype=float), 0.0)
+    down = touched(metrics)
+    # By kind: which flights, the value that is told, what is smallest in the worst flight, and the limit.
+    kinds: dict[str, tuple[Mask, Array, Array, ArrayLike]] = {
+        "too_near": (too_near(metrics, promised_m), clear, beyond, promised),
+        "bottom_touched": (down, altitude, altitude, 0.0),
+        "too_low": (too_low(metrics, min_altitude_m) & ~down, altitude, altitude, min_altitude_m),
+        "too_deep": (too_deep(metrics, max_depth_m), deepest, -deepest, max_depth_m),
+        "above_surface": (shallowest < -IN_THE_AIR_M, shallowest, shallowest, 0.0),
+        "too_steep": (pitch > STEEP_DEG, pitch, -pitch, STEEP_DEG),
+        "not_complete": (
+            np.broadcast_to(~np.asarray(complete, dtype=bool), clear.shape),
+            np.full_like(clear, math.nan),
+            np.arange(len(clear), dtype=float),
+            math.nan,
+        ),
+        "battery": (energy > battery_wh, energy, -energy, battery_wh),
+    }
+    found = []
+    for kind, (mask, value, least, limit) in kinds.items():
+        if mask.any():
+            k = int(np.argmin(np.where(mask, least, math.inf)))
+            when = KINDS[kind].time
+            found.append(
+                Excess(
+                    kind,
+                    int(mask.sum()),
+                    len(mask),
+                    k,
+                    float(value[k]),
+                    float(np.broadcast_to(limit, mask.shape)[k]),
+                    float(metrics[when][k]) if when else math.nan,
+                )
+            )
+    return found
+
+
+def sentences(found: Sequence[Excess], name: Callable[[int], str], what: str = "missions") -> list[str]:
+    """A sentence without a full stop for each excess: how many flights, the worst one and when.
+
+    Parameters
+    ----------
+    found : sequence of Excess
     name : callable
         What the flight of a place is called, such as "mission 7".
     what : str
         What several flights are called.
-    limits : mapping of str to float, optional
-        ``max_depth_m`` and ``min_altitude_m`` of their mission; what is beyond them is not told without.
     """
-    deepest, lowest = (limits["max_depth_m"], limits["min_altitude_m"]) if limits else (math.inf, 0.0)
-    clear, altitude, depth, pitch = (
-        np.asarray(metrics[name], dtype=float)
-        for name in ("clearance_m", "altitude_smallest_m", "depth_smallest_m", "pitch_largest_deg")
-    )
-    down = np.asarray(metrics["depth_largest_m"], dtype=float)
-    promised = np.broadcast_to(np.asarray(promised_m, dtype=float), clear.shape)
-    kept = np.asarray(metrics["clearance_reserve_m"], dtype=float)
-
-    def nearness(k: int) -> str:
-        asked = f" (promised: {promised[k]:g} m)" if promise_counts(clear[k], kept[k]) else ""
-        where = f"{clear[k]:.2f} m away" if clear[k] > 0.0 else f"{-clear[k]:.2f} m inside"
-        return where + asked
-
-    kinds: tuple[tuple[str, Mask, Any, Callable[[int], str], str], ...] = (
-        ("came too near to an obstacle", too_near(metrics, promised), kept, nearness, "clearance_time_s"),
-        ("touched the bottom", touched(metrics), altitude, lambda k: f"{-altitude[k]:.2f} m below it", ""),
-        (
-            f"came below the mission's least altitude of {lowest:g} m",
-            too_low(metrics, lowest) & ~touched(metrics),
-            altitude,
-            lambda k: f"{altitude[k]:.2f} m",
-            "",
-        ),
-        (
-            f"went beyond the mission's largest depth of {deepest:g} m",
-            too_deep(metrics, deepest),
-            -down,
-            lambda k: f"{down[k]:.2f} m",
-            "",
-        ),
-        (
-            "rose above the surface",
-            depth < -IN_THE_AIR_M,
-            depth,
-            lambda k: f"{-depth[k]:.1f} m high",
-            "depth_smallest_time_s",
-        ),
-        (
-            f"pitched beyond {STEEP_DEG:g} deg",
-            pitch > STEEP_DEG,
-            -pitch,
-            lambda k: f"{pitch[k]:.0f} deg",
-            "pitch_time_s",
-        ),
-    )
-    found = []
-    for words, mask, least, how_far, when in kinds:
-        if mask.any():
-            k = int(np.argmin(np.where(mask, least, math.inf)))
-            found.append(
-                f"{int(mask.sum())} of {len(mask)} {what} {words}, the worst is {name(k)}:"
-                f" {how_far(k)}{f' at {float(metrics[when][k]):.1f} s' if when else ''}"
-            )
-    return found
+    return [
+        f"{excess.count} of {excess.of} {what} {excess.words}, the worst is {name(excess.worst)}:"
+        f" {excess.how_far}{'' if math.isnan(excess.at_s) else f' at {excess.at_s:.1f} s'}"
+        for excess in found
+    ]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.report import Section
 from seatrial.base.toml_file import loaded
-from seatrial.flight.excesses import counted, unkept
+from seatrial.flight.excesses import excesses, sentences, unkept
 from seatrial.flight.metrics import CODED, ending_of, metrics_of
 from seatrial.flight.mission import Mission
 from seatrial.flight.tables import spread_table
@@ -126,5 +126,16 @@ def fly_seeds(
         too_near=which(near),
         touched=which(down),
         off_limits=which(low | deep),
-        excesses=tuple(counted(metrics, promised, lambda k: f"seed {seeds[k]}", "flights", limits)),
+        excesses=tuple(
+            sentences(
+                excesses(
+                    metrics,
+                    promised,
+                    max_depth_m=limits["max_depth_m"],
+                    min_altitude_m=limits["min_altitude_m"],
+                ),
+                lambda k: f"seed {seeds[k]}",
+                "flights",
+            )
+        ),
     )

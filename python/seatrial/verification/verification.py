@@ -6,19 +6,20 @@ Tests: ``tests/verification/test_verify.py``, ``tests/cli/test_cli_verify.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial.base.arrays import Array
 from seatrial.base.chunks import RECORDS
 from seatrial.base.file_names import file_name, free_name
-from seatrial.base.report import Report, Section, Table, appended
+from seatrial.base.report import Report, Section, Table, appended, listed
 from seatrial.base.run import Content, RunResult, to_json
-from seatrial.flight.excesses import counted
+from seatrial.flight.excesses import KINDS, Excess, excesses, sentences
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import share
 from seatrial.verification.comparison import AutopilotComparison
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
     from seatrial.campaign.campaign import Campaign
     from seatrial.flight.flight import Flight
+    from seatrial.flight.mission import Mission
 
 __all__ = ["WITHOUT_FILE", "Verification", "input_files", "reserve"]
 
@@ -99,6 +101,32 @@ class Verification(RunResult):
         """Whether every requirement is held."""
         return self.outcome == "held"
 
+    @cached_property
+    def excesses(self) -> tuple[Excess, ...]:
+        """What every user would call a failure of a mission, required or not."""
+        flown = self.flown
+        missions = self.flights.missions
+
+        def of_each(value: Callable[[Mission], float]) -> Array:
+            return np.array([value(mission) for mission in missions])[flown.mission]
+
+        return tuple(
+            excesses(
+                flown.metrics,
+                of_each(lambda mission: mission.promised_m),
+                max_depth_m=of_each(lambda mission: mission.limits["max_depth_m"]),
+                min_altitude_m=of_each(lambda mission: mission.limits["min_altitude_m"]),
+                complete=flown.metrics["ending"] == "complete",
+                battery_wh=self.flights.fitted.vehicle.power().get("battery_wh", math.inf),
+            )
+        )
+
+    @property
+    def reservations(self) -> tuple[Excess, ...]:
+        """Excesses on which no requirement decides: with them, "held" is said with a reservation."""
+        asked = {name for one in self.requirements for name in one.requirement.metrics}
+        return tuple(excess for excess in self.excesses if not asked & set(KINDS[excess.kind].metrics))
+
     def requirement(self, name: str) -> JudgedRequirement:
         """The requirement with a name.
 
@@ -143,6 +171,12 @@ class Verification(RunResult):
         return {
             "campaign": self.campaign.name,
             "outcome": self.outcome,
+            "reservations": [
+                excess.to_dict() | {"worst": int(self.flown.numbers[excess.worst]), "sentence": sentence}
+                for excess, sentence in zip(
+                    self.reservations, _sentences(self, self.reservations), strict=True
+                )
+            ],
             "interrupted": self.interrupted,
             "missions": {"asked": self.asked, "flown": len(self.flown), "of": list(self.flights.titles)},
             "vehicle": self.flights.fitted.vehicle.name,
@@ -197,11 +231,13 @@ WITHOUT_FILE = "verify"
 def report(found: Verification) -> Report:
     """Three lines, requirements, worst missions, comparison; causes, notes."""
     worst, next_step = _worst(found)
-    if beyond := _excesses(found):
-        worst = "; ".join(beyond if found.outcome == "held" and not found.interrupted else (worst, *beyond))
-        if found.outcome == "held" and not found.interrupted:
+    held = found.outcome == "held" and not found.interrupted
+    if beyond := _sentences(found, found.reservations if held else found.excesses):
+        worst = "; ".join(beyond if held else (worst, *beyond))
+        if held:
             next_step = (
-                f"fly the worst one again to see where ({_again(found)}), then change mission or autopilot"
+                f"fly the worst one again to see where ({_again(found)}), then change mission or autopilot,"
+                " or state in a requirement how often it may happen"
             )
     worst, next_step = found.flights.doubting(worst, next_step)
     comparison = () if found.comparison is None else (*_against(found.comparison), _medians(found.comparison))
@@ -219,7 +255,7 @@ def report(found: Verification) -> Report:
     tables = (_requirement_table(found), _mission_table(found), _worst_table(found), *comparison)
     return Report(
         title=found.campaign.name,
-        outcome=found.outcome + (" (interrupted)" if found.interrupted else ""),
+        outcome=_outcome(found),
         good=_how_good(found),
         worst=worst,
         next_step=next_step,
@@ -317,17 +353,25 @@ def _again(found: Verification) -> str:
     return f"seatrial verify {found.campaign.source} --replay NUMBER"
 
 
-def _excesses(found: Verification) -> list[str]:
-    """Missions that came too near, rose above the surface or pitched beyond reason, whatever is required."""
-    flown = found.flown
-    promised = np.array([one.promised_m for one in found.flights.missions])[flown.mission]
-    titles = found.flights.titles
+def _outcome(found: Verification) -> str:
+    """The outcome, with the shares of missions that failed where nothing is required."""
+    reserved = [
+        f"{share(one.count / one.of, 'up')} of the missions {one.words}" for one in found.reservations
+    ]
+    if found.outcome == "held" and reserved:
+        return f"held, but {listed(reserved)}" + (" (interrupted)" if found.interrupted else "")
+    return found.outcome + (" (interrupted)" if found.interrupted else "")
+
+
+def _sentences(found: Verification, several: Sequence[Excess]) -> list[str]:
+    """A sentence for each excess: how many missions, the worst one and when."""
+    flown, titles = found.flown, found.flights.titles
 
     def name(row: int) -> str:
         of = f" ({titles[flown.mission[row]]})" if len(titles) > 1 else ""
         return f"mission {flown.numbers[row]}{of}"
 
-    return counted(flown.metrics, promised, name)
+    return sentences(several, name)
 
 
 def _requirement_table(found: Verification) -> Table:
@@ -484,9 +528,6 @@ def _number(value: float, decimals: int) -> str:
     return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else ""
 
 
-"""Letters: those of some scripts take four of the 255 bytes that file systems give a name."""
-
-
 def junit(found: Verification) -> str:
     """JUnit XML with a case per requirement."""
     titles = found.flights.titles
@@ -509,6 +550,16 @@ def junit(found: Verification) -> str:
         JUnitCase(one.mission, f"case {one.name}", "held" if one.held else "failed", message=_of_case(one))
         for one in found.cases
     ]
+    reserved = _sentences(found, found.reservations)
+    outcomes += [
+        JUnitCase(
+            mission,
+            f"no requirement: {KINDS[excess.kind].words}".format(limit=excess.limit),
+            "held",
+            message=sentence,
+        )
+        for excess, sentence in zip(found.reservations, reserved, strict=True)
+    ]
     rests_on = {
         "seed": found.flights.seed,
         "missions": len(found.flown),
@@ -517,6 +568,7 @@ def junit(found: Verification) -> str:
         "vehicle": found.flights.fitted.vehicle.name,
         "confidence": found.flights.table.confidence,
     }
+    rests_on |= {f"reservation {k}": sentence for k, sentence in enumerate(reserved, 1)}
     rests_on |= {f"note {k}": note for k, note in enumerate((*found.notes, *found.flights.left_out), 1)}
     return junit_xml(found.campaign.name, outcomes, properties=rests_on)
 

@@ -202,7 +202,8 @@ def _part(run: RunFolder, number: int, *, shown: bool) -> dict[str, Any]:
         "good": good,
         "worst": lines[1],
         "next_step": lines[2],
-        "held": run.held,
+        # A verdict with reservations gets no tick: its outcome says which.
+        "held": None if run.held and run.results.get("reservations") else run.held,
         "baselines": baselines(run),
         "intervals": intervals(run),
         "sections": [one for one in sections if not one.details],
