@@ -35,6 +35,7 @@ from seatrial.intake.trial_windows import moved
 from seatrial.intake.vehicle_draft import VehicleDraft, draft_vehicle, matched, thruster_signs, turned
 from seatrial.logs.log import printable
 from seatrial.trial.columns import GROUPS
+from seatrial.trial.readers import Recording as ReadTable
 from seatrial.trial.recording import recording
 
 if TYPE_CHECKING:
@@ -210,8 +211,12 @@ def _for_vehicle(
 def _trial(one: Recording, recorded: Recorded) -> Trial:
     from seatrial.trial.trial import Trial
 
+    files = ", ".join(str(log.path) for log in one.logs)
     trial = Trial.read(
-        recorded.table, columns=recorded.columns, name=one.name, rate_hz=rate_of_long(recorded.table)
+        ReadTable(recorded.table, files),
+        columns=recorded.columns,
+        name=one.name,
+        rate_hz=rate_of_long(recorded.table),
     )
     return replace(trial, source=one.name, report=replace(trial.report, source=one.name))
 

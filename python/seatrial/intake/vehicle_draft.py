@@ -26,6 +26,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
+from seatrial.base.errors import TrialError
 from seatrial.base.file_names import file_name
 from seatrial.base.toml_file import VEHICLE, is_path, loaded, text_of
 from seatrial.intake.manoeuvres import drives
@@ -83,6 +84,8 @@ def draft_vehicle(
     ------
     VehicleError
         If the given vehicle cannot be used.
+    TrialError
+        If a log names a frame by what is no number of one.
     """
     from seatrial._core import Vehicle
 
@@ -98,6 +101,12 @@ def draft_vehicle(
         return VehicleDraft(vehicle.to_toml(), vehicle, f"the built-in vehicle {given}")
     frame = next((log.parameters["FRAME_CONFIG"] for log in logs if "FRAME_CONFIG" in log.parameters), None)
     motors = [name for name in actuators if re.fullmatch(r"thruster_\d+", name)]
+    if frame is not None and not (np.isfinite(frame) and frame == int(frame)):
+        file = next(log.path for log in logs if "FRAME_CONFIG" in log.parameters)
+        raise TrialError(
+            f"{file}: parameter FRAME_CONFIG: expected the whole number of a frame, found {frame:g}; the log"
+            " is damaged there: fetch it again, or give the vehicle with --vehicle FILE"
+        )
     if frame is not None and int(frame) in _BUILT_IN:
         name = _BUILT_IN[int(frame)]
         vehicle = Vehicle.load(name)

@@ -9,9 +9,9 @@ samples.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,11 +21,21 @@ from seatrial.logs.log import printable
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["TimeScale", "is_time", "scale_of", "seconds", "time_fields", "unfit"]
+__all__ = [
+    "NEAR_S", "Counter32", "TimeColumn", "TimeScale", "after", "clock_times", "is_time", "rises", "scale_of",
+    "stated_unit", "time_column", "time_fields",
+]  # fmt: skip
+
+_COUNTS, _END = 2.0**32, 0.01
+"""Values of a counter of 32 bits, and the share of them at either end within which it may begin again: in
+microseconds 43 s, longer than any gap that a sample should bridge."""
 
 _DAY_S = 86_400.0
 _SPREADSHEET_EPOCH_D = 25_569.0  # 1970-01-01 in days of a spreadsheet
 _DATENUM_EPOCH_D = 719_529.0  # and in those of MATLAB
+
+NEAR_S = _DAY_S
+"""A message's stamp that lies further from its reception is of another clock, as of a simulator."""
 
 _UNITS = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
@@ -40,6 +50,10 @@ _NAMES = re.compile(
     r"time[_ ]?(boot|since|of)?[_ ]?\w*|.*(time|stamp)(_?(s|sec|ms|us|usec|ns|utc|unix))?)$",
     re.IGNORECASE,
 )
+
+_BARE = re.compile(r"^(t[_ ]?(s|ms|us|ns|min|h|d|sec|msec|usec|nsec)|time(us|ms|ns))$", re.IGNORECASE)
+_HEADER = re.compile(r"(^|.*[./_])header[./_](time)?stamp$", re.IGNORECASE)
+"""A flattened message: when it was measured; the record beside it says when it was written."""
 
 
 @dataclass(frozen=True)
@@ -73,15 +87,28 @@ def is_time(name: str) -> bool:
     [True, True, True, True, False, False]
     """
     plain = re.sub(r"[\[(].*[\])]", "", name).strip()
-    return plain.lower() in ("t_s", "t_ms", "t_us", "timeus", "timems") or bool(_NAMES.match(plain))
+    return bool(_BARE.match(plain) or _NAMES.match(plain))
+
+
+def is_header_stamp(name: str) -> bool:
+    """Whether a column is the stamp of a flattened message's header.
+
+    Examples
+    --------
+    >>> [is_header_stamp(name) for name in ("field.header.stamp", "/dvl/header/stamp", "%time")]
+    [True, True, False]
+    """
+    return bool(_HEADER.match(name))
 
 
 def time_fields(names: Sequence[str]) -> list[str]:
-    """Those of `names` that may be the time, the likeliest first."""
+    """Those of `names` that may be the time, the likeliest first: stamps of a message before its record's."""
 
     def rank(name: str) -> tuple[int, int]:
+        if is_header_stamp(name):
+            return -1, names.index(name)
         plain = name.strip("%# ").lower()
-        exact = ("t_s", "t", "time", "timestamp", "time_s", "timeus", "timems", "stamp", "%time", "datetime")
+        exact = ("t_s", "t", "time", "timestamp", "time_s", "timeus", "timems", "stamp", "__time", "datetime")
         return (exact.index(plain) if plain in exact else len(exact), names.index(name))
 
     return sorted((name for name in names if is_time(name)), key=rank)
@@ -100,8 +127,45 @@ def stated_unit(name: str, unit: str) -> float | None:
     bracketed = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$", name)
     if bracketed and bracketed[1].lower() in _UNITS:
         return _UNITS[bracketed[1].lower()]
-    suffix = re.search(r"(?:_|(?<=[a-z])(?=[A-Z]))(s|sec|ms|msec|us|usec|ns|nsec|MS|US|NS)$", name)
+    suffix = re.search(
+        r"(?:_|(?<=[a-z])(?=[A-Z]))(s|sec|ms|msec|us|usec|ns|nsec|min|h|MS|US|NS)$", name.strip()
+    )
     return _UNITS[suffix[1].lower()] if suffix else None
+
+
+class Counter32:
+    """Counts of a counter of 32 bits, chunk by chunk in their order, made to go on past its end.
+
+    Milliseconds since a start end after 49.7 days, microseconds after 71.6 minutes. A count near the end with
+    one near the beginning behind it is the next one; any other fall is a clock that began again.
+
+    Examples
+    --------
+    >>> counter = Counter32()
+    >>> counter.of(np.array([4294967000.0, 4294967200.0, 104.0])).tolist()
+    [4294967000.0, 4294967200.0, 4294967400.0]
+    >>> counter.of(np.array([304.0])).tolist()
+    [4294967600.0]
+    """
+
+    def __init__(self) -> None:
+        self._last, self._added = np.nan, 0.0
+
+    def of(self, values: Array) -> Array:
+        """The counts (n,), NaN where there is none."""
+        known = np.flatnonzero(np.isfinite(values))
+        counts = values[known]
+        if not len(counts) or np.abs(counts).max() > _COUNTS:
+            return values
+        steps = np.diff(counts, prepend=counts[0] if np.isnan(self._last) else self._last)
+        near = np.abs(np.abs(steps) - _COUNTS) <= _END * _COUNTS
+        added = self._added - _COUNTS * np.cumsum(np.where(near, np.sign(steps), 0.0))
+        self._last, self._added = float(counts[-1]), float(added[-1])
+        if not added.any():
+            return values
+        result = np.array(values, float)
+        result[known] += added
+        return result
 
 
 def scale_of(name: str, unit: str, values: Array) -> TimeScale:
@@ -139,6 +203,49 @@ def scale_of(name: str, unit: str, values: Array) -> TimeScale:
     if whole and step >= 5.0:
         return TimeScale(1e-3, how="whole numbers that rise by five or more: ms")
     return TimeScale(1.0)
+
+
+def clock_times(cells: pl.Series) -> tuple[Array, bool] | None:
+    """Seconds (n,) of a column of dates, times of day or durations, typed or as text; None for other columns.
+
+    With it whether they are Unix times. NaN where a cell is empty or neither.
+
+    Examples
+    --------
+    >>> import polars as pl
+    >>> clock_times(pl.Series(["23:59:59.5", "00:00:00.5"]))[0].tolist()
+    [86399.5, 86400.5]
+    """
+    import polars as pl
+
+    if cells.dtype == pl.Date:  # a day is no time of a sample
+        return None
+    if cells.dtype.is_temporal():
+        unit = {"ms": 1e-3, "us": 1e-6}.get(str(getattr(cells.dtype, "time_unit", "")), 1e-9)
+        t = np.asarray(cells.to_physical().cast(pl.Float64).to_numpy().astype(float) * unit)
+        return (_over_midnight(t), False) if cells.dtype == pl.Time else (t, cells.dtype != pl.Duration)
+    if cells.dtype not in (pl.String, pl.Categorical, pl.Enum):
+        return None
+    text = cells.cast(pl.String).str.strip_chars()
+    if text.cast(pl.Float64, strict=False).is_not_null().any():
+        return None
+    return seconds(text)
+
+
+def _over_midnight(t: Array) -> Array:
+    """Times of day (n,), s, that go on where the clock starts again; NaN stays."""
+    known = np.flatnonzero(np.isfinite(t))
+    result = np.array(t, float)
+    result[known] += _DAY_S * np.cumsum(np.diff(t[known], prepend=t[known][:1]) < -0.5 * _DAY_S)
+    return result
+
+
+def after(t: Array, last: float) -> Array:
+    """Times of day (n,), s, of a chunk, with the days that passed before it; `last`: of the chunk before."""
+    known = t[np.isfinite(t)]
+    if not len(known) or not np.isfinite(last):
+        return t
+    return np.asarray(t + _DAY_S * max(np.round((last - known[0]) / _DAY_S), 0.0))
 
 
 _ZONE = r"^(.*\d)\s*(?:[Zz]|UTC|GMT|([+-]\d{2}):?(\d{2})?)$"
@@ -184,9 +291,7 @@ def seconds(cells: pl.Series) -> tuple[Array, bool] | None:
         h, m, s = (clock.to_series(k).cast(pl.Float64, strict=False).to_numpy() for k in range(3))
         half = clock.to_series(3).str.to_lowercase()
         h = np.where(half.is_not_null(), h % 12.0 + 12.0 * (half == "p").fill_null(value=False), h)
-        t = (h * 3600.0 + m * 60.0 + s - ahead) % _DAY_S
-        # Midnight: the clock starts again.
-        return t + _DAY_S * np.cumsum(np.diff(t, prepend=t[:1]) < -0.5 * _DAY_S), False
+        return _over_midnight((h * 3600.0 + m * 60.0 + s - ahead) % _DAY_S), False
     for form in _DATES:
         dates = text.str.to_datetime(form, strict=False, time_unit="us")
         if dates.is_not_null().sum() > 0.9 * some:
@@ -234,8 +339,107 @@ def joined_names(units: Mapping[str, str]) -> tuple[str, str] | None:
     names = {name.lower(): name for name in units}
     for whole, rest in (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanoseconds")):
         for low, name in names.items():
-            if low == whole or low.endswith(("." + whole, "_" + whole)):
+            if low == whole or low.endswith(tuple(mark + whole for mark in "._/")):
                 partner = low[: len(low) - len(whole)] + rest
                 if partner in names:
                     return name, names[partner]
     return None
+
+
+class TimeColumn(NamedTuple):
+    """The column of the time, that of its nanoseconds if there is one, and its scale; None for dates."""
+
+    name: str
+    rest: str | None
+    scale: TimeScale | None
+
+
+_EVERY = 0.95
+"""Share of the rows with a header's stamp above which it is that of the row, not of one of several topics."""
+
+_UNIX_S = 9e8  # s since 1970 in 1998: no time since a start is so long
+
+_ALONG = 0.999  # correlation of a column with its rows that makes it a time though steps fall
+
+
+def time_column(
+    units: Mapping[str, str],
+    candidates: Sequence[str],
+    head: pl.DataFrame,
+    numbers: Callable[[pl.Series], Array],
+    *,
+    first_row: int,
+) -> tuple[TimeColumn | None, str]:
+    """The time among some columns, and why the likeliest one is none.
+
+    Parameters
+    ----------
+    units
+        By column, "" where none is stated.
+    candidates
+        Columns that may be the time, the likeliest first.
+    head
+        First rows of the table.
+    numbers
+        Numbers of a column's cells.
+    first_row
+        Line of the first row, for the reason.
+    """
+    why = ""
+    records = [name for name in candidates if not is_header_stamp(name)]
+
+    def rising(name: str) -> tuple[Array, TimeScale] | None:
+        values = Counter32().of(numbers(head[name]))
+        finite = values[np.isfinite(values)]
+        if len(finite) <= 0.5 * head.height or not rises(finite):
+            return None
+        return values, scale_of(name, units.get(name, ""), values)
+
+    def of_record(stamps: Array) -> bool:
+        """Whether the stamps of messages are of the clock of their records, and in every row."""
+        if np.ptp(stamps[np.isfinite(stamps)]) == 0.0:
+            return False
+        for name in records:
+            if (record := rising(name)) is not None:
+                t = (record[0] - record[1].origin) * record[1].factor
+                near = abs(np.nanmedian(t) - np.nanmedian(stamps)) < NEAR_S
+                return bool(near and np.isfinite(stamps).mean() >= _EVERY * np.isfinite(t).mean())
+        return True
+
+    if (pair := joined_names(units)) is not None:
+        stamps = numbers(head[pair[0]]) + 1e-9 * numbers(head[pair[1]])
+        finite = stamps[np.isfinite(stamps)]
+        if len(finite) > 0.5 * head.height and rises(finite) and of_record(stamps):
+            return TimeColumn(*pair, TimeScale(1.0, unix=bool(np.median(finite) > _UNIX_S))), ""
+    for name in candidates:
+        if (found := rising(name)) is not None:
+            values, scale = found
+            if not is_header_stamp(name) or of_record((values - scale.origin) * scale.factor):
+                return TimeColumn(name, None, scale), ""
+        elif clock_times(head[name]) is not None:
+            return TimeColumn(name, None, None), ""
+        elif str(head[name].dtype) == "Date":
+            why = why or (
+                f'column "{printable(name)}" holds days without a time, the first {head[name][0]}; expected'
+                " seconds, or dates with the time of day: write them so"
+            )
+        elif name in records or not records:
+            why = why or unfit(name, numbers(head[name]), _texts(head[name]), first_row)
+    return None, why
+
+
+def rises(values: Array) -> bool:
+    """Whether numbers rise, but for some that came out of order, or many that did within bursts."""
+    steps = np.diff(values)
+    if len(steps) == 0:
+        return True
+    if not np.median(values[-3:]) > np.median(values[:3]):  # one stamp may be damaged
+        return False
+    along = np.corrcoef(values, np.arange(len(values)))[0, 1]
+    return bool(np.mean(steps >= 0.0) > 0.9 or (np.mean(steps >= 0.0) > 0.5 and along > _ALONG))
+
+
+def _texts(cells: pl.Series) -> list[str | None]:
+    import polars as pl
+
+    return cells.cast(pl.String, strict=False).to_list()

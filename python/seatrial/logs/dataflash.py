@@ -29,6 +29,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
+from seatrial.logs.clock import Counter32
 from seatrial.logs.formats import extra
 from seatrial.logs.log import CHUNK_ROWS, Chunk, Event, Log, Share
 
@@ -50,6 +51,7 @@ _PREFIXES = {1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
 
 _HEADER = b"\xa3\x95"
 _FMT, _FMT_BYTES = 128, 89
+_NARROW = 4  # bytes of a stamp that a counter of 32 bits made
 _LONGEST = 255  # bytes of a message
 _BLOCK, _PART = 1 << 24, 1 << 26  # bytes in which messages are looked for, and read
 _FEW = 1 << 20  # messages that are looked at together
@@ -207,12 +209,40 @@ class _BinaryLog(Log):
         with np.errstate(invalid="ignore"):  # a damaged number that is no number
             return np.asarray(rows[name].astype(float) * _SCALED.get(code, 1.0))
 
-    def _stamps(self, kind: _Type, rows: np.ndarray[Any, Any]) -> Array:
+    def _stamps(self, kind: _Type, rows: np.ndarray[Any, Any], where: Places | None = None) -> Array:
+        """Stamps of rows, s; those at the places `where` with the rounds of a counter of 32 bits."""
         names = kind.layout.names or ()
         for name, factor in (("TimeUS", 1e-6), ("TimeMS", 1e-3)):
             if name in names:
-                return np.asarray(rows[name].astype(float) * factor)
+                stamps = rows[name].astype(float)
+                if rows[name].dtype.itemsize == _NARROW and where is not None:
+                    stamps += 2.0**32 * np.searchsorted(self._began_again, where, side="right")
+                return np.asarray(stamps * factor)
         return np.full(len(rows), np.nan)
+
+    @cached_property
+    def _began_again(self) -> Places:
+        """Places of the messages at which a counter of 32 bits went past its end: messages are in order."""
+        kinds = [
+            kind
+            for kind in self._types.values()
+            for name in ("TimeUS", "TimeMS")
+            if name in (kind.layout.names or ()) and kind.layout[name].itemsize == _NARROW
+        ]
+        if not kinds:
+            return np.empty(0, np.int64)
+        places = np.concatenate([kind.offsets.astype(np.int64) for kind in kinds])
+        counts = np.concatenate([self._counts(kind) for kind in kinds])
+        order = np.argsort(places)
+        places, counts = places[order], Counter32().of(counts[order])
+        rounds = np.floor(np.maximum.accumulate(counts) / 2.0**32)
+        return np.asarray(places[1:][np.diff(rounds) > 0.0])
+
+    def _counts(self, kind: _Type) -> Array:
+        name = next(name for name in ("TimeUS", "TimeMS") if name in (kind.layout.names or ()))
+        parts = range(0, len(kind.offsets), CHUNK_ROWS)
+        cells = [self._rows(kind, begin, begin + CHUNK_ROWS)[name].astype(float) for begin in parts]
+        return np.concatenate(cells)
 
     @cached_property
     def _instances(self) -> dict[str, tuple[int, ...]]:
@@ -267,13 +297,16 @@ class _BinaryLog(Log):
                 first, last = np.searchsorted(kind.offsets, (end - _PART, end)).tolist()
                 for begin in range(first, last, CHUNK_ROWS):
                     rows = self._rows(kind, begin, min(begin + CHUNK_ROWS, last))
+                    offsets = kind.offsets[begin : begin + len(rows)]
+                    stamps = self._stamps(kind, rows, offsets)
                     for topic in topics:
                         one = self._topics[topic][1]
-                        own = rows if one is None else rows[rows[kind.instance] == one]
+                        mine = slice(None) if one is None else rows[kind.instance] == one
+                        own = rows[mine]
                         if len(own):
                             columns = [self._numbers(kind, own, column) for column in wanted[topic]]
                             values = np.stack(columns, axis=1) if columns else np.empty((len(own), 0))
-                            yield Chunk(topic, self._stamps(kind, own), values)
+                            yield Chunk(topic, stamps[mine], values)
             self._release()
             if share is not None:
                 share(min(end / size, 1.0))
@@ -460,6 +493,7 @@ class _TextLog(Log):
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
         """Samples of the columns wanted."""
         rows: dict[str, list[list[float]]] = {name: [] for name in wanted}
+        counter = Counter32()  # lines are in the order of time
         size = max(self.path.stat().st_size, 1)
         done = 0
         with self.path.open("rb") as stream:
@@ -472,7 +506,9 @@ class _TextLog(Log):
                 columns = self._columns[name][0]
                 values = dict(zip(columns, cells[1:], strict=False))
                 time = _float(values.get("TimeUS")) * 1e-6
-                time = _float(values.get("TimeMS")) * 1e-3 if np.isnan(time) else time
+                if np.isnan(time):
+                    counts = counter.of(np.array([_float(values.get("TimeMS"))]))
+                    time = float(counts[0]) * 1e-3
                 rows[name].append([time, *(_float(values.get(column)) for column in wanted[name])])
                 if len(rows[name]) >= CHUNK_ROWS:
                     yield _chunk(name, rows[name])

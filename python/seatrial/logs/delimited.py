@@ -20,7 +20,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, reason
-from seatrial.logs.clock import TimeScale, joined_names, scale_of, seconds, time_fields, unfit
+from seatrial.logs.clock import Counter32, TimeColumn, after, scale_of, seconds, time_column, time_fields
 from seatrial.logs.formats import DAMAGED, unpacked
 from seatrial.logs.layout import GROUPED, Layout, cells_of, layout_of
 from seatrial.logs.log import Chunk, Log, Share, printable, stem_of
@@ -116,31 +116,25 @@ class Table(Log):
         return numbers.to_numpy().astype(float)
 
     @cached_property
-    def clock(self) -> tuple[str, str | None, TimeScale | None] | None:
-        """Column of the time, that of its nanoseconds, and its scale; None where the table has no time."""
+    def clock(self) -> TimeColumn | None:
+        """Column of the time; None where the table has none."""
         head = next(self.cells(None, rows=2_000), None)
         if head is None:
             return None
         units = dict(zip(self.layout.names, self.layout.units, strict=True))
-        pair = joined_names(units)
-        if pair is not None:
-            return pair[0], pair[1], TimeScale(1.0, unix=True)
-        candidates = time_fields(self.layout.names)
-        for name in candidates:
-            values = self._numbers(head[name], 0, [], Counter())
-            finite = values[np.isfinite(values)]
-            if len(finite) > 0.5 * head.height and _rises(finite):
-                return name, None, scale_of(name, units[name], values)
-            dated = seconds(head[name])
-            if dated is not None:
-                return name, None, None
-            self.timeless = self.timeless or unfit(name, values, head[name].to_list(), self.layout.first_row)
+        found, self.timeless = time_column(
+            units, time_fields(self.layout.names), head, lambda cells: self._numbers(cells, 0, [], Counter()),
+            first_row=self.layout.first_row,
+        )  # fmt: skip
+        if found is not None:
+            self.timeless = ""
+            return found
         first = self.layout.names[0]
         values = self._numbers(head[first], 0, [], Counter())
         if len(values) > 2 and np.all(np.diff(values) > 0.0) and not _counts(values):
             why = self.timeless or "no column is called time"
             self.remark(f'{why}; taken: the first, "{printable(first)}", which rises')
-            return first, None, scale_of(first, units[first], values)
+            return TimeColumn(first, None, scale_of(first, units[first], values))
         self.note(self.timeless or "no column is a time: name one in the map, or this file cannot be used")
         return None
 
@@ -279,6 +273,8 @@ class _Time:
 
     def __init__(self, table: Table) -> None:
         self.table = table
+        self.counter = Counter32()
+        self.last = np.nan
 
     def of(self, cells: pl.DataFrame) -> Array:
         """Stamps in s of some rows, NaN where there is none."""
@@ -292,12 +288,15 @@ class _Time:
                 return np.full(cells.height, np.nan)
             if dated[1]:
                 table.epoch_s = 0.0
-            return dated[0]
+                return dated[0]
+            t = after(dated[0], self.last)
+            self.last = float(np.nanmax(t))
+            return t
         if scale.how:
             table.remark(f'time "{printable(name)}": {scale.how}')
         if scale.unix:
             table.epoch_s = 0.0
-        values = table._numbers(cells[name], 0, [], Counter())
+        values = self.counter.of(table._numbers(cells[name], 0, [], Counter()))
         t = (values - scale.origin) * scale.factor
         if rest is not None:
             t = t + 1e-9 * table._numbers(cells[rest], 0, [], Counter())
@@ -323,22 +322,8 @@ def shared_name(name: str, places: Sequence[int]) -> str:
     return f'columns {", ".join(before)} and {last} have one name, "{printable(name)}"'
 
 
-_ALONG = 0.999  # correlation of a column with its rows that makes it a time though steps fall
-
-
 def _lines(count: int) -> str:
     return "a line has" if count == 1 else f"{count:,} lines have"
-
-
-def _rises(values: Array) -> bool:
-    """Whether numbers rise, but for some that came out of order, or many that did within bursts."""
-    steps = np.diff(values)
-    if len(steps) == 0:
-        return True
-    if not np.median(values[-3:]) > np.median(values[:3]):  # one stamp may be damaged
-        return False
-    along = np.corrcoef(values, np.arange(len(values)))[0, 1]
-    return bool(np.mean(steps >= 0.0) > 0.9 or (np.mean(steps >= 0.0) > 0.5 and along > _ALONG))
 
 
 def _counts(values: Array) -> bool:

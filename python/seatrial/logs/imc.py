@@ -2,12 +2,15 @@
 
 An LSF file is a row of IMC packets: a header of 20 bytes (synchronisation number, message, size, time stamp
 in s Unix time, source and entity, destination and entity), the content, and a check sum. A message type of
-the vehicle is a topic, ``Type[entity]`` where several entities send it. Only the framing is read here:
+the vehicle is a topic, ``Type[entity]`` where several entities send it, and ``Type@source`` for another
+system that it hears, whose clock is brought to the vehicle's where it differs. Only the framing is read here:
 imcpy's own reader of files loads and writes a pickle beside the log, which may hold code.
 """
 
 from __future__ import annotations
 
+import math
+import re
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,6 +27,9 @@ __all__ = ["open_log"]
 
 _HEADER, _FOOTER = 20, 2
 _SYNC = 0xFE54
+_FIRST = 1_000_000_000  # messages that an estimate of the own state counts for: only a vehicle has one
+_APART_S = 1.0  # two systems that keep time differ by less, transmission included
+_MOST_SOURCES = 100
 
 
 def open_log(path: Path) -> Log:
@@ -44,37 +50,66 @@ def open_log(path: Path) -> Log:
 class _Lsf(Log):
     _names: dict[str, dict[str, str]] = field(default_factory=dict)
     _events: list[Event] = field(default_factory=list)
+    _moved: dict[int, float] = field(default_factory=dict)  # s that the stamps of a source are moved by
 
     def __post_init__(self) -> None:
         self._imcpy = extra("imcpy", self.path)
-        senders: dict[str, Counter[int]] = {}
+        senders: dict[tuple[int, str], Counter[int]] = {}
         kinds: dict[str, Any] = {}
-        entities: dict[int, str] = {}
-        for _, entity, message, _ in self._messages(None):
+        entities: dict[tuple[int, int], str] = {}
+        states: list[tuple[int, Any]] = []
+        latest: dict[int, float] = {}
+        # By source and other source: s by which the stamps of the first are behind, at least.
+        behind: dict[tuple[int, int], float] = {}
+        for stamp, source, entity, message, _ in self._messages(None):
             kind = type(message).__name__
-            senders.setdefault(kind, Counter())[entity] += 1
+            senders.setdefault((source, kind), Counter())[entity] += 1
             kinds.setdefault(kind, message.clone())
+            # A log is written as messages arrive: after the latest of every other source.
+            for other, t in latest.items():
+                if other != source:
+                    behind[source, other] = min(behind.get((source, other), math.inf), t - stamp)
+            latest[source] = stamp
+            if len(latest) > _MOST_SOURCES:
+                raise TrialError(f"{self.path}: more than {_MOST_SOURCES} sources; the file is damaged")
             if kind == "EntityInfo":
-                entities[int(message.id)] = str(message.label)
+                entities[source, int(message.id)] = str(message.label)
             elif kind == "VehicleState":
-                self._mode(message)
+                states.append((source, message.clone()))
+        counts: Counter[int] = Counter()
+        for (source, kind), by_entity in senders.items():
+            # The vehicle is who estimates its state; of several the one that says most.
+            counts[source] += by_entity.total() + (_FIRST if kind == "EstimatedState" else 0)
+        self._vehicle = max(counts, key=lambda source: counts[source], default=0)
         self._entities = entities
-        self._several = {kind for kind, counts in senders.items() if len(counts) > 1}
-        for kind, counts in senders.items():
+        self._several = {one for one, by_entity in senders.items() if len(by_entity) > 1}
+        for (source, kind), by_entity in senders.items():
             names = _numeric(kinds[kind])
-            for entity in counts:
+            for entity in by_entity:
                 if names:
-                    self._names[self._topic(kind, entity)] = dict.fromkeys(names, "")
+                    self._names[self._topic(source, kind, entity)] = dict.fromkeys(names, "")
+        for source, message in states:
+            if source == self._vehicle:
+                self._mode(message)
+        for source in counts:
+            apart = behind.get((source, self._vehicle), 0.0)
+            if abs(apart) > _APART_S:
+                self._moved[source] = apart
+                way = "behind" if apart > 0.0 else "ahead of"
+                self.remark(
+                    f"the clock of system {source} is {abs(apart):.1f} s {way} the vehicle's; its stamps"
+                    " are moved by their shortest delay"
+                )
 
     def _mode(self, message: Any) -> None:
         text = str(getattr(message, "op_mode", "")).rpartition(".")[2]
         if not self._events or self._events[-1].text != text:
             self._events.append(Event(float(message.timestamp), "mode", text))
 
-    def _topic(self, kind: str, entity: int) -> str:
-        if kind not in self._several:
-            return kind
-        return f"{kind}[{self._entities.get(entity, entity)}]"
+    def _topic(self, source: int, kind: str, entity: int) -> str:
+        label = self._entities.get((source, entity), entity)
+        name = f"{kind}[{label}]" if (source, kind) in self._several else kind
+        return name if source == self._vehicle else f"{name}@{source}"
 
     @property
     def fields(self) -> Mapping[str, Mapping[str, str]]:
@@ -88,20 +123,21 @@ class _Lsf(Log):
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
         """Samples of the fields wanted."""
         gathered = Gathered(wanted)
-        kinds = {topic.partition("[")[0] for topic in wanted}
-        for count, (stamp, entity, message, done) in enumerate(self._messages(kinds)):
+        kinds = {re.split(r"[@[]", topic)[0] for topic in wanted}
+        for count, (stamp, source, entity, message, done) in enumerate(self._messages(kinds)):
             if share is not None and count % 4096 == 0:
                 share(done)
-            topic = self._topic(type(message).__name__, entity)
+            topic = self._topic(source, type(message).__name__, entity)
             if topic in wanted:
                 values = {name: number(getattr(message, name)) for name in wanted[topic]}
-                chunk = gathered.add(topic, stamp, {k: v for k, v in values.items() if v is not None})
+                t = stamp + self._moved.get(source, 0.0)
+                chunk = gathered.add(topic, t, {k: v for k, v in values.items() if v is not None})
                 if chunk is not None:
                     yield chunk
         yield from gathered.rest()
 
-    def _messages(self, kinds: set[str] | None) -> Iterator[tuple[float, int, Any, float]]:
-        """Stamp, entity and message of every packet of some kinds, and the share of the file up to each."""
+    def _messages(self, kinds: set[str] | None) -> Iterator[tuple[float, int, int, Any, float]]:
+        """Stamp, source, entity and message of the packets of some kinds; share of the file up to each."""
         size = max(self.path.stat().st_size, 1)
         skipped = damaged = unknown = cut = 0
         names: dict[int, str] = {}
@@ -121,7 +157,7 @@ class _Lsf(Log):
                         begin += 1
                         skipped += 1
                         continue
-                    _, kind, length, stamp, _, entity = struct.unpack_from(order + "HHHdHB", data, begin)
+                    _, kind, length, stamp, source, entity = struct.unpack_from(order + "HHHdHB", data, begin)
                     end = begin + _HEADER + length + _FOOTER
                     if end > len(data):
                         if block:
@@ -144,7 +180,7 @@ class _Lsf(Log):
                         cut = 0
                         names[kind] = type(message).__name__
                         if kinds is None or names[kind] in kinds:
-                            yield stamp, entity, message, stream.tell() / size
+                            yield stamp, source, entity, message, stream.tell() / size
                     begin = end
                 data = data[begin:]
                 if not block:

@@ -17,7 +17,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.logs.clock import TimeScale, scale_of, time_fields
+from seatrial.logs.clock import Counter32, TimeScale, rises, scale_of, time_fields
 from seatrial.logs.formats import extra
 from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share, foreign, stem_of
 from seatrial.logs.matlab5 import arrays
@@ -97,13 +97,14 @@ class _Matlab(Log):
         for (structure, length), columns in groups.items():
             several = sum(other == structure for other, _ in groups) > 1
             topic = (structure or stem_of(self.path)) + (f" ({length} rows)" if several else "")
-            names = [n for n in time_fields(list(columns)) if np.mean(np.diff(columns[n]) >= 0.0) > 0.9]
+            names = [n for n in time_fields(list(columns)) if rises(Counter32().of(columns[n]))]
             time = columns[names[0]] if names else top.get(length)
             self._columns[topic] = columns
             if time is None:
                 self._clocks[topic] = None
                 self.note(f"{topic}: no signal of its length is a time")
                 continue
+            time = Counter32().of(time)
             scale = scale_of(names[0] if names else "time", "", time)
             if scale.unix:
                 self.epoch_s = 0.0

@@ -1,9 +1,9 @@
 """MAVLink telemetry logs (`.tlog`) by pymavlink.
 
-A message type of the vehicle's autopilot is a topic; one of another component is ``TYPE@system.component``.
-The ground station stamps what it receives, in bursts where the link is slow; where a message carries the
-time since boot, that is used, put on the ground station's clock by the shortest delay of any message.
-`epoch_s` is zero.
+A message type of the vehicle's autopilot is a topic; one of another component, or of another vehicle, is
+``TYPE@system.component``. The ground station stamps what it receives, in bursts where the link is slow; where
+a message carries the time since its sender booted, that is used, put on the ground station's clock by the
+shortest delay of any message of the sender (`seatrial.logs.senders`). `epoch_s` is zero.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,13 +21,18 @@ from seatrial.base.errors import TrialError
 from seatrial.logs.formats import extra
 from seatrial.logs.log import MOST_TOPICS, Chunk, Event, Log, Share
 from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
+from seatrial.logs.senders import SenderClocks
 
 __all__ = ["open_log"]
 
 _STAMP_BYTES = 8
 _AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
 _GROUND = 255  # the usual system number of a ground station
-_TIMES = ("time_boot_ms", "time_usec")
+_COUNTS = 2.0**32  # of a counter of 32 bits
+_UNIX_S = 1e9  # a larger time is a date, not the time since boot
+_SAID_S = 0.5  # difference of two clocks that is worth a word
+
+_Sender = tuple[int, int]  # system and component
 
 
 def open_log(path: Path) -> Log:
@@ -47,11 +53,15 @@ def open_log(path: Path) -> Log:
 class _Telemetry(Log):
     _units: dict[str, dict[str, str]] = field(default_factory=dict)
     _events: list[Event] = field(default_factory=list)
-    _boot: dict[int, float] = field(default_factory=dict)  # Unix time of boot by system
+    _clocks: SenderClocks = field(default_factory=SenderClocks)
+    _vehicle: int = 0  # its system number
 
     def __post_init__(self) -> None:
         places = whole = 0
-        mode: str | None = None
+        modes: dict[int, list[Event]] = {}
+        said: Counter[int] = Counter()
+        units: dict[_Sender, dict[str, dict[str, str]]] = {}
+        parameters: dict[int, dict[str, float]] = {}
         mavutil = extra("pymavlink.mavutil", self.path)
         for message, _ in self._messages():
             kind = message.get_type()
@@ -61,9 +71,10 @@ class _Telemetry(Log):
                 continue
             whole += _STAMP_BYTES + len(message.get_msgbuf())
             values = dict(_flat(message))
-            topic = _topic(message)
-            known = self._units.setdefault(topic, {})
-            if len(self._units) > MOST_TOPICS:
+            system, component = sender = _sender(message)
+            said[system] += component == _AUTOPILOT
+            known = units.setdefault(sender, {}).setdefault(_kind(message), {})
+            if sum(map(len, units.values())) > MOST_TOPICS:
                 raise TrialError(f"{self.path}: more than {MOST_TOPICS} topics; the file is damaged")
             for name in values:
                 if name not in known:
@@ -71,17 +82,23 @@ class _Telemetry(Log):
             received = float(message._timestamp)
             boot = _since_boot(message)
             if boot is not None:
-                system = message.get_srcSystem()
-                self._boot[system] = min(self._boot.get(system, math.inf), received - boot)
+                self._clocks.learn(sender, (sender, kind), boot[0], received, boot[1])
             if kind == "PARAM_VALUE":
-                self.parameters[str(message.param_id)] = float(message.param_value)
+                own = parameters.setdefault(system, {})
+                own[str(message.param_id)] = float(message.param_value)
             elif kind == "STATUSTEXT":
                 self._events.append(Event(received, "message", str(message.text)))
-            elif kind == "HEARTBEAT" and "@" not in topic:
-                now = str(mavutil.mode_string_v10(message))
-                if now != mode:
-                    self._events.append(Event(received, "mode", now))
-                    mode = now
+            elif kind == "HEARTBEAT" and component == _AUTOPILOT and system != _GROUND:
+                now, own_modes = str(mavutil.mode_string_v10(message)), modes.setdefault(system, [])
+                if not own_modes or now != own_modes[-1].text:
+                    own_modes.append(Event(received, "mode", now))
+        del said[_GROUND]
+        self._vehicle = max(said, key=lambda system: said[system], default=0)
+        self._units = {self._topic(one, name): f for one, k in units.items() for name, f in k.items()}
+        self._events += modes.get(self._vehicle, [])
+        self.parameters = parameters.get(self._vehicle) or next(iter(parameters.values()), {})
+        self._clocks.settle()
+        self._report_clocks()
         size = self.path.stat().st_size
         lost = size - whole
         if places:
@@ -104,22 +121,44 @@ class _Telemetry(Log):
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
         """Samples of the fields wanted."""
         gathered = Gathered(wanted)
+        time = self._clocks.replay()
         for count, (message, done) in enumerate(self._messages()):
             if share is not None and count % 4096 == 0:
                 share(done)
             kind = message.get_type()
             if kind.startswith(("BAD_DATA", "UNKNOWN")):
                 continue
-            topic = _topic(message)
+            sender, stamp, boot = _sender(message), float(message._timestamp), _since_boot(message)
+            if boot is not None:
+                stamp = time((sender, kind), boot[0], stamp)
+            topic = self._topic(sender, _kind(message))
             if topic not in wanted:
                 continue
-            boot = _since_boot(message)
-            origin = self._boot.get(message.get_srcSystem())
-            stamp = float(message._timestamp) if boot is None or origin is None else origin + boot
             chunk = gathered.add(topic, stamp, dict(_flat(message)))
             if chunk is not None:
                 yield chunk
         yield from gathered.rest()
+
+    def _topic(self, sender: _Sender, kind: str) -> str:
+        return kind if sender == (self._vehicle, _AUTOPILOT) else f"{kind}@{sender[0]}.{sender[1]}"
+
+    def _report_clocks(self) -> None:
+        """Say which senders have a clock of their own, and by how much it differs from the autopilot's."""
+        apart: dict[tuple[_Sender, float], list[str]] = {}
+        first: float | None = None
+        autopilot = (self._vehicle, _AUTOPILOT)
+        for sender, (_, kind), origin, _ in sorted(
+            self._clocks.origins(), key=lambda one: (one[0] != autopilot, -one[3])
+        ):
+            first = origin if first is None else first
+            if abs(origin - first) > _SAID_S:
+                apart.setdefault((sender, round(origin - first, 1)), []).append(kind)
+        for (sender, seconds), kinds in apart.items():
+            self.remark(
+                f"clock of component {sender[0]}.{sender[1]} ({', '.join(dict.fromkeys(kinds))}): it began"
+                f" {abs(seconds):,.1f} s {'after' if seconds > 0.0 else 'before'} that of the autopilot; its"
+                " stamps are put on the ground station's clock by their shortest delay"
+            )
 
     def _messages(self) -> Iterator[tuple[Any, float]]:
         """Messages and the share of the file up to each."""
@@ -144,15 +183,19 @@ class _Telemetry(Log):
             stream.close()
 
 
-def _topic(message: Any) -> str:
+def _sender(message: Any) -> _Sender:
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
+def _kind(message: Any) -> str:
+    """Message type, with the name or instance that it carries."""
     kind = str(message.get_type())
-    system, component = message.get_srcSystem(), message.get_srcComponent()
     if kind in ("NAMED_VALUE_FLOAT", "NAMED_VALUE_INT"):
         kind = f"{kind}.{message.name}"
     instance = getattr(message, "_instance_field", None)
     if instance is not None and number(getattr(message, instance, None)) is not None:
         kind = f"{kind}[{getattr(message, instance)}]"
-    return kind if component == _AUTOPILOT and system != _GROUND else f"{kind}@{system}.{component}"
+    return kind
 
 
 def _flat(message: Any) -> Iterator[tuple[str, float]]:
@@ -172,12 +215,11 @@ def _flat(message: Any) -> Iterator[tuple[str, float]]:
                     yield f"{name}[{k}]", plain
 
 
-def _since_boot(message: Any) -> float | None:
-    """Time since the sender booted, s; None where the message does not carry it."""
-    value = getattr(message, "time_boot_ms", None)
-    if value:
-        return float(value) * 1e-3
-    value = getattr(message, "time_usec", None)
-    if value and value < 1e15:  # else Unix time
-        return float(value) * 1e-6
+def _since_boot(message: Any) -> tuple[float, float] | None:
+    """Time since the sender booted and the period of its counter, s; None where none is carried."""
+    for name, unit in (("time_boot_ms", 1e-3), ("time_usec", 1e-6)):
+        value = getattr(message, name, None)
+        if value and value * unit < _UNIX_S:
+            narrow = message.fieldtypes[message.fieldnames.index(name)] == "uint32_t"
+            return float(value) * unit, _COUNTS * unit if narrow else math.inf
     return None

@@ -2,7 +2,9 @@
 
 Fields are the numbers of a message with their path, ``twist.twist.linear.x``; short arrays by index. The
 stamp is the message's own ``header.stamp`` where it has one near the time of reception, else the time of
-reception. `epoch_s` is zero where stamps are Unix times.
+reception. A computer whose clock is wrong stamps all its messages wrong by the same time: where none of the
+first messages of a topic arrives within `_AWAY_S` of its stamp, the stamps are moved by the shortest delay,
+with a remark. `epoch_s` is zero where stamps are Unix times.
 """
 
 from __future__ import annotations
@@ -17,13 +19,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from seatrial.base.errors import TrialError
-from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share
+from seatrial.logs.clock import NEAR_S
+from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share, printable
 from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
 
 __all__ = ["Bag", "Message", "learnt"]
 
 _LOOK_AT = 3  # messages of a topic from which its fields are learnt
-_NEAR_S = 86_400.0  # a stamp of a header further from the reception is from another clock
+_TIMED = 50  # messages of a topic with stamps of its own that tell its clock
+_LATE_S, _AWAY_S = 1.0, 10.0
+"""Shortest delay that is worth a word, and the one that only a wrong clock has; a stamp that is later than
+its reception by the first is of a wrong clock, too."""
 _DEEPEST = 8
 _UNIX_S = 9e8
 
@@ -58,6 +64,7 @@ class Bag(Log):
     """A file of messages whose fields are learnt from the first of each topic."""
 
     _names: dict[str, dict[str, str]] = field(default_factory=dict)
+    _moved: dict[str, float] = field(default_factory=dict)  # s that a topic's own stamps are moved by
 
     @abstractmethod
     def messages(self, topics: set[str] | None) -> Iterator[Message]:
@@ -66,8 +73,9 @@ class Bag(Log):
     def learn(self) -> None:
         """Learn the fields of each topic from its first messages."""
         seen: Counter[str] = Counter()
+        delays: dict[str, list[float]] = {}
         for message in self.messages(None):
-            if seen[message.topic] >= _LOOK_AT:
+            if seen[message.topic] >= (_TIMED if message.topic in delays else _LOOK_AT):
                 continue
             seen[message.topic] += 1
             if len(seen) > MOST_TOPICS:
@@ -77,8 +85,30 @@ class Bag(Log):
                 known = self._names.setdefault(message.topic, {})
                 for name in values:
                     known.setdefault(name, "")
+                stamp = _own_stamp(values)
+                if stamp is not None and abs(message.received - stamp) < NEAR_S:
+                    delays.setdefault(message.topic, []).append(message.received - stamp)
             if self.epoch_s is None and message.received > _UNIX_S:
                 self.epoch_s = 0.0
+        self._judge_clocks({topic: min(late) for topic, late in delays.items()})
+
+    def _judge_clocks(self, shortest: Mapping[str, float]) -> None:
+        """Move the stamps of clocks that are wrong, and say so of late ones; by the shortest delay, s."""
+        for late in sorted({round(late, 1) for late in shortest.values() if not -_LATE_S < late < _LATE_S}):
+            topics = [topic for topic, own in shortest.items() if round(own, 1) == late]
+            named = ", ".join(printable(topic) for topic in topics)
+            if 0.0 < late < _AWAY_S:
+                self.remark(
+                    f"{named}: the stamps are {late:g} s and more before the reception; taken as they are: if"
+                    " this is a clock that is wrong and no delay, correct the header stamps"
+                )
+                continue
+            self._moved |= {topic: shortest[topic] for topic in topics}
+            way = "behind" if late > 0.0 else "ahead of"
+            self.remark(
+                f"{named}: the clock of the sender is {abs(late):g} s {way} the recorder's; its stamps are"
+                " moved by their shortest delay"
+            )
 
     @property
     def fields(self) -> Mapping[str, Mapping[str, str]]:
@@ -93,7 +123,8 @@ class Bag(Log):
                 share(message.share)
             values = self._decoded(message)
             if values is not None:
-                chunk = gathered.add(message.topic, _stamp(values, message.received), values)
+                stamp = _stamp(values, message.received, self._moved.get(message.topic, 0.0))
+                chunk = gathered.add(message.topic, stamp, values)
                 if chunk is not None:
                     yield chunk
         yield from gathered.rest()
@@ -129,11 +160,16 @@ def _flat(path: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
                 yield from _flat(f"{path}.{name}" if path else name, getattr(value, name), depth + 1)
 
 
-def _stamp(values: Mapping[str, float], received: float) -> float:
-    """Stamp of a message in s: of its header where it is near the reception, else the reception."""
+def _own_stamp(values: Mapping[str, float]) -> float | None:
+    """Stamp of a message's header in s; None where it has none."""
     for seconds, rest in (("header.stamp.sec", "header.stamp.nanosec"), ("timestamp.sec", "timestamp.nsec")):
         if seconds in values:
             stamp = values[seconds] + 1e-9 * values.get(rest, 0.0)
-            if math.isfinite(stamp) and abs(stamp - received) < _NEAR_S:
-                return stamp
-    return received
+            return stamp if math.isfinite(stamp) else None
+    return None
+
+
+def _stamp(values: Mapping[str, float], received: float, moved: float) -> float:
+    """Stamp of a message in s: of its header where it is near the reception, else the reception."""
+    stamp = _own_stamp(values)
+    return received if stamp is None or abs(stamp - received) >= NEAR_S else stamp + moved

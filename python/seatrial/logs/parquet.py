@@ -18,7 +18,15 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.logs.clock import TimeScale, scale_of, seconds, time_fields, unfit
+from seatrial.logs.clock import (
+    Counter32,
+    TimeColumn,
+    after,
+    clock_times,
+    joined_names,
+    time_column,
+    time_fields,
+)  # fmt: skip
 from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share, printable, stem_of
 
 if TYPE_CHECKING:
@@ -93,36 +101,33 @@ class _Parquet(Log):
         return stem_of(self.path)
 
     @cached_property
-    def _clock(self) -> tuple[str, TimeScale | None] | None:
-        """Column of the time and its scale (None: it holds dates)."""
+    def _clock(self) -> TimeColumn | None:
+        """Column of the time; None where there is none."""
         import polars as pl
 
         names = list(self.fields[self.topic])
-        dated = [name for name in names if self._schema[name].is_temporal()]
         # Text is a time only where no number is.
-        candidates = dated + sorted(time_fields(names), key=lambda name: self._schema[name] == pl.String)
+        candidates = sorted(time_fields(names), key=lambda name: self._schema[name] == pl.String)
+        typed = [name for name in names if self._schema[name].is_temporal() and name not in candidates]
+        candidates += typed
         if not candidates:
             self.note("no column is a time: name one in the map, or this file cannot be used")
             return None
-        name = candidates[0]
-        if self._schema[name].is_temporal():
+        pair = [name for name in joined_names(dict.fromkeys(names, "")) or () if name not in candidates]
+        head = self._part(0, min(2_000, self._height), [*candidates, *pair])
+        found, why = time_column(dict.fromkeys(names, ""), candidates, head, _numbers, first_row=1)
+        if found is None:
+            self.timeless = why
+            self.note(why)
+            return None
+        if found.scale is None:
+            dated = clock_times(head[found.name])
+            self.epoch_s = 0.0 if dated is not None and dated[1] else None
+        elif found.scale.unix:
             self.epoch_s = 0.0
-            return name, None
-        head = self._part(0, min(2_000, self._height), [name])[name]
-        if head.dtype == pl.String and not np.isfinite(_numbers(head)).any():
-            dated_text = seconds(head)
-            if dated_text is None:
-                self.timeless = unfit(name, _numbers(head), head.to_list(), 1)
-                self.note(self.timeless)
-                return None
-            self.epoch_s = 0.0 if dated_text[1] else None
-            return name, None
-        scale = scale_of(name, "", _numbers(head))
-        if scale.unix:
-            self.epoch_s = 0.0
-        if scale.how:
-            self.remark(f'time "{name}": {scale.how}')
-        return name, scale
+        if found.scale is not None and found.scale.how:
+            self.remark(f'time "{found.name}": {found.scale.how}')
+        return found
 
     def _part(self, begin: int, count: int, names: Sequence[str]) -> pl.DataFrame:
         """Some rows of some columns; empty, with a note, where a column is damaged."""
@@ -162,12 +167,11 @@ class _Parquet(Log):
 
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
         """Samples of the columns wanted."""
-        import polars as pl
-
         (topic, names), *_ = wanted.items()
         needed = list(names)
-        if self._clock is not None and self._clock[0] not in needed:
-            needed.append(self._clock[0])
+        clock, counter, last = self._clock, Counter32(), np.nan
+        if clock is not None:
+            needed += [name for name in (clock.name, clock.rest) if name and name not in needed]
         rows = self._height
         for begin in range(0, rows, CHUNK_ROWS):
             part = self._part(begin, min(CHUNK_ROWS, rows - begin), needed)
@@ -175,13 +179,17 @@ class _Parquet(Log):
             for name, value in zip(names, values, strict=True):
                 self._word(part[name], value)
             stamps = np.full(part.height, np.nan)
-            if self._clock is not None:
-                name, scale = self._clock
-                dated = seconds(part[name]) if scale is None and part[name].dtype == pl.String else None
-                stamps = _numbers(part[name]) if dated is None else dated[0]
-                if scale is not None:
-                    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers
-                        stamps = (stamps - scale.origin) * scale.factor
+            if clock is not None and clock.scale is None:
+                dated = clock_times(part[clock.name])
+                if dated is not None:
+                    stamps = dated[0] if dated[1] else after(dated[0], last)
+                    last = float(np.nanmax(stamps))
+            elif clock is not None and clock.scale is not None:
+                with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers
+                    counts = counter.of(_numbers(part[clock.name]))
+                    stamps = (counts - clock.scale.origin) * clock.scale.factor
+                    if clock.rest is not None:
+                        stamps = stamps + 1e-9 * _numbers(part[clock.rest])
             yield Chunk(topic, stamps, np.stack(values, axis=1) if values else np.empty((part.height, 0)))
             if share is not None:
                 share(min(1.0, (begin + CHUNK_ROWS) / rows))
@@ -209,7 +217,6 @@ def _numbers(cells: pl.Series) -> Array:
     import polars as pl
 
     if cells.dtype.is_temporal():
-        unit = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(str(getattr(cells.dtype, "time_unit", "")), 1e-9)
-        unit = 86_400.0 if cells.dtype == pl.Date else unit
-        return np.asarray(cells.to_physical().cast(pl.Float64).to_numpy().astype(float) * unit)
+        dated = clock_times(cells)
+        return np.full(len(cells), np.nan) if dated is None else dated[0]
     return np.asarray(cells.cast(pl.Float64, strict=False).to_numpy().astype(float))

@@ -7,6 +7,7 @@ with a note. A ROS 1 bag that was cut off has no index: `rosbag1` reads what is 
 from __future__ import annotations
 
 import contextlib
+import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -47,9 +48,10 @@ class _Ros(Bag):
             try:
                 bag = stack.enter_context(highlevel.AnyReader([self.path], default_typestore=store))
             except Exception as error:  # a damaged bag may raise anything in rosbags
+                why = _missing(self.path) or f"not readable as a bag ({foreign(error)})"
                 raise TrialError(
-                    f"{self.path}: not readable as a bag ({foreign(error)}); repair it with"
-                    " `rosbag reindex` or `ros2 bag reindex`"
+                    f"{self.path}: {why}; fetch the bag again, or repair it with `rosbag reindex` or"
+                    " `ros2 bag reindex`"
                 ) from None
             if bag.is2 and not any(connection.msgdef.data for connection in bag.connections):
                 self.remark("the bag has no message definitions; those of ROS 2 Humble were taken")
@@ -82,3 +84,27 @@ class _Ros(Bag):
                     return bag.deserialize(data, kind)
 
                 yield Message(connection.topic, received * 1e-9, decode, count / total)
+
+
+_TABLES = ("topics", "messages")
+
+
+def _missing(path: Path) -> str:
+    """Clause on the tables that the databases of a ROS 2 bag lack; "" where none does, or another format."""
+    files = sorted(path.glob("*.db3")) if path.is_dir() else [path]
+    for file in files:
+        if not file.is_file() or file.suffix != ".db3":
+            continue
+        try:
+            with contextlib.closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as data:
+                rows = data.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
+        except sqlite3.Error:
+            continue
+        names = [name for name in _TABLES if (name,) not in rows]
+        if names:
+            tables = " and ".join(f'"{name}"' for name in names)
+            return (
+                f"{file.name} has no table {tables}; expected a database of rosbag2 with the tables"
+                f" {' and '.join(_TABLES)}: the messages are missing"
+            )
+    return ""

@@ -42,6 +42,8 @@ def open_cut(path: Path) -> Bag | None:
     TrialError
         No message of it can be read.
     """
+    if path.is_dir():  # of ROS 2
+        return None
     with path.open("rb") as file:
         if file.readline(32) != _MAGIC:
             return None

@@ -14,6 +14,7 @@ import contextlib
 import io
 import math
 import mmap
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,8 +24,9 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.errors import TrialError
+from seatrial.logs.clock import Counter32
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, Chunk, Event, Log, Share, foreign
+from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Event, Log, Share, foreign, printable
 
 __all__ = ["open_log"]
 
@@ -48,6 +50,9 @@ _LEAST = {
 }
 _FIXED = {"B", "R", "S", "O"}
 """Least bytes of the content by kind of frame; those of the kinds in `_FIXED` always have that many."""
+_LARGEST = 65_535  # bytes of a message: its length has two
+_FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\])?\s")
+_NARROW = 4  # bytes of a stamp that a counter of 32 bits made
 _KEYED = {"I": 0, "P": 0, "M": 1, "Q": 1}  # bytes before the length and text of a key
 
 
@@ -133,6 +138,8 @@ class _ULog(Log):
                     continue
                 columns = [data.data[name] for name in wanted[topic]]
                 stamps = data.data["timestamp"]
+                if stamps.dtype.itemsize == _NARROW:  # of old loggers
+                    stamps = Counter32().of(stamps.astype(float))
                 for begin in range(0, len(stamps), CHUNK_ROWS):
                     part = slice(begin, begin + CHUNK_ROWS)
                     with np.errstate(invalid="ignore"):  # a damaged number that is no number
@@ -194,11 +201,55 @@ class _Walk:
         self._path = path
         self._names: dict[int, str] = {}  # of the subscriptions, by number
         self._lengths: dict[int, int] = {}  # of their samples
+        self._subscribed: list[str] = []
+        self._formats: dict[str, list[tuple[str, int]]] = {}  # types of the fields, and how many of each
         self._parts: list[tuple[int, int]] = []
         if path.stat().st_size <= _HEADER_BYTES:
             return
         with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
             self._walk(data)
+        self._refuse_too_large()
+
+    def _refuse_too_large(self) -> None:
+        """Refuse nested types with more numbers than a message can hold: unpacking them fills the memory.
+
+        A few types of two fields each, nested in one another, name 2^40 numbers. Every type is counted once.
+
+        Raises
+        ------
+        TrialError
+            With the name of the type.
+        """
+        counts: dict[str, int] = {}
+        for name in self._formats:
+            path = {name: None}  # types that are being counted: without recursion, for a chain may be long
+            while path:
+                kind = next(reversed(path))
+                nested = [(inner, many) for inner, many in self._formats[kind] if inner in self._formats]
+                later = next((inner for inner, _ in nested if inner not in counts), None)
+                if later in path:
+                    raise TrialError(
+                        f'{self._path}: the message type "{printable(kind)}" holds itself; the definitions'
+                        " are damaged: fetch the file again"
+                    )
+                if later is not None:
+                    path[later] = None
+                    continue
+                plain = sum(many for inner, many in self._formats[kind] if inner not in self._formats)
+                counts[kind] = plain + sum(many * counts[inner] for inner, many in nested)
+                path.popitem()
+                if counts[kind] > _LARGEST:
+                    raise TrialError(
+                        f'{self._path}: the message type "{printable(kind)}" has {counts[kind]:.3g} numbers;'
+                        f" a message has at most {_LARGEST:,} bytes: the definitions are damaged, fetch the"
+                        " file again"
+                    )
+        total = sum(counts.get(name, 0) for name in self._subscribed)
+        if total > MOST_FIELDS:
+            raise TrialError(
+                f"{self._path}: its topics have {total:,} fields; expected at most {MOST_FIELDS:,}: the file"
+                " is damaged, fetch it again"
+            )
 
     def copy(self) -> Any:
         """A temporary file of the header and the whole frames; None where nothing is lost."""
@@ -275,9 +326,14 @@ class _Walk:
 
     def _count(self, data: mmap.mmap, at: int, end: int) -> None:
         kind = data[at + 2]
-        if kind == ord("A"):
+        if kind == ord("F"):
+            name, _, fields = data[at + 3 : end].decode("utf-8", "replace").partition(":")
+            parts = (_FIELD.match(part.strip()) for part in fields.split(";"))
+            self._formats[name] = [(part[1], int(part[2] or 1)) for part in parts if part]
+        elif kind == ord("A"):
             name = data[at + 6 : end].decode("utf-8", "replace")
             self._names[self._number(data, at + 4)] = name
+            self._subscribed.append(name)
             self.sizes.setdefault(name, 0)
         elif kind == ord("D"):
             number = self._number(data, at + 3)

@@ -11,6 +11,7 @@ from seatrial.base import frames, units
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import continuous, from_euler
+from seatrial.logs.clock import Counter32, clock_times, scale_of
 from seatrial.trial.columns import GROUPS, Group, Source
 from seatrial.trial.resampling import instruments, together
 from seatrial.trial.signals import RecordingReport, Signal
@@ -37,29 +38,36 @@ _MOST = 1e9
 
 
 def time_base(table: pl.DataFrame, source: Source, file: str) -> Array:
-    """Time of every row, s, strictly rising; dates become seconds since the first.
+    """Time of every row, s, strictly rising; dates and times of day become seconds since the first.
 
     Raises
     ------
     TrialError
-        If there are too few rows or a time is missing, no number, or not later than the one before.
+        If there are too few rows, a time is missing, no number, or not later than the one before, or the
+        times are those of no recording of a motion.
     """
     if table.height < MINIMUM_ROWS:
         raise TrialError(
             f"{file}: too short: expected at least {MINIMUM_ROWS} rows of samples, found {table.height}"
         )
     column = table[source.column]
-    if column.dtype.is_temporal():
-        microseconds = column.to_physical().cast(float).to_numpy()
-        unit = {"ms": 1e-3, "ns": 1e-9}.get(getattr(column.dtype, "time_unit", "us") or "us", 1e-6)
-        t = (microseconds - microseconds[0]) * unit
+    dated = None if source.unit else clock_times(column)
+    scale = 1.0
+    if dated is not None:
+        t = dated[0] - dated[0][0]
     else:
+        if str(column.dtype) == "Date":
+            raise TrialError(
+                f'{file}: t_s (column "{source.column}"): row 1: expected seconds, or a date with the time of'
+                f" day, found the day {column[0]} alone; write the time of each row"
+            )
         scale = units.factor(source.unit, ("s",), f"{file}: t_s") if source.unit else 1.0
-        t = numbers(column, "t_s", file) * scale * source.sign
+        t = Counter32().of(numbers(column, "t_s", file)) * scale * source.sign
     where = f'{file}: t_s (column "{source.column}")'
     if not np.isfinite(t).all():
         row = int(np.flatnonzero(~np.isfinite(t))[0])
-        raise TrialError(f"{where}: row {row + 1}: expected a time, found {t[row]}; remove that row")
+        what = column[row] if dated is not None else t[row]
+        raise TrialError(f"{where}: row {row + 1}: expected a time, found {what}; remove that row")
     wrong = np.flatnonzero(np.diff(t) <= 0.0)
     if len(wrong):
         row = int(wrong[0]) + 1
@@ -68,7 +76,26 @@ def time_base(table: pl.DataFrame, source: Source, file: str) -> Array:
             f"{where}: row {row + 1}: expected a time after {t[row - 1]:.10g} s, found {t[row]:.10g} s "
             f"({what}, {len(wrong)} rows in all); sort the rows by time or cut the recording there"
         )
+    if (step := float(np.median(np.diff(t)))) > _SLOWEST_S:
+        by = scale_of("", "", t[:_TELLING_ROWS] / scale)
+        unit = next((name for name, factor in _SMALLER.items() if factor == by.factor), "")
+        entry = f't_s = {{ from = "{source.column}", unit = "{unit or "ms"}" }}'
+        looks = f" they look like {unit} ({by.how});" if unit else ""
+        raise TrialError(
+            f"{where}: the rows are {step:.4g} s apart; expected at most {_SLOWEST_S:g} s, because slower"
+            f" rows show no motion of a vehicle;{looks} put the unit into the column's name, as in"
+            f" t_{unit or 'ms'}, or into the column map: {entry}"
+        )
     return np.asarray(t)
+
+
+_SLOWEST_S = 60.0
+"""Usual interval of rows above which no motion is seen: the slowest of a vehicle of 10 m, its turning circle,
+takes about as long."""
+
+_TELLING_ROWS = 2000  # whose times tell their unit
+
+_SMALLER = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 def signals(
@@ -122,8 +149,8 @@ def _group(
             else group.factor
         )
         y[:, k] = _possible(numbers(column, name, file) * scale * source.sign, group, name, report)
-        present[:, k] = column.is_not_null().to_numpy()
-        _note_not_finite(column, y[:, k], name, report)
+        present[:, k] = _sampled(column, y[:, k])
+        _note_not_finite(present[:, k], y[:, k], name, report)
         y[~np.isfinite(y[:, k]), k] = np.nan
     empty = [name for k, name in enumerate(group.columns) if name in given and not present[:, k].any()]
     if empty:
@@ -283,8 +310,9 @@ def _actuator(
     column = table[source.column]
     scale = units.factor(source.unit, units.ACTUATOR_UNITS, f"{file}: {name}") if source.unit else 1.0
     y = _possible(numbers(column, name, file) * scale * source.sign, None, name, report)
-    _note_not_finite(column, y, name, report)
-    good = column.is_not_null().to_numpy() & np.isfinite(y)
+    sampled = _sampled(column, y)
+    _note_not_finite(sampled, y, name, report)
+    good = sampled & np.isfinite(y)
     if not good.any():
         raise TrialError(f"{file}: {name}: no cell has a number; leave the column out of the map")
     if good.all():
@@ -308,8 +336,27 @@ def _possible(y: Array, group: Group | None, name: str, report: RecordingReport)
     return np.where(wrong, np.nan, y)
 
 
-def _note_not_finite(column: pl.Series, y: Array, name: str, report: RecordingReport) -> None:
-    missing = int((~np.isfinite(y) & column.is_not_null().to_numpy()).sum())
+_APART = 0.5
+"""Share of a column's numbers with none in the next row above which the cells without one are no samples."""
+
+
+def _sampled(column: pl.Series, y: Array) -> Mask:
+    """Cells (n,) that hold a sample, with a number or without.
+
+    An empty cell holds none. NaN is a sample without a number, as a drop-out is, unless nearly every number
+    has NaN behind it: then the rows are those of several sensors, put together with NaN where one has none.
+    """
+    given = np.asarray(column.is_not_null().to_numpy())
+    numbers = np.isfinite(y)
+    followed = numbers[1:] | ~given[1:]
+    between = numbers[:-1] & ~followed
+    if numbers.sum() >= MINIMUM_ROWS and between.sum() > _APART * numbers.sum():
+        return np.asarray(numbers & given)
+    return given
+
+
+def _note_not_finite(sampled: Mask, y: Array, name: str, report: RecordingReport) -> None:
+    missing = int((~np.isfinite(y) & sampled).sum())
     after = "the value before is held" if name.startswith("cmd.") else "masked"
     report.add("warning", name, f"NaN or infinite samples; {after}", missing)
 

@@ -75,7 +75,7 @@ def read_table(source: Any, reader: str | Reader | None = None, columns: Iterabl
     Parameters
     ----------
     source
-        Path of a file, or a polars or pandas frame.
+        Path of a file, a polars or pandas frame, or a table that was read already.
     reader
         Name of a reader in `FORMATS`, or a function from a path to a table; by the file's ending when
         omitted.
@@ -87,6 +87,8 @@ def read_table(source: Any, reader: str | Reader | None = None, columns: Iterabl
     TrialError
         If there is no such file, no reader for it, or it cannot be read as what it says it is.
     """
+    if isinstance(source, Recording):
+        return source
     if not isinstance(source, str | Path):
         return Recording(_read_frame(source), "frame")
     before_table()
