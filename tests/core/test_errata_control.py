@@ -37,6 +37,17 @@ def test_errata_35_the_advance_speed_is_no_part_of_p_2() -> None:
         np.testing.assert_allclose(p_2, alpha_2, rtol=1e-6)
 
 
+def test_errata_36_an_intercept_is_thrust_at_standstill() -> None:
+    """A load cell that reads 4 N too much: all of it becomes a_0, and CWolf swims with its motors stopped."""
+    n = np.linspace(200.0, 2000.0, 40) / 2000.0
+    pulled = 330.0 * n**2 + 4.0
+    a_0 = np.linalg.lstsq(np.vander(n, 3, increasing=True), pulled, rcond=None)[0][0]
+    assert a_0 == pytest.approx(4.0, abs=1e-9)
+    t = np.arange(0.0, 400.0, 0.1)
+    run = CWOLF.simulate(t, {}, free="X", tau=np.tile([a_0, 0.0, 0.0, 0.0, 0.0, 0.0], (len(t), 1)))
+    assert run.nu[-1, 0] == pytest.approx(0.50, abs=5e-3)
+
+
 def test_errata_49_the_inverse_of_the_allocation_does_not_exist() -> None:
     rng = np.random.default_rng(0)
     for _ in range(2000):
@@ -91,6 +102,25 @@ def test_errata_51_pitch_towards_a_waypoint(ahead: list[float], miss_deg: float)
     cosine = float(printed @ ahead) / float(np.dot(ahead, ahead))
     # Printed digits; the arc cosine near -1 leaves the root of the rounding.
     assert np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))) == pytest.approx(miss_deg, abs=0.05)
+
+
+def test_errata_51_pursuit_increases_the_cross_track_error() -> None:
+    """The bow on the waypoint 100 m ahead, 1 m/s through the water, 0.4 m/s of it across."""
+    length, across, dt = 100.0, 0.4, 0.05
+    place, track = np.zeros(2), []
+    while length - place[0] > 1.0:
+        psi = np.arctan2(-place[1], length - place[0])
+        place = place + dt * np.array([np.cos(psi), np.sin(psi) + across])
+        track.append(place)
+    x, xte = np.array(track).T
+    # The pursuit curve in a stream: with s the share of the way that is left, (s^(1-k) - s^(1+k)) L/2.
+    s = np.linspace(0.01, 1.0, 1000)
+    curve = 0.5 * length * (s ** (1.0 - across) - s ** (1.0 + across))
+    np.testing.assert_allclose(
+        np.interp(length * (1.0 - s[::-1]), x, xte), curve[::-1], atol=0.1
+    )  # of the step
+    assert xte.max() == pytest.approx(15.1, abs=0.1)
+    assert np.all(np.diff(xte)[x[1:] < 60.0] > 0.0)
 
 
 def test_errata_54_a_scheduled_gain_on_a_raw_sum_jumps() -> None:

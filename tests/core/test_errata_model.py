@@ -201,6 +201,17 @@ def test_errata_20_added_roll_inertia_grows_with_the_fifth_power_of_length() -> 
     assert period(-0.30 * M) == pytest.approx(7.91, abs=0.02)
 
 
+def test_errata_24_drag_goes_by_the_density_of_the_water() -> None:
+    def drag(m: float, rho: float) -> float:
+        text = TORPEDO.format(length=LENGTH, diameter=2.0 * RADIUS, area=0.1, arm=0.2, m=m)
+        return start(Vehicle.from_toml(f"{text}\n[environment]\nrho_kg_m3 = {rho}\n"), "X_uu")
+
+    # A hull of aluminium, 2700 kg/m3, has the drag of one that floats.
+    assert drag(2700.0 / RHO * M, RHO) == drag(M, RHO)
+    assert drag(M, 1000.0) / drag(M, RHO) == pytest.approx(1000.0 / RHO, rel=1e-12)
+    assert drag(M, 2700.0 * 0.5) / drag(M, RHO) == pytest.approx(0.5 * 2.63, abs=5e-3)
+
+
 def test_errata_25_a_laminar_form_with_a_turbulent_friction_line() -> None:
     speed, area, l_d = 3.0 * KNOT, np.pi * RADIUS**2, LENGTH / (2.0 * RADIUS)
     friction = 0.075 / (np.log10(speed * LENGTH / 1.19e-6) - 2.0) ** 2
