@@ -25,6 +25,7 @@ from seatrial.control_design.margins import least_margins
 from seatrial.control_design.start_gains import start_gains
 from seatrial.control_design.trim import trim
 from seatrial.vehicle.authority import LOOPS, ROWS, Delay, delays
+from tests.docs.pages import ROOT
 from tests.flight.acceptance import AUTOPILOTS, RADIUS_M, flights
 
 
@@ -214,3 +215,19 @@ def test_bad_input_is_refused_with_what_to_do() -> None:
         design_lqr(vehicle, [1.5], {"cruise": ["surge", "heading"]}, tau_max={"surge": 8.0})
     with pytest.raises(ValueError, match="expected rows with a reach, found M, N without"):
         design_lqr(vehicle, [0.0], {"cruise": ["surge", "pitch", "heading"]})
+
+
+def test_the_regulator_tracks_short_and_curved_legs_better() -> None:
+    """CWolf about the net and up and down the lawn: docs/theory/lqr.md has 0.49 and 0.21, 0.76 and 0.38 m."""
+    pid = st.Autopilot.load("cwolf")
+    regulator = st.Autopilot.from_toml(lqr_autopilot(st.Vehicle.load("cwolf"), pid.to_toml()))
+    for mission in ("cage_survey.toml", "lawnmower.toml"):
+        path = ROOT / "examples" / "missions" / mission
+        rms = [
+            np.median(flights.figures["cross_track_rms"])
+            for flights in (
+                st.fly_batch("cwolf", law, path, seeds=[0, 1, 2], sensors="typical")
+                for law in (pid, regulator)
+            )
+        ]
+        assert rms[1] < 0.7 * rms[0], (mission, rms)

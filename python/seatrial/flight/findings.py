@@ -110,11 +110,18 @@ def injected(flight: FlightLog, group: str, at_s: float) -> str:
 
 
 def position_remedy(flight: FlightLog) -> str:
-    """What to do about a position that was wrong: what the flight did not have already."""
-    aid = f"give it {source('position')}, or position fixes more often or more exact ones"
+    """What to do about a position that was wrong: what the flight did not have already.
+
+    A navigation filter bridges samples that are missing. Alone it takes an offset of the fix for the truth;
+    USBL and ranges to landmarks, which only the filter reads, show it (docs/validation.md, acoustics).
+    """
+    fixes = f"give it {source('position')}, or position fixes more often or more exact ones"
     if flight.circumstances.navigation == "filter":
-        return aid
-    return f"{aid}, or fly by the navigation filter (--navigation filter)"
+        return fixes
+    missing = any(injected(flight, group, math.inf) for group in ("position", "velocity", "water"))
+    if missing:
+        return f"{fixes}, or fly by the navigation filter (--navigation filter), which bridges the outage"
+    return f"{fixes}; USBL and ranges need --navigation filter, which alone does not find an offset"
 
 
 def outside(points: Array, fence: Array) -> Array:
