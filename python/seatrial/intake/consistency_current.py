@@ -23,7 +23,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
 from seatrial.intake.consistency_result import SlowCurrent
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
-from seatrial.trial.kinematics import Channels, ned_rows
+from seatrial.trial.kinematics import Channels, earth_velocity
 
 __all__ = ["slow_current"]
 
@@ -73,14 +73,14 @@ def slow_current(channels: Channels) -> SlowCurrent | str:
         return "the current needs velocity and heading at the same times"
     t = grid.t
     known = channels.known(used, t, {})
-    roll, pitch, yaw = (channels.at(name, t, {}) for name in ("roll", "pitch", "yaw"))
+    pitch, yaw = (channels.at(name, t, {}) for name in ("pitch", "yaw"))
     ground = np.stack([channels.at(name, t, {}) for name in "uvw"], axis=1)
     design = np.zeros((len(t), 2, 2))
     if water:
         through = np.stack([channels.at(f"{name}_water", t, {}) for name in "uvw"], axis=1)
         if "w_water" not in have:
             through[:, 2] = ground[:, 2]
-        measured = ned_rows(roll, pitch, yaw, ground - through)[:, :2]
+        measured = earth_velocity(channels.rotation(t), ground - through)[:, :2]
         design[:, 0, 0] = design[:, 1, 1] = 1.0
         legs = _Legs(t, known, np.zeros(len(t), bool), measured, design, np.zeros((len(t), 2, 0)), False)
         return _told(legs, "velocity over ground less that through the water")

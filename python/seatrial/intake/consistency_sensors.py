@@ -14,10 +14,11 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
+from seatrial.base.rotation import matrix
 from seatrial.trial.kinematic_axes import Assignment, alone, assigned, band, lagged, unit_of
 from seatrial.trial.kinematic_fit import Curve, Fit, Grid, Parameter, fitted, robust_rms
 from seatrial.trial.kinematic_series import Series
-from seatrial.trial.kinematics import Channels, RatesResidual, VelocityResidual, ned_rows, pose_velocity
+from seatrial.trial.kinematics import Channels, RatesResidual, VelocityResidual, earth_velocity, pose_velocity
 
 __all__ = ["Found", "force_found", "rates_found", "velocity_found"]
 
@@ -276,11 +277,10 @@ def _twin(
     """Another offset of the velocity's clock that fits as well as the rough one; None where there is none."""
     rough = channels.delay.get("velocity", 0.0)
     rate, _ = residual.rate({})
-    roll, pitch, yaw = residual.attitude
-    v = np.stack([channels.curves[name](grid.t) if name in channels.curves else 0.0 * roll for name in "uvw"])
+    still = np.zeros(len(grid.t))
+    v = np.stack([channels.curves[name](grid.t) if name in channels.curves else still for name in "uvw"])
     if rows == (2,):  # the pitch has no delay of its own, see _by_rows
-        level = np.stack([np.full_like(roll, np.median(v[0])), 0.0 * roll, 0.0 * roll], axis=1)
-        typical = grid.low(ned_rows(roll, pitch, yaw, level))[:, [2]]
+        typical = grid.low(float(np.median(v[0])) * residual.turns[:, 2, :1])
         least, sides = np.inf, None
         for factor in (1.0, -1.0):
             a, b = band(rate - factor * typical, good, grid), band(grid.low(v[2])[:, None], good, grid)
@@ -293,7 +293,7 @@ def _twin(
         reference, _ = pose_velocity(channels, grid)
         shown = np.stack([channels.at(name, grid.t, {"delay.velocity": -rough}) for name in "uvw"], axis=1)
     else:
-        reference, shown = rate, ned_rows(roll, pitch, yaw, v.T)[:, :2]
+        reference, shown = rate, earth_velocity(channels.rotation(grid.t), v.T)[:, :2]
     a, b = band(reference, good, grid), band(grid.low(shown), good, grid)
     return alone(a, b, grid.step, rough, reach)
 
@@ -326,20 +326,16 @@ def _by_rows(
 ) -> tuple[Assignment | None, float]:
     """The same where only the depth, or north and east, are known: signs that halve the residual."""
     rate, _ = residual.rate({})
-    roll, pitch, yaw = residual.attitude
     names = ("u", "w") if rows == (2,) else ("u", "v")
     u = channels.curves["u"](grid.t)
-    level = np.stack([np.full_like(u, np.median(u)), 0.0 * u, 0.0 * u], axis=1)
     if rows == (2,):
         # The pitch has no delay of its own: what it leaves of the depth's rate belongs to w.
-        typical = grid.low(ned_rows(roll, pitch, yaw, level))[:, [2]]
+        typical = grid.low(float(np.median(u)) * residual.turns[:, 2, :1])
         shown = grid.low(channels.curves["w"](grid.t))[:, None]
     else:
         typical = np.zeros((len(u), 2))
-        shown = grid.low(
-            ned_rows(roll, pitch, yaw, np.stack([u, channels.curves["v"](grid.t), 0.0 * u], axis=1))
-        )
-        shown = shown[:, :2]
+        level = np.stack([u, channels.curves["v"](grid.t), 0.0 * u], axis=1)
+        shown = grid.low(earth_velocity(channels.rotation(grid.t), level)[:, :2])
     best: tuple[float, float, float] = (0.0, 0.0, 0.0)
     size = float(np.median(np.abs(rate[good]))) / max(float(np.median(np.abs(shown[good]))), 1e-300)
     for factor in (1.0, -1.0, *((size, -size) if not 0.2 < size < 5.0 else ())):
@@ -387,9 +383,7 @@ def force_found(channels: Channels, g: float = 9.81) -> Found | None:
     if grid is None:
         return None
     of = "specific force, and gravity and acceleration, m/s^2"
-    roll, pitch = channels.at("roll", grid.t, {}), channels.at("pitch", grid.t, {})
-    down = np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
-    expected = grid.low(-g * down)
+    expected = grid.low(-g * matrix(channels.rotation(grid.t))[:, 2, :])
     if moving:
         v = np.stack([channels.at(n, grid.t, {}) for n in "uvw"], axis=1)
         omega = np.stack([channels.at(n, grid.t, {}) for n in "pqr"], axis=1)

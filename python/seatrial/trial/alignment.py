@@ -25,7 +25,7 @@ from seatrial.trial.corrections import Corrections
 from seatrial.trial.kinematic_axes import UNITS, band, lagged
 from seatrial.trial.kinematic_fit import Curve, Grid, Parameter, fitted
 from seatrial.trial.kinematic_series import Series
-from seatrial.trial.kinematics import Channels, attitude_rates, ned_rows, pose_velocity
+from seatrial.trial.kinematics import Channels, attitude_rates, earth_velocity, pose_velocity
 from seatrial.trial.own_samples import own_samples
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal
@@ -377,12 +377,11 @@ def _report_scale_of_depth(
     grid = curves.grid(tuple(needed), _LARGEST_S) if needed <= set(curves.curves) else None
     if grid is None:
         return
-    roll, pitch, yaw = (curves.at(name, grid.t, {}) for name in ANGLES)
     v = np.stack([curves.at(name, grid.t, {}) for name in "uvw"], axis=1)
     known = grid.inside(curves.known(tuple(needed), grid.t, {}))
     rate, shown = (
         grid.slope(curves.at("z", grid.t, {}))[:, None],
-        grid.low(ned_rows(roll, pitch, yaw, v)[:, 2:]),
+        grid.low(earth_velocity(curves.rotation(grid.t), v)[:, 2:]),
     )
     if known.sum() < _FEWEST:
         return

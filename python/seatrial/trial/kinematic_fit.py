@@ -92,11 +92,17 @@ class Grid:
         """Interval, s."""
         return float(self.t[1] - self.t[0])
 
-    def low(self, y: Array) -> Array:
-        """The low-passed values (n, ...)."""
+    def low(self, y: Array, *, differenced: bool = False) -> Array:
+        """The low-passed values (n, ...); `differenced`: they are means over two intervals already.
+
+        Such a mean has the variance of a box two intervals wide, a third of the interval's square, by which
+        the Gaussian is narrower then, so that both sides of a comparison are low-passed alike.
+        """
         from scipy.ndimage import gaussian_filter1d
 
-        return np.asarray(gaussian_filter1d(y, self.width / self.step, axis=0, mode="nearest"))
+        wide = self.width / self.step
+        wide = float(np.sqrt(wide**2 - 1.0 / 3.0)) if differenced else wide
+        return np.asarray(gaussian_filter1d(y, wide, axis=0, mode="nearest"))
 
     def slope(self, y: Array) -> Array:
         """Derivative of the low-passed values (n, ...), per s."""

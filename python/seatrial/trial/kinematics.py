@@ -1,9 +1,11 @@
 """Residuals between channels that kinematics ties: position and depth, velocity, attitude, rates.
 
-``p' = R(Theta) (T v_S - omega x r)`` with the mounting T and place r of the velocity sensor, and ``omega =
-T(Theta)^-1 Theta'`` (Fossen 2011, equations 2.18 and 2.26). A depth alone gives the third row: ``z' = -sin
-theta u + cos theta sin phi v + cos theta cos phi w``. Every sensor has a delay and, on another clock than
-the attitude, a drift; the attitude is the reference. Held by ``tests/intake/test_consistency.py``.
+``p' = R (T v_S - omega x r)`` with the rotation R of the attitude, the mounting T and place r of the velocity
+sensor, and omega the increment of R over time (Fossen 2011, equations 2.18 and 2.26). A depth alone gives the
+third row. Every sensor has a delay and, on another clock than the attitude, a drift; the attitude is the
+reference. The attitude is a rotation throughout, interpolated as one: a vehicle that tumbles passes pitch 90
+deg, where roll and yaw jump by half a turn and no angle can be interpolated or differentiated by itself. Held
+by ``tests/intake/test_consistency.py``.
 """
 
 from __future__ import annotations
@@ -14,12 +16,26 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.rotation import conjugate, continuous, from_euler, matrix, product
 from seatrial.trial.kinematic_fit import Curve, Grid
 from seatrial.trial.kinematic_series import CHANNEL_GROUPS, INPUTS
 
-__all__ = ["Channels", "RatesResidual", "VelocityResidual", "attitude_rates", "ned_rows", "pose_velocity"]
+__all__ = [
+    "Channels",
+    "RatesResidual",
+    "VelocityResidual",
+    "attitude_rates",
+    "differences",
+    "earth_velocity",
+    "pose_velocity",
+    "rotation_rates",
+]
 
 Values = Mapping[str, float]
+
+_ANGLES = CHANNEL_GROUPS["attitude"]
+
+_ONE_SENSOR = 0.9  # share of stamps that angles of one attitude have in common, lost samples aside
 
 
 @dataclass
@@ -33,6 +49,19 @@ class Channels:
     middle: float = 0.0
     delay: dict[str, float] = field(default_factory=dict)
     axes: dict[str, tuple[str, float]] = field(default_factory=dict)
+    _turns: tuple[tuple[Curve, ...], _RotationCurve] | None = field(default=None, repr=False)
+
+    def rotation(self, t: Array) -> Array:
+        """Unit quaternions (n, 4), body to NED, at times (n,); an angle that is not recorded is zero."""
+        known = {name: self.curves[name] for name in _ANGLES if name in self.curves}
+        if not known:
+            return np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+        curves = tuple(known.values())
+        if self._turns is None or len(self._turns[0]) != len(curves) or any(
+            a is not b for a, b in zip(self._turns[0], curves, strict=True)
+        ):
+            self._turns = curves, _RotationCurve(known)
+        return self._turns[1](t)
 
     def group(self, channel: str) -> str:
         """Sensor of a channel; a depth with the stamps of the position is the position's."""
@@ -80,58 +109,85 @@ class Channels:
         return Grid.of(curves, margin) if curves else None
 
 
-def ned_rows(roll: Array, pitch: Array, yaw: Array, v: Array) -> Array:
-    """Velocity (n, 3) north, east, down of a body velocity (n, 3) at these angles (n,), rad."""
-    (cr, cp, cy), (sr, sp, sy) = (
-        (np.cos(roll), np.cos(pitch), np.cos(yaw)),
-        (np.sin(roll), np.sin(pitch), np.sin(yaw)),
-    )
-    u, s, w = v.T
-    return np.stack(
-        [
-            cy * cp * u + (cy * sp * sr - sy * cr) * s + (cy * sp * cr + sy * sr) * w,
-            sy * cp * u + (sy * sp * sr + cy * cr) * s + (sy * sp * cr - cy * sr) * w,
-            -sp * u + cp * sr * s + cp * cr * w,
-        ],
-        axis=1,
-    )
+class _RotationCurve:
+    """A rotation between the samples of its angles: a spline of the continuous quaternion, normalised."""
+
+    def __init__(self, known: Mapping[str, Curve]) -> None:
+        from scipy.interpolate import CubicSpline
+
+        curves = list(known.values())
+        stamps = curves[0].t
+        for curve in curves[1:]:
+            stamps = stamps if np.array_equal(stamps, curve.t) else np.intersect1d(stamps, curve.t)
+        # Angles of several instruments (a compass beside an inclinometer) share no stamps: each on its own.
+        self._apart = known if len(stamps) < _ONE_SENSOR * max(len(curve.t) for curve in curves) else None
+        if self._apart is None:
+            angles = np.zeros((len(stamps), 3))
+            for name, curve in known.items():
+                angles[:, _ANGLES.index(name)] = curve.values[np.searchsorted(curve.t, stamps)]
+            self._first, self._last = stamps[0], stamps[-1]
+            self._spline = CubicSpline(stamps, continuous(from_euler(angles))[0])
+
+    def __call__(self, t: Array) -> Array:
+        """Unit quaternions (n, 4) at times (n,), held beyond the ends."""
+        if self._apart is not None:
+            angles = np.zeros((len(t), 3))
+            for name, curve in self._apart.items():
+                angles[:, _ANGLES.index(name)] = curve(t)
+            return continuous(from_euler(angles))[0]
+        q = np.asarray(self._spline(np.clip(t, self._first, self._last)))
+        return np.asarray(q / np.linalg.norm(q, axis=1)[:, None])
+
+
+def earth_velocity(q: Array, v: Array) -> Array:
+    """Velocity (n, 3) north, east, down of a body velocity (n, 3) at these attitudes (n, 4)."""
+    return np.asarray(np.einsum("nij,nj->ni", matrix(q), v))
 
 
 def _mounted(v: Array, values: Values) -> Array:
     """Body velocity (n, 3) of what a sensor turned by the tilt angles shows: ``R_z R_y R_x v_S``."""
-    from seatrial.base.rotation import from_euler, matrix
-
     # A list of the hull where no roll is logged turns the velocity as a sensor that is turned does.
     angles = [values.get(name, 0.0) for name in ("tilt.roll", "tilt.pitch", "tilt.yaw")]
     angles[0] += values.get("list", 0.0)
     return np.asarray(v @ matrix(from_euler(angles)).T)
 
 
+def differences(y: Array, grid: Grid) -> Array:
+    """Central differences (n, ...) per s of values on the grid: means over two intervals, see `Grid.low`."""
+    rate = np.empty_like(y)
+    rate[1:-1] = 0.5 * (y[2:] - y[:-2])
+    rate[0], rate[-1] = y[1] - y[0], y[-1] - y[-2]
+    return np.asarray(rate / grid.step)
+
+
+def rotation_rates(q: Array, grid: Grid) -> Array:
+    """Body rates (n, 3) in rad/s of attitudes (n, 4) on the grid: turns over two intervals, not low-passed.
+
+    Turns of whole intervals add up whatever their size, so that their low-pass is that of the true rates; the
+    derivative of a low-passed attitude is not, once it turns far within the width of the low-pass.
+    """
+    between = product(conjugate(q[:-1]), q[1:])
+    between = between * np.where(between[:, :1] < 0.0, -1.0, 1.0)
+    size = np.linalg.norm(between[:, 1:], axis=1)
+    angle = 2.0 * np.arctan2(size, between[:, 0])
+    turns = between[:, 1:] * (angle / np.maximum(size, 1e-300))[:, None] / grid.step
+    turns = np.where(size[:, None] > 0.0, turns, 0.0)
+    whole = np.concatenate([turns[:1], turns, turns[-1:]])
+    return np.asarray(0.5 * (whole[1:] + whole[:-1]))
+
+
 def attitude_rates(channels: Channels, grid: Grid) -> tuple[Array, Mask]:
     """Body rates (n, 3) in rad/s that the attitude implies, low-passed, and where they are known (n,)."""
-    angles = [channels.at(name, grid.t, {}) for name in ("roll", "pitch", "yaw")]
-    (roll, pitch, _), (roll_rate, pitch_rate, yaw_rate) = (
-        [f(one) for one in angles] for f in (grid.low, grid.slope)
-    )
-    rates = np.stack(
-        [
-            roll_rate - np.sin(pitch) * yaw_rate,
-            np.cos(roll) * pitch_rate + np.sin(roll) * np.cos(pitch) * yaw_rate,
-            -np.sin(roll) * pitch_rate + np.cos(roll) * np.cos(pitch) * yaw_rate,
-        ],
-        axis=1,
-    )
-    return rates, grid.inside(channels.known(("roll", "pitch", "yaw"), grid.t, {}))
+    rates = grid.low(rotation_rates(channels.rotation(grid.t), grid), differenced=True)
+    return rates, grid.inside(channels.known(_ANGLES, grid.t, {}))
 
 
 def pose_velocity(channels: Channels, grid: Grid) -> tuple[Array, Mask]:
     """Body velocity (n, 3) in m/s of position and attitude, low-passed, and where it is known (n,)."""
-    roll, pitch, yaw = (grid.low(channels.at(name, grid.t, {})) for name in ("roll", "pitch", "yaw"))
-    rate = grid.slope(np.stack([channels.at(name, grid.t, {}) for name in "xyz"], axis=1))
-    known = grid.inside(channels.known(("x", "y", "z", "roll", "pitch", "yaw"), grid.t, {}))
-    # Columns of R: the body components are the products with them.
-    turned = [ned_rows(roll, pitch, yaw, np.tile(axis, (len(grid.t), 1))) for axis in np.eye(3)]
-    return np.stack([np.sum(column * rate, axis=1) for column in turned], axis=1), known
+    rate = differences(np.stack([channels.at(name, grid.t, {}) for name in "xyz"], axis=1), grid)
+    known = grid.inside(channels.known(("x", "y", "z", *_ANGLES), grid.t, {}))
+    body = np.einsum("nji,nj->ni", matrix(channels.rotation(grid.t)), rate)
+    return grid.low(np.asarray(body), differenced=True), known
 
 
 class VelocityResidual:
@@ -139,9 +195,12 @@ class VelocityResidual:
 
     def __init__(self, channels: Channels, grid: Grid, rows: tuple[int, ...]) -> None:
         self.channels, self.grid, self.rows = channels, grid, rows
-        self.attitude = [channels.at(name, grid.t, {}) for name in ("roll", "pitch", "yaw")]
-        self.smooth = [grid.low(one) for one in self.attitude]
-        self.rates, self.known = attitude_rates(channels, grid)
+        self.turns = matrix(channels.rotation(grid.t))
+        omega = rotation_rates(channels.rotation(grid.t), grid)
+        # Velocity (n, 3, 3) that the turning adds, north, east, down, of a sensor a metre off along each axis.
+        arms = np.einsum("nij,nkj->nik", self.turns, np.cross(omega[:, None, :], np.eye(3)))
+        self.arms = grid.low(np.asarray(arms), differenced=True)
+        self.known = grid.inside(channels.known(_ANGLES, grid.t, {}))
         self._positions: dict[tuple[float, ...], tuple[Array, Mask]] = {}
         self.velocities: dict[tuple[float, ...], tuple[Array, Mask]] = {}
 
@@ -157,13 +216,10 @@ class VelocityResidual:
         v, known = self.velocities[key]
         v = _mounted(v, values) * (1.0 + values.get("scale.velocity", 0.0))
         v = v - np.array([0.0, 0.0, values.get("bias.w", 0.0)])
-        heading = values.get("heading", 0.0)
-        roll, pitch, yaw = self.attitude
-        told = grid.low(ned_rows(roll, pitch, yaw + heading, v))
-        arm = np.array([values.get(f"arm.{axis}", 0.0) for axis in "xyz"])
-        if arm.any():
-            roll, pitch, yaw = self.smooth
-            told = told - ned_rows(roll, pitch, yaw + heading, np.cross(self.rates, arm))
+        told = grid.low(np.einsum("nij,nj->ni", self.turns, v))
+        told = told - self.arms @ np.array([values.get(f"arm.{axis}", 0.0) for axis in "xyz"])
+        if heading := values.get("heading", 0.0):
+            told = told @ matrix(from_euler([0.0, 0.0, heading])).T
         return rate - told[:, list(self.rows)], seen & known & self.known
 
     def rate(self, values: Values) -> tuple[Array, Mask]:
