@@ -8,14 +8,24 @@ before the next.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import matrix
-from seatrial.trial.kinematic_axes import Assignment, alone, assigned, band, lagged, unit_of
+from seatrial.trial.kinematic_axes import (
+    LEAST_MOTION,
+    Assignment,
+    alone,
+    assigned,
+    at_end,
+    band,
+    follows,
+    lagged,
+    unit_of,
+)
 from seatrial.trial.kinematic_fit import Curve, Fit, Grid, Parameter, fitted, robust_rms
 from seatrial.trial.kinematic_series import Series
 from seatrial.trial.kinematics import Channels, RatesResidual, VelocityResidual, earth_velocity, pose_velocity
@@ -34,7 +44,7 @@ _SURE_BIAS = 0.001  # m/s: what data sheets of Doppler logs allow beside a share
 
 _LEAST_FORCE = 0.03  # m/s^2
 
-_FITS, _CLEARLY = 0.6, 0.7  # correlation of signs that are believed, and what they leave of the variance
+_FITS = 0.6  # correlation of a comparison whose ratio of sizes is told
 
 _SHARED = 0.3  # correlation from which a rough delay is believed
 
@@ -91,6 +101,14 @@ def _undated(group: str, clock: str, reference: str, delays: Sequence[float]) ->
     )
 
 
+def _at_end(what: str, delay: float, reach: float) -> str:
+    """Why a delay at the end of the search range is none."""
+    return (
+        f"the delay of the {what} is not estimated: what fits best, {delay:.2f} s, lies at the end of the"
+        f" range of +/- {reach:.2g} s that was searched; compare the clocks of both sensors, and their signs"
+    )
+
+
 def _reach(channels: Channels, group: str) -> tuple[float, bool]:
     other = channels.clock(group) != channels.clock("attitude")
     return (_OTHER_CLOCK_S if other else _SAME_CLOCK_S), other
@@ -129,9 +147,15 @@ def rates_found(channels: Channels) -> Found | None:
     before = _rms(residual({}))
     shown = grid.low(np.stack([channels.curves[n](grid.t) for n in names], axis=1))
     good = residual({})[1]
-    found = assigned(names, residual.reference, shown, good, grid, reach)
+    unseen = [k for k, name in enumerate("pqr") if name not in names]
+    found = assigned(
+        names, residual.reference, shown, good, grid, reach, kind="rates", beside=residual.rates[:, unseen]
+    )
     if found is None:
         return Found("rates", of, None, other_clock=other, sizes=(before, before))
+    if at_end(found.delay, reach, grid.step):
+        why = _at_end("gyro", found.delay, reach)
+        return Found("rates", of, None, replace(found, axes={}), sizes=(before, before), why=why)
     channels.axes |= found.changed
     if other:
         y = np.stack([channels.at(n, grid.t, {}) for n in names], axis=1)
@@ -150,6 +174,9 @@ def rates_found(channels: Channels) -> Found | None:
     channels.middle = float(grid.t.mean())
     parameters = [*_timing(channels, "rates", grid), *biases, *scales]
     fit = fitted(residual, parameters, grid, [{"delay.rates": found.delay}])
+    if fit is not None and at_end(fit.values.get("delay.rates", 0.0), reach, grid.step):
+        why = _at_end("gyro", fit.values["delay.rates"], reach)
+        return Found("rates", of, None, found, units, other, sizes, channels.middle, why=why)
     _keep_delay(channels, "rates", fit)
     return Found("rates", of, fit, found, units, other, sizes, channels.middle)
 
@@ -234,6 +261,9 @@ def _velocity(channels: Channels, rows: tuple[int, ...], *, timed: bool, sized: 
         parameters = [one for one in parameters if one.name != "scale.velocity"]
         parameters.append(Parameter("scale.depth", 0.01, 0.02, material=0.02, factor=True))
     fit = fitted(residual, parameters, grid, starts)
+    if timed and fit is not None and at_end(fit.values.get("delay.velocity", 0.0), reach, grid.step):
+        why = _at_end("velocity", fit.values["delay.velocity"], reach)
+        return Found("velocity", of, None, assignment, units, other, sizes, channels.middle, why=why)
     for group in ("velocity", *{channels.group("xyz"[k]) for k in rows}) if timed else ():
         _keep_delay(channels, group, fit)
     motion = _rms(residual.rate({}))
@@ -308,8 +338,8 @@ def _by_axes(channels: Channels, grid: Grid, good: Mask, reach: float) -> tuple[
     names = tuple(name for name in "uvw" if name in channels.curves)
     shown = grid.low(np.stack([channels.curves[name](grid.t) for name in names], axis=1))
     reference = reference[:, ["uvw".index(name) for name in names]]
-    found = assigned(names, reference, shown, good, grid, reach)
-    if found is None:
+    found = assigned(names, reference, shown, good, grid, reach, kind="velocity")
+    if found is None or at_end(found.delay, reach, grid.step):
         return None, 1.0
     channels.delay["velocity"] = found.delay
     channels.axes |= found.changed
@@ -344,32 +374,58 @@ def _by_rows(
         strength = float(np.abs(np.diag(rho)).max())
         if strength > best[0]:
             best = (strength, delay, factor)
-    channels.delay["velocity"] = best[1] if best[0] > _SHARED else 0.0
-    values: dict[str, float] = {}
+    known = best[0] > _SHARED and not at_end(best[1], reach, grid.step)
+    channels.delay["velocity"] = best[1] if known else 0.0
+    return _signs_by_rows(channels, grid, residual, names, rows)
 
-    def told(signs: tuple[float, ...]) -> tuple[float, float]:
-        own = dict(channels.axes)
-        channels.axes |= {name: (name, sign) for name, sign in zip(names, signs, strict=True)}
-        residual.velocities = {}
-        y, use = residual(values)
-        channels.axes = own
-        residual.velocities = {}
-        a = band(rate, use, grid)
-        b = band(rate - y, use, grid)
-        fit = float(np.sum(a * b) / np.sqrt(np.sum(a**2) * np.sum(b**2) + 1e-300))
-        return fit, float(np.sqrt(np.sum(b**2) / max(float(np.sum(a**2)), 1e-300)))
 
-    fits = {signs: told(signs) for signs in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))}
-    own = fits[1.0, 1.0]
-    chosen = max(fits, key=lambda signs: fits[signs][0])
-    left = [1.0 - max(fit[0], 0.0) ** 2 for fit in (fits[chosen], own)]
-    if fits[chosen][0] < _FITS or left[0] > _CLEARLY * left[1]:
-        chosen = (1.0, 1.0)
-    axes = {name: (name, sign) for name, sign in zip(names, chosen, strict=True)}
-    channels.axes |= {name: entry for name, entry in axes.items() if entry[1] < 0.0}
-    fit, ratio = fits[chosen]
-    found = Assignment(channels.delay.get("velocity", 0.0), axes, dict.fromkeys(names, fit), ratio)
-    return found, ratio if fit > _FITS else 1.0
+def _signs_by_rows(
+    channels: Channels, grid: Grid, residual: VelocityResidual, names: Sequence[str], rows: tuple[int, ...]
+) -> tuple[Assignment, float]:
+    """Signs of the components by what each adds to the rate of depth, or of north and east; ratio of sizes.
+
+    The rate is the sum of what each component adds to it, turned by the attitude: a component whose part
+    comes with a gain near minus one is reversed.
+    """
+    late = channels.delay["velocity"]
+    residual.velocities = {}  # of another delay
+    rate, _ = residual.rate({})
+    y, use = residual({})
+    parts = []
+    every = [*names, *(name for name in "uvw" if name in channels.curves and name not in names)]
+    for name in every:
+        own = np.zeros((len(grid.t), 3))
+        own[:, "uvw".index(name)] = channels.at(name, grid.t, {})
+        parts.append(grid.low(earth_velocity(channels.rotation(grid.t), own)[:, list(rows)]))
+    target = band(rate, use, grid, cut=False)
+    added = [band(part, use, grid, cut=False) for part in parts]
+    cut, whole = band(rate, use, grid), band(rate - y, use, grid)
+    size = float(np.sqrt(np.sum(whole**2) / max(float(np.sum(cut**2)), 1e-300)))
+    unit = unit_of(size, "velocity")
+    if unit is None and rows == (2,) and (deep := unit_of(1.0 / max(size, 1e-300), "depth")) is not None:
+        unit = deep[0], 1.0 / deep[1]
+    factor = 1.0 if unit is None else unit[1]
+    # North and east behind one another: rows of two equations with the same unknowns.
+    motion = factor * np.concatenate([
+        np.stack([one[:, k] for one in added], axis=1) for k in range(len(rows))
+    ])
+    both = np.concatenate([use] * len(rows))
+    found = {
+        name: follows(motion, k, target.T.ravel(), both, step=grid.step, kind="velocity", lag=late)
+        for k, name in enumerate(names)
+    }
+    # Each is only a part of the sum: how much of the whole it explains says nothing of its sign.
+    found = {name: replace(one, whole=one.share) for name, one in found.items()}
+    signs = {name: -1.0 if one.reversed or one.doubtful else 1.0 for name, one in found.items()}
+    channels.axes |= {name: (name, sign) for name, sign in signs.items() if sign < 0.0}
+    residual.velocities = {}
+    y, use = residual({})
+    cut, whole = band(rate, use, grid), band(rate - y, use, grid)
+    fit = float(np.sum(cut * whole) / np.sqrt(np.sum(cut**2) * np.sum(whole**2) + 1e-300))
+    moved = float(np.sqrt(np.mean(cut[use] ** 2))) if use.any() else 0.0
+    axes = {name: (name, sign) for name, sign in signs.items()}
+    made = Assignment(late, axes, dict.fromkeys(names, fit), size, found)
+    return made, size if fit > _FITS and moved > LEAST_MOTION["velocity"] else 1.0
 
 
 def force_found(channels: Channels, g: float = 9.81) -> Found | None:
@@ -410,5 +466,5 @@ def force_found(channels: Channels, g: float = 9.81) -> Found | None:
     middle = _rms(residual({}))
     biases = [Parameter(f"bias.{n}", 0.01, _LEAST_FORCE) for n in names]
     fit = fitted(residual, [*_timing(channels, "specific force", grid), *biases], grid)
-    assignment = Assignment(0.0, {n: axes.get(n, (n, 1.0)) for n in names}, {}, abs(size))
+    assignment = Assignment(0.0, {n: axes.get(n, (n, 1.0)) for n in names}, {}, abs(size), {})
     return Found("specific force", of, fit, assignment, units, False, (before, middle))

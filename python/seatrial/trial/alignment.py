@@ -1,12 +1,14 @@
 """Signs and latency of velocity and rate sensors against the motion of the recorded pose.
 
-What a pose implies and how a delay is fitted to it, with its deviation, are those of the consistency check
-(`seatrial.trial.kinematics`, `seatrial.trial.kinematic_fit`); here only delays and signs are corrected, so
-that a recording can be read before anyone has checked it. A latency is removed only if it is several times
-its deviation and the shifted sensor really follows the pose; otherwise it is only reported. A velocity that
-runs against the pose is reversed, unless a lever arm of the sensor explains it better: in a turn the bow goes
-sideways against the stern. The velocity through the water, of the same instrument, is reversed with it where
-it has the same sense. Held by ``tests/trial/test_trial_alignment.py``.
+What a pose implies, how a channel follows it and how a delay is fitted to it, with their deviations, are
+those of the consistency check (`seatrial.trial.kinematics`, `kinematic_axes`, `kinematic_fit`); here only
+delays and signs are corrected, so that a recording can be read before anyone has checked it. A latency is
+removed only if it is several times its deviation and the shifted sensor really follows the pose; otherwise it
+is only reported. A channel is reversed only where its gain is near minus one beyond doubt
+(`kinematic_axes.Follows`), and, of a velocity, unless a lever arm of the sensor explains it better: in a turn
+the bow goes sideways against the stern. A weaker case is a proposal. The velocity through the water, of the
+same instrument, is reversed with it where it has the same sense. Held by
+``tests/trial/test_trial_alignment.py``.
 """
 
 from __future__ import annotations
@@ -22,7 +24,18 @@ from seatrial.base.channels import ANGLES
 from seatrial.base.units import factor
 from seatrial.trial.columns import GROUPS, Group, Source
 from seatrial.trial.corrections import Corrections
-from seatrial.trial.kinematic_axes import UNITS, band, lagged
+from seatrial.trial.kinematic_axes import (
+    UNITS,
+    Follows,
+    at_end,
+    band,
+    follows,
+    implausible_side,
+    lagged,
+    pressure_of,
+    rivals,
+    shifted,
+)
 from seatrial.trial.kinematic_fit import Curve, Grid, Parameter, fitted
 from seatrial.trial.kinematic_series import Series
 from seatrial.trial.kinematics import Channels, attitude_rates, earth_velocity, pose_velocity
@@ -35,13 +48,9 @@ __all__ = ["align"]
 _LARGEST_S = 1.0
 """Latencies are searched within plus and minus this."""
 
-_OPPOSITE = -0.6
-"""A sensor's sign is wrong if its correlation with the pose's motion is below this, and below half of it in
-three quarters of the record."""
-
 _FOLLOWS = 0.7  # least correlation of a sensor whose latency can be estimated
 
-_UNRELATED = 0.3  # a moving channel with less correlation is probably another one
+_CLEARLY = 0.25  # of the motion of all axes: what one must have that a channel is missed in
 
 _STEP_S = 0.02  # of the delay's difference quotient
 
@@ -51,6 +60,8 @@ _COLUMN = {
     for column, channel in zip(group.columns, group.channels, strict=True)
     if group.name in ("velocity", "water velocity", "rates")
 }
+
+_AXES = {"velocity": "uvw", "rates": "pqr"}
 
 _SLOWEST_S = 0.6  # longest interval of a position that a latency can be estimated from
 
@@ -117,7 +128,10 @@ def align(
             continue
         delay = None if found is None else _latency(found, float(t[1] - t[0]))
         if delay is None:
-            report.add("info", name, "latency not estimated: too little motion or too few valid samples")
+            why = "too little motion or too few valid samples"
+            if found is not None and found.at_end and any(one.moves for one in found.follows):
+                why = f"what fits best lies at the end of the range of +/- {_LARGEST_S:g} s that is searched"
+            report.add("info", name, f"latency not estimated: {why}")
         elif delay.trusted:
             report.latencies[name] = delay.seconds
             late = "late" if delay.seconds > 0.0 else "early"
@@ -143,17 +157,27 @@ def align(
 class _Compared:
     """A sensor beside the motion that the pose implies, both low-passed on one grid.
 
-    `reference` (n, k) of the sensor's `channels` in m/s or rad/s and where it is known (n,), the body rates
-    `turning` (n, 3) of the pose, and the curves between the samples, as recorded.
+    The `motion` (n, 3) in m/s or rad/s, of whose axes the sensor has `channels`, where it is known (n,), the
+    body rates `turning` (n, 3) of the pose, and the curves between the samples, as recorded.
     """
 
     group: str
     channels: tuple[str, ...]
     curves: Channels
     grid: Grid
-    reference: Array
+    motion: Array
     known: Mask
     turning: Array
+
+    @property
+    def columns(self) -> list[int]:
+        """Axis of each channel."""
+        return [_AXES[self.group].index(channel) for channel in self.channels]
+
+    @property
+    def reference(self) -> Array:
+        """Motion (n, k) of the sensor's channels."""
+        return self.motion[:, self.columns]
 
     def shown(self, delay: float) -> tuple[Array, Mask]:
         """What the sensor shows (n, k) if it is late by so many seconds, and where it is known (n,)."""
@@ -163,23 +187,35 @@ class _Compared:
         return self.grid.low(np.stack(y, axis=1)), known
 
     @cached_property
-    def _bands(self) -> tuple[Array, Array]:
+    def rough(self) -> float:
+        """Delay in s at which sensor and pose share most, whatever the signs."""
         y, known = self.shown(0.0)
         both = known & self.known
-        return band(self.reference, both, self.grid), band(y, both, self.grid)
+        sides = band(self.reference, both, self.grid), band(y, both, self.grid)
+        return lagged(*sides, self.grid.step, _LARGEST_S)[0]
 
-    def delay(self, columns: Sequence[int]) -> float:
-        """Rough delay in s at which these channels share most with the pose's motion, whatever the sign."""
-        reference, y = (side[:, columns] for side in self._bands)
-        return lagged(reference, y, self.grid.step, _LARGEST_S)[0]
+    @property
+    def at_end(self) -> bool:
+        """Whether that delay is only where the search ended."""
+        return at_end(self.rough, _LARGEST_S, self.grid.step)
 
     @cached_property
-    def best(self) -> tuple[tuple[Array, Mask], ...]:
-        """What each channel shows at its own rough delay, (n,), and where it can be compared (n,)."""
+    def follows(self) -> tuple[Follows, ...]:
+        """How each channel follows its axis at the sensor's one delay, as recorded."""
+        y, known = self.shown(0.0)
+        both, step = known & self.known, self.grid.step
+        first, second = shifted(self.rough, step, len(both))
+        motion = band(self.motion, both, self.grid, cut=False)[first]
+        channels = band(y, both, self.grid, cut=False)[second]
+        sides = band(self.reference, both, self.grid), band(y, both, self.grid)
         found = []
-        for k in range(len(self.channels)):
-            y, known = self.shown(self.delay([k]))
-            found.append((y[:, k], known & self.known))
+        for k, column in enumerate(self.columns):
+            one = follows(
+                motion, column, channels[:, k], both[first] & both[second],
+                step=step, kind=self.group, lag=self.rough,
+            )  # fmt: skip
+            other = rivals(sides[0][:, k], sides[1][:, k], step, _LARGEST_S)
+            found.append(replace(one, rival=other[one.gain < 0.0]))
         return tuple(found)
 
 
@@ -195,13 +231,13 @@ def _compared(signals: Mapping[str, Signal], name: str) -> _Compared | None:
     if grid is None:
         return None
     turning, known = attitude_rates(curves, grid)
-    reference, columns = turning, ["pqr".find(channel) for channel in names]
+    motion = turning
     if name == "velocity":
-        (reference, seen), columns = pose_velocity(curves, grid), ["uvw".find(channel) for channel in names]
+        motion, seen = pose_velocity(curves, grid)
         known = known & seen
     if known.sum() < _FEWEST:
         return None
-    return _Compared(name, names, curves, grid, reference[:, columns], known, turning)
+    return _Compared(name, names, curves, grid, motion, known, turning)
 
 
 def _curves(signals: Mapping[str, Signal], names: Sequence[str]) -> Channels:
@@ -222,12 +258,13 @@ def _latency(found: _Compared, step: float) -> Latency | None:
         return found.reference - y, known & found.known
 
     key = f"delay.{found.group}"
-    rough = found.delay(range(len(found.channels)))
-    if abs(rough) > _LARGEST_S - found.grid.step:
+    if found.at_end:
         return None
     parameter = Parameter(key, _STEP_S, 0.0, always=True, shift=True)
-    fit = fitted(residual, [parameter], found.grid, [{key: delay} for delay in sorted({0.0, rough}, key=abs)])
-    if fit is None or abs(fit.values.get(key, np.inf)) > _LARGEST_S:  # no value: the sensor never moves
+    starts = [{key: delay} for delay in sorted({0.0, found.rough}, key=abs)]
+    fit = fitted(residual, [parameter], found.grid, starts)
+    # Without a value the sensor never moves.
+    if fit is None or at_end(fit.values.get(key, np.inf), _LARGEST_S, found.grid.step):
         return None
     seconds, deviation = fit.values[key], fit.sd[key]
     y, known = found.shown(seconds)
@@ -251,47 +288,34 @@ def _correct_signs(
     too, and are named. What is reversed is reversed in `found`, too.
     """
     signs = np.ones(len(sensor.channels))
-    for k, channel in enumerate(sensor.channels):
-        y, use = found.best[k]
-        if use.sum() < _FEWEST:
+    y, known = found.shown(found.rough)
+    use = known & found.known
+    moving = float(np.std(found.reference[use])) if use.any() else 0.0
+    for k, (channel, one) in enumerate(zip(sensor.channels, found.follows, strict=True)):
+        reference = found.reference[use, k]
+        # A delay where the search ended is none, and no sign is told at it.
+        if found.at_end or not (one.reversed or one.doubtful):
+            if one.unrelated and np.std(reference) > _CLEARLY * moving:
+                words = f"does not follow the recorded pose ({one}); check the column map"
+                report.add("warning", channel, words)
             continue
-        measured, reference = y[use], found.reference[use, k]
-        strongest = _correlation(measured, reference)
-        quarters = zip(np.array_split(measured, 4), np.array_split(reference, 4), strict=True)
-        third = sorted(_correlation(*quarter) for quarter in quarters)[2]
-        if strongest < _OPPOSITE and third < 0.5 * _OPPOSITE:
-            if found.group == "velocity" and _on_an_arm(channel, measured, reference, found.turning[use]):
-                report.add(
-                    "warning",
-                    channel,
-                    f"runs opposite to the recorded pose (correlation {strongest:.2f}), as a sensor with a"
-                    " lever arm does; left as recorded. Give the position of the sensor",
-                )
-                continue
-            if channel in fixed:
-                report.add(
-                    "warning",
-                    channel,
-                    f"runs opposite to the recorded pose (correlation {strongest:.2f}); left as recorded."
-                    f" Reverse it with signs.{channel} = -1 under corrections",
-                )
-                continue
+        entry = replace(sources[_COLUMN[channel]], sign=-sources[_COLUMN[channel]].sign)
+        state = f"in the column map: {_COLUMN[channel]} = {entry}"
+        runs = f"runs opposite to the recorded pose ({one})"
+        on_arm = found.group == "velocity" and _on_an_arm(channel, y[use, k], reference, found.turning[use])
+        if on_arm:
+            words = f"{runs}, as a sensor with a lever arm does; left as recorded. Give the position of the"
+            words += " sensor"
+        elif channel in fixed:
+            words = f"{runs}; left as recorded. Reverse it with signs.{channel} = -1 under corrections"
+        elif one.doubtful:
+            words = f"seems to run opposite to the recorded pose ({one}), too weakly to be corrected; left as"
+            words += f" recorded. If its sign is wrong, state it {state}"
+        else:
             signs[k] = -1.0
             found.curves.axes[channel] = (channel, -1.0)
-            name = _COLUMN[channel]
-            entry = replace(sources[name], sign=-sources[name].sign)
-            report.add(
-                "warning",
-                channel,
-                f"runs opposite to the recorded pose (correlation {strongest:.2f}); sign reversed here. "
-                f"State it in the column map: {name} = {entry}",
-            )
-        elif abs(strongest) < _UNRELATED and (np.std(reference) > 0.25 * np.std(found.reference[use])):
-            report.add(
-                "warning",
-                channel,
-                f"does not follow the recorded pose (correlation {strongest:.2f}); check the column map",
-            )
+            words = f"{runs}; sign reversed here. State it {state}"
+        report.add("warning", channel, words)
     return replace(sensor, y=sensor.y * signs)
 
 
@@ -299,7 +323,7 @@ _SI = {"velocity": "m/s", "rates": "rad/s"}
 
 _TOLERANCE = 0.15  # how far a scale against the pose may be off that of a unit
 
-_SCALED = 0.3  # correlation from which a scale is told
+_SCALED = 0.09  # share explained from which a scale is told: a correlation of 0.3
 
 _FAR_OFF = 3.0  # scales without a unit that are worth a warning
 
@@ -318,27 +342,42 @@ def _report_scale(
     use = found.known & known
     if use.sum() < _FEWEST:
         return
-    follows = [
-        k
-        for k, (own, here) in enumerate(found.best)
-        if here.any() and abs(_correlation(own[here], found.reference[here, k])) > _SCALED
-    ]
-    if follows:
-        told = [sensor.channels[k] for k in follows]
-        shown, moved = (float(np.linalg.norm(x[use][:, follows].std(axis=0))) for x in (y, found.reference))
-        _say_scale(sensor, told, shown / max(moved, 1e-300), "pose", report, sources)
+    following = [k for k, one in enumerate(found.follows) if one.moves and one.share > _SCALED]
+    if following:
+        told = [sensor.channels[k] for k in following]
+        shown, moved = (float(np.linalg.norm(x[use][:, following].std(axis=0))) for x in (y, found.reference))
+        _say_scale(sensor, told, shown, moved, "pose", report, sources)
 
 
 def _say_scale(
     sensor: Signal,
     told: Sequence[str],
-    scale: float,
+    shown: float,
+    moved: float,
     moving: str,
     report: RecordingReport,
     sources: Mapping[str, Source],
 ) -> None:
-    """Say of the channels that follow a motion that they are `scale` times as large."""
-    if 1.0 / _OFF < scale < _OFF:
+    """Say of the channels that follow a motion how much larger they are, and whose unit is to be checked.
+
+    `shown` and `moved` are the root mean squares of the channels and of what the recorded pose, or the depth,
+    does, in m/s or rad/s.
+    """
+    scale = shown / max(moved, 1e-300)
+    side = implausible_side(shown, moved, sensor.name)
+    if 1.0 / _OFF < scale < _OFF or side == "both":
+        return
+    if side == "reference":
+        channel = "z" if moving == "depth" else "position" if sensor.name == "velocity" else "attitude"
+        unit = _SI[sensor.name]
+        words = (
+            f"moves by {moved:.2g} {unit} rms where the {sensor.name} shows {shown:.2g} {unit}, {scale:.3g}"
+        )
+        words += " times as much; no vehicle moves so little or so much: check the unit of the "
+        words += moving
+        if moving == "depth" and (pressure := pressure_of(scale)) is not None:
+            words += f". A pressure in {pressure} that is read as Pa would do that"
+        report.add("warning", channel, words)
         return
     columns = [_COLUMN[channel] for channel in told]
     group = next(group for group in GROUPS if columns[0] in group.columns)
@@ -387,8 +426,8 @@ def _report_scale_of_depth(
         return
     _, correlation = lagged(band(rate, known, grid), band(shown, known, grid), grid.step, 0.5 * _LARGEST_S)
     if abs(correlation[0, 0]) > _FOLLOWS:
-        scale = float(shown[known].std()) / max(float(rate[known].std()), 1e-300)
-        _say_scale(signals["velocity"], signals["velocity"].channels, scale, "depth", report, sources)
+        sizes = float(shown[known].std()), float(rate[known].std())
+        _say_scale(signals["velocity"], signals["velocity"].channels, *sizes, "depth", report, sources)
 
 
 def _size_of_unit(unit: str | None, group: Group) -> float:

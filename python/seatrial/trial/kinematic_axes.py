@@ -1,15 +1,18 @@
-"""Which recorded channel shows which axis, with which sign, unit and rough delay: by correlation.
+"""Which recorded channel shows which axis, with which sign, unit and rough delay, and how sure that is.
 
 Two vectors are compared in the band that both show, lag by lag; the lag at which they share most, whatever
-the signs, is the rough delay, and the signed permutation with the largest sum of correlations the assignment.
-It is changed only where the recorded one fits badly and the other well. A ratio of sizes that is that of a
-known unit is one. Held by ``tests/intake/test_consistency.py``.
+the signs, is the rough delay, and the signed permutation with the largest sum of correlations the candidate.
+Whether it holds is judged axis by axis by `follows`: the channel is regressed on the axis beside the other
+axes of the motion, so that what leaks from them (a sensor mounted askew, a list of the hull) is nobody's
+sign. A channel stands for an axis where the part of the axis's motion that is its own is well above the
+noise, explains most of the channel, and does so with a gain near the sensor's. A ratio of sizes that is that
+of a known unit is one. Held by ``tests/trial/test_kinematic_axes.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -18,7 +21,23 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
 from seatrial.trial.kinematic_fit import Grid
 
-__all__ = ["UNITS", "Assignment", "alone", "assigned", "band", "lagged", "unit_of"]
+__all__ = [
+    "LEAST_MOTION",
+    "UNITS",
+    "Assignment",
+    "Follows",
+    "alone",
+    "assigned",
+    "at_end",
+    "band",
+    "follows",
+    "implausible_side",
+    "lagged",
+    "pressure_of",
+    "rivals",
+    "shifted",
+    "unit_of",
+]
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "velocity": {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6, "knot": 1852.0 / 3600.0, "ft/s": 0.3048},
@@ -29,7 +48,38 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 
 _SLOWEST_S = 10.0  # slower changes are offsets and drifts
 
-_FITS, _FAILS = 0.6, 0.2  # mean correlation of an assignment that is believed, and of one that is not
+_FITS, _FAILS = 0.6, 0.2  # correlation of an assignment that is believed, and of one that is not
+
+LEAST_MOTION: Mapping[str, float] = {"rates": 0.1 * DEGREE, "velocity": 0.005}
+"""Root mean square of an axis's own motion, rad/s and m/s, from which a sensor's channel is judged by it: the
+noise of gyros and of Doppler logs, and what an attitude or a position of usual noise shows at rest."""
+
+_MOST_MOTION: Mapping[str, float] = {"rates": 20.0, "velocity": 20.0}
+"""Root mean square, rad/s and m/s, that nothing under water reaches: three turns a second, 40 knots."""
+
+_PRESSURES = {"hPa or mbar": 1e2, "kPa": 1e3, "psi": 6894.76, "dbar": 1e4, "bar": 1e5, "MPa": 1e6}
+"""Units of pressure by their size in Pa."""
+
+_SECOND = 0.01
+"""Of the largest axis: what two misalignments of 6 deg leak together, which no regression knows."""
+
+_REVERSED = 1.5  # factor by which a gain may be off: no sensor's scale is further off, any leak is
+
+_WEAK_REVERSED = 2.0  # the same for a proposal
+
+_EXPLAINED, _WEAK = 0.5, 0.36  # share explained by a sign that is corrected, and by one that is proposed
+
+_UNRELATED = 0.09  # share below which a channel has nothing of its axis: a correlation of 0.3
+
+_SURE = 4.0  # deviations by which a gain must differ from zero
+
+_RIVAL = 0.7  # what the reversed sign leaves of the variance over what the recorded one leaves at any delay
+
+_BLOCK_S, _MOST_BLOCKS, _FEWEST_BLOCKS = 10.0, 60, 8  # of time, that tell the deviation of a gain
+
+_HUBER, _SWEEPS = 2.5, 5  # deviations from which a sample counts linearly; rounds that settle the weights
+
+_END = 0.95  # of a search range: beyond, a delay is where the search ended, not where the best one is
 
 _TOLERANCE, _WIDE, _FAR = (
     0.12,
@@ -47,13 +97,100 @@ _OFF = 1.25  # ratios closer to one than this are not for units
 
 
 @dataclass(frozen=True)
+class Follows:
+    """How a recorded channel follows an axis of the motion, beside the other axes of it.
+
+    Attributes
+    ----------
+    gain, sd
+        Size of the channel over that of the axis, of both what the other axes do not explain, with the sign
+        of their relation; the deviation by blocks of time. NaN where the axis has no motion of its own.
+    share
+        Share of that part of the channel that the axis explains, 0 to 1.
+    whole
+        Share of the whole channel that the axis explains.
+    own, least
+        Root mean square of the axis's own motion, rad/s or m/s, and from where it is judged.
+    lag
+        Delay in s at which this holds.
+    rival
+        Largest correlation of the other sign at any delay.
+    """
+
+    gain: float
+    sd: float
+    share: float
+    whole: float
+    own: float
+    least: float
+    lag: float
+    rival: float = 0.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether the axis moves enough by itself to judge a channel by it."""
+        return self.own > self.least
+
+    @property
+    def reversed(self) -> bool:
+        """Whether the channel has the opposite sign beyond doubt, so that it may be corrected."""
+        return self._opposite(_REVERSED, _EXPLAINED)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the opposite sign would explain the channel, but not beyond doubt: a proposal at most."""
+        return not self.reversed and self._opposite(_WEAK_REVERSED, _WEAK)
+
+    @property
+    def stands(self) -> bool:
+        """Whether the channel is that of the axis, whatever its sign."""
+        off = abs(self.gain)
+        return self.moves and self.share > _WEAK and 1.0 / _WEAK_REVERSED < off < _WEAK_REVERSED
+
+    @property
+    def unrelated(self) -> bool:
+        """Whether the axis moves and the channel shows nothing of it."""
+        return self.moves and max(self.share, self.whole) < _UNRELATED
+
+    def _opposite(self, factor: float, least: float) -> bool:
+        if not self.moves or not self.gain < 0.0:
+            return False
+        left, otherwise = 1.0 - self.share, 1.0 - self.rival**2
+        return (
+            1.0 / factor < -self.gain < factor
+            and min(self.share, self.whole) > least
+            and -self.gain > _SURE * self.sd
+            and left < _RIVAL * otherwise
+        )
+
+    def __str__(self) -> str:
+        return (
+            f"gain {self.gain:.2f} (+/- {self.sd:.2f}), lag {self.lag:.2f} s, {100.0 * self.share:.0f} %"
+            " explained"
+        )
+
+
+@dataclass(frozen=True)
 class Assignment:
-    """Delay in s, recorded channel and sign by true channel, correlation of each, and the ratio of sizes."""
+    """Delay in s, recorded channel and sign by true channel, correlation of each, and the ratio of sizes.
+
+    ``follows``: by axis, how the channel that it was given follows it.
+    """
 
     delay: float
     axes: dict[str, tuple[str, float]]
     correlation: dict[str, float]
     ratio: float
+    follows: Mapping[str, Follows]
+
+    @property
+    def contradicted(self) -> tuple[str, ...]:
+        """Axes that move clearly and that no channel follows, whatever is exchanged and reversed."""
+        return tuple(
+            name
+            for name, one in self.follows.items()
+            if one.moves and one.share < _WEAK and one.whole < _WEAK
+        )
 
     @property
     def changed(self) -> dict[str, tuple[str, float]]:
@@ -61,13 +198,15 @@ class Assignment:
         return {name: entry for name, entry in self.axes.items() if entry != (name, 1.0)}
 
 
-def band(y: Array, good: Mask, grid: Grid) -> Array:
-    """Changes of values (n, k) that are faster than slow offsets, without spikes, zero where not known."""
+def band(y: Array, good: Mask, grid: Grid, *, cut: bool = True) -> Array:
+    """Changes of values (n, k) that are faster than slow offsets, zero where not known; `cut`: no spikes."""
     from scipy.ndimage import gaussian_filter1d
 
     filled = np.where(good[:, None], y, np.nan_to_num(np.median(y[good], axis=0)) if good.any() else 0.0)
     slow = gaussian_filter1d(filled, max(_SLOWEST_S, 6.0 * grid.width) / grid.step, axis=0, mode="nearest")
     fast = np.where(good[:, None], filled - slow, 0.0)
+    if not cut:
+        return np.asarray(fast)
     # Spikes of bad samples would make up the whole correlation: beyond some deviations of the usual.
     usual = np.quantile(np.abs(fast[good]), 0.75, axis=0) if good.any() else np.zeros(y.shape[1])
     most = np.where(usual > 0.0, _SPIKE * usual, np.inf)
@@ -119,41 +258,174 @@ def alone(reference: Array, shown: Array, step: float, delay: float, most: float
     return None if certain else float(other * step)
 
 
+def at_end(delay: float, most: float, step: float) -> bool:
+    """Whether a delay lies at the end of its search range, so that it tells only where the search ended.
+
+    Examples
+    --------
+    >>> at_end(0.99, 1.0, 0.05), at_end(0.3, 1.0, 0.05)
+    (True, False)
+    """
+    return bool(abs(delay) > min(_END * most, most - step))
+
+
+def shifted(delay: float, step: float, n: int) -> tuple[slice, slice]:
+    """Rows of a reference and of what follows it by `delay` s, of n rows each, that belong together."""
+    lag = int(np.clip(round(delay / step), -(n - 1), n - 1))
+    return (slice(0, n - lag), slice(lag, n)) if lag >= 0 else (slice(-lag, n), slice(0, n + lag))
+
+
+def follows(
+    motion: Array, k: int, shown: Array, good: Mask, *, step: float, kind: str, lag: float
+) -> Follows:
+    """How a channel `shown` (n,) follows axis `k` of a motion (n, j) beside its other axes.
+
+    Both are changes about slow offsets (`band` without `cut`), `lag` s apart and brought together; `kind` is
+    the sensor, as in `LEAST_MOTION`. The regression counts outliers as Huber (1981) does.
+    """
+    # Of what is parallel to the other axes to rounding, nothing is left: columns in units of their size.
+    size = np.sqrt(np.mean(motion[good] ** 2, axis=0)) if good.any() else np.zeros(motion.shape[1])
+    least = max(LEAST_MOTION[kind], _SECOND * float(size.max(initial=0.0)))
+    nothing = Follows(np.nan, np.inf, 0.0, 0.0, 0.0, least, lag)
+    if not size[k] > least or good.sum() < 2 * motion.shape[1] + 2:
+        return nothing
+    x, y = motion[good], shown[good]
+    weight = np.ones(len(y))
+    for _ in range(_SWEEPS):
+        root = np.sqrt(weight)[:, None]
+        left = y - x @ np.linalg.lstsq(x * root, y * root[:, 0], rcond=None)[0]
+        scale = 1.4826 * float(np.median(np.abs(left)))
+        weight = 1.0 / np.maximum(np.abs(left) / (_HUBER * scale + 1e-12), 1.0)
+    root = np.sqrt(weight)
+    x, y = x * root[:, None], y * root
+    others = np.delete(x, k, axis=1)
+    axis, channel = (v - others @ np.linalg.lstsq(others, v, rcond=1e-6)[0] for v in (x[:, k], y))
+    own = float(np.sqrt(np.sum(axis**2) / np.sum(weight)))
+    products, squares = axis * channel, axis**2
+    together, energy, shows = float(products.sum()), float(squares.sum()), float(channel @ channel)
+    if not own > least or not shows > 0.0:
+        return Follows(np.nan, np.inf, 0.0, 0.0, own, least, lag)
+    share = together**2 / (energy * shows)
+    whole = float(x[:, k] @ y) ** 2 / max(float(x[:, k] @ x[:, k]) * float(y @ y), 1e-300)
+    sign = 1.0 if together > 0.0 else -1.0
+    # Noise of either side makes one of the two regressions too flat: their mean is near the truth.
+    gain = sign * np.sqrt(shows / energy)
+    where = np.flatnonzero(good) * step
+    span = max(float(where[-1] - where[0]), step)
+    length = min(max(_BLOCK_S, span / _MOST_BLOCKS), span / _FEWEST_BLOCKS)
+    block = ((where - where[0]) / length).astype(int)
+    sums = [np.bincount(block, part) for part in (products, squares)]
+    here = np.bincount(block) > 0
+    without = (together - sums[0][here]) / np.maximum(energy - sums[1][here], 1e-300)
+    count = len(without)
+    sd = float(np.sqrt((count - 1) / count * np.sum((without - without.mean()) ** 2)))
+    # Of the slope, as a share of it: the gain differs from it by the root of the share.
+    sd *= abs(gain) / max(abs(together / energy), 1e-300)
+    return Follows(float(gain), sd, float(share), float(whole), own, least, lag)
+
+
 def assigned(
-    names: Sequence[str], reference: Array, shown: Array, good: Mask, grid: Grid, most: float
+    names: Sequence[str],
+    reference: Array,
+    shown: Array,
+    good: Mask,
+    grid: Grid,
+    most: float,
+    *,
+    kind: str,
+    beside: Array | None = None,
 ) -> Assignment | None:
     """Assignment of the recorded channels `names` with values `shown` (n, k) to those of `reference` (n, k).
 
-    None where they share too little to tell a delay.
+    None where they share too little to tell a delay. `kind` is the sensor; `beside` (n, j) are axes of the
+    motion that none of its channels shows and that may leak into them.
+
+    An axis that moves and that its channel does not follow is given another channel or sign where all such
+    axes are explained by it at once: an exchange that leaves one of them unexplained is none.
     """
     a, b = band(reference, good, grid), band(shown, good, grid)
     delay, rho = lagged(a, b, grid.step, most)
     excited = np.abs(rho).max(axis=1) > _FITS
     if not excited.any():
         return None
-    own = np.where(excited, np.diag(rho), 0.0)
-    order: tuple[int, ...] = tuple(range(len(names)))
-    signs: tuple[float, ...] = (1.0,) * len(names)
-    most_fitting = float(np.sum(own))
-    for other in permutations(range(len(names))):
-        for senses in product((1.0, -1.0), repeat=len(names)):
-            fit = float(np.sum(np.where(excited, np.array(senses) * rho[range(len(names)), other], 0.0)))
-            if fit > most_fitting + 1e-9:
-                order, signs, most_fitting = other, senses, fit
-    axes: dict[str, tuple[str, float]] = {name: (name, 1.0) for name in names}
-    changed = [k for k in range(len(names)) if order[k] != k or signs[k] < 0.0]
-    fits = [signs[k] * rho[k, order[k]] for k in changed if excited[k]]
-    fails = [own[k] for k in changed if excited[k]]
-    if fits and min(fits) > _FITS and max(fails) < min(_FAILS, min(fits) - 0.5):
-        # What is not excited keeps its place unless another channel took it.
-        axes |= {names[k]: (names[order[k]], float(signs[k])) for k in changed if excited[k] or order[k] != k}
-    correlation = {
-        name: float(axes[name][1] * rho[k, names.index(axes[name][0])]) for k, name in enumerate(names)
+    whole = reference if beside is None else np.concatenate([reference, beside], axis=1)
+    first, second = shifted(delay, grid.step, len(whole))
+    motion = band(whole, good, grid, cut=False)[first]
+    channels = band(shown, good, grid, cut=False)[second]
+    both = good[first] & good[second]
+
+    def judged(k: int, j: int, factor: float) -> Follows:
+        other = rivals(a[:, k], b[:, j], grid.step, most)
+        one = follows(motion, k, factor * channels[:, j], both, step=grid.step, kind=kind, lag=delay)
+        return replace(one, rival=other[one.gain < 0.0])
+
+    order, signs = _candidate(rho, excited)
+    places = range(len(names))
+    size = _size(a, b, [k for k in places if excited[k]], order)
+    unit = unit_of(size, kind)
+    factor = 1.0 if unit is None else unit[1]
+    given = [judged(k, order[k], factor) for k in places]
+    changed = [k for k in places if order[k] != k or signs[k] < 0.0]
+    moved = [k for k in changed if given[k].moves]
+    fails = [rho[k, k] for k in moved]
+    exchanged = any(order[k] != k for k in changed)
+    fits = [signs[k] * rho[k, order[k]] for k in moved]
+    believed = bool(moved) and all(
+        (one := given[k]).stands and one.gain * signs[k] > 0.0 and (exchanged or one.reversed or one.doubtful)
+        for k in moved
+    )
+    if not (believed and max(fails) < min(_FAILS, min(fits) - 0.5)):
+        order, signs = tuple(places), (1.0,) * len(names)
+        given = [judged(k, k, factor) for k in places]
+    # What does not move keeps its sign, and its place unless another channel took it.
+    axes = {
+        name: (names[order[k]], float(signs[k]) if given[k].moves else 1.0) for k, name in enumerate(names)
     }
+    correlation = {name: float(axes[name][1] * rho[k, order[k]]) for k, name in enumerate(names)}
     sure = [k for k, name in enumerate(names) if excited[k] and correlation[name] > _FITS]
-    taken = [names.index(axes[names[k]][0]) for k in sure]
-    size = float(np.sqrt(np.sum(b[:, taken] ** 2) / max(float(np.sum(a[:, sure] ** 2)), 1e-300)))
-    return Assignment(delay, axes, correlation, size if sure else 1.0)
+    return Assignment(
+        delay,
+        axes,
+        correlation,
+        _size(a, b, sure, order) if sure else 1.0,
+        dict(zip(names, given, strict=True)),
+    )
+
+
+def _candidate(rho: Array, excited: Mask) -> tuple[tuple[int, ...], tuple[float, ...]]:
+    """Signed permutation with the largest sum of correlations of the excited axes, and the fewest changes."""
+    places = range(len(rho))
+    best: tuple[float, tuple[int, ...], tuple[float, ...]] = (-np.inf, (), ())
+    every = sorted(
+        ((order, signs) for order in permutations(places) for signs in product((1.0, -1.0), repeat=len(rho))),
+        key=lambda one: sum((one[0][k] != k) + (one[1][k] < 0.0) for k in places),
+    )
+    for order, signs in every:
+        fit = float(np.sum(np.where(excited, np.array(signs) * rho[places, order], 0.0)))
+        if fit > best[0] + 1e-9:
+            best = (fit, order, signs)
+    return best[1], best[2]
+
+
+def _size(a: Array, b: Array, axes: Sequence[int], order: Sequence[int]) -> float:
+    """Root mean square of the channels of these axes over that of the axes."""
+    taken = [order[k] for k in axes]
+    return float(np.sqrt(np.sum(b[:, taken] ** 2) / max(float(np.sum(a[:, axes] ** 2)), 1e-300)))
+
+
+def rivals(a: Array, b: Array, step: float, most: float) -> tuple[float, float]:
+    """Largest correlations with either sign, at any delay: of the reversed and of the recorded channel.
+
+    A motion of one period is its own opposite half a period later.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    n, reach = len(a), max(1, round(most / step))
+    size = next_fast_len(n + reach + 1, real=True)
+    across = irfft(np.conj(rfft(a, size)) * rfft(b, size), size)
+    across = np.concatenate([across[: reach + 1], across[-reach:]])
+    across = across / (np.sqrt(float(a @ a) * float(b @ b)) + 1e-300)
+    return max(float(-across.min()), 0.0), max(float(across.max()), 0.0)
 
 
 def unit_of(ratio: float, kind: str) -> tuple[str, float] | None:
@@ -171,3 +443,34 @@ def unit_of(ratio: float, kind: str) -> tuple[str, float] | None:
         if abs(ratio * x - 1.0) < (_WIDE if far else _TOLERANCE):
             return name, x
     return None
+
+
+def implausible_side(shown: float, moved: float, kind: str) -> str:
+    """Which of a sensor's motion and the pose's no vehicle can have: "sensor", "reference", "both" or "".
+
+    Parameters
+    ----------
+    shown, moved
+        Root mean squares of what the sensor shows and of what the pose, or the depth, does; rad/s or m/s.
+    kind
+        The sensor, as in `LEAST_MOTION`.
+
+    Examples
+    --------
+    >>> implausible_side(0.14, 1e-6, "velocity"), implausible_side(140.0, 0.14, "velocity")
+    ('reference', 'sensor')
+    """
+    sensor, reference = (not LEAST_MOTION[kind] < size < _MOST_MOTION[kind] for size in (shown, moved))
+    return "both" if sensor and reference else "sensor" if sensor else "reference" if reference else ""
+
+
+def pressure_of(ratio: float) -> str | None:
+    """Unit of pressure that, read as pascal, makes a depth `ratio` times too small; None for no such unit.
+
+    Examples
+    --------
+    >>> pressure_of(1.02e5)
+    'bar'
+    """
+    name, size = min(_PRESSURES.items(), key=lambda one: abs(np.log(max(ratio, 1e-300) / one[1])))
+    return name if abs(ratio / size - 1.0) < _WIDE else None

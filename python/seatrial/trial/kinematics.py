@@ -57,8 +57,10 @@ class Channels:
         if not known:
             return np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
         curves = tuple(known.values())
-        if self._turns is None or len(self._turns[0]) != len(curves) or any(
-            a is not b for a, b in zip(self._turns[0], curves, strict=True)
+        if (
+            self._turns is None
+            or len(self._turns[0]) != len(curves)
+            or any(a is not b for a, b in zip(self._turns[0], curves, strict=True))
         ):
             self._turns = curves, _RotationCurve(known)
         return self._turns[1](t)
@@ -197,7 +199,7 @@ class VelocityResidual:
         self.channels, self.grid, self.rows = channels, grid, rows
         self.turns = matrix(channels.rotation(grid.t))
         omega = rotation_rates(channels.rotation(grid.t), grid)
-        # Velocity (n, 3, 3) that the turning adds, north, east, down, of a sensor a metre off along each axis.
+        # Velocity north, east, down (n, 3, 3) that turning adds to a sensor a metre off along each axis.
         arms = np.einsum("nij,nkj->nik", self.turns, np.cross(omega[:, None, :], np.eye(3)))
         self.arms = grid.low(np.asarray(arms), differenced=True)
         self.known = grid.inside(channels.known(_ANGLES, grid.t, {}))
@@ -244,8 +246,8 @@ class RatesResidual:
 
     def __init__(self, channels: Channels, grid: Grid, names: tuple[str, ...]) -> None:
         self.channels, self.grid, self.names = channels, grid, names
-        rates, self.known = attitude_rates(channels, grid)
-        self.reference = rates[:, ["pqr".index(name) for name in names]]
+        self.rates, self.known = attitude_rates(channels, grid)
+        self.reference = self.rates[:, ["pqr".index(name) for name in names]]
 
     def __call__(self, values: Values) -> tuple[Array, Mask]:
         """Residuals (n, k) and where they may be used."""
