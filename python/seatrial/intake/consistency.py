@@ -16,25 +16,25 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.rotation import from_euler, matrix, to_euler
 from seatrial.intake.consistency_current import slow_current
 from seatrial.intake.consistency_missing import missing
 from seatrial.intake.consistency_result import Consistency, Correction, SlowCurrent
 from seatrial.intake.consistency_sensors import Found, force_found, rates_found, scaled, velocity_found
 from seatrial.intake.consistency_wording import (
+    contradiction_of,
     corrections_of,
     list_sentence,
     offset_sentence,
-    opposed_sentence,
-    unlike_sentence,
 )
+from seatrial.trial.attitude_convention import AttitudeConvention, as_convention, attitude_convention
 from seatrial.trial.defects import stuck
 from seatrial.trial.kinematic_fit import Curve, robust_rms
 from seatrial.trial.kinematic_series import INPUTS, Series, checked
 from seatrial.trial.kinematics import Channels
 from seatrial.trial.tilt import certain_tilt
 
-__all__ = ["Consistency", "Correction", "Series", "SlowCurrent", "consistency"]
+__all__ = ["Consistency", "Correction", "Series", "SlowCurrent", "consistency", "convention_of"]
 
 _FEWEST = 50  # samples of a channel that can be compared
 
@@ -43,7 +43,7 @@ _MOST_PITCH, _MOST_ROLL = 1.7, 3.3  # rad: more are degrees
 _MOUNTED = 0.5  # share of a heading error that sway on straight legs shows if the sensor is turned
 
 
-def consistency(series: Mapping[str, Series]) -> Consistency:
+def consistency(series: Mapping[str, Series], *, quaternion: bool = True) -> Consistency:
     """Corrections that would make the channels tell one motion, and what the log cannot tell.
 
     Parameters
@@ -52,6 +52,9 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
         By channel: ``x y z u v w p q r roll pitch yaw`` as of a trial, ``u_water v_water w_water`` velocity
         through the water, ``ax ay az`` specific force in m/s^2, ``cmd.<actuator>`` in any unit, and the
         wrench ``tau.X_n`` ... ``tau.N_nm``.
+    quaternion
+        Whether the attitude was recorded as one: then the order of its columns and its direction are asked,
+        not only its frame.
 
     Raises
     ------
@@ -75,15 +78,23 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
     if not {"pitch", "yaw"} & set(known):
         return Consistency((), tuple(said), contradictions=tuple(contradictions))
     corrections = _angles(known)
-    angles = ("roll", "yaw")
-    channels = Channels({name: Curve(one, angle=name in angles) for name, one in known.items()})
-    found = [rates_found(channels), *velocity_found(channels)]
+    channels = _curves(known)
+    convention = attitude_convention(channels, quaternion=quaternion)
+    if convention is not None:
+        contradictions.append(convention.sentence)
+        if not convention.either:  # the others are compared with what the attitude is then
+            _turn(channels, convention)
+    undecided = convention is not None and convention.either
+    found = [None if undecided else rates_found(channels), *velocity_found(channels)]
     compared = []
     for one in (*(one for one in found if one is not None), force_found(channels)):
         if one is None:
             continue
-        if one.fit is None:
+        if one.fit is None and (wrong := contradiction_of(one)) is not None:
+            contradictions.append(wrong)
+        elif one.fit is None:
             said.append(one.why or f"{one.of}: too little in common for a comparison")
+        if one.fit is None:
             continue
         made = corrections_of(one, channels, _turned_sensor(channels, one))
         if one.group == "specific force":  # no trial reads it: nothing to paste
@@ -91,7 +102,7 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
         else:
             present = {correction.key for correction in corrections}
             corrections += [correction for correction in made if correction.key not in present]
-        if (wrong := unlike_sentence(one) or opposed_sentence(one)) is not None:
+        if (wrong := contradiction_of(one)) is not None:
             contradictions.append(wrong)
         sentences = (list_sentence(one.fit), offset_sentence(one, channels))
         said += [sentence for sentence in sentences if sentence is not None]
@@ -110,6 +121,27 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
         tuple(compared),
         tuple(contradictions),
     )
+
+
+def convention_of(series: Mapping[str, Series]) -> AttitudeConvention | None:
+    """Convention of a recorded quaternion if it is not the one it was read with; None where it is or unknown.
+
+    The series are those of `consistency`.
+    """
+    known = {name: one for name, one in checked(series).items() if len(one.t) >= _FEWEST}
+    return attitude_convention(_curves(known))
+
+
+def _curves(known: Mapping[str, Series]) -> Channels:
+    return Channels({name: Curve(one, angle=name in ("roll", "yaw")) for name, one in known.items()})
+
+
+def _turn(channels: Channels, convention: AttitudeConvention) -> None:
+    """Bring the attitude to what its convention makes of it, in place."""
+    old = channels.curves["roll"]
+    angles = to_euler(as_convention(channels.rotation(old.t), convention))
+    for k, name in enumerate(("roll", "pitch", "yaw")):
+        channels.curves[name] = Curve(Series(old.t, angles[:, k], old.clock), angle=name != "pitch")
 
 
 def _stuck(known: dict[str, Series]) -> list[str]:

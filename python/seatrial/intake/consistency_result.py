@@ -161,14 +161,22 @@ class Consistency:
         paste = "; ".join(f"[{one.table}] {one.line}" for one in self.corrections[:3])
         return Report(
             title="Consistency of the channels",
-            outcome=f"{len(self.corrections)} corrections proposed" if self.corrections else "consistent",
+            outcome="contradictory"
+            if self.contradictions
+            else f"{len(self.corrections)} corrections proposed"
+            if self.corrections
+            else "consistent",
             good="; ".join(
                 f"{of}: {_number(before)} as recorded, {_number(after)} corrected"
                 for of, before, after in self.compared
             )
             or "nothing could be compared",
             worst=worst,
-            next_step=f"accept with {paste}" if paste else "identify",
+            next_step="correct the column map"
+            if self.contradictions
+            else f"accept with {paste}"
+            if paste
+            else "identify",
             sections=(
                 Section("Proposals", tuple(one.sentence for one in self.corrections), (self.table(),)),
                 Section("Not to be corrected", self.contradictions),

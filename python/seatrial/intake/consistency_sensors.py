@@ -46,6 +46,8 @@ _LEAST_FORCE = 0.03  # m/s^2
 
 _FITS = 0.6  # correlation of a comparison whose ratio of sizes is told
 
+_CLEARLY_MORE = 4.0  # times as much must a velocity move as a position that stands still
+
 _SHARED = 0.3  # correlation from which a rough delay is believed
 
 _SLOW = 2.0  # times the interval of depth, velocity and attitude: a slower position is compared apart
@@ -75,6 +77,10 @@ class Found:
         Why there is no fit, and what to do; empty for too little in common.
     motion, speed
         Of a velocity: root mean squares of the rates that it is compared with and of the velocity, m/s.
+    shown
+        Root mean square of the rates as velocity and attitude say, m/s.
+    still
+        Whether position or depth move less than their noise while the velocity says clearly more.
     """
 
     group: str
@@ -88,6 +94,8 @@ class Found:
     why: str = ""
     motion: float = 0.0
     speed: float = 0.0
+    shown: float = 0.0
+    still: bool = False
 
 
 def _undated(group: str, clock: str, reference: str, delays: Sequence[float]) -> str:
@@ -218,6 +226,8 @@ def _velocity(channels: Channels, rows: tuple[int, ...], *, timed: bool, sized: 
         return None
     residual = VelocityResidual(channels, grid, rows)
     before = _rms(residual({}))
+    if (stopped := _still(residual, grid, rows, before)) is not None:
+        return stopped
     reach, other = _reach(channels, "velocity")
     reach = min(reach, 0.2 * float(grid.t[-1] - grid.t[0]))
     good = residual({})[1]
@@ -227,8 +237,7 @@ def _velocity(channels: Channels, rows: tuple[int, ...], *, timed: bool, sized: 
         assignment, ratio = _by_axes(channels, grid, good, reach)
     else:
         assignment, ratio = _by_rows(channels, grid, residual, good, rows, reach)
-    of = "rates of position and depth" if whole else "rate of depth" if rows == (2,) else "rate of position"
-    of += " and the velocity, m/s"
+    of = _compared(rows)
     units: dict[str, tuple[str, float]] = {}
     if (unit := unit_of(ratio, "velocity")) is not None:
         units["velocity"] = unit
@@ -271,6 +280,32 @@ def _velocity(channels: Channels, rows: tuple[int, ...], *, timed: bool, sized: 
     return Found(
         "velocity", of, fit, assignment, units, other, sizes, channels.middle, motion=motion, speed=speed
     )
+
+
+def _compared(rows: tuple[int, ...]) -> str:
+    pose = {3: "rates of position and depth", 2: "rate of position", 1: "rate of depth"}[len(rows)]
+    return f"{pose} and the velocity, m/s"
+
+
+def _still(residual: VelocityResidual, grid: Grid, rows: tuple[int, ...], before: float) -> Found | None:
+    """What is said where position and depth move less than their noise; None where they move.
+
+    No ratio, sign or delay is told by such a motion.
+    """
+    rate, _ = residual.rate({})
+    y, good = residual({})
+    if not good.any():
+        return None
+    moved, shown = (
+        float(np.sqrt(np.mean(np.sum(band(side, good, grid)[good] ** 2, axis=1))))
+        for side in (rate, rate - y)
+    )
+    if moved > LEAST_MOTION["velocity"]:
+        return None
+    clearly = shown > _CLEARLY_MORE * max(moved, LEAST_MOTION["velocity"])
+    why = "hardly any motion: signs, sizes and delay are not compared"
+    made = Found("velocity", _compared(rows), None, sizes=(before, before), motion=moved, shown=shown)
+    return replace(made, still=clearly, why=f"{made.of}: {why}")
 
 
 def _velocity_parameters(channels: Channels, grid: Grid, rows: tuple[int, ...]) -> list[Parameter]:

@@ -72,7 +72,7 @@ def consistency_of_trial(campaign: Campaign, name: str) -> Consistency | None:
     found = campaign.recording(name)
     if found is None:
         return None
-    told = consistency(series_of(found))
+    told = consistency(series_of(found), quaternion="q_w" in found.sources)
     if "current" in found.signals:
         told = replace(told, current=None)
     given = found.corrections.given | {f"{sensor}_m": arm for sensor, arm in found.positions.items()}

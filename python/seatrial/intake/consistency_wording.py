@@ -9,11 +9,12 @@ import numpy as np
 from seatrial.base.channels import DEGREE
 from seatrial.intake.consistency_result import Correction
 from seatrial.intake.consistency_sensors import Found
+from seatrial.trial.kinematic_axes import pressure_of
 from seatrial.trial.kinematic_fit import Fit
 from seatrial.trial.kinematic_series import INPUTS
 from seatrial.trial.kinematics import Channels
 
-__all__ = ["corrections_of", "list_sentence", "offset_sentence", "opposed_sentence", "unlike_sentence"]
+__all__ = ["contradiction_of", "corrections_of", "list_sentence", "offset_sentence"]
 
 _CERTAIN = 5.0
 
@@ -61,20 +62,20 @@ def _axes(found: Found) -> list[Correction]:
         return []
     before, after = found.sizes
     changed = found.assignment.changed
-    correlation = found.assignment.correlation
+    follows = found.assignment.follows
     made = []
     for name, (recorded, sign) in changed.items():
-        told = f"(correlation {correlation[name]:.2f} once corrected)" if name in correlation else ""
+        own = follows.get(name)
+        told = f" ({own})" if own is not None and own.moves else ""
+        weak = "" if own is None or own.reversed or recorded != name else ", which is no certain sign of it"
         if recorded == name:
-            sentence = f"{name} has the opposite sign of the motion {told}"
+            sentence = f"{name} has the opposite sign of the motion{told}{weak}"
             made.append(
-                Correction(
-                    "corrections", f"signs.{name}", -1, 0, "", before, after, found.of, sentence.strip()
-                )
+                Correction("corrections", f"signs.{name}", -1, 0, "", before, after, found.of, sentence)
             )
         else:
             word = "minus " if sign < 0.0 else ""
-            sentence = f"{name} is recorded as {word}{recorded} {told}: axes are exchanged"
+            sentence = f"{name} is recorded as {word}{recorded}{told}: axes are exchanged"
             entry = ("-" if sign < 0.0 else "") + recorded
             made.append(
                 Correction("corrections", f"axes.{name}", entry, 0, "", before, after, found.of, sentence)
@@ -255,7 +256,44 @@ def offset_sentence(found: Found, channels: Channels) -> str | None:
     )
 
 
-def unlike_sentence(found: Found) -> str | None:
+def contradiction_of(found: Found) -> str | None:
+    """What contradicts the motion that the other channels show, the side that no vehicle can have first."""
+    return _too_still(found) or _astray(found) or _unlike(found) or _opposed(found)
+
+
+def _too_still(found: Found) -> str | None:
+    """A position or depth that moves less than its noise while the velocity says that it moves."""
+    if found.group != "velocity" or found.fit is not None or not found.still:
+        return None
+    pose = found.of.removeprefix("rates of ").removeprefix("rate of ").partition(" and the velocity")[0]
+    ratio = found.shown / max(found.motion, 1e-300)
+    said = (
+        f"{pose}: moves by {found.motion:.2g} m/s rms where velocity and attitude say {found.shown:.2g} m/s,"
+        f" {ratio:.3g} times as much, so the unit of the {pose} is wrong, or its sensor is stuck"
+    )
+    if pose == "depth" and (pressure := pressure_of(ratio)) is not None:
+        said += f"; a pressure in {pressure} that is read as Pa would do that"
+    return f"{said}; check it in map.toml or the campaign"
+
+
+def _astray(found: Found) -> str | None:
+    """Rates that the attitude has and the gyro does not show, whatever is exchanged; None without any."""
+    if found.group != "rates" or found.assignment is None or found.assignment.changed:
+        return None
+    astray = [
+        f"{name} ({own})"
+        for name, own in found.assignment.follows.items()
+        if name in found.assignment.contradicted
+    ]
+    if not astray:
+        return None
+    return (
+        f"the gyro does not show {' and '.join(astray)} of the attitude, and no exchange of axes or reversed"
+        " sign explains it; check in map.toml the columns and frames of both, and a quaternion's order"
+    )
+
+
+def _unlike(found: Found) -> str | None:
     """Channels that would fit the rest only at a size that no sensor's scale has; None without any."""
     fit = found.fit
     if fit is None:
@@ -273,7 +311,7 @@ def unlike_sentence(found: Found) -> str | None:
     )
 
 
-def opposed_sentence(found: Found) -> str | None:
+def _opposed(found: Found) -> str | None:
     """A velocity that no correction brings anywhere near the rates of the pose; None where one does.
 
     It then differs from them by more than they are: no velocity at all would agree better.

@@ -6,6 +6,7 @@ wins over what the logs offer. Held by ``tests/intake/test_import.py``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 
 from seatrial.base.errors import TrialError
 from seatrial.base.folder_lock import only_user
-from seatrial.intake.consistency import Consistency, Series, consistency
+from seatrial.intake.consistency import Consistency, Series, consistency, convention_of
 from seatrial.intake.consistency_trials import series_of
 from seatrial.intake.imported import Imported, ImportedTrial
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
@@ -128,6 +129,9 @@ def _imported_logs(
 
         try:
             recorded = table_of(one, wanted, part)
+            if given is None and not read and (other := _reordered(columns, recorded)) is not None:
+                columns, wanted = other, replace(wanted, columns=other)
+                recorded = table_of(one, wanted, part)
             read.append((one, recorded, _trial(one, recorded)))
         except TrialError as error:
             if len(made) == 1:
@@ -208,6 +212,28 @@ def _for_vehicle(
     return result, tuple(actuator for actuator in vehicle.actuators if actuator not in match)
 
 
+_QUATERNION = ("q_w", "q_x", "q_y", "q_z")
+
+
+def _reordered(columns: Mapping[str, Column], recorded: Recorded) -> dict[str, Column] | None:
+    """The columns with the scalar of a numbered quaternion last; None where its order is right or unknown.
+
+    Numbers (q0 to q3) say no order: the first was taken for the scalar, and the motion shows whether it is.
+    """
+    sources = [columns[name].source for name in _QUATERNION if name in columns]
+    if len(sources) < 4 or not all(re.search(r"\d\]?$", source) for source in sources):
+        return None
+    found = convention_of(_series(recorded))
+    if found is None or not found.order:
+        return None
+    why = f"scalar last: so it explains {100.0 * found.share:.0f} % of the motion"
+    last = dict(zip(_QUATERNION, [sources[3], *sources[:3]], strict=True))
+    return {
+        name: replace(one, source=last[name], why=why, certain=True) if name in last else one
+        for name, one in columns.items()
+    }
+
+
 def _trial(one: Recording, recorded: Recorded) -> Trial:
     from seatrial.trial.trial import Trial
 
@@ -275,7 +301,8 @@ def _hold_out(
 
 def _compared(recorded: Recorded, kind: KindOfData) -> Consistency:
     """Whether the channels tell one motion; without motion only what is missing."""
-    found = consistency(_series(recorded))
+    quaternion = "q_w" in recorded.columns or "q_w" in recorded.table.columns
+    found = consistency(_series(recorded), quaternion=quaternion)
     if "current_north_m_s" in recorded.columns:
         found = replace(found, current=None)
     return found.without_motion() if kind.still else found

@@ -22,6 +22,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import ANGLES
 from seatrial.base.units import factor
+from seatrial.trial.attitude_convention import AttitudeConvention, attitude_convention
 from seatrial.trial.columns import GROUPS, Group, Source
 from seatrial.trial.corrections import Corrections
 from seatrial.trial.kinematic_axes import (
@@ -100,6 +101,10 @@ def align(
     given = given or Corrections()
     if "velocity" in names and "velocity" in signals:
         _report_scale_of_depth(signals, report, sources)
+    gyro = _compared(signals, "rates") if {"rates", "attitude"} <= set(signals) and "rates" in names else None
+    convention = _convention(gyro, signals, sources)
+    if convention is not None:
+        report.add("warning", "attitude", f"{convention.sentence}; left as recorded")
     for name in names:
         if (
             name not in signals
@@ -113,8 +118,9 @@ def align(
                 "info", name, f"latency not estimated: a position every {step:.2g} s is too slow for it"
             )
             continue
-        found = _compared(signals, name)
-        fixed = {*given.signs, *given.axes, *(() if given.automatic else signals[name].channels)}
+        found = gyro if name == "rates" else _compared(signals, name)
+        automatic = given.automatic and convention is None
+        fixed = {*given.signs, *given.axes, *(() if automatic else signals[name].channels)}
         sensor = signals[name]
         if found is not None:
             sensor = _correct_signs(sensor, found, report, sources, fixed=fixed)
@@ -238,6 +244,16 @@ def _compared(signals: Mapping[str, Signal], name: str) -> _Compared | None:
     if known.sum() < _FEWEST:
         return None
     return _Compared(name, names, curves, grid, motion, known, turning)
+
+
+def _convention(
+    gyro: _Compared | None, signals: Mapping[str, Signal], sources: Mapping[str, Source]
+) -> AttitudeConvention | None:
+    """Another convention of the attitude that the gyro tells where it does not follow the one read."""
+    if gyro is None or not any(one.moves and (one.gain < 0.0 or one.weak) for one in gyro.follows):
+        return None
+    curves = _curves(signals, ("position", "depth", "attitude", "velocity", "rates"))
+    return attitude_convention(curves, quaternion="q_w" in sources)
 
 
 def _curves(signals: Mapping[str, Signal], names: Sequence[str]) -> Channels:

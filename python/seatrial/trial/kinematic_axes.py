@@ -148,6 +148,11 @@ class Follows:
         return self.moves and self.share > _WEAK and 1.0 / _WEAK_REVERSED < off < _WEAK_REVERSED
 
     @property
+    def weak(self) -> bool:
+        """Whether the axis moves and explains little of the channel."""
+        return self.moves and max(self.share, self.whole) < _WEAK
+
+    @property
     def unrelated(self) -> bool:
         """Whether the axis moves and the channel shows nothing of it."""
         return self.moves and max(self.share, self.whole) < _UNRELATED
