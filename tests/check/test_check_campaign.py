@@ -102,6 +102,30 @@ def test_a_group_that_no_column_commands_is_said(folder: Path) -> None:
     assert "no column cmd.VTB" in found.summary()
 
 
+def test_an_axis_that_is_driven_without_a_command_is_not_identified(folder: Path) -> None:
+    log = pl.read_csv(folder / "zigzag.csv").with_columns(w_m_s=0.1 * pl.col("t_s").sin())
+    log.write_csv(folder / "zigzag.csv")
+    campaign(folder)
+    heave = """
+[[stages]]
+name = "heave"
+trials = ["zigzag"]
+axes = { free = "Z" }
+channels = { w = 1.0 }
+segment_s = 10.0
+coefficients = { Z_ww = [-2000.0, -1.0] }
+"""
+    file = folder / "campaign.toml"
+    file.write_text(file.read_text() + heave)
+    assert not [text for text in check_campaign(Campaign.load(file)).warnings if "driven by" in text]
+    without(folder, "cmd.VTB", "cmd.VTS")
+    warned = "heave is driven by VTB, VTS, of which no trial records a command: Z_ww not identified"
+    assert any(text.startswith(warned) for text in check_campaign(Campaign.load(file)).warnings)
+    fit = identify(Campaign.load(file))
+    assert [one.name for one in fit.coefficients] == ["X_uu"]
+    assert warned in fit.summary().replace("\n  ", " ")
+
+
 @pytest.mark.parametrize("nuisance", ["bias_nothing", "bias_w"])
 def test_a_nuisance_that_the_estimate_refuses(folder: Path, nuisance: str) -> None:
     made = campaign(folder, head=f"[polish]\nnuisances = {{ {nuisance} = {{}} }}")

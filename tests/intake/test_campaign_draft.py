@@ -97,3 +97,23 @@ def test_where_fins_turn_the_vehicle_their_lift_is_free_and_the_added_inertia_is
     assert file.polish.method == "innovations"
     for stage in file.stages:
         assert parameters(stage, vehicle, "campaign.toml")  # bounds hold the vehicle's values
+
+
+def test_an_axis_that_is_driven_without_a_command_is_not_drafted() -> None:
+    table = motion.columns(np.arange(0.0, 20.0, 0.1))
+    vehicle = st.Vehicle.load("bluerov2-heavy")
+    horizontal = {f"cmd.thruster_{k}": 1500.0 + 50.0 * np.sin(0.1 * k * table["t_s"]) for k in range(1, 5)}
+    vertical = {name.replace(str(k), str(k + 4)): y for k, (name, y) in enumerate(horizontal.items(), 1)}
+
+    def text(commands: dict[str, np.ndarray]) -> str:
+        read = st.Trial.read(table | commands, align=False)
+        one = DraftedTrial("a", "a.parquet", read, {}, None, "short", "commands")
+        return campaign_text("sea", vehicle, [one])
+
+    whole, half = text(horizontal | vertical), text(horizontal)
+    assert 'name = "heave"' in whole
+    assert 'name = "heave"' not in half
+    assert 'name = "roll"' not in half  # the vertical thrusters roll it as well
+    assert 'name = "surge"' in half
+    assert "heave. What drives it has no command" in half.replace("\n# ", " ")
+    assert "cmd.thruster_5, cmd.thruster_6, cmd.thruster_7, cmd.thruster_8" in half.replace("\n# ", " ")

@@ -6,9 +6,11 @@ Held by ``tests/check/test_check_campaign.py``.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from seatrial.base.channels import MOTIONS
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.diagnosis.assessment import conditioning
 from seatrial.estimation.joint import Joint
@@ -16,12 +18,12 @@ from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, frozen_sentences, plan, start_cost, step_sentences
 from seatrial.identification.held import Held, hold_untold, sentences
 from seatrial.identification.repeated import repeated_sentences
-from seatrial.vehicle.actuators import actuator_groups
+from seatrial.vehicle.actuators import actuator_groups, drivers
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["Preparation", "identifiable", "prepare"]
+__all__ = ["Preparation", "identifiable", "prepare", "without_commandless"]
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,8 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
             " only tunes or verifies an autopilot"
         )
     silent = (*repeated_sentences(campaign), *_actuators_without_column(campaign))
-    whole, (campaign, held) = campaign, identifiable(campaign)
+    whole, commandless = without_commandless(campaign)
+    campaign, held = identifiable(whole)
     plans = plan(campaign)
     judge_scale(campaign)
     diverging = tuple(
@@ -66,22 +69,62 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
     conditions, no_joint = _conditioning(campaign, threads, linear=not diverging)
     warnings = tuple(f"WARNING: {one}" for one in sentences(held))
     steps = (*step_sentences(plans), *frozen_sentences(plans))
-    said = (*warnings, *silent, *diverging, *conditions, *steps)
+    said = (*warnings, *commandless, *silent, *diverging, *conditions, *steps)
     return Preparation(campaign, whole, held, plans, said, no_joint)
 
 
 def identifiable(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
-    """The campaign without what feedback hides in all of its trials, and what that is.
+    """The campaign without what no command explains and what feedback hides in all trials, and the latter.
 
     Raises
     ------
     CampaignError
         Nothing is left.
     """
-    rest, held = hold_untold(campaign)
+    rest, held = hold_untold(without_commandless(campaign)[0])
     if not rest.stages:
         raise CampaignError(f"{campaign.source}: nothing is left to identify. {' '.join(sentences(held))}")
     return rest, held
+
+
+def without_commandless(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
+    """The campaign without the coefficients of axes whose actuators no trial commands, and what that is.
+
+    Such an axis is driven, and nothing says by what: a fit would take the unknown force for damping.
+
+    Raises
+    ------
+    CampaignError
+        Nothing is left.
+    """
+    driven = drivers(campaign.vehicle)
+    said, dropped = [], set()
+    for axis, names in driven.items():
+        freeing = [stage for stage in campaign.stages if axis in stage.axes.free]
+        trials = dict.fromkeys(name for stage in freeing for name in stage.trials)
+        if not trials or any(_records(campaign, trial, names) for trial in trials):
+            continue
+        freed = dict.fromkeys(one.name for stage in freeing for one in campaign.parameters[stage.name])
+        own = [name for name in freed if name.startswith(f"{axis}_")]
+        if not own:
+            continue
+        dropped |= set(own)
+        said.append(
+            f"WARNING: {MOTIONS[axis]} is driven by {', '.join(names)}, of which no trial records a command:"
+            f" {', '.join(own)} not identified, kept at the vehicle file's values. Map their columns, or add"
+            " columns of zeros if they stood still"
+        )
+    rest = campaign.without_coefficients(dropped)
+    if not rest.stages:
+        raise CampaignError(f"{campaign.source}: nothing is left to identify. {' '.join(said)}")
+    return rest, tuple(said)
+
+
+def _records(campaign: Campaign, trial: str, names: Sequence[str]) -> bool:
+    """Whether a trial knows what one of these actuators does, or the wrench of all."""
+    kind, found = campaign.input_of(trial), campaign.trials[trial]
+    recorded = {"commands": found.commands, "measured": found.measured}.get(kind)
+    return recorded is None or any(name in recorded for name in names)
 
 
 def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:

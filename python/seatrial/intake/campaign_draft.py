@@ -22,6 +22,7 @@ import numpy as np
 from seatrial.base.channels import AXES, CHANNELS, MOTIONS, VELOCITIES
 from seatrial.intake.consistency_trials import common, mean
 from seatrial.trial.instability import runs_away
+from seatrial.vehicle.actuators import drivers
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -33,9 +34,6 @@ __all__ = ["DraftedTrial", "campaign_text", "free_axes", "line"]
 _SEEN = 0.5  # share of valid samples that a channel needs
 
 _LEAST_ANGLE = 0.035  # rad: a roll or pitch that spreads less tells nothing of what rights the vehicle
-
-_DRIVEN = 0.02  # a row of the allocation matrix, of its largest entry, that counts as driven
-
 
 _INERTIA, _DAMPING = 4.0, 3.0
 """How far the bounds of a hovering vehicle are widened: its thrust and levers are held, right or wrong, and
@@ -113,17 +111,21 @@ def _value(value: Any) -> str:
 
 
 def free_axes(vehicle: Vehicle, trials: Sequence[Trial]) -> str:
-    """Letters of the axes that the actuators drive and at least one trial shows."""
-    allocation = np.abs(vehicle.allocation_matrix())
-    driven = allocation.max(axis=1) > _DRIVEN * allocation.max()
-    moments = vehicle.actuator_info()
-    if any(one["kind"] == "fin" for one in moments.values()):
-        driven |= allocation.max(axis=1) > 0.0
+    """Letters of the axes that actuators drive by a command of a trial that shows them."""
     return "".join(
         axis
-        for axis, here in zip(AXES, driven, strict=True)
-        if here and any(_shown(trial, CHANNELS[AXES.index(axis)]) for trial in trials)
+        for axis in drivers(vehicle)
+        if any(
+            _shown(trial, CHANNELS[AXES.index(axis)]) and _commanded(vehicle, trial, axis) for trial in trials
+        )
     )
+
+
+def _commanded(vehicle: Vehicle, trial: Trial, axis: str) -> bool:
+    """Whether a trial has a command, or a force, of what drives an axis: without it nothing explains it."""
+    if not trial.commands and trial.tau is not None:
+        return bool(np.any(trial.tau[:, AXES.index(axis)]))
+    return any(name in trial.commands for name in drivers(vehicle).get(axis, ()))
 
 
 def _shown(trial: Trial, channel: str) -> bool:
@@ -277,7 +279,21 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
             "# Where fins turn the vehicle, their lift is free and the added inertia is held for the same",
             "# reason: the hull's shape tells it better.",
         ]
-    still = [axis for axis in "KM" if axis not in free and usable]
+    missing = [
+        axis
+        for axis in drivers(vehicle)
+        if usable and not any(_commanded(vehicle, one.trial, axis) for one in usable)
+    ]
+    for axis in missing:
+        names = ", ".join(f"cmd.{name}" for name in drivers(vehicle)[axis])
+        lines += textwrap.wrap(
+            f"Not identified, replayed from the log: {MOTIONS[axis]}. What drives it has no command in the"
+            f" log: map {names} in map.toml, and import again.",
+            100,
+            initial_indent="# ",
+            subsequent_indent="# ",
+        )
+    still = [axis for axis in "KM" if axis not in free and axis not in missing and usable]
     if still:
         names = " and ".join(MOTIONS[axis] for axis in still)
         lines.append(
@@ -286,7 +302,14 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
         lines.append("# is not recorded.")
     first, freed = len(lines), ""
     for group in groups:
-        shown = [one for one in usable if all(_shown(one.trial, CHANNELS[AXES.index(a)]) for a in group)]
+        shown = [
+            one
+            for one in usable
+            if all(
+                _shown(one.trial, CHANNELS[AXES.index(a)]) and _commanded(vehicle, one.trial, a)
+                for a in group
+            )
+        ]
         if shown:
             freed += group
             lines += [*_stage(vehicle, group, shown, "K" if "K" in free else "M", finned), ""]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -27,6 +28,7 @@ __all__ = [
     "bollard",
     "can_push",
     "command",
+    "drivers",
     "largest",
     "pushes",
     "settling_s",
@@ -51,6 +53,8 @@ _TURNS = (
 )
 
 _MAIN, _MINOR = 0.5, 0.05
+
+_DRIVEN = 0.02  # a row of the allocation matrix, of its largest entry, that counts as driven
 
 _LEVER_M = 0.02  # a force with a shorter lever counts as no turning moment
 
@@ -239,3 +243,27 @@ def command(facts: Mapping[str, Any], share: float) -> float:
 
 def _force(axis: int, force: float) -> str:
     return f"{abs(force):.2g} N {_FORCES[axis][0 if force > 0.0 else 1]}"
+
+
+def drivers(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
+    """Actuators that drive an axis in the first place, by its letter; axes without any are absent.
+
+    What drives it less than half as strongly does so aside: the stern thrusters of a torpedo trim it, its
+    vertical ones lift it. Fins count however small their entry: their force grows with the speed.
+
+    Examples
+    --------
+    >>> import seatrial
+    >>> drivers(seatrial.Vehicle.load("cwolf"))["Z"]
+    ('VTB', 'VTS')
+    """
+    allocation = np.abs(np.asarray(vehicle.allocation_matrix()))
+    finned = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
+    found = {}
+    for axis, row in zip(AXES, allocation, strict=True):
+        most = float(row.max(initial=0.0))
+        if most > (0.0 if finned else _DRIVEN * float(allocation.max(initial=0.0))):
+            found[axis] = tuple(
+                name for name, entry in zip(vehicle.actuators, row, strict=True) if entry >= _MAIN * most
+            )
+    return found
