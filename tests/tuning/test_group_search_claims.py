@@ -38,7 +38,7 @@ class Searches:
         self.given.append(given)
         x = np.full(len(given["lower"]), (COARSE, FINE)[phase])
         step = Step("", 1, 1, 10, self.costs[phase], 0.0)
-        return Optimum(x, self.costs[phase], 9.0, x[None], 10, (step,), self.interrupted)
+        return Optimum(x, self.costs[phase], 9.0, x[None], np.eye(len(x)), 10, (step,), self.interrupted)
 
     def evolve(self, cost: Race, begin: Array, **given: Any) -> Optimum:
         return self._found(0, cost, begin, given)
@@ -116,7 +116,7 @@ def test_of_gains_whose_margins_hold_those_nearest_to_the_start_are_sought(
     def evolve(cost: Any, begin: Array, **given: Any) -> Optimum:
         x = np.outer([0.0, 0.5, -1.0], np.ones(len(begin)))
         costs.append(cost(x))
-        return Optimum(begin, 0.0, 0.0, begin[None], 3, (), interrupted=True)
+        return Optimum(begin, 0.0, 0.0, begin[None], np.eye(len(begin)), 3, (), interrupted=True)
 
     monkeypatch.setattr(group_search, "evolve", evolve)
     # The start gains are short at one point, so that there is a search; any other gains are not.

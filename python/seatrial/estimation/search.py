@@ -67,12 +67,15 @@ class Optimum:
     """Best candidate of a search, in the objective's own units.
 
     ``elite`` (j, m) holds the best candidates that differ by at least 2 % of the box, the best first.
+    ``axes`` (m, m) has in its columns the principal axes of the best candidates, each as long as their
+    standard deviation along it: size and direction of the valley that was found.
     """
 
     x: Array
     cost: float
     start_cost: float
     elite: Array
+    axes: Array
     evaluations: int
     history: tuple[Step, ...]
     interrupted: bool
@@ -164,6 +167,15 @@ class Ledger:
                 break
         return np.array(chosen)
 
+    def axes(self) -> Array:
+        """Principal axes (m, m) of the best candidates in the unit box, in columns, one deviation long."""
+        candidates, costs = np.concatenate(self.candidates), np.concatenate(self.candidate_costs)
+        best = candidates[np.argsort(costs, kind="stable")[: _SHAPED_BY * (candidates.shape[1] + 1)]]
+        _, lengths, directions = np.linalg.svd(best - best.mean(axis=0))
+        deviations = np.zeros(candidates.shape[1])
+        deviations[: len(lengths)] = lengths / math.sqrt(len(best))
+        return np.asarray(directions.T * np.maximum(deviations, _SHORTEST))
+
     def run(self, search: Callable[[], None]) -> Optimum:
         """Optimum after the search has run or was interrupted."""
         interrupted = False
@@ -179,6 +191,7 @@ class Ledger:
             cost=min(float(costs.min()) for costs in self.candidate_costs),
             start_cost=self.start_cost,
             elite=self.from_box(elite),
+            axes=self.axes() * self.width[:, None],
             evaluations=sum(len(costs) for costs in self.candidate_costs),
             history=tuple(self.history),
             interrupted=interrupted,
@@ -189,19 +202,29 @@ DIVERGED = 1e30
 """Cost that stands for an infinite one where the arithmetic of a search needs a number."""
 
 _SIZES = (0.08, 0.04, 0.02)
+"""Edges of simplexes along the parameters' axes, shares of the box, in turn."""
+
+_LENGTHS = (2.0, 1.0, 0.5, 4.0)
+"""Edges of simplexes along the axes of a valley, in its standard deviations, in turn."""
+
+_SHAPED_BY = 6
+"""Best candidates that tell the axes of a valley, per vertex of a simplex: fewer do not span it."""
+
+_SHORTEST = 1e-6
+"""Shortest axis of a valley, a share of the box: a simplex must not be flat."""
 
 
 def simplexes_abreast(
-    score: Callable[[Array], Array], starts: Array, *, rounds: int, tolerance: float
+    score: Callable[[Array], Array], simplexes: Array, *, rounds: int, tolerance: float
 ) -> None:
-    """Ask for the costs of simplex searches in the unit box, one per start, until all have collapsed.
+    """Ask for the costs of simplex searches in the unit box until all have collapsed.
 
     Parameters
     ----------
     score : callable
         Costs ``(k,)`` of candidates ``(k, m)`` in the unit box; it keeps what it has seen.
-    starts : ndarray, shape (k, m)
-        First corner of every simplex. Their sizes differ.
+    simplexes : ndarray, shape (k, m + 1, m)
+        Vertices of every simplex at its begin.
     rounds : int
         Number of batches at most.
     tolerance : float
@@ -210,7 +233,7 @@ def simplexes_abreast(
     from scipy.optimize import minimize
 
     requests: queue.SimpleQueue[tuple[int, Array | BaseException | None]] = queue.SimpleQueue()
-    answers: list[queue.SimpleQueue[float | None]] = [queue.SimpleQueue() for _ in starts]
+    answers: list[queue.SimpleQueue[float | None]] = [queue.SimpleQueue() for _ in simplexes]
 
     def search(index: int) -> None:
         def cost(z: Array) -> float:
@@ -221,25 +244,25 @@ def simplexes_abreast(
             return answer
 
         options = {
-            "initial_simplex": _simplex(starts[index], _SIZES[index % len(_SIZES)]),
+            "initial_simplex": simplexes[index],
             "xatol": 1e-4,
             "fatol": max(tolerance, 1e-13),
             "maxfev": rounds,
             "maxiter": rounds,
             "adaptive": True,
         }
-        box = [(0.0, 1.0)] * len(starts[index])
+        box = [(0.0, 1.0)] * simplexes.shape[2]
         end: BaseException | None = None
         try:
-            minimize(cost, starts[index], method="Nelder-Mead", bounds=box, options=options)
+            minimize(cost, simplexes[index, 0], method="Nelder-Mead", bounds=box, options=options)
         except _Halted:
             pass
         except BaseException as error:  # raised again in the caller's thread
             end = error
         requests.put((index, end))
 
-    threads = [threading.Thread(target=search, args=(i,), daemon=True) for i in range(len(starts))]
-    living = set(range(len(starts)))
+    threads = [threading.Thread(target=search, args=(i,), daemon=True) for i in range(len(simplexes))]
+    living = set(range(len(simplexes)))
     for thread in threads:
         thread.start()
     try:
@@ -269,10 +292,19 @@ class _Halted(Exception):
     """Ends a search from outside."""
 
 
-def _simplex(corner: Array, size: float) -> Array:
-    """Vertices ``(m + 1, m)``: the corner and one step along every axis, inside the unit box."""
-    steps = np.where(corner + size <= 1.0, size, -size)
-    return np.asarray(np.vstack([corner, corner + np.diag(steps)]), dtype=float)
+def _simplex(corner: Array, edges: Array) -> Array:
+    """Vertices ``(m + 1, m)``: the corner and a step along every edge, a row of `edges`, inside the unit box.
+
+    A step that would leave the box goes the other way; one that leaves it there too ends at its side, where
+    a vertex that would fall on the corner is moved a little along the parameter that the edge changes most.
+    """
+    inside = [bool(np.all((corner + edge >= 0.0) & (corner + edge <= 1.0))) for edge in edges]
+    steps = np.clip(corner + np.where(np.array(inside)[:, None], edges, -edges), 0.0, 1.0) - corner
+    for step, edge in zip(steps, edges, strict=True):
+        if np.abs(step).max() < 0.5 * np.abs(edge).max():
+            most = int(np.abs(edge).argmax())
+            step[most] = abs(edge[most]) if corner[most] < 0.5 else -abs(edge[most])
+    return np.asarray(np.vstack([corner, np.clip(corner + steps, 0.0, 1.0)]), dtype=float)
 
 
 def evolve(
@@ -406,12 +438,16 @@ def refine(
     rounds: int | None = None,
     tolerance: float = 1e-4,
     watch: Watch | None = None,
+    axes: ArrayLike | None = None,
 ) -> Optimum:
-    """Optimum of a fine search by simplexes (Nelder-Mead) abreast, one from each start.
+    """Optimum of a fine search by simplexes (Nelder-Mead) abreast.
 
-    Every round evaluates one candidate of each simplex in a single batch. When all have collapsed, they start
-    again around the best points. The search ends when 5 (m + 1) rounds gain less than the tolerance, a
-    fraction of the cost, or the rounds are used up.
+    Every round evaluates one candidate of each simplex in a single batch. A simplex along the parameters' own
+    axes takes more rounds to shrink into a narrow oblique valley than the search has: with the axes of the
+    valley all begin at the best start and along them, in different lengths and directions. When all have
+    collapsed, they start again around the best points. The search ends when it has gained less than the
+    tolerance, a fraction of the cost, over 15 (m + 1) rounds, or over the first 5 (m + 1), or when the rounds
+    are used up.
 
     Parameters
     ----------
@@ -420,7 +456,9 @@ def refine(
     starts : array_like, shape (k, m)
         Start points, the best first; more than eight are ignored.
     rounds : int, optional
-        Budget of batches, by default 80 (m + 1), at most 500.
+        Budget of batches, by default 100 (m + 1).
+    axes : array_like, shape (m, m), optional
+        Axes of the valley in columns, as in `Optimum`; left out, one simplex begins at each start.
 
     Returns
     -------
@@ -434,35 +472,59 @@ def refine(
     True
     """
     points = np.atleast_2d(np.asarray(starts, dtype=float))
+    vertices = points.shape[1] + 1
     budget = refine_rounds(points.shape[1]) if rounds is None else rounds
     ledger = Ledger(objective, lower, upper, "simplex", budget, watch)
     corners = np.array([ledger.to_box(point) for point in points[:LANES]])
-
-    patience = 5 * (points.shape[1] + 1)
+    valley = None if axes is None else np.asarray(axes, dtype=float) / ledger.width[:, None]
 
     def score(candidates: Array) -> Array:
         costs = ledger.costs(candidates)
         ledger.close_generation()
-        if ledger.stalled(patience, tolerance):
+        gained = ledger.start_cost - ledger.best_cost > tolerance * abs(ledger.start_cost)
+        if ledger.stalled((15 if gained else 5) * vertices, tolerance):
             raise _Stalled
         return costs
 
     def search() -> None:
-        nonlocal corners
-        ledger.start_cost = float(ledger.costs(corners)[0])
+        nonlocal corners, valley
+        ledger.start_cost = float(ledger.costs(corners[:1])[0])
         while ledger.generation < budget:
             before = ledger.best_cost
             try:
                 simplexes_abreast(
-                    score, corners, rounds=budget - ledger.generation, tolerance=tolerance * abs(before)
+                    score,
+                    _along(corners[0], valley) if valley is not None else _from_each(corners),
+                    rounds=budget - ledger.generation,
+                    tolerance=tolerance * abs(before),
                 )
             except _Stalled:
                 break
             if not before - ledger.best_cost > tolerance * abs(before):
                 break
             corners = ledger.elite()
+            valley = None if valley is None else ledger.axes()
 
     return ledger.run(search)
+
+
+def _from_each(corners: Array) -> Array:
+    """Simplexes (k, m + 1, m) along the parameters' axes, one from each corner (k, m)."""
+    edges = np.eye(corners.shape[1])
+    return np.array([_simplex(corner, _SIZES[k % len(_SIZES)] * edges) for k, corner in enumerate(corners)])
+
+
+def _along(corner: Array, axes: Array) -> Array:
+    """Simplexes (k, m + 1, m) of full lanes along the axes of a valley from one corner.
+
+    The first ones differ in size. The others go both ways along the axes, by fixed random signs, since the
+    optimum lies on one side of each.
+    """
+    simplexes = []
+    for k in range(LANES):
+        signs = np.random.default_rng(k).choice([-1.0, 1.0], len(corner)) if k >= len(_LENGTHS) else 1.0
+        simplexes.append(_simplex(corner, _LENGTHS[k % len(_LENGTHS)] * (axes * signs).T))
+    return np.array(simplexes)
 
 
 def minimize(
@@ -513,7 +575,14 @@ def minimize(
     if coarse.interrupted:
         return coarse
     fine = refine(
-        objective, coarse.elite, lower=lower, upper=upper, rounds=rounds, tolerance=tolerance, watch=watch
+        objective,
+        coarse.elite,
+        lower=lower,
+        upper=upper,
+        rounds=rounds,
+        tolerance=tolerance,
+        watch=watch,
+        axes=coarse.axes,
     )
     return join(coarse, fine)
 
@@ -529,5 +598,5 @@ def batch_size(parameters: int, population: int | None = None) -> int:
 
 
 def refine_rounds(parameters: int) -> int:
-    """Budget of rounds: a simplex of few parameters collapses about twice; many are left to `evolve`."""
-    return min(80 * (parameters + 1), 500)
+    """Budget of rounds: simplexes along the valley reach its floor in about 60 (m + 1), and begin again."""
+    return 100 * (parameters + 1)

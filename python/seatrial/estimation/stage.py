@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
 __all__ = [
+    "COARSE",
     "StagePlan",
     "StageResult",
     "frozen_motion",
@@ -49,7 +50,7 @@ __all__ = [
 
 _TOLERANCE = 1e-4
 
-_COARSE = 0.1
+COARSE = 0.1
 """Gain at which the global search ends: what is left in its valley is found by descent and simplex."""
 
 
@@ -230,13 +231,14 @@ def run_stage(
         seed=plan.seed,
         population=plan.population,
         generations=plan.generations,
-        **box | {"tolerance": max(plan.tolerance, _COARSE)},
+        **box | {"tolerance": max(plan.tolerance, COARSE)},
     )
     step = _fine_step(plan, vehicle, best.elite)
     if step.substeps != plan.step.search:
         criterion = stepped(step.substeps)
     estimated = stage.start == "estimated"
     smoothed = criterion.nu
+    valley = best.axes
     shares = (plan.rounds // 2, plan.rounds - plan.rounds // 2) if estimated else (plan.rounds,)
     for rounds in shares:
         if best.interrupted or not math.isfinite(best.cost):
@@ -246,7 +248,8 @@ def run_stage(
         elite = best.elite
         best = join(best, descend(criterion, criterion.linearised, best.x, **box))
         if not best.interrupted:
-            best = join(best, refine(criterion, np.vstack([best.x, elite]), rounds=max(rounds, 1), **box))
+            starts = np.vstack([best.x, elite])
+            best = join(best, refine(criterion, starts, rounds=max(rounds, 1), axes=valley, **box))
     if not math.isfinite(best.cost) and not best.interrupted:
         raise SimulationError(
             f"{campaign.where(stage)}: every one of {best.evaluations} candidates diverged; check the units"
