@@ -1,8 +1,8 @@
 """How near evolution strategy and simplex come to the optimum of a stage without the descent by derivatives.
 
 ``python -m benchmarks.stage_search`` prints, for each stage of CWolf's example and ten random starts, the
-criterion as a multiple of its optimum after either search, and the candidates that each took; settings are the
-shipped ones. The optimum is where the descent ends that begins at the best of all. Held by
+criterion as a multiple of its optimum after either search, and the candidates that each took, with the
+shipped settings. The optimum is where the descent ends that begins at the best of all. Held by
 ``test_strategy_and_simplex_reach_the_optimum_from_ten_random_starts``.
 """
 
