@@ -116,6 +116,17 @@ def test_margins_are_not_given_up_for_a_loop(monkeypatch: pytest.MonkeyPatch) ->
     assert told(monkeypatch, stands) == ("heading",)
 
 
+def test_responses_are_not_given_up_for_margins_that_nobody_asked_for() -> None:
+    start = Standing({"heading": (0.003, 0.01)}, 0.8, frozenset({("cruise", 2.4, "pitch")}), inside=2)
+    traded = Standing({"heading": (0.8, 0.9)}, 0.1, inside=0)
+    assert traded.worse_than(start, margins_asked=False)
+    assert not traded.worse_than(start, margins_asked=True)  # a trade that the campaign invites
+    assert not start.worse_than(start, margins_asked=False)
+    # As many responses inside: the seconds outside decide. A motion that grows counts before all.
+    assert replace(start, outside_s={"heading": (0.2, 0.2)}).worse_than(start, margins_asked=False)
+    assert not traded.worse_than(replace(start, growth=0.1), margins_asked=False)
+
+
 def test_what_the_vehicle_itself_keeps_to_is_not_given_up_for_a_drawn_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

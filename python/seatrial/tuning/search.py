@@ -11,7 +11,8 @@ margins may have cost it more than they are worth. Each time the group that impr
 no loop is further outside than with the start gains. What no group owns and the search of the margins has
 moved is one more of them; all start gains are the last resort. What the vehicle itself keeps to, corridors
 and margins in the weights of the search, is not given up: neither for one loop nor for the worst of the
-drawn vehicles.
+drawn vehicles. And no tuning returns less than the start gains had of what was asked for
+(`Standing.worse_than`): responses inside their corridors are not traded for margins that nobody asked for.
 
 Held by tests/tuning/test_tune.py and tests/tuning/test_revert_gains.py.
 """
@@ -353,11 +354,17 @@ class Standing:
         Shortfall of the margins.
     short
         Loops (mode, speed in m/s, loop) whose margins fall short, beyond rounding, or whose motion grows.
+    inside
+        Responses of the vehicle itself that stay within their corridors.
+    growth
+        Rate of the fastest motion that grows, 1/s; 0 where none does.
     """
 
     outside_s: Mapping[str, tuple[float, float]]
     lacking: float
     short: frozenset[tuple[str, float, str]] = frozenset()
+    inside: int = 0
+    growth: float = 0.0
 
     @property
     def own(self) -> float:
@@ -372,6 +379,22 @@ class Standing:
     def lost(self, start: Standing) -> frozenset[tuple[str, float, str]]:
         """Loops whose margins are short and were not with the start gains."""
         return self.short - start.short
+
+    def worse_than(self, start: Standing, *, margins_asked: bool) -> bool:
+        """Whether the start gains have more of what was asked for.
+
+        A motion that grows counts before all, since no vehicle can be flown with it. Then the responses inside
+        their corridors count, and where they are as many, the seconds outside of the vehicle itself. Margins
+        count where the campaign states them: fewer loops that lack them are then worth a response.
+        """
+        if self.growth != start.growth:
+            return self.growth > start.growth
+        if margins_asked and self.short < start.short:
+            return False
+        if self.inside != start.inside:
+            return self.inside < start.inside
+        outside, begun = (sum(own for own, _ in each.outside_s.values()) for each in (self, start))
+        return outside > begun + _SAME
 
     def worse(self, start: Standing) -> tuple[str, ...]:
         """Loops that leave their corridors further than with the start gains.
@@ -408,6 +431,7 @@ def revert_gains(
         All by default.
     """
     start, kept = plan.autopilot.gains(), dict(gains)
+    asked = "margins" in plan.table.model_fields_set
     now = standing(plan, kept, samples, threads=threads)
     if now.score == 0.0:
         return kept, ()
@@ -415,7 +439,9 @@ def revert_gains(
     # A second turn that spoiled another loop gives way to the first one before the start gains do.
     for former in (first or {}).values():
         tried_first = kept | dict(former)
-        if _is_better(found_first := standing(plan, tried_first, samples, threads=threads), now, begun):
+        if _is_better(
+            found_first := standing(plan, tried_first, samples, threads=threads), now, begun, asked
+        ):
             kept, now = tried_first, found_first
     groups = {
         group.name: {name for parameter in group.parameters.parameters for name in parameter.starts}
@@ -435,29 +461,39 @@ def revert_gains(
             for group, names in moved.items()
         }
         found = {group: standing(plan, each, samples, threads=threads) for group, each in tried.items()}
-        better = [group for group, one in found.items() if _is_better(one, now, begun)]
+        better = [group for group, one in found.items() if _is_better(one, now, begun, asked)]
         if not better:
             break
-        best = min(better, key=lambda group: _order(found[group], begun))
+        best = min(better, key=lambda group: _order(found[group], begun, asked))
         kept, now = tried[best], found[best]
         back.append(best)
         del moved[best]
-    if moved and _is_better(begun, now, begun):
+    if moved and _is_better(begun, now, begun, asked):
         return {name: start[name] for name in kept}, (*back, *moved)
     return kept, tuple(back)
 
 
-def _order(one: Standing, start: Standing) -> tuple[int, int, float]:
-    return len(one.lost(start)), len(one.worse(start)), one.score
+def _order(one: Standing, start: Standing, margins_asked: bool) -> tuple[bool, int, int, float]:
+    return (
+        one.worse_than(start, margins_asked=margins_asked),
+        len(one.lost(start)),
+        len(one.worse(start)),
+        one.score,
+    )
 
 
-def _is_better(one: Standing, now: Standing, start: Standing) -> bool:
+def _is_better(one: Standing, now: Standing, start: Standing, margins_asked: bool) -> bool:
     """Whether some gains are to be preferred, and not at the price of the vehicle itself.
 
-    Margins that the start gains have are worth more than any corridor, but not than margins that they lack.
+    What the start gains have of what was asked for comes first. Then margins that the start gains have are
+    worth more than any corridor, but not than margins that they lack.
     """
-    if _order(one, start) >= _order(now, start):
+    if _order(one, start, margins_asked) >= _order(now, start, margins_asked):
         return False
+    if now.worse_than(start, margins_asked=margins_asked) > one.worse_than(
+        start, margins_asked=margins_asked
+    ):
+        return True
     regained = len(one.lost(start)) < len(now.lost(start)) and one.lacking <= now.lacking
     return regained or one.own <= now.own + _SAME
 
@@ -479,10 +515,11 @@ def standing(
     autopilot = plan.autopilot.with_gains(dict(gains))
     rig = plan.rig(autopilot, max_step_s=_STEP_S, threads=threads)
     performance = assess(plan, "", rig, samples, responses=False)
+    inside = sum(trial.nominal_s == 0.0 for trial in performance.trials)
     if plan.margins is None:
-        return Standing(_outside(performance), 0.0)
-    lacking = float(plan.margins.shortfall(gains)[0])
-    return Standing(_outside(performance), lacking, _short(plan.margins, gains))
+        return Standing(_outside(performance), 0.0, inside=inside)
+    lacking, growth = (float(of(gains)[0]) for of in (plan.margins.shortfall, plan.margins.growth))
+    return Standing(_outside(performance), lacking, _short(plan.margins, gains), inside, growth)
 
 
 def _short(limits: MarginConstraint, gains: Mapping[str, float]) -> frozenset[tuple[str, float, str]]:
