@@ -383,9 +383,9 @@ class Standing:
     def worse_than(self, start: Standing, *, margins_asked: bool) -> bool:
         """Whether the start gains have more of what was asked for.
 
-        A motion that grows counts before all, since no vehicle can be flown with it. Then the responses inside
-        their corridors count, and where they are as many, the seconds outside of the vehicle itself. Margins
-        count where the campaign states them: fewer loops that lack them are then worth a response.
+        A motion that grows counts before all, since no vehicle can be flown with it. Then the responses
+        inside their corridors count, and where they are as many, the seconds outside of the vehicle itself.
+        Margins count where the campaign states them: fewer loops that lack them are then worth a response.
         """
         if self.growth != start.growth:
             return self.growth > start.growth
