@@ -172,8 +172,9 @@ def thrust_plates(vehicle: Vehicle, *, data: str) -> Iterator[Plate]:
     else:
         yield Plate(
             "performance",
-            f"Performance of {vehicle.name}: speed, power and range over the command, and turning circles,"
-            f" from the model in steady motion. {data}",
+            f"Performance of {vehicle.name}: steady speed, power, range and endurance over the command of all"
+            " that drive ahead, and turns from a straight run into steady circles, with radius and rate."
+            f" Response of the model. {data}",
             lambda: figure,
         )
 
@@ -203,11 +204,24 @@ def bench_plates(bench: BenchTest | None) -> Iterator[Plate]:
         for unit in bench.pulls:
             yield Plate(
                 f"bollard_test_{unit}",
-                f"Characteristic of {unit} by regression: operating points of a single actuator, fitted"
-                f" curve ahead and astern with its 95 % band, residuals. {_tested(bench, bench.file.pulls)}",
+                f"Characteristic of {unit} by regression: operating points of a single actuator and fitted"
+                " curve ahead and astern; below, the residuals with the 95 % bands of the curve and of single"
+                f" points. {_tested(bench, bench.file.pulls)}",
                 partial(bollard_test, bench, groups=[unit]),
-                paper=(8, 9),
+                paper=(9,) if _vertical(bench, unit) else (8,),
             )
+
+
+def _vertical(bench: BenchTest, unit: str) -> bool:
+    """Whether a group of actuators, or a single one, pushes more along z than along x."""
+    vehicle = bench.before
+    places = [
+        vehicle.actuators.index(name)
+        for name, facts in vehicle.actuator_info().items()
+        if unit in (name, facts["group"])
+    ]
+    thrust = np.abs(np.asarray(vehicle.allocation_matrix())[:, places]).sum(axis=1)
+    return bool(thrust[2] > thrust[0])
 
 
 def campaign_plates(fit: Identification) -> Iterator[Plate]:
@@ -235,7 +249,7 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
             f"stage_{_safe(result.name)}",
             f"Optimisation of {result.name}: measured and modelled channels at the start values, at the"
             f" optimum of the stage{polish}, restarted every {stage.segment_s:g} s from the smoothed"
-            " measurement, and their errors; inputs; coefficients within their bounds."
+            " measurement, and their errors; commands, where any moves; coefficients within their bounds."
             f" {_data(campaign, stage.trials)}",
             partial(stage_result, fit, result),
             paper=(12, 13, 14, 15),
@@ -243,8 +257,9 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
     if fit.stages:
         yield Plate(
             "convergence",
-            "Convergence of the searches, stage by stage: how far the best criterion lies above the"
-            " optimum, in per cent of it, over the candidates tried; the lines at the foot have reached it.",
+            "Convergence of the searches, stage by stage: the best criterion, in standard deviations on a"
+            " logarithmic scale, over the candidates tried; a line per phase, the start as a cross, the"
+            " optimum as a disc.",
             partial(convergence, fit.stages),
         )
     if (sure := fit.assessment) is not None:

@@ -81,14 +81,16 @@ def _plan(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples]
         cmap="viridis",
         zorder=3,
     )
-    for one in stops:
-        if not one.count:
-            continue
-        north, east = one.position[0], one.position[1]
-        radius = 2.0 * max(north.deviation, east.deviation)
+    places: list[list[StopSamples]] = []  # stops above one another share a label
+    for stop in stops:
+        if stop.count:
+            near = [place for place in places if _apart(place[0], stop) < _radius(stop)]
+            (near[0].append if near else lambda one: places.append([one]))(stop)
+    for place in places:
+        north, east, radius = place[0].position[0], place[0].position[1], _radius(place[0])
         axes.add_patch(Circle((east.mean, north.mean), radius, fill=False, color=MEASURED, zorder=4))
         axes.annotate(
-            f"{one.label}\n{one.values['nitrate_mg_l'].text(2)}",
+            "\n".join(f"{stop.label}: {stop.values['nitrate_mg_l'].text(2)}" for stop in place),
             (east.mean, north.mean + radius),
             xytext=(0.0, 3.0),
             textcoords="offset points",
@@ -107,9 +109,22 @@ def _plan(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples]
     axes.set_xlim(low[1], high[1])
     axes.set_ylim(low[0], high[0])
     axes.set_aspect("equal", adjustable="box")
-    axes.set_xlabel("east, m\ncircles: two deviations of the navigation; lines: true nitrate")
+    lines = (
+        f"; lines: true nitrate at {samples.position[:, 2].mean():.1f} m" if samples.payload.plumes else ""
+    )
+    axes.set_xlabel(f"east, m\ncircles: two deviations of the navigation{lines}")
     axes.set_ylabel("north, m")
     axes.figure.colorbar(shown, ax=axes, location="top", shrink=0.8, label="nitrate as measured, mg/L")
+
+
+def _radius(stop: StopSamples) -> float:
+    """Two deviations of the navigation at a stop, m."""
+    return 2.0 * max(stop.position[0].deviation, stop.position[1].deviation)
+
+
+def _apart(one: StopSamples, other: StopSamples) -> float:
+    """Horizontal distance of two stops, m."""
+    return float(np.hypot(*(one.position[k].mean - other.position[k].mean for k in (0, 1))))
 
 
 def _plumes(axes: Axes, flight: Flight, samples: Samples, low: np.ndarray, high: np.ndarray) -> None:
