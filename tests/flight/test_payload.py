@@ -159,7 +159,7 @@ def test_files_and_figure_of_the_samples(flown: st.Flight, tmp_path: Path) -> No
     assert saved.equals(flown.samples.table())
     figure = flight_samples(flown)
     texts = [text.get_text() for text in figure.axes[0].texts]
-    assert any(text.startswith("downstream\n") for text in texts)
+    assert any(text.startswith("downstream: ") for text in texts)
 
 
 def test_a_plume_needs_a_current() -> None:

@@ -12,6 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from seatrial.base.channels import AXES
 from seatrial.report.plot.flight_errors import drives, motors
 

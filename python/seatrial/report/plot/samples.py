@@ -7,6 +7,7 @@ are faint lines. Held by ``tests/flight/test_payload.py``.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,7 +86,10 @@ def _plan(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples]
     for stop in stops:
         if stop.count:
             near = [place for place in places if _apart(place[0], stop) < _radius(stop)]
-            (near[0].append if near else lambda one: places.append([one]))(stop)
+            if near:
+                near[0].append(stop)
+            else:
+                places.append([stop])
     for place in places:
         north, east, radius = place[0].position[0], place[0].position[1], _radius(place[0])
         axes.add_patch(Circle((east.mean, north.mean), radius, fill=False, color=MEASURED, zorder=4))
@@ -109,9 +113,8 @@ def _plan(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples]
     axes.set_xlim(low[1], high[1])
     axes.set_ylim(low[0], high[0])
     axes.set_aspect("equal", adjustable="box")
-    lines = (
-        f"; lines: true nitrate at {samples.position[:, 2].mean():.1f} m" if samples.payload.plumes else ""
-    )
+    depth = float(samples.position[:, 2].mean())
+    lines = f"; lines: true nitrate at {depth:.1f} m" if samples.payload.plumes else ""
     axes.set_xlabel(f"east, m\ncircles: two deviations of the navigation{lines}")
     axes.set_ylabel("north, m")
     axes.figure.colorbar(shown, ax=axes, location="top", shrink=0.8, label="nitrate as measured, mg/L")
@@ -124,7 +127,8 @@ def _radius(stop: StopSamples) -> float:
 
 def _apart(one: StopSamples, other: StopSamples) -> float:
     """Horizontal distance of two stops, m."""
-    return float(np.hypot(*(one.position[k].mean - other.position[k].mean for k in (0, 1))))
+    (north, east), (there, aside) = ([axis.mean for axis in stop.position[:2]] for stop in (one, other))
+    return math.hypot(there - north, aside - east)
 
 
 def _plumes(axes: Axes, flight: Flight, samples: Samples, low: np.ndarray, high: np.ndarray) -> None:
