@@ -89,3 +89,17 @@ def test_both_parts_have_commands_that_change() -> None:
     start, stop = twice.hold_out
     assert (start <= 60.0 and stop >= 90.0) != (start <= 300.0 and stop >= 330.0)
     assert windows(adrift(), []).hold_out is not None
+
+
+def test_a_hold_out_that_moves_nothing_is_not_proposed() -> None:
+    """A vehicle that runs for 100 s, whose thrusters are tried out later while it is moored."""
+    force = np.where(T < 100.0, 30.0 * ((T // 10.0) % 2), 0.0)
+    moored = np.where((T > 250.0) & (T < 390.0), 5.0 * ((T // 10.0) % 2), 0.0)
+    u = np.where(T < 100.0, 0.5 * np.sin(0.3 * T), 0.0) + np.random.default_rng(1).normal(0.0, 1e-3, len(T))
+    trial = st.Trial.read({"t_s": T, "u_m_s": u, "tau.X_n": force + moored}, align=False)
+    proposed = windows(trial, manoeuvres(trial))
+    if proposed.hold_out is not None:
+        inside = (trial.t >= proposed.hold_out[0]) & (trial.t < proposed.hold_out[1])
+        assert np.std(u[inside]) > 0.02
+    else:
+        assert "moves nothing" in proposed.sentence

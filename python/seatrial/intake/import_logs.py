@@ -32,7 +32,7 @@ from seatrial.intake.recordings import (
     table_of,
 )
 from seatrial.intake.survey import Survey, survey
-from seatrial.intake.trial_windows import moved
+from seatrial.intake.trial_windows import moved, moves
 from seatrial.intake.vehicle_draft import VehicleDraft, draft_vehicle, matched, thruster_signs, turned
 from seatrial.logs.log import printable
 from seatrial.trial.columns import GROUPS
@@ -286,13 +286,15 @@ def _hold_out(
 ) -> tuple[tuple[float, float] | None, str]:
     """The proposed hold-out from a change of mode where one is near, to the end where little is left."""
     proposed = kind.windows
+    if kind.still:
+        return None, "the vehicle does not move: hold out another trial"
     if proposed.hold_out is None:
         return None, proposed.sentence
     (start, stop), first, last = proposed.hold_out, float(trial.t[0]), float(trial.t[-1])
     near = [t for t, _ in events if abs(t - start) < _NEAR * (last - first)]
     begin = float(np.round(min(near, key=lambda t: abs(t - start)), 1)) if near else start
     end = float(np.ceil(last)) if last - stop < _NEAR * (last - first) else stop
-    if (begin, end) == (start, stop):
+    if (begin, end) == (start, stop) or not moves(trial, proposed, (begin, end)):
         return (start, stop), proposed.sentence
     words = ["from a change of mode"] if begin != start else []
     words += ["to the end of the trial"] if end != stop else []

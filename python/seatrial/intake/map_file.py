@@ -22,7 +22,14 @@ from seatrial.trial.columns import GROUPS, check_canonical, source_of
 
 __all__ = ["CONVERSIONS", "Column", "ImportMap", "MapFile", "MapTrial", "load_map", "parse_map"]
 
-CONVERSIONS = {"latitude": "x_m", "longitude": "y_m", "pressure": "z_m"}
+CONVERSIONS = {
+    "latitude": "x_m",
+    "longitude": "y_m",
+    "pressure": "z_m",
+    "north": "u_m_s",
+    "east": "v_m_s",
+    "down": "w_m_s",
+}
 """Conversions by name and the column that each gives."""
 
 

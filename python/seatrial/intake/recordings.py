@@ -23,6 +23,11 @@ from seatrial.intake.survey import SurveyedLog, chosen
 from seatrial.logs.formats import open_log
 from seatrial.logs.join import Clock, Wanted, find_field, join
 from seatrial.logs.log import Log, listed
+from seatrial.logs.recognise import ESTIMATED
+from seatrial.trial.columns import parse
+from seatrial.trial.resampling import linear
+from seatrial.trial.signals import RecordingReport
+from seatrial.trial.table import signals
 
 if TYPE_CHECKING:
     import polars as pl
@@ -38,6 +43,10 @@ MANY = 200_000
 """Samples of a trial: a longer one is thinned."""
 
 _LEAST_HZ = 10.0  # the rate that it keeps at least
+
+_VELOCITY, _EARTH = ("u_m_s", "v_m_s", "w_m_s"), ("north", "east", "down")
+
+_ATTITUDE = ("roll_deg", "pitch_deg", "yaw_deg", "q_w", "q_x", "q_y", "q_z")
 
 _SHARED = ("voltage_v",)  # columns that logs of one recording may all have
 
@@ -92,23 +101,45 @@ def recordings(logs: Sequence[SurveyedLog], given: Mapping[str, MapTrial] | None
     """
     if given:
         return [_of_map(name, one, logs) for name, one in given.items()]
-    if len(logs) == 1 or _one_dive(logs):
-        folders = {log.path.resolve().parent for log in logs}
-        named = folders.pop().name if len(logs) > 1 and len(folders) == 1 else ""
-        return [Recording(file_name(named or logs[0].path.name.partition(".")[0]), tuple(logs))]
     made: list[Recording] = []
-    for log in logs:
-        name = free_name(file_name(log.path.name.partition(".")[0]), [one.name for one in made])
-        made.append(Recording(name, (log,)))
+    for group in _dives(logs):
+        folders = {log.path.resolve().parent for log in group}
+        named = folders.pop().name if len(group) > 1 and len(folders) == 1 and len(group) == len(logs) else ""
+        name = free_name(file_name(named or group[0].path.name.partition(".")[0]), [one.name for one in made])
+        made.append(Recording(name, tuple(group)))
     return made
 
 
-def _one_dive(logs: Sequence[SurveyedLog]) -> bool:
-    if all(log.epoch_s is not None for log in logs):
-        spans = [(log.span_s[0] + (log.epoch_s or 0.0), log.span_s[1] + (log.epoch_s or 0.0)) for log in logs]
-        return max(start for start, _ in spans) < min(stop for _, stop in spans)
+_MEET = 0.1
+"""Share of the shorter of two logs by which they overlap as parts of one dive; the files of a logger that
+begins another one meet by less."""
+
+
+def _dives(logs: Sequence[SurveyedLog]) -> list[list[SurveyedLog]]:
+    """Logs of one dive together, in the order given.
+
+    Logs with Unix time that overlap are one, in any number and over any other; so are logs of which each
+    holds other channels than the others, where not all have Unix time.
+    """
     offered = [set(chosen(log)) - set(_SHARED) for log in logs]
-    return sum(map(len, offered)) == len(set().union(*offered))
+    if any(log.epoch_s is None for log in logs):
+        together = sum(map(len, offered)) == len(set().union(*offered))
+        return [list(logs)] if together else [[log] for log in logs]
+    spans = [tuple(t + (log.epoch_s or 0.0) for t in log.span_s) for log in logs]
+    groups: list[list[int]] = []
+    for k, (start, stop) in enumerate(spans):
+        near = [
+            group
+            for group in groups
+            if any(
+                min(stop, spans[other][1]) - max(start, spans[other][0])
+                > _MEET * min(stop - start, spans[other][1] - spans[other][0])
+                for other in group
+            )
+        ]
+        groups = [group for group in groups if group not in near]
+        groups.append(sorted([k, *(other for group in near for other in group)]))
+    return [[logs[k] for k in group] for group in sorted(groups)]
 
 
 def _of_map(name: str, one: MapTrial, logs: Sequence[SurveyedLog]) -> Recording:
@@ -131,16 +162,21 @@ def proposed_columns(made: Sequence[Recording]) -> dict[str, Column]:
     logs = [log for one in made for log in one.logs]
     alike = len(made) > 1 and all(len(log.topics) == 1 for log in logs)
     columns: dict[str, Column] = {}
-    for log in logs:
-        for canonical, one in chosen(log).items():
-            alone = len(log.topics) == 1 and not one.topic.isprintable()
-            source = one.name if alike or alone else one.source
-            if not source.isprintable() or not canonical.isprintable():
-                continue
-            source += f"/{one.per}" if one.per else ""
-            columns.setdefault(
-                canonical, Column(source, one.unit, one.frame, one.sign, one.convert, one.why, one.certain)
-            )
+    offered = [(log, canonical, one) for log in logs for canonical, one in chosen(log).items()]
+    # A velocity over the earth, as of an estimator, is offered where no log has one in the body's axes; only
+    # an attitude turns it there.
+    measured = any(canonical in _VELOCITY and not one.convert for _, canonical, one in offered)
+    if measured or not any(canonical in ("q_w", "yaw_deg") for _, canonical, _ in offered):
+        offered = [entry for entry in offered if not (entry[1] in _VELOCITY and entry[2].convert)]
+    for log, canonical, one in offered:
+        alone = len(log.topics) == 1 and not one.topic.isprintable()
+        source = one.name if alike or alone else one.source
+        if not source.isprintable() or not canonical.isprintable():
+            continue
+        source += f"/{one.per}" if one.per else ""
+        columns.setdefault(
+            canonical, Column(source, one.unit, one.frame, one.sign, one.convert, one.why, one.certain)
+        )
     return columns
 
 
@@ -181,6 +217,8 @@ def table_of(
     for canonical, (field, log) in found.items():
         column = wanted.columns[canonical]
         name = field.column
+        if column.convert in _EARTH:  # turned below, when the attitude is known
+            continue
         if column.convert == "pressure":
             pressure = _numbers(table[name]) * units.factor(
                 column.unit or "Pa", ("Pa",), f"{log.path}: {canonical}"
@@ -206,8 +244,10 @@ def table_of(
                 " map x_m with convert, too"
             )
         table = table.with_columns(_metres(_numbers(table["t_s"]), fixes, notes))
+    table, lost = _with_body_velocity(table, columns, wanted, found, notes, str(logs[0].path))
+    absent += lost
     kept = ["t_s", *dict.fromkeys(entry["from"] for entry in columns.values())]
-    kept += [c for c in found if wanted.columns[c].convert]
+    kept += [c for c in found if wanted.columns[c].convert and c not in lost]
     table = table.select(kept)
     start, stop = recording.start_s, recording.stop_s
     if start is not None or stop is not None:
@@ -220,6 +260,62 @@ def table_of(
         tuple(dict.fromkeys(notes)),
         tuple(_events(recording, clocks, joined.epoch_s)),
     )
+
+
+def _with_body_velocity(
+    table: pl.DataFrame,
+    columns: Mapping[str, Mapping[str, Any]],
+    wanted: ImportMap,
+    found: Mapping[str, tuple[Wanted, Log]],
+    notes: list[str],
+    file: str,
+) -> tuple[pl.DataFrame, list[str]]:
+    """The table with u, v and w from velocities north, east and down, and the columns that it lacks for it.
+
+    Raises
+    ------
+    TrialError
+        A unit that is none of a velocity, or an attitude that cannot be read.
+    """
+    import polars as pl
+
+    from seatrial.base.rotation import matrix
+
+    over_earth = [c for c in _VELOCITY if c in found and wanted.columns[c].convert in _EARTH]
+    if not over_earth:
+        return table, []
+    attitude = {c: entry for c, entry in columns.items() if c in _ATTITUDE}
+    if len(over_earth) < len(_VELOCITY) or not attitude:
+        lacking = "an attitude" if len(over_earth) == len(_VELOCITY) else "all of north, east and down"
+        notes.append(
+            f"velocity over the earth is not used: expected {lacking} to turn it into the body's axes"
+        )
+        return table, over_earth
+    cells = [
+        _numbers(table[found[c][0].column])
+        * units.factor(wanted.columns[c].unit or "m/s", ("m/s",), f"{file}: {c}")
+        * wanted.columns[c].sign
+        for c in _VELOCITY
+    ]
+    over_ground = np.column_stack(cells)
+    t = np.asarray(table["t_s"].to_numpy(), float)
+    sources = parse(attitude, table.columns, file)
+    signal = signals(table, t, {c: sources[c] for c in attitude}, file, RecordingReport(file))["attitude"]
+    sampled = np.isfinite(over_ground).all(axis=1)
+    q, valid = linear(signal, t[sampled])
+    body = np.full(over_ground.shape, np.nan)
+    body[sampled] = np.einsum("nij,ni->nj", matrix(q), over_ground[sampled])
+    body[np.flatnonzero(sampled)[~valid.all(axis=1)]] = np.nan
+    why = wanted.columns[over_earth[0]].why
+    notes.append(
+        "velocity: north, east and down turned into the body's axes by the attitude"
+        + (
+            f"; {why}: it has the delay and the model of its filter; add a Doppler log"
+            if ESTIMATED in why
+            else ""
+        )
+    )
+    return table.with_columns(pl.Series(c, body[:, k], nan_to_null=True) for k, c in enumerate(_VELOCITY)), []
 
 
 def rate_of_long(table: pl.DataFrame) -> float | None:

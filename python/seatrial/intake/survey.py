@@ -17,7 +17,8 @@ from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
 from seatrial.logs.formats import FORMATS, open_log
 from seatrial.logs.log import Event, Field, Log, Share, Topic, printable
-from seatrial.logs.recognise import FEWEST, KNOWN_UNITS, Proposal, named_but_empty, propose, unknown_unit
+from seatrial.logs.recognise import ESTIMATED, FEWEST, Proposal, named_but_empty, propose, unknown_unit
+from seatrial.logs.units import KNOWN_UNITS
 
 __all__ = ["Survey", "SurveyedLog", "Unused", "chosen", "survey"]
 
@@ -331,7 +332,7 @@ def _unknown_units(log: SurveyedLog, where: str) -> Iterator[str]:
 
 def chosen(log: SurveyedLog) -> dict[str, Proposal]:
     """The best proposal of each canonical column, components of a vector from one topic."""
-    alive = [one for one in log.proposals if not _dead(log, one)]
+    alive = _one_velocity([one for one in log.proposals if not _dead(log, one)])
     best: dict[str, Proposal] = {}
     for columns in _VECTORS:
         candidates = [one for one in alive if one.canonical in columns]
@@ -348,6 +349,25 @@ def chosen(log: SurveyedLog) -> dict[str, Proposal]:
         best.pop("x_m", None)
         best.pop("y_m", None)
     return best
+
+
+_VELOCITY = ("u_m_s", "v_m_s", "w_m_s")
+
+
+def _one_velocity(proposals: Sequence[Proposal]) -> list[Proposal]:
+    """The proposals without the velocities of the other kind: in the body's axes or the earth's.
+
+    Velocities north, east and down become those of the body together, or not at all; a speed alone is the
+    worse one. Those of an estimator stand behind what an instrument measured.
+    """
+    own = [one for one in proposals if one.canonical in _VELOCITY]
+    earth = [one for one in own if one.convert]
+    plain = [one for one in own if not one.convert]
+    whole = {one.canonical for one in earth} == set(_VELOCITY)
+    measured = not any(one.why.startswith(ESTIMATED) for one in earth)
+    few = len({one.canonical for one in plain}) < len(_VELOCITY) and measured
+    dropped = plain if whole and (not plain or few) else earth
+    return [one for one in proposals if one not in dropped]
 
 
 def _dead(log: SurveyedLog, one: Proposal) -> bool:

@@ -22,7 +22,7 @@ from seatrial.intake.manoeuvres import Manoeuvre
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["TrialWindows", "moved", "windows"]
+__all__ = ["TrialWindows", "moved", "moves", "windows"]
 
 _SHARES = (0.2, 0.225, 0.25, 0.275, 0.3, 0.325, 0.35)
 _USUAL = 0.25
@@ -88,7 +88,7 @@ def windows(trial: Trial, found: Sequence[Manoeuvre]) -> TrialWindows:
     kinds = {(one.kind, one.by) for one in told}
     repeated = sorted(key for key in kinds if sum((one.kind, one.by) == key for one in told) > 1)
     driven, blind = _driven(trial), _blind(trial)
-    best = None
+    best, could_be_driven = None, False
     for share in _SHARES:
         for start in np.linspace(use[0], use[1] - share * length, _STARTS):
             candidate = (
@@ -97,12 +97,24 @@ def windows(trial: Trial, found: Sequence[Manoeuvre]) -> TrialWindows:
             )
             if not _both_driven(trial.t, driven, use, candidate):
                 continue
+            could_be_driven = True
+            if not _moves(trial.t, activity, use, candidate):
+                continue
             merit, both, effort = _merit(trial, activity, use, candidate, told, repeated)
             merit -= 2.0 * abs(share - _USUAL) - 0.2 * (start - use[0]) / length
             held = (trial.t >= candidate[0]) & (trial.t < candidate[1])
             merit -= _UNMEASURED * float(blind[held].mean())
             if best is None or merit > best[0]:
                 best = (merit, candidate, both, effort)
+    if best is None and could_be_driven:
+        return TrialWindows(
+            use,
+            None,
+            (0, 0),
+            1.0,
+            "the vehicle moves in one stretch only, which cannot be in both parts, and a part that moves"
+            " nothing tells nothing: hold out another trial",
+        )
     if best is None:
         at = trial.t[driven]
         return TrialWindows(
@@ -177,6 +189,25 @@ def _merit(
     hard = float(np.clip(per_axis - 1.5, 0.0, 2.0).mean()) if per_axis.size else 0.0
     merit = both / max(len(repeated), 1) - 0.5 * cut / max(count, 1) - easy - 0.3 * hard
     return merit - lonely / max(len(repeated), 1), both, effort
+
+
+_LEAST_ACTIVITY = 0.05
+"""Squared velocity of a part over that of the rest, on its busiest axis: 0.22 of its speed. Below, every
+model predicts the part well, because hardly anything happens in it."""
+
+
+def moves(trial: Trial, proposed: TrialWindows, part: tuple[float, float]) -> bool:
+    """Whether a hold-out moves, by the axis that moves most in comparison with the rest of the trial."""
+    return _moves(trial.t, _activity(trial), proposed.use, part)
+
+
+def _moves(t: Array, activity: Array, use: tuple[float, float], part: tuple[float, float]) -> bool:
+    inside = (t >= part[0]) & (t < part[1])
+    rest = (t >= use[0]) & (t < use[1]) & ~inside
+    if not activity.shape[1] or not inside.any() or not rest.any():
+        return False
+    ratio = activity[inside].mean(axis=0) / np.maximum(activity[rest].mean(axis=0), 1e-12)
+    return bool(ratio.max() >= _LEAST_ACTIVITY)
 
 
 def _blind(trial: Trial) -> Mask:

@@ -53,6 +53,7 @@ class Table(Log):
     layout: Layout = field(kw_only=True)
 
     def __post_init__(self) -> None:
+        self.of_file.add(self.topic)
         if not self.layout.named:
             self.remark("no row of names: the columns are called column_1, column_2, ...")
         for name, places in self.layout.twice.items():

@@ -20,6 +20,7 @@ from seatrial.base.errors import TrialError, reason
 from seatrial.logs.clock import stated_unit, time_fields
 from seatrial.logs.formats import DAMAGED, unpacked
 from seatrial.logs.log import MOST_FIELDS, printable
+from seatrial.logs.units import is_unit, no_unit, unit_of
 
 __all__ = ["GROUPED", "Layout", "cells_of", "encoding_of", "layout_of"]
 
@@ -123,19 +124,22 @@ def layout_of(path: Path) -> Layout:
             f"{path}: fewer than two rows of numbers in the first {len(rows)} rows, cut at {separator!r} into"
             f" {width} cells; expected a row of names and rows of numbers"
         )
-    above = [(k, cells) for k, cells in rows[:first] if len(cells) == width]
+    # A separator behind the last cell makes an empty column, of the rows, of the names, or of both.
+    filled = max((k + 1 for _, cells in rows[first:] for k, cell in enumerate(cells) if cell), default=width)
+    above = [(k, fitted) for k, cells in rows[:first] if (fitted := _fitted(cells, width, filled))]
     if not above and comment:  # "# t x y": the names are a comment
         commented = [
             (k, cells_of(line.lstrip("#% \t"), separator)) for k, line in kept if line.startswith(comment)
         ]
-        above = [(k, cells) for k, cells in commented if len(cells) == width]
-    names, units, twice, with_units = _names([cells for _, cells in above], width)
+        above = [(k, fitted) for k, cells in commented if (fitted := _fitted(cells, width, filled))]
+    names, units, twice, unit_row = _names(above, width)
     if len(names) > MOST_FIELDS:
         raise TrialError(f"{path}: {len(names)} columns; expected at most {MOST_FIELDS}")
     return Layout(
         encoding, separator, decimal_comma, comment, rows[first][0], tuple(names), tuple(units), bool(above),
-        plain=first == 1 and len(above) == 1 and len(held) == len(head), twice=twice, thousands=thousands,
-        unit_row=above[-1][0] if with_units else 0,
+        plain=first == len(above) == 1 and len(rows[0][1]) == width and len(held) == len(head),
+        twice=twice, thousands=thousands,
+        unit_row=unit_row,
     )  # fmt: skip
 
 
@@ -260,30 +264,42 @@ def _first_row(rows: Sequence[tuple[int, list[str]]], width: int, decimal_comma:
     return None
 
 
-_UNIT = re.compile(r"^[\[(]?\s*(-|1|%|°|°c|deg\w*|rad\w*|[numkc]?m|[mu]?s|sec|h|hz|k?n|n\s*\*?\s*m|nm|"
-                   r"[mk]?v|[mk]?a|k?w|w?h|[kmh]?pa|m?bar|psi|k?g|rpm|rev/?\w*|kn|kt|knots?|mph|c|k|"
-                   r"(k|c|m)?m\s*/\s*(s|h)(\s*\^?\s*2|²)?|g/\w+|\w+\s*/\s*(s|min|h)(\^?2|²)?|pwm|u?µ?us|ns|ms|text|bool|"
-                   r"none|n/a|unitless)?\s*[\])]?$", re.IGNORECASE)  # fmt: skip
+def _fitted(cells: Sequence[str], width: int, filled: int) -> list[str]:
+    """Cells of a row above the values, as many as these have; none where they do not fit.
+
+    `filled` counts the columns up to the last one that holds a value.
+    """
+    own = list(cells)
+    while len(own) > width and not own[-1]:
+        own.pop()
+    if filled <= len(own) < width:
+        own += [""] * (width - len(own))
+    return own if len(own) == width and any(own) else []
 
 
 def _names(
-    above: Sequence[list[str]], width: int
-) -> tuple[list[str], list[str], dict[str, tuple[int, ...]], bool]:
+    above: Sequence[tuple[int, list[str]]], width: int
+) -> tuple[list[str], list[str], dict[str, tuple[int, ...]], int]:
     """Names and units of the columns from the rows above the values; places of those that share a name.
 
-    Last, whether a row of units is below the names.
+    Names stand above numbers, whatever the words: they are the first row of words that are no units, that
+    names a time, and that has the most different ones. Last, the line of the row of units; 0 for none.
     """
     if not above:
-        return [f"column_{k + 1}" for k in range(width)], [""] * width, {}, False
-    last = above[-1]
-    with_units = len(above) > 1 and _of_units(above[-2], last)
-    if with_units:
-        names, units = above[-2], [cell.strip("[]() ") for cell in last]
-    else:
-        names = last
-        units = [
-            found[1].strip() if (found := re.search(r"[\[(]([^\])]*)[\])]\s*$", n)) else "" for n in names
-        ]
+        return [f"column_{k + 1}" for k in range(width)], [""] * width, {}, 0
+    at = max(range(len(above)), key=lambda k: (_like_names(above[k][1]), -k))
+    names = above[at][1]
+    # Units stand below the names, at times above them.
+    places_of_units = [k for k in (*range(at + 1, len(above)), at - 1) if k >= 0 and _of_units(above[k][1])]
+    unit_row = 0
+    if not places_of_units and at + 1 < len(above) and _under_time(names, above[at + 1][1]):
+        places_of_units = [at + 1]
+    units = [found[1].strip() if (found := re.search(r"[\[(]([^\])]*)[\])]\s*$", n)) else "" for n in names]
+    if places_of_units:
+        # A row of types, as a compiler knows them, is no row of units.
+        best = max(places_of_units, key=lambda k: sum(unit_of(cell) is not None for cell in above[k][1]))
+        unit_row, cells = above[best]
+        units = [cell.strip("[]() ") or own for cell, own in zip(cells, units, strict=True)]
     places: dict[str, list[int]] = {}
     unique = []
     for k, name in enumerate(names):
@@ -291,17 +307,29 @@ def _names(
         known = places.setdefault(name, [])
         known.append(k + 1)
         unique.append(name if len(known) == 1 else f"{name}_{len(known)}")
-    units = [unit if unit not in ("-", "1", "none", "n/a", "unitless") else "" for unit in units]
-    return unique, units, {name: tuple(known) for name, known in places.items() if len(known) > 1}, with_units
+    units = ["" if no_unit(unit) else unit for unit in units]
+    return unique, units, {name: tuple(known) for name, known in places.items() if len(known) > 1}, unit_row
 
 
-def _of_units(names: Sequence[str], cells: Sequence[str]) -> bool:
-    """Whether a row of cells holds the units of the `names` above it: most cells are, or that of the time."""
+_MOST_UNITS = 0.8  # share of the cells of a row that are units above which it is one of units
+
+
+def _like_names(cells: Sequence[str]) -> tuple[bool, bool, int]:
+    """How much a row is like one of names: that it is none of units, names a time, its different words."""
+    words = [cell for cell in cells if cell]
+    return not _of_units(cells), bool(time_fields(words)), len(set(words))
+
+
+def _of_units(cells: Sequence[str]) -> bool:
+    """Whether most cells of a row are units."""
     some = [cell for cell in cells if cell]
-    if not some or np.mean([bool(_UNIT.match(cell)) for cell in some]) > 0.8:
-        return True
-    times = time_fields(names)
-    if not times or not all(names) or len(set(names)) < len(names):
+    return bool(some) and float(np.mean([is_unit(cell) for cell in some])) >= _MOST_UNITS
+
+
+def _under_time(names: Sequence[str], cells: Sequence[str]) -> bool:
+    """Whether a row under the names has the unit of the time: then it is one of units, known or not."""
+    times = time_fields([name for name in names if name])
+    if not times:
         return False
     unit = cells[list(names).index(times[0])]
-    return not time_fields(cells) and (not unit or stated_unit("", unit) is not None)
+    return bool(unit) and stated_unit("", unit.strip("[]() ")) is not None

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -116,6 +116,10 @@ class Topic:
         Rows whose stamp is not later than the one before.
     fields
         In the order of the log.
+    kind
+        Message type, where the format states one: it says more than a field's name.
+    of_file
+        Whether its name is that of the file, which says nothing about its fields.
     """
 
     name: str
@@ -126,6 +130,8 @@ class Topic:
     longest_s: float
     disordered: int
     fields: tuple[Field, ...]
+    kind: str = ""
+    of_file: bool = False
 
     @property
     def rate_hz(self) -> float:
@@ -152,6 +158,10 @@ class Log(ABC):
         Where a row of the file states the units, as "line 3"; "" where none does.
     words
         What the fields without numbers hold instead, by topic and field.
+    kinds
+        Message type by topic, where the format states it.
+    of_file
+        Topics that are called by the file.
     epoch_s
         Unix time of stamp zero, s; None where the log does not say. Logs with an epoch share a clock.
     parameters
@@ -167,6 +177,8 @@ class Log(ABC):
     timeless: str = ""
     units_in: str = ""
     words: dict[tuple[str, str], str] = field(default_factory=dict)
+    kinds: dict[str, str] = field(default_factory=dict)
+    of_file: set[str] = field(default_factory=set)
 
     @property
     @abstractmethod
@@ -193,8 +205,12 @@ class Log(ABC):
         surveys = {topic: _Survey(fields) for topic, fields in wanted.items()}
         for chunk in self.chunks(wanted, share):
             surveys[chunk.topic].add(chunk)
-        return [
+        found = [
             survey.topic(name, self.fields[name]) for name, survey in surveys.items() if survey.samples > 0
+        ]
+        return [
+            replace(topic, kind=self.kinds.get(topic.name, ""), of_file=topic.name in self.of_file)
+            for topic in found
         ]
 
     def read(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> dict[str, Samples]:

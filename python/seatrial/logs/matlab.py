@@ -100,6 +100,8 @@ class _Matlab(Log):
             names = [n for n in time_fields(list(columns)) if rises(Counter32().of(columns[n]))]
             time = columns[names[0]] if names else top.get(length)
             self._columns[topic] = columns
+            if not structure:
+                self.of_file.add(topic)
             if time is None:
                 self._clocks[topic] = None
                 self.note(f"{topic}: no signal of its length is a time")

@@ -74,6 +74,8 @@ class _Mcap(Bag):
                 if topics is not None and channel.topic not in topics:
                     continue
                 if channel.id not in decoders:
+                    schema = self._schemas.get(channel.schema_id)
+                    self.kinds[channel.topic] = schema.name if schema is not None else ""
                     decoders[channel.id] = self._decoder(self._schemas.get(channel.schema_id), channel)
                 decoder = decoders[channel.id]
                 if decoder is not None:

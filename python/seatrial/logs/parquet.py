@@ -93,6 +93,7 @@ class _Parquet(Log):
             or kind.is_temporal()
             or kind.base_type().__name__ in ("Boolean", "Null", "String")
         }
+        self.of_file.add(self.topic)
         return {self.topic: kept}
 
     @property

@@ -16,11 +16,22 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from seatrial.logs.log import Field, Topic
+from seatrial.logs.names import actuator_of, quantity_of, words_of
+from seatrial.logs.units import (
+    KNOWN_UNITS,
+    PRESSURES,
+    canonical_of,
+    fits,
+    misfit_of,
+    no_unit,
+    suffix_of,
+    unit_of,
+)
 
-__all__ = ["FEWEST", "KNOWN_UNITS", "Proposal", "named_but_empty", "propose", "unknown_unit"]
+__all__ = ["ESTIMATED", "FEWEST", "KNOWN_UNITS", "Proposal", "named_but_empty", "propose", "unknown_unit"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +49,7 @@ class Proposal:
     per
         Field of the same topic by which each sample is divided: the time a displacement took. "" for none.
     convert
-        "latitude", "longitude" or "pressure" for what needs more than a unit.
+        "latitude", "longitude", "pressure", "north", "east" or "down" for what needs more than a unit.
     why
         What it was told from.
     certain
@@ -89,6 +100,9 @@ _VELOCITY = ("u_m_s", "v_m_s", "w_m_s")
 _WATER = ("u_water_m_s", "v_water_m_s", "w_water_m_s")
 _POSITION = ("x_m", "y_m", "z_m")
 
+_EARTH = "earth"
+"""Conversion of a rule for velocities of an estimator, north, east and down."""
+
 _DOCUMENTED: dict[str, tuple[_Rule, ...]] = {
     "dataflash": (
         _Rule(r"ATT", _vector(_EULER, ("Roll", "Pitch", "Yaw")), "deg"),
@@ -100,6 +114,7 @@ _DOCUMENTED: dict[str, tuple[_Rule, ...]] = {
         _Rule(r"GPS\[0\]|GPS", {"x_m": "Lat"}, "deg", convert="latitude"),
         _Rule(r"GPS\[0\]|GPS", {"y_m": "Lng"}, "deg", convert="longitude"),
         _Rule(r"BAT\[0\]|BAT", {"voltage_v": "Volt"}, "V"),
+        _Rule(r"[XN]KF1(\[0\])?", _vector(_VELOCITY, ("VN", "VE", "VD")), "m/s", convert=_EARTH),
     ),
     "mavlink": (
         _Rule(r"ATTITUDE", _vector(_EULER, ("roll", "pitch", "yaw")), "rad"),
@@ -114,6 +129,10 @@ _DOCUMENTED: dict[str, tuple[_Rule, ...]] = {
         _Rule(r"VFR_HUD", {"z_m": "alt"}, "m", sign=-1),
         _Rule(r"LOCAL_POSITION_NED", _vector(_POSITION, ("x", "y", "z")), "m", "NED"),
         _Rule(r"SYS_STATUS", {"voltage_v": "voltage_battery"}, "mV"),
+        _Rule(r"GPS_RAW_INT", {"x_m": "lat"}, "1e-7 deg", convert="latitude"),
+        _Rule(r"GPS_RAW_INT", {"y_m": "lon"}, "1e-7 deg", convert="longitude"),
+        _Rule(r"LOCAL_POSITION_NED", _vector(_VELOCITY, ("vx", "vy", "vz")), "m/s", convert=_EARTH),
+        _Rule(r"GLOBAL_POSITION_INT", _vector(_VELOCITY, ("vx", "vy", "vz")), "cm/s", convert=_EARTH),
     ),
     "ulog": (
         _Rule(r"vehicle_attitude", _vector(_Q, tuple(f"q[{k}]" for k in range(4)))),
@@ -122,6 +141,7 @@ _DOCUMENTED: dict[str, tuple[_Rule, ...]] = {
         _Rule(r"vehicle_attitude", _vector(_RATES, ("rollspeed", "pitchspeed", "yawspeed")), "rad/s"),
         _Rule(r"vehicle_local_position", _vector(_POSITION, ("x", "y", "z")), "m", "NED"),
         _Rule(r"battery_status", {"voltage_v": "voltage_v"}, "V"),
+        _Rule(r"vehicle_local_position", _vector(_VELOCITY, ("vx", "vy", "vz")), "m/s", convert=_EARTH),
     ),
     "moos": (
         _Rule(r"NAV_Y", {"x_m": "value"}, "m"),
@@ -159,10 +179,20 @@ _DOCUMENTED: dict[str, tuple[_Rule, ...]] = {
         _Rule(r".*dvl.*", _vector(_VELOCITY, tuple(f"velocity.{a}" for a in "xyz")), "m/s", "FLU"),
         _Rule(r".*", _vector(_POSITION, tuple(f"pose.pose.position.{a}" for a in "xyz")), "m", "ENU"),
         _Rule(r".*", _vector(_POSITION, tuple(f"pose.position.{a}" for a in "xyz")), "m", "ENU"),
+        _Rule(
+            r".*", _vector(_POSITION, tuple(f"position.{a}" for a in ("north", "east", "depth"))), "m", "NED"
+        ),
+        _Rule(r".*", _vector(_EULER, tuple(f"orientation.{a}" for a in ("roll", "pitch", "yaw"))), "rad"),
+        _Rule(r".*", _vector(_VELOCITY, tuple(f"body_velocity.{a}" for a in "xyz")), "m/s"),
+        _Rule(
+            r".*", _vector(_RATES, tuple(f"orientation_rate.{a}" for a in ("roll", "pitch", "yaw"))), "rad/s"
+        ),
         _Rule(r".*", {"z_m": "fluid_pressure"}, "Pa", convert="pressure"),
         _Rule(r".*depth.*", {"z_m": "data"}, "m"),
         _Rule(r".*", {"x_m": "latitude"}, "deg", convert="latitude"),
         _Rule(r".*", {"y_m": "longitude"}, "deg", convert="longitude"),
+        _Rule(r".*", {"x_m": "pose.position.latitude"}, "deg", convert="latitude"),
+        _Rule(r".*", {"y_m": "pose.position.longitude"}, "deg", convert="longitude"),
         _Rule(r".*(batt|power).*", {"voltage_v": "voltage"}, "V"),
         _Rule(
             r".*(wrench|force|thrust|tau).*",
@@ -180,70 +210,13 @@ _DOCUMENTED: dict[str, tuple[_Rule, ...]] = {
 }
 _SAME = {"rosbag": "ros", "mcap": "ros"}
 
-_NAMES: tuple[tuple[str, str], ...] = (
-    # canonical, pattern of the whole name in lower case without unit
-    ("roll_deg", r"roll|phi|heel|roll_?angle|euler_?x|att(itude)?_?(x|roll)"),
-    ("pitch_deg", r"pitch|theta|pitch_?angle|euler_?y|att(itude)?_?(y|pitch)"),
-    ("yaw_deg", r"yaw|heading|psi|hdg|compass|yaw_?angle|azimuth|euler_?z|att(itude)?_?(z|yaw)"),
-    ("q_w", r"(q|quat\w*|orientation)[_.]?(w|0)"),
-    ("q_x", r"(quat\w*|orientation)[_.]?(x|1)|qx|q_x|q1"),
-    ("q_y", r"(quat\w*|orientation)[_.]?(y|2)|qy|q_y|q2"),
-    ("q_z", r"(quat\w*|orientation)[_.]?(z|3)|qz|q_z|q3"),
-    ("p_deg_s", r"p|roll_?(rate|speed)|p_?dot_?phi|(gyro?|gyr|omega|angular(_?vel\w*)?|w|ang_?vel)[_.]?x"),
-    ("q_deg_s", r"q|pitch_?(rate|speed)|(gyro?|gyr|omega|angular(_?vel\w*)?|w|ang_?vel)[_.]?y"),
-    ("r_deg_s", r"r|yaw_?(rate|speed)|turn_?rate|rot|(gyro?|gyr|omega|angular(_?vel\w*)?|w|ang_?vel)[_.]?z"),
-    ("u_water_m_s", r"(u|vx|surge|speed)_?(water|btw|stw)|stw|speed_?through_?water|water_?(u|vx)"),
-    ("v_water_m_s", r"(v|vy|sway)_?(water|btw|stw)|water_?(v|vy)"),
-    ("w_water_m_s", r"(w|vz|heave)_?(water|btw|stw)|water_?(w|vz)"),
-    (
-        "u_m_s",
-        r"u|surge(_?(vel\w*|speed))?|vx|v_?x|vel\w*[_.]?x|linear[_.]?x|dvl[_.]?(vel)?_?x|vb?x|vel_?fwd|speed|sog",
-    ),
-    ("v_m_s", r"v|sway(_?(vel\w*|speed))?|vy|v_?y|vel\w*[_.]?y|linear[_.]?y|dvl[_.]?(vel)?_?y|vby"),
-    ("w_m_s", r"w|heave(_?(vel\w*|speed))?|vz|v_?z|vel\w*[_.]?z|linear[_.]?z|dvl[_.]?(vel)?_?z|vbz"),
-    ("x_m", r"north(ing)?|x|x_?n(ed)?|pos(ition)?[_.]?(x|n|north)|n_m"),
-    ("y_m", r"east(ing)?|y|y_?e|pos(ition)?[_.]?(y|e|east)|e_m"),
-    ("z_m", r"depth|z|pos(ition)?[_.]?(z|d|down)|depth_?m"),
-    ("tau.X_n", r"(force|tau|wrench_?force)[_.]?x|tau_?(surge|1)|fx"),
-    ("tau.Y_n", r"(force|tau|wrench_?force)[_.]?y|tau_?(sway|2)|fy"),
-    ("tau.Z_n", r"(force|tau|wrench_?force)[_.]?z|tau_?(heave|3)|fz"),
-    ("tau.K_nm", r"(torque|moment)[_.]?x|tau_?(roll|4|k)|mx"),
-    ("tau.M_nm", r"(torque|moment)[_.]?y|tau_?(pitch|5|m)|my"),
-    ("tau.N_nm", r"(torque|moment)[_.]?z|tau_?(yaw|6|n)|mz"),
-    ("voltage_v", r"volt(age)?(_?\w*)?|v_?bat\w*|bat\w*_?v(olt\w*)?|supply_?v\w*"),
-    ("current_north_m_s", r"current_?(n|north)"),
-    ("current_east_m_s", r"current_?(e|east)"),
-)
-
-_ACTUATOR = re.compile(
-    r"(thruster|motor|prop(eller)?|esc|rudder|elevator|stern_?plane|bow_?plane|planes?|fin|servo|aileron|rpm|pwm|"
-    r"pulse_?width|positive_width_us|channel|rc_?out|n_?\d|delta)",
-    re.IGNORECASE,
-)
 _MEASURED = re.compile(r"(actual|meas\w*|feedback|fb|telemetry|_act)\b", re.IGNORECASE)
 _ANGLES = re.compile(r"(rudder|elevator|plane|fin|aileron|delta)", re.IGNORECASE)
-_SUFFIX = (
-    (r"rad[_/]?s(ec)?", "rad/s"), (r"deg[_/]?s(ec)?", "deg/s"), (r"mm[_/]s", "mm/s"), (r"cm[_/]s", "cm/s"),
-    (r"km[_/]?h|kmh|kph", "km/h"), (r"m[_/]s|mps", "m/s"), (r"kn|kts?|knots?", "knot"), (r"mrad", "mrad"),
-    (r"rad(ians)?", "rad"), (r"deg(rees)?", "deg"), (r"mm", "mm"), (r"cm", "cm"), (r"m", "m"),
-    (r"rpm", "rpm"), (r"us|µs|usec|pwm", "us"), (r"mv", "mV"), (r"v", "V"), (r"dbar", "dbar"),
-    (r"mbar", "mbar"), (r"k?pa", "kPa"), (r"nm", "N*m"), (r"n", "N"),
-)  # fmt: skip
-_STATED = {
-    "m/s": "m/s", "mm/s": "mm/s", "cm/s": "cm/s", "km/h": "km/h", "kn": "knot", "kt": "knot", "kts": "knot",
-    "knot": "knot", "knots": "knot", "rad": "rad", "deg": "deg", "°": "deg", "degrees": "deg", "mrad": "mrad",
-    "rad/s": "rad/s", "deg/s": "deg/s", "°/s": "deg/s", "m": "m", "cm": "cm", "mm": "mm", "n": "N",
-    "nm": "N*m", "n*m": "N*m", "n m": "N*m", "v": "V", "mv": "mV", "rpm": "rpm", "1/min": "rpm",
-    "us": "us", "µs": "us", "dbar": "dbar", "bar": "bar", "mbar": "mbar", "pa": "Pa", "kpa": "kPa",
-    "hpa": "hPa", "rev/s": "rev/s", "cdeg": "0.01 deg", "cdegrees": "0.01 deg", "pwm": "us",
-}  # fmt: skip
-KNOWN_UNITS = tuple(dict.fromkeys(_STATED.values()))
-"""As a log may state them, in the words of a map."""
 
 FEWEST = 10
 """Numbers of a field that is taken for something."""
 
-_PRESSURES = ("dbar", "bar", "mbar", "Pa", "kPa", "hPa")
+_LEAST_RANK = 10_000  # of what a field is by its name, behind what its message says
 
 
 def propose(format: str, topics: Sequence[Topic], parameters: Mapping[str, float]) -> list[Proposal]:
@@ -261,6 +234,11 @@ def propose(format: str, topics: Sequence[Topic], parameters: Mapping[str, float
     found = [*_documented(format, topics), *_actuators(format, topics, parameters)]
     if format in ("csv", "parquet", "matlab") or not found:
         found += _by_name(topics)
+    elif _SAME.get(format) == "ros":
+        # Any message may be recorded; of one that is not documented the names tell something.
+        documented = {proposal.topic for proposal in found}
+        others = _by_name([topic for topic in topics if topic.name not in documented])
+        found += [replace(proposal, rank=proposal.rank + _LEAST_RANK) for proposal in others]
     return sorted(found, key=lambda proposal: (proposal.canonical, proposal.rank))
 
 
@@ -276,10 +254,61 @@ def _documented(format: str, topics: Sequence[Topic]) -> Iterator[Proposal]:
             dead = all(_constant(fields[name]) for name in rule.fields.values())
             for canonical, name in rule.fields.items():
                 why = f"{format} documents {topic.name}.{name}" + ("; it never changes" if dead else "")
+                if (format, topic.name.partition("[")[0]) in _ESTIMATORS:
+                    why = f"{ESTIMATED}, {topic.name}.{name}: no measurement" + "; it never changes" * dead
+                convert = _TO_BODY[canonical] if rule.convert == _EARTH else rule.convert
                 yield Proposal(
-                    canonical, topic.name, name, rule.unit, rule.frame, rule.sign, rule.per, rule.convert,
+                    canonical, topic.name, name, rule.unit, rule.frame, rule.sign, rule.per, convert,
                     why=why, rank=rank + 100 * dead,
                 )  # fmt: skip
+    if _SAME.get(format) == "ros":
+        yield from _planar(topics)
+
+
+ESTIMATED = "velocity of the estimator"
+"""Begin of the reason of a velocity that no instrument measured."""
+
+_ESTIMATORS = {
+    ("dataflash", "XKF1"), ("dataflash", "NKF1"), ("mavlink", "GLOBAL_POSITION_INT"),
+    ("ulog", "vehicle_local_position"), ("mavlink", "LOCAL_POSITION_NED"),
+}  # fmt: skip
+
+_TO_BODY = {"u_m_s": "north", "v_m_s": "east", "w_m_s": "down"}
+
+
+def _planar(topics: Sequence[Topic]) -> Iterator[Proposal]:
+    """Poses and velocities in the plane, by the message type and by its form: x and y, theta, no z.
+
+    Types as geometry_msgs/Pose2D, nav_2d_msgs/Twist2D, vision_msgs/Pose2D and turtlesim/Pose: theta is an
+    angle about the vertical axis, never a pitch.
+    """
+    for topic in topics:
+        names = {field.name for field in topic.fields}
+        if topic.samples < FEWEST or re.search(r"cmd|command|goal|target|set_?point|desired", topic.name):
+            continue
+        for theta in sorted(name for name in names if re.fullmatch(r"(.*\.)?theta", name)):
+            before = theta.removesuffix("theta")
+            place = next((p for p in ("", "position.", "center.") if f"{before}{p}x" in names), None)
+            if place is None or f"{before}{place}y" not in names or f"{before}{place}z" in names:
+                continue
+            why = f"{topic.kind or 'the form of the message'}: a motion in the plane"
+            moving = "twist2d" in topic.kind.lower() or before.endswith(("velocity.", "twist."))
+            columns = _PLANAR_VELOCITY if moving else _PLANAR_POSE
+            fields = (f"{before}{place}x", f"{before}{place}y", theta)
+            for name, (canonical, unit, frame) in zip(fields, columns, strict=True):
+                yield Proposal(canonical, topic.name, name, unit, frame, why=why, rank=_PLANAR_RANK)
+            for name, canonical, unit in _TURTLE:
+                if f"{before}{name}" in names:
+                    yield Proposal(
+                        canonical, topic.name, f"{before}{name}", unit, "FLU", why=why, rank=_PLANAR_RANK
+                    )
+
+
+_PLANAR_RANK = 50  # behind messages in space
+
+_PLANAR_POSE = (("x_m", "m", "ENU"), ("y_m", "m", "ENU"), ("yaw_deg", "rad", "FLU/ENU"))
+_PLANAR_VELOCITY = (("u_m_s", "m/s", "FLU"), ("v_m_s", "m/s", "FLU"), ("r_deg_s", "rad/s", "FLU"))
+_TURTLE = (("linear_velocity", "u_m_s", "m/s"), ("angular_velocity", "r_deg_s", "rad/s"))
 
 
 def _constant(field: Field) -> bool:
@@ -302,7 +331,7 @@ def _actuators(format: str, topics: Sequence[Topic], parameters: Mapping[str, fl
                     yield Proposal(
                         f"cmd.output_{number}", name, field.name, unit, why="output channel of PX4"
                     )
-        elif _SAME.get(format) == "ros" and _ACTUATOR.search(name):
+        elif _SAME.get(format) == "ros" and actuator_of(name):
             for field in topic.fields:
                 if field.name.rpartition(".")[2].partition("[")[0] in (
                     "data",
@@ -365,18 +394,22 @@ def _by_name(topics: Sequence[Topic]) -> Iterator[Proposal]:
     """Proposals from names, for logs whose format says nothing about its fields."""
     for topic in topics:
         matched = list(_matched(topic))
-        frame = _ros_like({field.name.lower() for field in topic.fields})
+        earth = _ros_earth({field.name.lower() for field in topic.fields})
         angles = [
-            f
-            for canonical, f, _ in matched
-            if canonical.endswith("_deg") and not canonical.startswith(("cmd.", "meas."))
+            field
+            for quantity, field, _ in matched
+            if quantity.endswith("_deg") and not quantity.startswith(("cmd.", "meas."))
         ]
         # Of what is a rate by its name and does not tell its unit.
-        rates = [f for canonical, f, _ in matched if canonical in _RATES and not _told_unit(f)]
-        for canonical, field, rank in matched:
-            unit, why, certain = _unit(canonical, field, angles, rates)
-            convert = "pressure" if canonical == "z_m" and unit in _PRESSURES else ""
-            axes = _frame(canonical, frame)
+        rates = [f for quantity, f, _ in matched if quantity in _RATES and not _told_unit(f)]
+        for quantity, field, rank in matched:
+            canonical, convert = _CONVERTED.get(quantity, (quantity, ""))
+            unit, why, certain = _unit(quantity, field, angles, rates)
+            if convert == "pressure" and unit not in PRESSURES:
+                continue
+            if quantity == "z_m" and unit in PRESSURES:
+                convert = "pressure"
+            axes = "" if convert else _frame(canonical, field.name, earth)
             yield Proposal(
                 canonical, topic.name, field.name, unit, axes, convert=convert,
                 why=f"its name; {why}" + ("; frame as in ROS, by the names" if axes else ""),
@@ -384,66 +417,85 @@ def _by_name(topics: Sequence[Topic]) -> Iterator[Proposal]:
             )  # fmt: skip
 
 
+_CONVERTED = {
+    "latitude": ("x_m", "latitude"),
+    "longitude": ("y_m", "longitude"),
+    "pressure": ("z_m", "pressure"),
+    "north": ("u_m_s", "north"),
+    "east": ("v_m_s", "east"),
+    "down": ("w_m_s", "down"),
+}
+"""Quantities that become a canonical column by more than a unit: the column, and the conversion."""
+
+_CONVERTED_RANK = 50  # of these behind the column itself
+
+
 def _matched(topic: Topic) -> Iterator[tuple[str, Field, int]]:
-    """Canonical column, field and rank of each field whose name is known and that holds numbers."""
+    """Quantity, field and rank of each field whose name is known and that holds numbers."""
+    before = [] if topic.of_file else words_of(re.sub(r" \(\d+ rows\)$", "", topic.name))
+    beside: dict[tuple[str, ...], set[str]] = {}
     for field in topic.fields:
-        known = _known(topic.name, field) if field.samples >= FEWEST else None
-        if known is not None:
-            yield known[0], field, known[1]
+        words = words_of(suffix_of(field.name)[0]) or [""]
+        beside.setdefault(tuple(words[:-1]), set()).add(words[-1])
+    for field in topic.fields:
+        if field.samples >= FEWEST:
+            first = tuple(words_of(suffix_of(field.name)[0])[:-1])
+            known = _known(before, field, beside.get(first, set()))
+            if known is not None:
+                yield known[0], field, known[1]
 
 
 def named_but_empty(topics: Sequence[Topic]) -> Iterator[tuple[str, Topic, Field]]:
     """Canonical column, topic and field of fields whose name is known and that hold too few numbers."""
     for topic in topics:
         for field in topic.fields:
-            known = _known("", field) if field.samples < FEWEST else None
+            known = _known([], field, set()) if field.samples < FEWEST else None
             if known is not None:
-                yield known[0], topic, field
+                yield _CONVERTED.get(known[0], known)[0], topic, field
 
 
-def _known(topic: str, field: Field) -> tuple[str, int] | None:
-    """Canonical column and rank of a field by its name and its topic's; None where these say nothing."""
-    plain = _plain(field.name)
-    if re.fullmatch(r"(t|time\w*|stamp\w*|sec|secs|nsecs?|index|column_\d+)", plain):
+def _known(before: Sequence[str], field: Field, beside: set[str]) -> tuple[str, int] | None:
+    """Quantity and rank of a field by its name and the words before it; None where these say nothing."""
+    name, stated = field.name, unit_of(field.unit) or ""
+    if re.fullmatch(r"(t|time\w*|stamp\w*|sec|secs|nsecs?|index|column_\d+)", name.lower()):
         return None
-    if plain.startswith(("cmd.", "meas.", "tau.")):
-        return field.name, 0
-    inner = plain.rpartition(".")[2]
-    for name in (plain, inner):
-        for canonical, pattern in _NAMES:
-            if re.fullmatch(pattern, name):
-                return canonical, len(plain)
-    if _ACTUATOR.search(plain) or (_ACTUATOR.search(topic.lower()) and re.fullmatch(r"\w+", plain)):
-        label = re.sub(r"_(deg|rad|rpm|us|pwm|n)$", "", _label(plain)) or _label(plain)
-        kind = "meas" if _MEASURED.search(field.name) else "cmd"
-        return f"{kind}.{label}", 0
+    if name.lower().startswith(("cmd.", "meas.", "tau.")):
+        canonical = (canonical_of(name) or (name, ""))[0]
+        return (canonical, 0) if misfit_of(name) is None and fits(canonical, stated) else None
+    if (own := canonical_of(name)) is not None and fits(own[0], stated):
+        return (own[0], 0) if own[0] != "t_s" else None
+    stem, unit = suffix_of(name)
+    # A suffix of another dimension is a word of the name: "vel_n" is a velocity north, not one in newton.
+    for part, by_suffix in ((stem, unit), (name, "")):
+        found = quantity_of("/".join([*before, part]), beside)
+        if found is not None and fits(found[0], stated or by_suffix):
+            return found[0], found[1] + _CONVERTED_RANK * (found[0] in _CONVERTED)
+    path = "_".join([*before, stem])
+    if actuator_of(path) and fits("cmd.", stated or unit):
+        label = re.sub(r"_(deg|rad|rpm|us|pwm|n)$", "", _label(stem)) or _label(name)
+        label = label if actuator_of(stem) else _label(path)  # a structure "fins" says what "upper" is
+        return f"{'meas' if _MEASURED.search(name) else 'cmd'}.{label}", 0
     return None
 
 
-def _plain(name: str) -> str:
-    """A field's name in lower case without its unit."""
-    plain = re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", name).strip().lower().replace(" ", "_")
-    for pattern, _ in _SUFFIX:
-        shorter = re.sub(rf"_({pattern})$", "", plain)
-        if shorter != plain and shorter:
-            return shorter
-    return plain
+def _ros_earth(names: set[str]) -> str:
+    """Earth frame of fields that are called as ROS calls them, with axes of REP 103; "" for other fields."""
+    if any(re.search(r"header[./_](stamp|seq|frame_id)|^%time$", name) for name in names):
+        return "ENU"
+    attitude = any(re.search(r"orientation[._/]w$", name) for name in names)
+    moving = any(re.search(r"(^|[._/])(linear|angular)", name) for name in names)
+    return "NWU" if attitude and moving else ""
 
 
-def _ros_like(names: set[str]) -> bool:
-    """Whether fields are called as ROS calls them: then axes are those of REP 103, z up."""
-    return bool({"orientation_w", "orientation.w"} & names) and any(
-        n.startswith(("linear", "angular")) for n in names
-    )
-
-
-def _frame(canonical: str, ros: bool) -> str:
-    if not ros:
+def _frame(canonical: str, name: str, earth: str) -> str:
+    """Frame of a column where the fields are called as ROS calls them, in its `earth` frame."""
+    last = (words_of(name) or [""])[-1]
+    if not earth or "depth" in last:
         return ""
-    if canonical in _Q:
-        return "FLU/NWU"
+    if canonical in _Q or last == "theta":
+        return f"FLU/{earth}"
     if canonical in _POSITION:
-        return "NWU"
+        return earth
     return "FLU" if canonical in (*_RATES, *_VELOCITY) or canonical.startswith("tau.") else ""
 
 
@@ -454,7 +506,7 @@ def _unit(
 
     The attitude's `angles`, and the `rates` of a gyro, have one unit: the largest of them tells it.
     """
-    if told := _told_unit(field):
+    if (told := _told_unit(field)) and fits(canonical, told[0]):
         return *told, True
     largest = max(abs(field.minimum), abs(field.maximum))
     if canonical.startswith(("cmd.", "meas.")):
@@ -467,7 +519,13 @@ def _unit(
         widest = max((max(abs(a.minimum), abs(a.maximum)) for a in angles), default=largest)
         unit = "deg" if widest > 2.0 * math.pi + 0.1 else "rad"
         return unit, f"unit {unit} by the range of the angles", False
-    if canonical.endswith("_m_s"):
+    if canonical in ("latitude", "longitude"):
+        unit = "1e-7 deg" if largest > 1000.0 else "deg"
+        return unit, f"unit {unit} by its range", False
+    if canonical == "pressure":
+        unit = "Pa" if largest > 8e4 else ""
+        return unit, "a pressure in Pa by its range", False
+    if canonical.endswith("_m_s") or canonical in ("north", "east", "down"):
         unit = "mm/s" if field.deviation > 40.0 or largest > 300.0 else "cm/s" if largest > 30.0 else "m/s"
         return unit, f"unit {unit} by its range", False
     if canonical == "voltage_v":
@@ -492,18 +550,16 @@ def unknown_unit(one: Proposal, field: Field) -> bool:
     >>> unknown_unit(Proposal("yaw_deg", "nav", "yaw", "rad", why="its name; unit rad by its range"), field)
     True
     """
-    unit = field.unit.strip().lower()
-    return unit not in ("", "%", *_STATED) and one.why.startswith("its name")
+    unit = field.unit.strip()
+    return not no_unit(unit) and unit_of(unit) is None and one.why.startswith("its name")
 
 
 def _told_unit(field: Field) -> tuple[str, str] | None:
     """Unit of a field that states it or has it in its name, and which of both; None where it has neither."""
-    if stated := _STATED.get(field.unit.strip().lower()):
+    if stated := unit_of(field.unit):
         return stated, f"unit {field.unit} stated"
-    lower = field.name.lower().strip()
-    for pattern, unit in _SUFFIX:
-        if re.search(rf"[_\s(\[]({pattern})[)\]]?$", lower):
-            return unit, f"unit {unit} by its name"
+    if unit := (canonical_of(field.name) or suffix_of(field.name))[1]:
+        return unit, f"unit {unit} by its name"
     return None
 
 

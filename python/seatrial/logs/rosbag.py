@@ -58,6 +58,7 @@ class _Ros(Bag):
             used = [c for c in bag.connections if topics is None or c.topic in topics]
             known = []
             for connection in used:
+                self.kinds[connection.topic] = connection.msgtype
                 if connection.msgtype in bag.typestore.fielddefs:
                     known.append(connection)
                 else:

@@ -110,6 +110,7 @@ class _Cut(Bag):
             self.note(f"{topic}: messages of the unknown type {kind} ({type(error).__name__}); left out")
             return
         self._topics[number] = (topic, kind)
+        self.kinds[topic] = kind
 
 
 def _record(file: BinaryIO) -> tuple[dict[str, bytes], bytes] | None:

@@ -14,7 +14,8 @@ from typing import Any, Literal
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError, nearest
-from seatrial.base.units import known
+from seatrial.base.units import ACTUATOR_UNITS, known
+from seatrial.logs.units import canonical_of, misfit_of
 
 __all__ = [
     "CANONICAL",
@@ -108,6 +109,7 @@ def parse(
 ) -> dict[str, Source]:
     """Source of every canonical column of the recording `file`, from the map and its `present` columns.
 
+    A column that is called as a canonical one but for its unit (``roll_rad``, ``cmd.fin_deg``) is read in it.
     A unit that the recording states for a column (`units`) counts where the map gives none.
 
     Raises
@@ -120,9 +122,14 @@ def parse(
     for canonical, given in (columns or {}).items():
         check_canonical(canonical, file)
         sources[canonical] = mapped(canonical, given, present, file)
+    mapped_columns = {source.column for source in sources.values()}
     for name in present:
-        if name not in sources and (name in CANONICAL or _actuator(name)):
+        plain = name in CANONICAL or (_actuator(name) and not canonical_of(name) and not misfit_of(name))
+        if name not in sources and plain:
             sources[name] = Source(name)
+    for name, (canonical, unit) in _in_other_units(present, file).items():
+        if canonical not in sources and name not in mapped_columns:
+            sources[canonical] = Source(name, unit)
     if "t_s" not in sources:
         raise TrialError(
             f'{file}: no time: expected a column "t_s" or its source in the column map, for example '
@@ -138,6 +145,35 @@ def parse(
             f'columns={{"u_m_s": "speed"}}; the recording has {_listed(present)}'
         )
     return sources
+
+
+def _in_other_units(present: Sequence[str], file: str) -> dict[str, tuple[str, str]]:
+    """By column, the canonical one that it is in another unit, and that unit: roll_rad, cmd.fin_deg.
+
+    Raises
+    ------
+    TrialError
+        If two columns are one quantity, or a command has a unit that no actuator has.
+    """
+    result: dict[str, tuple[str, str]] = {}
+    for name in present:
+        if name in CANONICAL:
+            continue
+        if _actuator(name) and (misfit := misfit_of(name)) is not None:
+            raise TrialError(
+                f'{file}: column "{name}": a command or measurement in {misfit[1]}; expected one'
+                f" of {', '.join(ACTUATOR_UNITS)}, as in {misfit[0]}_deg: write it so, or rename the column"
+            )
+        if (own := canonical_of(name)) is not None:
+            other = next((n for n, entry in result.items() if entry[0] == own[0]), None)
+            if other is not None and own[0] not in present:
+                raise TrialError(
+                    f'{file}: columns "{other}" and "{name}" are both {own[0]}, in two units; remove one'
+                    f' of them, or name the one that counts in the column map: {own[0]} = {{ from = "{name}",'
+                    f' unit = "{own[1]}" }}'
+                )
+            result.setdefault(name, own)
+    return result
 
 
 def columns_of(columns: Mapping[str, Any] | None) -> list[str]:

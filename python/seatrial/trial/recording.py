@@ -8,6 +8,7 @@ from typing import Any
 
 from seatrial.base.arrays import Array
 from seatrial.logs.clock import scale_of
+from seatrial.logs.units import misfit_of
 from seatrial.trial import defects, resampling, table
 from seatrial.trial.columns import Source, columns_of, parse
 from seatrial.trial.corrections import Corrections, corrected, parse_corrections
@@ -91,6 +92,14 @@ def recording(
     unused = [f'"{column}"' for column in cells.columns if column and column not in used]
     if unused:
         report.add("info", "columns", f"not used: {', '.join(unused)}")
+    for column in cells.columns:
+        if column not in used and (misfit := misfit_of(column)) is not None:
+            report.add(
+                "warning",
+                "columns",
+                f'"{column}" is not used: called as {misfit[0]}, and {misfit[1]} is no unit of it; map it, or'
+                " rename it",
+            )
     del cells, read  # a long log is large: nothing below needs its cells
     begin("defects")
     signals, time = resampling.evenly_stamped(signals, time, report)

@@ -27,7 +27,7 @@ __all__ = ["Reader", "Recording", "read_table"]
 Reader: TypeAlias = "Callable[[Path], pl.DataFrame]"
 
 FORMATS: dict[str, tuple[str, ...]] = {
-    "csv": (".csv", ".tsv", ".txt"),
+    "csv": (".csv", ".tsv", ".txt", ".dat"),
     "parquet": (".parquet", ".pq"),
     "generated": (".toml",),
 } | {name: entry.endings for name, entry in LOGS.items() if name not in ("csv", "parquet")}
