@@ -192,6 +192,22 @@ def test_law_sensors_of_10_hz_in_rows_of_their_own_make_10_hz(missing: float | N
     assert len(trial) <= len(T)
 
 
+def test_rows_that_repeat_the_samples_of_slower_sensors_make_no_rate_of_their_own() -> None:
+    """A logger that writes a row whenever one of four sensors speaks, with the last samples of all others."""
+    parts = [
+        pl.DataFrame({"t_s": t} | {name: np.sin(0.3 * t) for name in names})
+        for t, names in _four_sensors().values()
+    ]
+    table = pl.concat(parts, how="diagonal").sort("t_s")
+    held = table.select(pl.all().forward_fill()).drop_nulls()
+    held = held.with_columns(pl.Series("cmd.fin", np.sign(np.sin(held["t_s"].to_numpy()))))
+    trial = st.Trial.read(held)
+    assert trial.dt == pytest.approx(0.1, rel=0.01)
+    # A yaw rate that is new in every row is a sensor of that rate.
+    every_row = held.with_columns(pl.Series("r_deg_s", np.sin(held["t_s"].to_numpy())))
+    assert st.Trial.read(every_row.drop("p_deg_s", "q_deg_s")).dt < 0.05
+
+
 def test_a_sensor_that_drops_out_has_samples_without_a_number() -> None:
     depth = np.sin(0.3 * T)
     depth[100:140] = np.nan

@@ -350,11 +350,10 @@ def test_a_size_that_no_vehicle_reaches_is_no_sample(
     [
         (
             1.7e12,
-            100.0,
-            "error    time: read as s, 0.01 Hz, and looks like ms (Unix time in ms); state the unit",
+            50.0,
+            "error    time: read as s, 0.02 Hz, and looks like ms (Unix time in ms); state the unit",
         ),
-        (1.7e15, 1e5, "looks like us (Unix time in us)"),
-        (0.0, 100.0, "warning  time: read as s, 0.01 Hz, and looks like ms (whole numbers that rise"),
+        (0.0, 50.0, "warning  time: read as s, 0.02 Hz, and looks like ms (whole numbers that rise"),
         (0.0, 0.1, ""),
         (1.7e9, 0.1, ""),
     ],
@@ -367,6 +366,22 @@ def test_times_in_another_unit_than_s_are_said(tmp_path: Path, start: float, ste
     if said.startswith("error"):
         in_ms = Trial.read(path, columns={"t_s": {"from": "t_s", "unit": "ms"}}, align=False)
         assert not findings(in_ms, "time")
+
+
+@pytest.mark.parametrize(
+    ("start", "step", "said"),
+    [
+        (1.7e12, 100.0, r"the rows are 100 s apart; .* they look like ms \(Unix time in ms\)"),
+        (1.7e15, 1e5, r"they look like us \(Unix time in us\)"),
+        (0.0, 100.0, r"they look like ms \(whole numbers that rise"),
+    ],
+)
+def test_times_further_apart_than_any_motion_shows_are_refused(
+    tmp_path: Path, start: float, step: float, said: str
+) -> None:
+    path = write(tmp_path / "log.csv", [f"{start + step * k!r},{0.05 * k}" for k in range(100)])
+    with pytest.raises(TrialError, match=said):
+        Trial.read(path, align=False)
 
 
 def test_columns_of_one_name_are_refused_where_they_are_used(tmp_path: Path) -> None:

@@ -125,7 +125,7 @@ def quantity_of(path: str, siblings: Iterable[str] = ()) -> tuple[str, int] | No
     --------
     >>> paths = ("field.velocity.x", "field.force.x", "C True Heading", "goal_depth", "mag.x")
     >>> [quantity_of(path) for path in paths]
-    [('u_m_s', 2), ('tau.X_n', 2), ('yaw_deg', 2), None, None]
+    [('u_m_s', 16), ('tau.X_n', 13), ('yaw_deg', 14), None, None]
     """
     words = words_of(path)
     beside = set(siblings)
@@ -145,7 +145,7 @@ def quantity_of(path: str, siblings: Iterable[str] = ()) -> tuple[str, int] | No
     penalty = 20 * ("gps" in words) + 10 * ("mag" in words or "magnetic" in words)
     for candidate in (words, kept):
         if candidate and (canonical := _named(candidate)) is not None:
-            return canonical, len(words) - 1 + penalty
+            return canonical, len("_".join(words)) + penalty
     # A name behind words that nothing is known of, as that of a structure; an axis alone says too little.
     if len(kept) > 1 and not set(kept[:-1]) & _STRONG and not actuator_of("_".join(kept)):
         for count in (3, 2, 1):
@@ -155,7 +155,7 @@ def quantity_of(path: str, siblings: Iterable[str] = ()) -> tuple[str, int] | No
             if alone and last[0] in "uvpqr" and re.search(rf"[./]{last[0]}$", path):
                 alone = False
             if len(last) == count < len(kept) and not alone and (canonical := _named(last)) is not None:
-                return canonical, len(words) + 10 + penalty
+                return canonical, len("_".join(words)) + 10 + penalty
     return None
 
 

@@ -213,7 +213,9 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
     Where a sensor has samples in nearly every row `t` it is the rate of the rows; where the rows are stamps
     of several sensors it is that of the fastest one that shows the motion, to three digits.
     """
-    rows = max((len(signal.t) for signal in signals.values()), default=len(t))
+    able = [signal for signal in signals.values() if len(signal.t) >= _FEWEST]
+    moving = [signal for signal in able if signal.name in _MOVING] or able
+    rows = max((len(signal.t) for signal in moving), default=len(t))
     if rate_hz or rows >= _WHOLE * len(t):
         step, usual = base_step(t), usual_interval(t)
         if not rate_hz and usual > _UNEVEN * step:
@@ -224,8 +226,6 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
                 " samples",
             )
         return uniform(t, rate_hz, report.source)
-    able = [signal for signal in signals.values() if len(signal.t) >= _FEWEST]
-    moving = [signal for signal in able if signal.name in _MOVING] or able
     if not moving:
         return uniform(t, None, report.source)
     fastest = min(moving, key=lambda signal: base_step(signal.t))

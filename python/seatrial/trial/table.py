@@ -109,10 +109,11 @@ def signals(
         If a cell is text, a unit or frame does not fit, or a quaternion is zero; names column and row.
     """
     by_name: dict[str, Signal] = {}
+    fresh = _fresh_rows(table, t, sources, file, report)
     for group in GROUPS:
         given = {name: sources[name] for name in group.columns if name in sources}
         if given and not (group.name == "euler" and "attitude" in by_name):
-            for signal in _group(table, t, group, given, file, report):
+            for signal in _group(table, t, group, given, file, report, fresh.get(group.name)):
                 by_name[signal.name] = signal
     for name in sources:
         if name.startswith(("cmd.", "meas.")):
@@ -130,6 +131,7 @@ def _group(
     given: Mapping[str, Source],
     file: str,
     report: RecordingReport,
+    fresh: Mask | None,
 ) -> list[Signal]:
     """Signals of a group: one, or two of a position whose depth another sensor logged; none if all empty."""
     if group.name == "quaternion" and len(given) < 4:
@@ -149,7 +151,7 @@ def _group(
             else group.factor
         )
         y[:, k] = _possible(numbers(column, name, file) * scale * source.sign, group, name, report)
-        present[:, k] = _sampled(column, y[:, k])
+        present[:, k] = _sampled(column, y[:, k]) & (True if fresh is None else fresh)
         _note_not_finite(present[:, k], y[:, k], name, report)
         y[~np.isfinite(y[:, k]), k] = np.nan
     empty = [name for k, name in enumerate(group.columns) if name in given and not present[:, k].any()]
@@ -334,6 +336,48 @@ def _possible(y: Array, group: Group | None, name: str, report: RecordingReport)
         int(wrong.sum()),
     )
     return np.where(wrong, np.nan, y)
+
+
+_SENSORS = ("position", "quaternion", "euler", "velocity", "water velocity", "rates")
+
+_HELD, _STEADY = 0.5, 1.6
+"""Share of the rows that repeat the one before above which a sensor is slower than the rows, and the ratio of
+the intervals (85th percentile to median) between its changes up to which it samples evenly."""
+
+
+def _fresh_rows(
+    table: pl.DataFrame, t: Array, sources: Mapping[str, Source], file: str, report: RecordingReport
+) -> dict[str, Mask]:
+    """By group the rows (n,) with a new sample, where a logger writes a row for each sensor that spoke.
+
+    Such a row repeats the last samples of all other sensors, and the rows are a time base that none of them
+    has. One sensor that is new in every row, or changes at odd times as a rounded depth does, shows that the
+    rows are samples: then nothing is left out.
+    """
+    result: dict[str, Mask] = {}
+    for group in GROUPS:
+        columns = [sources[name] for name in group.columns if name in sources]
+        if group.name not in _SENSORS or not columns:
+            continue
+        y = np.column_stack([numbers(table[one.column], one.column, file) for one in columns])
+        same = np.logical_and.reduce((y[1:] == y[:-1]) | np.isnan(y[1:]) & np.isnan(y[:-1]), axis=1)
+        if same.all():  # a sensor that is off
+            continue
+        fresh = np.r_[True, ~same]
+        intervals = np.diff(t[fresh])
+        even = len(intervals) > MINIMUM_ROWS and np.quantile(intervals, 0.85) <= _STEADY * np.median(
+            intervals
+        )
+        if np.isnan(y).any() or same.mean() <= _HELD or not even:
+            return {}
+        result[group.name] = fresh
+    if result:
+        report.add(
+            "info",
+            "time base",
+            "the rows repeat the samples of slower sensors; each is taken at its first row",
+        )
+    return result
 
 
 _APART = 0.5
