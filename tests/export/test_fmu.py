@@ -182,6 +182,83 @@ def test_parameters_are_tunable_and_samples_are_sets(units: st.FmuExport, tmp_pa
     assert len({*by_set}) == 4
 
 
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> st.FmuExport:
+    """Units of an ROV without thrusters: small sources, quick to compile."""
+    text = (
+        'format = 1\nname = "bare"\n[geometry]\nlength_m = 1.0\ndiameter_m = 0.3\n[coefficients]\nm = 10.0\n'
+        "B = 97.0\nX_u = -2.0\nY_v = -2.0\nZ_w = -2.0\nK_p = -0.2\nM_q = -0.2\nN_r = -0.2\n"
+    )
+    return st.export_fmu(st.Vehicle.from_toml(text), out=tmp_path_factory.mktemp("bare"))
+
+
+def refuses(call: Any) -> bool:
+    """Whether a call of FMPy ends with another status than OK."""
+    try:
+        call()
+    except Exception as error:  # FMPy's own, whose class differs between versions
+        return "failed with status" in str(error)
+    return False
+
+
+@needs_compiler
+@pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+def test_a_unit_refuses_what_is_no_number_or_no_vehicle(
+    bare: st.FmuExport, version: str, tmp_path: Path
+) -> None:
+    with running(bare, f"bare_vehicle.{version}.fmu", tmp_path) as vehicle:
+        before = vehicle.get(["u", "z"])
+        for mass in (float("nan"), 0.0, -5.0, float("inf")):
+            assert refuses(lambda m=mass: vehicle.set({"parameters.m": m})), mass
+        for value in (float("nan"), float("inf"), float("-inf")):
+            assert refuses(lambda x=value: vehicle.set({"current_north": x})), value
+        assert refuses(lambda: vehicle.set({"bottom": float("nan")}))
+        vehicle.set({"bottom": 30.0})
+        vehicle.set({"bottom": float("inf")})  # none, as it began
+        # A sum that is no inertia, of a number that is in its range: told when it is used.
+        vehicle.set({"parameters.X_udot": 20.0})
+        assert refuses(lambda: vehicle.step(0.0, 0.02))
+        vehicle.set({"parameters.X_udot": -0.5})
+        assert vehicle.get(["u", "z"]) == before
+        vehicle.step(0.0, 0.02)
+
+
+@needs_compiler
+@pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+def test_the_time_of_a_unit_goes_on_from_where_it_is(
+    bare: st.FmuExport, version: str, tmp_path: Path
+) -> None:
+    with running(bare, f"bare_vehicle.{version}.fmu", tmp_path) as vehicle:
+        for k in range(100):
+            vehicle.step(0.02 * k, 0.02)
+        for now, size in (
+            (1.0, 0.02),
+            (3.0, 0.02),
+            (float("nan"), 0.02),
+            (2.0, -0.02),
+            (2.0, 0.0),
+            (2.0, float("nan")),
+        ):
+            assert refuses(lambda now=now, size=size: vehicle.step(now, size)), (now, size)
+        vehicle.step(2.0, 0.02)
+
+
+@needs_compiler
+@pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+def test_a_damaged_state_is_refused(bare: st.FmuExport, version: str, tmp_path: Path) -> None:
+    with running(bare, f"bare_vehicle.{version}.fmu", tmp_path) as vehicle:
+        vehicle.step(0.0, 0.2)
+        serialise = vehicle.slave.serializeFMUstate if vehicle.two else vehicle.slave.serializeFMUState
+        restore = vehicle.slave.deSerializeFMUstate if vehicle.two else vehicle.slave.deserializeFMUState
+        whole = bytes(serialise(vehicle.state()))
+        for place in (0, len(whole) // 2, len(whole) - 1):
+            damaged = bytearray(whole)
+            damaged[place] ^= 0x10
+            assert refuses(lambda data=bytes(damaged): restore(data)), place
+        assert refuses(lambda: restore(whole[:-8]))
+        vehicle.restore(restore(whole))
+
+
 @pytest.mark.long
 def test_units_are_valid_and_hold_their_sources(units: st.FmuExport) -> None:
     from fmpy.validation import validate_fmu

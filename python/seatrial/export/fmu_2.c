@@ -40,12 +40,11 @@ EXPORT fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerant, fmi
     fmi2Boolean stops, fmi2Real stop)
 {
     (void)tolerant; (void)tolerance; (void)stops; (void)stop;
-    ((Instance *)c)->time = start;
-    return fmi2OK;
+    return status(begin_at((Instance *)c, start));
 }
 
 EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component c) { (void)c; return fmi2OK; }
-EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c) { show((Instance *)c); return fmi2OK; }
+EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c) { return status(show((Instance *)c)); }
 EXPORT fmi2Status fmi2Terminate(fmi2Component c) { (void)c; return fmi2OK; }
 EXPORT fmi2Status fmi2Reset(fmi2Component c) { reset((Instance *)c); return fmi2OK; }
 
@@ -100,8 +99,7 @@ EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 {
-    memcpy(c, state, sizeof(Instance));
-    return fmi2OK;
+    return status(restore_state(c, state));
 }
 
 EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
@@ -114,7 +112,7 @@ EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
 {
     (void)c; (void)state;
-    *size = sizeof(Instance);
+    *size = SERIALISED;
     return fmi2OK;
 }
 
@@ -153,8 +151,8 @@ EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueR
 
 EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real now, fmi2Real size, fmi2Boolean keep)
 {
-    (void)now; (void)keep;
-    return advance((Instance *)c, size) ? fmi2OK : fmi2Error;
+    (void)keep;
+    return status(advance((Instance *)c, now, size));
 }
 
 EXPORT fmi2Status fmi2CancelStep(fmi2Component c) { (void)c; return fmi2Error; }

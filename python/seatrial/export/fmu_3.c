@@ -52,11 +52,10 @@ EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance c, bool tolerant, dou
     bool stops, double stop)
 {
     (void)tolerant; (void)tolerance; (void)stops; (void)stop;
-    ((Instance *)c)->time = start;
-    return fmi3OK;
+    return status(begin_at((Instance *)c, start));
 }
 
-EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance c) { show((Instance *)c); return fmi3OK; }
+EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance c) { return status(show((Instance *)c)); }
 EXPORT fmi3Status fmi3EnterEventMode(fmi3Instance c) { (void)c; return fmi3Error; }
 EXPORT fmi3Status fmi3Terminate(fmi3Instance c) { (void)c; return fmi3OK; }
 EXPORT fmi3Status fmi3Reset(fmi3Instance c) { reset((Instance *)c); return fmi3OK; }
@@ -147,8 +146,7 @@ EXPORT fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
 
 EXPORT fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
 {
-    memcpy(c, state, sizeof(Instance));
-    return fmi3OK;
+    return status(restore_state(c, state));
 }
 
 EXPORT fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
@@ -161,7 +159,7 @@ EXPORT fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
 EXPORT fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size)
 {
     (void)c; (void)state;
-    *size = sizeof(Instance);
+    *size = SERIALISED;
     return fmi3OK;
 }
 
@@ -353,11 +351,11 @@ EXPORT fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference 
 EXPORT fmi3Status fmi3DoStep(fmi3Instance c, double now, double size, bool keep, bool *event, bool *terminate,
     bool *early, double *last)
 {
-    (void)now; (void)keep;
+    (void)keep;
     *event = false;
     *terminate = false;
     *early = false;
-    if (!advance((Instance *)c, size)) { return fmi3Error; }
+    if (!advance((Instance *)c, now, size)) { return fmi3Error; }
     *last = ((const Instance *)c)->time;
     return fmi3OK;
 }

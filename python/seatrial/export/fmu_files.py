@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -158,6 +159,14 @@ def _places(program: Program, samples: Mapping[str, Array]) -> str:
         "static const size_t number_places[N_NUMBERS] = {",
         *(f"    {offset}," for offset in offsets),
         "};",
+        "static const double number_starts[N_NUMBERS] = {",
+        *(f"    {_literal(one['start'])}," for _, part in kinds for one in part),
+        "};",
+        "/* What a parameter may be. */",
+        "static const double parameter_ranges[N_PARAMETERS + 1u][2] = {",
+        *(f"    {{{', '.join(map(_literal, _range(one['known_as'])))}}}," for one in program.parameters),
+        "    {0.0, 0.0}, /* none: C knows no empty table */",
+        "};",
         f"static void output_starts({program.prefix}_output *out)",
         "{",
         *(f"    out->{one['name']} = {_literal(one['start'])};" for one in program.outputs),
@@ -177,6 +186,16 @@ def _places(program: Program, samples: Mapping[str, Array]) -> str:
     return "\n".join(lines) + "\n"
 
 
+_POSITIVE = ("m", "I_x", "I_y", "I_z", "K_V", "n_acc", "n_dec")
+"""Coefficients that no vehicle has at zero or below, as its file is refused with them."""
+
+
+def _range(name: str) -> tuple[float, float]:
+    """Smallest and largest value of a parameter: a finite one, above zero where less is no vehicle."""
+    smallest, largest = sys.float_info.min, sys.float_info.max
+    return (smallest if name.rsplit(".", 1)[-1] in _POSITIVE else -largest), largest
+
+
 def _literal(x: float) -> str:
     return repr(x) if math.isfinite(x) else "NAN" if math.isnan(x) else "INFINITY" if x > 0 else "-INFINITY"
 
@@ -192,9 +211,10 @@ def _document(root: Xml.Element) -> bytes:
     return text + b"\n"
 
 
-def _units(root: Xml.Element, program: Program) -> None:
-    """The units in use, in base units."""
-    names = sorted({one["unit"] for one, *_ in _variables(program) if one["unit"] != "1"})
+def _units(root: Xml.Element, program: Program, *, time: bool) -> None:
+    """The units in use, in base units; with that of the time where it is a variable."""
+    used = {one["unit"] for one, *_ in _variables(program)} | ({"s"} if time else set())
+    names = sorted(used - {"1"})
     table = Xml.SubElement(root, "UnitDefinitions")
     for name in names:
         unit = Xml.SubElement(table, "Unit", name=name)
@@ -232,7 +252,7 @@ def _description_2(program: Program, token: str, sets: int, compiled: tuple[str,
     listed = Xml.SubElement(unit, "SourceFiles")
     for name in compiled:
         Xml.SubElement(listed, "File", name=name)
-    _units(root, program)
+    _units(root, program, time=False)
     Xml.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=_number(program.step_s))
     table = Xml.SubElement(root, "ModelVariables")
     outputs = []
@@ -290,7 +310,7 @@ def _description_3(program: Program, token: str, sets: int) -> Xml.Element:
         canHandleVariableCommunicationStepSize="true",
         fixedInternalStepSize=_number(program.step_s),
     )
-    _units(root, program)
+    _units(root, program, time=True)
     Xml.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=_number(program.step_s))
     table = Xml.SubElement(root, "ModelVariables")
     independent = {

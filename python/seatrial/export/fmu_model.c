@@ -2,9 +2,13 @@
  * A program of seatrial as a model of FMI: instances, values by reference, steps, state.
  * The generated fmu_names.h says which program it is and where its numbers stand. A standard's file includes this
  * one after it has said what Reference and Whole are; functions here return 1 where they could do what was asked.
+ *
+ * Numbers that are not finite are refused. What begins as infinity ("no bottom", "no sample yet") may be that again, and
+ * an output may be infinite (the altitude over no bottom), but is always a number. A parameter lies in its range, and all of them together make constants that are finite: no vehicle of mass -5.
  */
 #include <math.h>
 #include <stddef.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,6 +19,9 @@
 #else
 #define EXPORT __attribute__((visibility("default")))
 #endif
+
+/* The most steps of one communication step: hours of work. */
+#define MOST_STEPS 1e9
 
 /* One instance: everything that it knows, in one piece, so that its state is its bytes. */
 typedef struct
@@ -28,6 +35,7 @@ typedef struct
     double time;
     int set;                 /* 0: the parameters that were set; else a sample of the covariance */
     int stale;               /* the parameters were changed since the constants were made */
+    int sound;               /* the constants are finite */
 } Instance;
 
 #include "fmu_places.h"
@@ -54,7 +62,26 @@ static int is_output(size_t reference)
     return (reference > (N_PARAMETERS + N_INPUTS)) && (reference <= N_NUMBERS);
 }
 
-static void settle(Instance *m)
+/* Whether numbers are finite. */
+static int finite(const double *x, size_t n)
+{
+    size_t i;
+    int all = 1;
+    for (i = 0u; i < n; i++)
+    {
+        all = all && isfinite(x[i]);
+    }
+    return all;
+}
+
+/* Whether an input may have a value: a finite one, or the infinity that it began with. */
+static int may_be(size_t reference, double value)
+{
+    const double start = number_starts[reference - 1u];
+    return isfinite(value) || (isinf(start) && (value == start));
+}
+
+static int settle(Instance *m)
 {
     if (m->stale)
     {
@@ -72,7 +99,9 @@ static void settle(Instance *m)
 #endif
         MODEL(prepare)(&m->p, &m->k);
         m->stale = 0;
+        m->sound = finite((const double *)(const void *)&m->k, sizeof m->k / sizeof(double));
     }
+    return m->sound;
 }
 
 static void reset(Instance *m)
@@ -94,12 +123,28 @@ static Instance *instantiate(void)
     return m;
 }
 
-static void show(Instance *m)
+static int show(Instance *m)
 {
-    settle(m);
+    const int sound = settle(m);
 #if MEASURED
     MODEL(measure)(&m->p, &m->k, &m->s, &m->in, &m->out);
 #endif
+    return sound;
+}
+
+/* Whether all that the model knows and tells is a number. */
+static int sound(const Instance *m)
+{
+    size_t i;
+    int all = m->sound && isfinite(m->time);
+#if MEASURED
+    all = all && finite((const double *)(const void *)&m->s, sizeof m->s / sizeof(double));
+#endif
+    for (i = N_PARAMETERS; i < N_NUMBERS; i++)
+    {
+        all = all && !isnan(*(const double *)(const void *)((const char *)m + number_places[i]));
+    }
+    return all;
 }
 
 /* The number of steps that make a communication step; 0 where none do. */
@@ -107,15 +152,30 @@ static long steps_in(double size)
 {
     const double ratio = size / STEP_S;
     const double whole = floor(ratio + 0.5);
-    return ((whole >= 1.0) && (fabs(ratio - whole) <= 1e-6 * whole)) ? (long)whole : 0L;
+    return ((whole >= 1.0) && (whole <= MOST_STEPS) && (fabs(ratio - whole) <= 1e-6 * whole)) ? (long)whole : 0L;
 }
 
-static int advance(Instance *m, double size)
+/* Whether a time is that of the instance, but for the rounding of whoever counts steps. */
+static int is_now(const Instance *m, double now)
+{
+    return fabs(now - m->time) <= (1e-3 * STEP_S) + (1e-9 * fabs(m->time));
+}
+
+static int begin_at(Instance *m, double start)
+{
+    const int fits = isfinite(start) != 0;
+    if (fits)
+    {
+        m->time = start;
+    }
+    return fits;
+}
+
+static int advance(Instance *m, double now, double size)
 {
     long left = steps_in(size);
-    const int fits = (left > 0L);
-    settle(m);
-    for (; left > 0L; left--)
+    int fits = settle(m) && is_now(m, now) && (left > 0L);
+    for (left = fits ? left : 0L; left > 0L; left--)
     {
 #if MEASURED
         MODEL(step)(&m->p, &m->k, &m->s, &m->in);
@@ -126,7 +186,8 @@ static int advance(Instance *m, double size)
     if (fits)
     {
         m->time += size;
-        show(m);
+        (void)show(m);
+        fits = sound(m);
     }
     return fits;
 }
@@ -143,10 +204,10 @@ static int get_real(Instance *m, size_t reference, double *value)
     {
         if (is_output(reference))
         {
-            show(m);
+            known = show(m);
         }
         from = place(m, reference);
-        known = (from != NULL);
+        known = known && (from != NULL);
         if (known)
         {
             *value = *from;
@@ -158,13 +219,23 @@ static int get_real(Instance *m, size_t reference, double *value)
 static int set_real(Instance *m, size_t reference, double value)
 {
     double *to = place(m, reference);
-    const int may = (to != NULL) && !is_output(reference);
-    if (may)
+    int may = (to != NULL) && !is_output(reference);
+    if (may && is_parameter(reference))
     {
-        *to = value;
-        if (is_parameter(reference))
+        /* false for what is no number */
+        may = (value >= parameter_ranges[reference - 1u][0]) && (value <= parameter_ranges[reference - 1u][1]);
+        if (may)
         {
+            *to = value;
             m->stale = 1;
+        }
+    }
+    else if (may)
+    {
+        may = may_be(reference, value);
+        if (may)
+        {
+            *to = value;
         }
     }
     return may;
@@ -257,17 +328,55 @@ static void free_state(void **state)
     *state = NULL;
 }
 
+/* The state goes back into an instance, where there is one. */
+static int restore_state(void *to, const void *state)
+{
+    if (state != NULL)
+    {
+        memcpy(to, state, sizeof(Instance));
+    }
+    return state != NULL;
+}
+
+/* FNV-1a over the bytes of a state and the token: another program's or a damaged state has another. */
+static uint64_t checksum(const unsigned char *bytes)
+{
+    const char *letter;
+    uint64_t sum = 14695981039346656037u;
+    size_t i;
+    for (i = 0u; i < sizeof(Instance); i++)
+    {
+        sum = (sum ^ bytes[i]) * 1099511628211u;
+    }
+    for (letter = TOKEN; *letter != '\0'; letter++)
+    {
+        sum = (sum ^ (unsigned char)*letter) * 1099511628211u;
+    }
+    return sum;
+}
+
+#define SERIALISED (sizeof(Instance) + sizeof(uint64_t))
+
 static int serialise_state(const void *state, void *bytes, size_t size)
 {
-    const int fits = (size >= sizeof(Instance));
+    const int fits = (state != NULL) && (size >= SERIALISED);
     if (fits)
     {
+        const uint64_t sum = checksum((const unsigned char *)state);
         memcpy(bytes, state, sizeof(Instance));
+        memcpy((char *)bytes + sizeof(Instance), &sum, sizeof sum);
     }
     return fits;
 }
 
 static int deserialise_state(const void *bytes, size_t size, void **state)
 {
-    return (size == sizeof(Instance)) && keep_state(bytes, state);
+    uint64_t sum = 0u;
+    int fits = (size == SERIALISED);
+    if (fits)
+    {
+        memcpy(&sum, (const char *)bytes + sizeof(Instance), sizeof sum);
+        fits = (sum == checksum((const unsigned char *)bytes)) && keep_state(bytes, state);
+    }
+    return fits;
 }
