@@ -4,8 +4,8 @@ use crate::convert::{Array, Numbers};
 use crate::error::refused;
 use pyo3::prelude::*;
 use seatrial::control::ardusub::attitude::{AngleGains, rates_wanted};
-use seatrial::control::ardusub::mixer::{FRAMES, MOTORS, Mixer};
-use seatrial::control::ardusub::pid::{Gains, State, square_root};
+use seatrial::control::ardusub::mixer::{COUPLING, FRAMES, MOTORS, Mixer};
+use seatrial::control::ardusub::pid::{Gains, State, free, square_root};
 use seatrial::control::ardusub::position::{forward_and_lateral, velocity_wanted};
 use seatrial::model::kinematics::from_euler;
 use std::collections::BTreeMap;
@@ -34,7 +34,11 @@ pub fn ardusub_frames() -> BTreeMap<&'static str, Array> {
 ///     ``ATC_ACC_R_MAX``, ``ATC_ACC_P_MAX``, ``ATC_ACC_Y_MAX`` in rad/s2; 0: proportional.
 /// dt : float
 ///     Control period, s.
+/// yaw_rate_p : float
+///     ``ATC_RAT_YAW_P``, s, which bounds the error of yaw; 0: no bound.
 #[pyfunction]
+#[pyo3(signature = (wanted, attitude, turning, gyro, p, acceleration, dt, *, yaw_rate_p = 0.0))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
 pub fn ardusub_rates(
     wanted: Numbers,
     attitude: Numbers,
@@ -43,18 +47,23 @@ pub fn ardusub_rates(
     p: Numbers,
     acceleration: Numbers,
     dt: f64,
+    yaw_rate_p: f64,
 ) -> PyResult<Array> {
     let (wanted, attitude) = (wanted.rows("wanted")?, attitude.rows("attitude")?);
     let (turning, gyro) = (turning.rows("turning")?, gyro.rows("gyro")?);
-    let gains =
-        AngleGains { p: p.row("p")?, acceleration: acceleration.row("acceleration")?, rate: [0.0; 3] };
+    let gains = AngleGains {
+        p: p.row("p")?,
+        acceleration: acceleration.row("acceleration")?,
+        rate: [0.0; 3],
+        yaw_rate_p,
+    };
     for (name, rows) in [("attitude", &attitude), ("turning", &turning), ("gyro", &gyro)] {
         same_length(name, rows.len(), wanted.len())?;
     }
     let rates: Vec<[f64; 3]> = (0..wanted.len())
         .map(|i| {
             let (to, from) = (from_euler(&wanted[i]), from_euler(&attitude[i]));
-            rates_wanted(&gains, &to, &turning[i], &from, &gyro[i], dt)
+            rates_wanted(&gains, &to, &turning[i], &from, &gyro[i], dt).rates
         })
         .collect();
     Ok(Array::rows(&rates, false))
@@ -98,7 +107,7 @@ pub fn ardusub_terms(
                 state = State::at_rest(0.0).with_integrator(integrator[row]);
             }
             let passed = if anew { 0.0 } else { dt[row] };
-            let terms = state.step(&gains, target[row], measured[row], passed, false);
+            let terms = state.step(&gains, target[row], measured[row], passed, free);
             [terms.target, terms.error, terms.p, terms.i, terms.d, terms.ff, terms.d_ff]
         })
         .collect();
@@ -170,30 +179,40 @@ pub fn ardusub_forward_lateral(acceleration: Numbers, heading: Numbers, limit: f
 ///     ``MOT_n_DIRECTION``, 1 or -1.
 /// pulse : (2,)
 ///     ``MOT_PWM_MIN`` and ``MOT_PWM_MAX``, us.
+/// coupling : float, optional
+///     ``MOT_FV_CPLNG_K``, which counts for the frame Vectored; ArduSub's default when omitted.
 #[pyfunction]
-#[pyo3(signature = (frame, demands, direction, pulse = None))]
+#[pyo3(signature = (frame, demands, direction, pulse = None, *, coupling = None))]
 pub fn ardusub_pulses(
     frame: &str,
     demands: Numbers,
     direction: Numbers,
     pulse: Option<Numbers>,
+    coupling: Option<f64>,
 ) -> PyResult<Array> {
-    let Some((_, motors)) = FRAMES.iter().find(|(name, _)| *name == frame) else {
-        let known: Vec<_> = FRAMES.iter().map(|(name, _)| *name).collect();
-        return Err(refused(format!("frame: expected one of {}, found {frame}", known.join(", "))));
-    };
-    let given = direction.vector("direction")?;
-    same_length("direction", given.len(), motors.len())?;
-    let mut direction = [1.0; MOTORS];
-    direction[..given.len()].copy_from_slice(&given);
-    let pulse = pulse.map_or(Ok([1100.0, 1900.0]), |pulse| pulse.row("pulse"))?;
-    let mixer = Mixer { motors, direction, pulse };
+    let mixer = mixer_of(frame, direction, pulse, coupling)?;
+    let motors = mixer.motors;
     let demands = demands.rows::<6>("demands")?;
     let pulses = demands
         .iter()
         .flat_map(|row| mixer.thrusts(row).into_iter().take(motors.len()).map(|thrust| mixer.pulse(thrust)))
         .collect();
     Ok(Array::new(&[demands.len(), motors.len()], pulses))
+}
+
+/// The mixer of a frame, with a direction for each of its motors.
+pub fn mixer_of(
+    frame: &str,
+    direction: Numbers,
+    pulse: Option<Numbers>,
+    coupling: Option<f64>,
+) -> PyResult<Mixer> {
+    let pulse = pulse.map_or(Ok([1100.0, 1900.0]), |pulse| pulse.row("pulse"))?;
+    let mut mixer = Mixer::of(frame, [1.0; MOTORS], pulse, coupling.unwrap_or(COUPLING)).map_err(refused)?;
+    let given = direction.vector("direction")?;
+    same_length("direction", given.len(), mixer.motors.len())?;
+    mixer.direction[..given.len()].copy_from_slice(&given);
+    Ok(mixer)
 }
 
 /// Refuses rows of another number.

@@ -1,12 +1,12 @@
 //! A vehicle under ArduSub's cascade along targets over time.
 
+use crate::ardusub::mixer_of;
 use crate::convert::{Array, Named, Numbers};
 use crate::error::refused;
 use crate::vehicle::Vehicle;
 use crate::work::{Threads, parallel};
 use pyo3::prelude::*;
 use seatrial::control::ardusub::cascade::{INTEGRALS, WANTED, Wanted};
-use seatrial::control::ardusub::mixer::{FRAMES, MOTORS, Mixer};
 use seatrial::control::ardusub::parameters::{PARAMETERS, index};
 use seatrial::flight::ardusub::{COLUMNS, Case, Course};
 use seatrial::model::integrate;
@@ -22,17 +22,18 @@ pub fn ardusub_defaults() -> BTreeMap<&'static str, f64> {
 /// roll, pitch, yaw, throttle, forward and lateral (-1 to 1), and the load of the motors by roll, pitch and throttle and by
 /// yaw, forward and lateral (1: at the limit).
 ///
-/// frame and direction as of `ardusub_pulses`. parameters {name: (k,) or a number} by `ardusub_defaults`, which hold
-/// where none is given. targets (N, 19), a row per control period: roll, pitch, yaw (rad), rate of that yaw (rad/s),
+/// frame, direction, pulse and coupling as of `ardusub_pulses`. parameters {name: (k,) or a number} by `ardusub_defaults`, which hold
+/// where none is given. targets (N, 20), a row per control period: roll, pitch, yaw (rad), rate of that yaw (rad/s),
 /// north, east, down (m), their velocity and acceleration, the pilot's throttle, forward and lateral, 1 where the depth
-/// and where the place is controlled, supply (V). position (k, 3) or (3,), attitude (k, 4|3), nu (k, 6); integrals (k, 7):
+/// and where the place is controlled, supply (V), 1 where the attitude is asked for and its target moves there, limited in
+/// rate and acceleration, 0 where it is the target. position (k, 3) or (3,), attitude (k, 4|3), nu (k, 6); integrals (k, 7):
 /// integral parts of roll, pitch, yaw, of the vertical velocity and acceleration, north and east. coefficients {name:
 /// (k,)} of the vehicle. current (k, 3), NED, m/s; wander (k, 6): standard deviation of a wrench in the body frame that
 /// the model does not know, with the time constant wander_s; tether (k, 3): force, NED, N, at the point tether_at, m;
 /// supply (k, 3): thrust over that of the voltage at the beginning, its fall per s and at full load. noise (2,): standard
 /// deviation on gyro (rad/s) and velocity (m/s). A row is kept every `every` periods.
 #[pyfunction]
-#[pyo3(signature = (vehicle, frame, direction, targets, *, seeds, period_s, every, parameters = None, coefficients = None, position, attitude, nu, integrals, current, wander, wander_s, tether, tether_at, supply, noise, pulse = None, threads = None))]
+#[pyo3(signature = (vehicle, frame, direction, targets, *, seeds, period_s, every, parameters = None, coefficients = None, position, attitude, nu, integrals, current, wander, wander_s, tether, tether_at, supply, noise, pulse = None, coupling = None, threads = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
 pub fn ardusub_fly(
     py: Python<'_>,
@@ -57,13 +58,12 @@ pub fn ardusub_fly(
     supply: Numbers,
     noise: Numbers,
     pulse: Option<Numbers>,
+    coupling: Option<f64>,
     threads: Option<Threads>,
 ) -> PyResult<Array> {
     let description = &vehicle.description;
-    let Some((_, motors)) = FRAMES.iter().find(|(name, _)| *name == frame) else {
-        let known: Vec<_> = FRAMES.iter().map(|(name, _)| *name).collect();
-        return Err(refused(format!("frame: expected one of {}, found {frame}", known.join(", "))));
-    };
+    let mixer = mixer_of(frame, direction, pulse, coupling)?;
+    let motors = mixer.motors;
     if description.actuators.len() != motors.len() {
         return Err(refused(format!(
             "vehicle: expected the {} motors of {frame}, found {} actuators",
@@ -71,12 +71,6 @@ pub fn ardusub_fly(
             description.actuators.len()
         )));
     }
-    let given = direction.vector("direction")?;
-    if given.len() != motors.len() {
-        return Err(refused(format!("direction: expected {} motors, found {}", motors.len(), given.len())));
-    }
-    let mut direction = [1.0; MOTORS];
-    direction[..given.len()].copy_from_slice(&given);
     for (name, x) in [("period_s", period_s), ("wander_s", wander_s)] {
         if !(x.is_finite() && x > 0.0) {
             return Err(refused(format!("{name}: expected a positive time in s, found {x}")));
@@ -118,8 +112,6 @@ pub fn ardusub_fly(
             seed: seeds[i] & ((1 << 53) - 1),
         })
         .collect();
-    let pulse = pulse.map_or(Ok([1100.0, 1900.0]), |pulse| pulse.row("pulse"))?;
-    let mixer = Mixer { motors, direction, pulse };
     let course = Course {
         description,
         mixer: &mixer,

@@ -1,6 +1,7 @@
 //! The control law of ArduSub: what the autopilot that most underwater robots of the world carry does with a target.
 //!
-//! In the order of the signal: [`attitude`], from an attitude wanted to turn rates; [`position`], from a depth or place
+//! In the order of the signal: [`shaping`], from an attitude asked for to a target that moves there; [`attitude`], from
+//! a target to turn rates; [`position`], from a depth or place
 //! wanted to an acceleration, and from there to throttle, forward and lateral; [`pid`], the controllers of both;
 //! [`mixer`], from six demands to pulse widths; [`parameters`], their names, units and defaults; [`cascade`], all of it
 //! together, once per control period. Names of parameters, their units and what they do are ArduSub's own.
@@ -16,3 +17,4 @@ pub mod mixer;
 pub mod parameters;
 pub mod pid;
 pub mod position;
+pub mod shaping;

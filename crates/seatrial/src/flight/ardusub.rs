@@ -228,7 +228,6 @@ impl Course<'_> {
             }
             let demands = cascade.step(&mut memory, wanted, &told, dt);
             let (thrusts, load) = self.mixer.loaded_thrusts(&demands);
-            memory.load = load;
             if k % self.every == 0 {
                 kept.extend_from_slice(&state.position);
                 kept.extend_from_slice(&euler);

@@ -13,7 +13,7 @@ const RAD: f64 = std::f64::consts::PI / 180.0;
 pub type Parameter = (&'static str, f64, f64);
 
 /// All parameters of the cascade, in the order of its values.
-pub const PARAMETERS: [Parameter; 59] = [
+pub const PARAMETERS: [Parameter; 62] = [
     ("ATC_ANG_RLL_P", 6.0, 1.0),
     ("ATC_ANG_PIT_P", 6.0, 1.0),
     ("ATC_ANG_YAW_P", 6.0, 1.0),
@@ -73,6 +73,9 @@ pub const PARAMETERS: [Parameter; 59] = [
     ("PSC_NE_VEL_FLTD", 5.0, 1.0),
     ("ATC_ANGLE_MAX", 45.0, RAD),
     ("MOT_THST_HOVER", 0.5, 1.0),
+    ("ATC_INPUT_TC", 0.15, 1.0),
+    ("ATC_RATE_WPY_MAX", 60.0, RAD),
+    ("ATC_RATE_FF_ENAB", 1.0, 1.0),
 ];
 
 /// Index of the angle controllers' gains.
@@ -93,6 +96,9 @@ pub const PLANE: usize = 49;
 pub const LEAN: usize = 57;
 /// Index of the throttle that hovers.
 pub const HOVER: usize = 58;
+/// Index of the time constant of the input; the largest rate of a yaw target that steps, and whether targets are
+/// shaped, after it.
+pub const INPUT: usize = 59;
 
 /// The index of a parameter.
 ///

@@ -2,14 +2,15 @@
 //!
 //! ```text
 //! r ← r + α(f_T) (target − r),          e ← e + α(f_E) (r − y − e),          d ← d + α(f_D) (Δe/Δt − d)
-//! I ← I + K_I e Δt within ±I_max, only towards zero while the actuators are at a limit
+//! I ← I + K_I e Δt within ±I_max, by the rule of its controller while the actuators are at a limit
 //! u = K_P e + I + K_D d  +  K_FF r + K_DFF Δr/Δt
 //! α(f) = Δt / (Δt + 1/(2π f)), 1 without a filter (f = 0)
 //! ```
 //!
 //! Slew limits (`SMAX`) and notch filters (`NTF`, `NEF`) are not here: both are off unless they are set.
 //!
-//! Source: ArduPilot, "PID controllers" (structure as facts). Tests: `tests/ardusub.rs`.
+//! Source: ArduPilot, "PID controllers", `AC_PID`, `AC_PID_Basic`, `sqrt_controller` and its inverse in `AP_Math`
+//! (structure as facts). Tests: `tests/ardusub.rs`.
 
 use crate::number::real::Real;
 use std::f64::consts::TAU;
@@ -101,9 +102,17 @@ impl<T: Real> State<T> {
 
     /// The terms `dt` seconds after the last step.
     ///
-    /// `limited` says where the actuators are at a limit.
+    /// `rule` says what the integral part becomes, from itself, the filtered error and what it would become: [`free`],
+    /// [`towards_zero`] or [`off_its_stops`].
     #[inline(always)]
-    pub fn step(&mut self, gains: &Gains<T>, target: T, measured: T, dt: f64, limited: T::Mask) -> Terms<T> {
+    pub fn step(
+        &mut self,
+        gains: &Gains<T>,
+        target: T,
+        measured: T,
+        dt: f64,
+        rule: impl Fn(T, T, T) -> T,
+    ) -> Terms<T> {
         let zero = target.zero();
         let mut target_rate = zero;
         if self.begun {
@@ -117,10 +126,7 @@ impl<T: Real> State<T> {
             (self.target, self.error, self.begun) = (target, target - measured, true);
         }
         let more = self.integrator + self.error * gains.i * dt;
-        // At a limit the integrator goes towards zero only.
-        let outward = zero.lt(self.integrator * self.error);
-        let next = T::select(T::both(limited, outward), self.integrator, more);
-        self.integrator = next.clamped(-gains.i_max, gains.i_max);
+        self.integrator = rule(self.integrator, self.error, more).clamped(-gains.i_max, gains.i_max);
         Terms {
             target: self.target,
             error: self.error,
@@ -130,6 +136,32 @@ impl<T: Real> State<T> {
             ff: self.target * gains.ff,
             d_ff: target_rate * gains.d_ff,
         }
+    }
+}
+
+/// The rule of an integral part whose actuators have no limit.
+#[inline(always)]
+pub fn free<T: Real>(_integrator: T, _error: T, next: T) -> T {
+    next
+}
+
+/// The rule of `AC_PID`: while the actuators are at a limit the integral part goes towards zero only, and one that is
+/// zero stays there.
+#[inline(always)]
+pub fn towards_zero<T: Real>(limited: T::Mask) -> impl Fn(T, T, T) -> T {
+    move |integrator, error, next| {
+        let inward = (integrator * error).lt(error.zero());
+        T::select(limited, T::select(inward, next, integrator), next)
+    }
+}
+
+/// The rule of `AC_PID_Basic`: at the lower limit the integral part may not fall, at the upper one it may not rise.
+#[inline(always)]
+pub fn off_its_stops<T: Real>(lower: T::Mask, upper: T::Mask) -> impl Fn(T, T, T) -> T {
+    move |integrator, error, next| {
+        let zero = error.zero();
+        let stopped = T::either(T::both(lower, error.lt(zero)), T::both(upper, zero.lt(error)));
+        T::select(stopped, integrator, next)
     }
 }
 
@@ -154,4 +186,17 @@ pub fn square_root<T: Real>(error: T, gain: T, limit: T, dt: f64) -> T {
     let rate = T::select(T::both(has_limit, linear.lt(size)), root, proportional);
     let rate = if dt > 0.0 { rate.min(size / dt) } else { rate };
     T::select(error.lt(zero), -rate, rate)
+}
+
+/// The error for which [`square_root`] wants a rate, both without sign.
+///
+/// ```text
+/// ω / K_P                               ω ≤ a/K_P
+/// ω²/(2 a) + a/(2 K_P²)                 beyond
+/// ```
+#[inline(always)]
+pub fn inverse_square_root<T: Real>(rate: T, gain: T, limit: T) -> T {
+    let slow = limit / gain;
+    let root = rate * rate / (limit * 2.0) + slow / gain * 0.5;
+    T::select(slow.lt(rate), root, rate / gain)
 }

@@ -3,13 +3,14 @@
 //! ```text
 //! v = square_root(x_d − x, PSC_*_POS_P, a_max) + v_d,     a = PID(v − v̇_measured) + a_d
 //! throttle = hover − PID(a_down)        forward, lateral = a along the hull, in shares of the lean angle's limit
+//! |a_plane| ≤ g tan(ATC_ANGLE_MAX), what is across the velocity wanted first
 //! ```
 //!
-//! Source: ArduPilot, "Position controllers", ArduSub's use of lean angles as forward and lateral (structure as
-//! facts). Tests: `tests/ardusub.rs`.
+//! Source: ArduPilot, "Position controllers", `AC_PosControl`, `AC_PID_2D`, `limit_accel_xy` in `AP_Math`, ArduSub's use
+//! of lean angles as forward and lateral (structure as facts). Tests: `tests/ardusub.rs`.
 
 use super::pid::square_root;
-use crate::number::algebra::Vec3;
+use crate::number::algebra::{Vec3, dot};
 use crate::number::real::Real;
 
 /// Acceleration of gravity, m/s².
@@ -21,6 +22,48 @@ const GRAVITY: f64 = 9.80665;
 #[inline(always)]
 pub fn velocity_wanted<T: Real>(error: T, velocity: T, p: T, acceleration: T, dt: f64) -> T {
     square_root(error, p, acceleration, dt) + velocity
+}
+
+/// An acceleration in the plane within what the largest lean angle (`limit`, rad) gives, and where that bounds it.
+///
+/// `acceleration` and `velocity`, which is the one that moves the target, north and east. What is across the velocity
+/// comes first: a vehicle that cannot have both stays on its line and loses speed.
+#[inline(always)]
+pub fn limited_acceleration<T: Real>(
+    acceleration: &[T; 2],
+    velocity: &[f64; 2],
+    limit: f64,
+) -> ([T; 2], T::Mask) {
+    let most = acceleration[0].splat(GRAVITY * limit.tan());
+    let size = dot(acceleration, acceleration).sqrt();
+    let limited = most.lt(size);
+    let speed = velocity[0].hypot(velocity[1]);
+    let within = if speed > 0.0 {
+        let [north, east] = velocity.map(|x| most.splat(x / speed));
+        let (along, across) =
+            (dot(acceleration, &[north, east]), north.mul_sub(acceleration[1], east * acceleration[0]));
+        let across = across.clamped(-most, most);
+        let left = (most * most - across * across).max(most.zero()).sqrt();
+        let along = along.clamped(-left, left);
+        [north.mul_sub(along, east * across), east.mul_add(along, north * across)]
+    } else {
+        let share = most / size.max(most);
+        [acceleration[0] * share, acceleration[1] * share]
+    };
+    (std::array::from_fn(|i| T::select(limited, within[i], acceleration[i])), limited)
+}
+
+/// The two integral parts of the plane after a step: within `most` together, and no longer than `before` where they grew
+/// towards an acceleration that could not be had (`beyond`, zero where all could).
+#[inline(always)]
+pub fn plane_integrals<T: Real>(before: &[T; 2], after: &[T; 2], beyond: &[T; 2], most: T) -> [T; 2] {
+    let (zero, one) = (most.zero(), most.splat(1.0));
+    let grown = [after[0] - before[0], after[1] - before[1]];
+    let outward = zero.lt(dot(&grown, beyond));
+    let bound = T::select(outward, dot(before, before).sqrt().min(most), most);
+    let size = dot(after, after).sqrt();
+    let share = T::select(bound.lt(size), bound / T::select(zero.lt(size), size, one), one);
+    [after[0] * share, after[1] * share]
 }
 
 /// Forward and lateral, −1 to 1, of an acceleration wanted.
