@@ -812,16 +812,17 @@ def ardusub_defaults() -> dict[str, float]:
     ArduSub's defaults of the parameters that `ardusub_fly` takes, by name, in ArduSub's units (4.7 and later).
     """
 
-def ardusub_fly(vehicle: Vehicle, frame: str, direction: ArrayLike, targets: ArrayLike, *, seeds: SupportsGetItem[int, SupportsIndex], period_s: SupportsFloat | SupportsIndex, every: SupportsIndex, parameters: Mapping[str, ArrayLike] | None = None, coefficients: Mapping[str, ArrayLike] | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, integrals: ArrayLike, current: ArrayLike, wander: ArrayLike, wander_s: SupportsFloat | SupportsIndex, tether: ArrayLike, tether_at: ArrayLike, supply: ArrayLike, noise: ArrayLike, pulse: ArrayLike | None = None, threads: SupportsIndex | None = None) -> NDArray[float64]:
+def ardusub_fly(vehicle: Vehicle, frame: str, direction: ArrayLike, targets: ArrayLike, *, seeds: SupportsGetItem[int, SupportsIndex], period_s: SupportsFloat | SupportsIndex, every: SupportsIndex, parameters: Mapping[str, ArrayLike] | None = None, coefficients: Mapping[str, ArrayLike] | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, integrals: ArrayLike, current: ArrayLike, wander: ArrayLike, wander_s: SupportsFloat | SupportsIndex, tether: ArrayLike, tether_at: ArrayLike, supply: ArrayLike, noise: ArrayLike, pulse: ArrayLike | None = None, coupling: SupportsFloat | SupportsIndex | None = None, threads: SupportsIndex | None = None) -> NDArray[float64]:
     """
     Flies k cases along targets: rows (k, n, 20) of place (m, NED), roll, pitch, yaw (rad), velocity (body), the demands of
     roll, pitch, yaw, throttle, forward and lateral (-1 to 1), and the load of the motors by roll, pitch and throttle and by
     yaw, forward and lateral (1: at the limit).
 
-    frame and direction as of `ardusub_pulses`. parameters {name: (k,) or a number} by `ardusub_defaults`, which hold
-    where none is given. targets (N, 19), a row per control period: roll, pitch, yaw (rad), rate of that yaw (rad/s),
+    frame, direction, pulse and coupling as of `ardusub_pulses`. parameters {name: (k,) or a number} by `ardusub_defaults`, which hold
+    where none is given. targets (N, 20), a row per control period: roll, pitch, yaw (rad), rate of that yaw (rad/s),
     north, east, down (m), their velocity and acceleration, the pilot's throttle, forward and lateral, 1 where the depth
-    and where the place is controlled, supply (V). position (k, 3) or (3,), attitude (k, 4|3), nu (k, 6); integrals (k, 7):
+    and where the place is controlled, supply (V), 1 where the attitude is asked for and its target moves there, limited in
+    rate and acceleration, 0 where it is the target. position (k, 3) or (3,), attitude (k, 4|3), nu (k, 6); integrals (k, 7):
     integral parts of roll, pitch, yaw, of the vertical velocity and acceleration, north and east. coefficients {name:
     (k,)} of the vehicle. current (k, 3), NED, m/s; wander (k, 6): standard deviation of a wrench in the body frame that
     the model does not know, with the time constant wander_s; tether (k, 3): force, NED, N, at the point tether_at, m;
@@ -850,7 +851,7 @@ def ardusub_frames() -> dict[str, NDArray[float64]]:
     They are in the order of ArduSub's ``FRAME_CONFIG``.
     """
 
-def ardusub_pulses(frame: str, demands: ArrayLike, direction: ArrayLike, pulse: ArrayLike | None = None) -> NDArray[float64]:
+def ardusub_pulses(frame: str, demands: ArrayLike, direction: ArrayLike, pulse: ArrayLike | None = None, *, coupling: SupportsFloat | SupportsIndex | None = None) -> NDArray[float64]:
     """
     Pulse widths (n, motors), whole us, of a frame's motors.
 
@@ -864,9 +865,11 @@ def ardusub_pulses(frame: str, demands: ArrayLike, direction: ArrayLike, pulse: 
         ``MOT_n_DIRECTION``, 1 or -1.
     pulse : (2,)
         ``MOT_PWM_MIN`` and ``MOT_PWM_MAX``, us.
+    coupling : float, optional
+        ``MOT_FV_CPLNG_K``, which counts for the frame Vectored; ArduSub's default when omitted.
     """
 
-def ardusub_rates(wanted: ArrayLike, attitude: ArrayLike, turning: ArrayLike, gyro: ArrayLike, p: ArrayLike, acceleration: ArrayLike, dt: SupportsFloat | SupportsIndex) -> NDArray[float64]:
+def ardusub_rates(wanted: ArrayLike, attitude: ArrayLike, turning: ArrayLike, gyro: ArrayLike, p: ArrayLike, acceleration: ArrayLike, dt: SupportsFloat | SupportsIndex, *, yaw_rate_p: SupportsFloat | SupportsIndex = 0.0) -> NDArray[float64]:
     """
     Turn rates (n, 3), rad/s, that the angle controllers want for roll, pitch and yaw.
 
@@ -884,6 +887,8 @@ def ardusub_rates(wanted: ArrayLike, attitude: ArrayLike, turning: ArrayLike, gy
         ``ATC_ACC_R_MAX``, ``ATC_ACC_P_MAX``, ``ATC_ACC_Y_MAX`` in rad/s2; 0: proportional.
     dt : float
         Control period, s.
+    yaw_rate_p : float
+        ``ATC_RAT_YAW_P``, s, which bounds the error of yaw; 0: no bound.
     """
 
 def ardusub_square_root(error: ArrayLike, p: SupportsFloat | SupportsIndex, limit: SupportsFloat | SupportsIndex, dt: SupportsFloat | SupportsIndex) -> NDArray[float64]:

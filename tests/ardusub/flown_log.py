@@ -52,6 +52,7 @@ def course(seconds: float = 60.0) -> Course:
     n = round(seconds / PERIOD_S)
     t: Array = np.asarray(PERIOD_S * np.arange(n), float)
     targets = still_targets(n)
+    targets[:, 19] = 0.0  # these are targets, as a log has them
     rate = np.where((t > 8.0) & (t < 10.0), 0.4, 0.0) - np.where((t > 25.0) & (t < 29.0), 0.4, 0.0)
     targets[:, 2], targets[:, 3] = np.cumsum(rate) * PERIOD_S, rate
     for column, speed, from_s, to_s in ((6, 0.1, 14.0, 19.0), (4, 0.3, 33.0, 38.0), (5, -0.2, 42.0, 47.0)):

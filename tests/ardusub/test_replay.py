@@ -34,7 +34,7 @@ def dive() -> Replay:
 
 def test_a_recorded_dive_is_what_the_law_makes_of_its_inputs(dive: Replay) -> None:
     assert dive.held
-    assert len(dive.quantities) == 29
+    assert dive.checks == (29, 29)
     terms = [one for one in dive.quantities if one.name in ("P term", "FF term", "output", "throttle")]
     assert len(terms) >= 8
     assert all(one.p95 < 1e-6 * one.rms for one in terms)
@@ -53,6 +53,10 @@ def test_parameters_of_a_recorded_dive_are_found(dive: Replay) -> None:
     for name, value in expected.items():
         assert dive.parameter(name) == pytest.approx(value, rel=0.02), name
     assert dive.frame == ("Vectored_6DOF", (-1, -1, 1, 1, -1, 1, 1, -1))
+    (bound,) = (one for one in dive.found if one.bound)
+    assert (bound.name, bound.bound) == ("ATC_ACC_Y_MAX", "at least")
+    assert bound.value == pytest.approx(240.0)
+    assert bound.agrees(1100.0)
 
 
 def test_every_panel_of_the_figure_shows_rows(dive: Replay, tmp_path: Path) -> None:
@@ -82,10 +86,13 @@ def test_a_term_that_the_law_does_not_give_is_named(tmp_path: Path) -> None:
     assert "replayed in part" in found.summary()
 
 
-def test_pulses_of_no_frame_are_left_out_with_a_note(tmp_path: Path) -> None:
+def test_pulses_of_no_frame_count_as_not_met(tmp_path: Path) -> None:
     found = replay(text_log.write(tmp_path / "noisy.log", frame_noise_us=60.0))
     assert found.frame is None
     assert any("FRAME_CONFIG may be custom" in note for note in found.notes)
+    assert {gap.name for gap in found.impossible} == {f"output {k}" for k in range(1, 7)}
+    assert not found.held
+    assert found.checks == (12, 18)
 
 
 def test_parameters_that_are_given_are_compared(tmp_path: Path) -> None:
@@ -115,7 +122,7 @@ def test_logs_that_cannot_be_replayed_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damage", ["cut", "nan", "twice", "backwards", "still"])
 def test_an_ugly_log_is_replayed_in_part(tmp_path: Path, damage: str) -> None:
     lines = text_log.write(tmp_path / "log.log", minutes=1.0).read_text().splitlines()
-    head, rows = lines[:8], lines[8:]
+    head, rows = lines[:9], lines[9:]
     match damage:
         case "cut":
             rows = [*rows[: len(rows) // 2], rows[-1][:17]]

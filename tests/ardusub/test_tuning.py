@@ -12,11 +12,15 @@ import pytest
 import seatrial as st
 from seatrial._core import ardusub_defaults, ardusub_terms
 from seatrial.ardusub.axes import AMPLE, SOUGHT, AxisVerdict, MarginModel, Margins, axis_verdicts, loop_law
+from seatrial.ardusub.flights import Cases, Rig, fly_course
 from seatrial.ardusub.tuning import (
+    SIZES_DEG,
+    STEPS,
     corridors_of,
     draw_cases,
     fly_missions,
     rise_of,
+    slew_of,
     step_courses,
     tune_parameters,
 )
@@ -64,8 +68,7 @@ def test_margins_fall_with_the_gain_and_are_kept_by_their_measure(fitted: st.Fit
 
 def test_a_poor_loop_is_tuned_and_what_cannot_be_judged_stays(fitted: st.Fitted) -> None:
     poor = {**flown_log.GAINS, "ATC_RAT_YAW_P": 0.06, "ATC_ANG_YAW_P": 4.0}
-    corridors = corridors_of(1.5)
-    courses = step_courses({"yaw": corridors["yaw"]}, period_s=0.01)
+    courses = step_courses(("yaw",), 1.5, period_s=0.01)
     model = MarginModel(fitted, flown_log.RIG, period_s=0.01, voltage_v=16.0, draws=8)
     verdicts = tuple(AxisVerdict(loop, loop == "yaw", "", "") for loop in SOUGHT)
     found = tune_parameters(
@@ -90,7 +93,7 @@ def test_a_poor_loop_is_tuned_and_what_cannot_be_judged_stays(fitted: st.Fitted)
 
 
 def test_nothing_is_sought_where_no_loop_can_be_judged(fitted: st.Fitted) -> None:
-    courses = step_courses(corridors_of(1.5), period_s=0.02)
+    courses = step_courses(STEPS, 1.5, period_s=0.02)
     model = MarginModel(fitted, flown_log.RIG, period_s=0.02, voltage_v=16.0, draws=4)
     verdicts = tuple(AxisVerdict(loop, False, "", "") for loop in SOUGHT)
     cases = draw_cases(fitted, WANDER, 8, seed=1)
@@ -105,6 +108,54 @@ def test_a_faster_loop_rises_sooner(fitted: st.Fitted) -> None:
         for p in (1.0, 5.0)
     )
     assert slow > fast
+
+
+def test_a_step_of_yaw_is_flown_at_the_slew_of_its_target(fitted: st.Fitted) -> None:
+    """A target turns with ATC_RATE_WPY_MAX, so that half of it doubles the way to 90 % of 90 deg."""
+    still = Rig(flown_log.RIG.frame, flown_log.RIG.direction, noise=(0.0, 0.0))
+    course, (step,) = step_courses(("yaw",), 2.0, period_s=0.01)[SIZES_DEG.index(-90.0)]
+    risen = {}
+    for slew in (60.0, 30.0):
+        own = {**flown_log.GAINS, "ATC_RATE_WPY_MAX": slew}
+        flown = fly_course(fitted.vehicle, still, course, own, cases=Cases.of(1))[0]
+        after = course.t >= step.at_s
+        yaw = -np.degrees(np.unwrap(flown[after, 5]))
+        risen[slew] = float(course.t[after][np.flatnonzero(yaw >= 81.0)[0]] - step.at_s)
+        # No sooner than its target, which needs as long and then the time constant of the input.
+        assert 81.0 / slew < risen[slew] < 81.0 / slew + 1.0, risen
+    assert risen[30.0] - risen[60.0] == pytest.approx(81.0 / 30.0 - 81.0 / 60.0, abs=0.25)
+
+
+def test_corridors_of_larger_steps_rise_later_by_the_way_of_their_target() -> None:
+    def rises(size_deg: float, slew: float) -> float:
+        since = np.arange(0.0, 11.0, 0.01)
+        lower, _ = corridors_of(2.0, size_deg=size_deg, slew_deg_s=slew)["yaw"].sampled(since)
+        return float(since[np.flatnonzero(lower >= 0.9)[0]])
+
+    assert rises(60.0, 60.0) == pytest.approx(2.0, abs=0.02)
+    assert rises(-90.0, 60.0) == pytest.approx(2.0 + 0.9 * 30.0 / 60.0, abs=0.02)
+    assert rises(30.0, 60.0) == pytest.approx(2.0 - 0.9 * 30.0 / 60.0, abs=0.02)
+    assert rises(-90.0, 30.0) == pytest.approx(2.0 + 0.9 * 30.0 / 30.0, abs=0.02)
+    assert slew_of({"ATC_RATE_WPY_MAX": 60.0, "ATC_RATE_Y_MAX": 0.0}) == 60.0
+    assert slew_of({"ATC_RATE_WPY_MAX": 60.0, "ATC_RATE_Y_MAX": 45.0}) == 45.0
+
+
+def test_law_targets_of_depth_and_place_move_within_speed_and_acceleration() -> None:
+    """Place is the integral of velocity, and velocity that of acceleration; short ways have no full speed."""
+    period = 0.002
+    for course, steps in step_courses(("depth", "north"), 2.0, period_s=period):
+        t = period * np.arange(len(course.targets))
+        for step in steps:
+            column = {"depth": 6, "north": 4}[step.channel]
+            place, velocity, acceleration = (course.targets[:, column + k] for k in (0, 3, 6))
+            begins = {"depth": 5.0, "north": 0.0}[step.channel]
+            assert place[-1] - begins == pytest.approx(step.size)
+            assert np.abs(velocity).max() == pytest.approx(min(0.4, math.sqrt(abs(step.size))), abs=2e-3)
+            assert np.abs(acceleration).max() == 1.0
+            assert np.abs(np.diff(place) / period - velocity[1:]).max() < 3.0 * period
+            jump = np.abs(np.diff(velocity) / period - acceleration[1:])
+            assert np.sort(jump)[-8] < 1e-9 if len(jump) else False
+            assert (place[t < step.at_s] == begins).all()
 
 
 def _identified(start: st.Vehicle, freed: dict[str, float]) -> tuple[Any, st.Fitted]:

@@ -40,7 +40,7 @@ SHORTEST_S = 10.0
 
 _NEAR_S = 0.3  # between a row and the time for which it stands
 
-_WANTED = 19
+_WANTED = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Course:
     t
         Times (n,) of the rows that are kept, s.
     targets
-        (N, 19), a row per control period; the columns are those of `seatrial._core.ardusub_fly`.
+        (N, 20), a row per control period; the columns are those of `seatrial._core.ardusub_fly`.
     period_s
         Control period, s.
     position, attitude, nu
@@ -112,15 +112,13 @@ class Course:
 
 
 def still_targets(n: int, *, depth: float = 5.0, place: bool = True, voltage: float = 16.0) -> Array:
-    """Targets (n, 19) that rest level at a depth, north and east of zero."""
+    """Targets (n, 20) that rest level at a depth, north and east of zero.
+
+    The attitude is asked for, as by a pilot or a mission: its target moves there.
+    """
     found = np.zeros((n, _WANTED))
-    found[:, 6], found[:, 13], found[:, 16], found[:, 17], found[:, 18] = (
-        depth,
-        0.5,
-        1.0,
-        float(place),
-        voltage,
-    )
+    found[:, 6], found[:, 13], found[:, 16], found[:, 17] = depth, 0.5, 1.0, float(place)
+    found[:, 18], found[:, 19] = voltage, 1.0
     return found
 
 
@@ -295,7 +293,8 @@ def _turning(ang: _Rows, rate: _Rows, parameters: Mapping[str, float], t: Array)
     gyro = np.radians([rate.at(letter, ang.t) for letter in "RPY"]).T
     p = [parameters.get(f"ATC_ANG_{axis}_P", 6.0) for axis in ("RLL", "PIT", "YAW")]
     most = np.radians([parameters.get(f"ATC_ACC_{axis}_MAX", 1100.0) for axis in "RPY"])
-    own = np.asarray(ardusub_rates(to, at, np.zeros_like(to), gyro, p, most, 0.0025))
+    rate_p = parameters.get("ATC_RAT_YAW_P", 0.0)
+    own = np.asarray(ardusub_rates(to, at, np.zeros_like(to), gyro, p, most, 0.0025, yaw_rate_p=rate_p))
     left = np.radians(rate.at("YDes", ang.t)) - own[:, 2]
     # Rows of angle and rate are a period apart: where the target jumps the difference is no rate.
     moved = np.abs(np.gradient(to[:, 2], ang.t))

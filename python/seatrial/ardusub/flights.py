@@ -45,6 +45,8 @@ class Rig:
         Time constant of the wrench that the model does not know, s.
     steady
         Steady wrench (6,) that the model does not know, N and N m.
+    coupling
+        ``MOT_FV_CPLNG_K``, which counts for the frame Vectored; ArduSub's default where it is None.
     """
 
     frame: str
@@ -53,6 +55,7 @@ class Rig:
     noise: tuple[float, float] = NOISE
     wander_s: float = 1.0
     steady: tuple[float, ...] = (0.0,) * 6
+    coupling: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +175,7 @@ def fly_course(
             position=course.position, attitude=course.attitude, nu=course.nu, integrals=course.integrals,
             current=cases.current, wander=cases.wander, wander_s=rig.wander_s, tether=cases.tether,
             tether_at=np.asarray(rig.tether_at), supply=cases.supply, noise=np.asarray(rig.noise),
-            threads=threads,
+            coupling=rig.coupling, threads=threads,
         )
     )  # fmt: skip
 

@@ -25,12 +25,13 @@ from seatrial.ardusub.parameters import Change, ParameterFile, generation, in_me
 from seatrial.ardusub.reflight import Envelope, Reflight, Share, refly
 from seatrial.ardusub.result import LogTuning
 from seatrial.ardusub.tuning import (
+    STEPS,
     Missions,
     Tuned,
-    corridors_of,
     draw_cases,
     fly_missions,
     rise_of,
+    slew_of,
     step_courses,
     tune_parameters,
 )
@@ -111,7 +112,8 @@ def tune_log(
             )
         found, fitted = _identified(Path(log), folder, vehicle, (say, threads, resume))
         held = _held_out(found)
-        rig = Rig(replayed.frame[0], replayed.frame[1])
+        coupling = None if parameters is None else parameters.values.get("MOT_FV_CPLNG_K")
+        rig = Rig(*replayed.frame, coupling=coupling)
         check_rig(fitted.vehicle, rig)
         inputs = sha256(
             repr((
@@ -156,7 +158,9 @@ def _sources() -> str:
     """Hash of the modules whose results are kept: another version does not find them."""
     here = Path(__file__).parent
     return sha256(
-        "".join((here / f"{name}.py").read_text() for name in ("course", "reflight", "axes", "tuning"))
+        "".join(
+            (here / f"{name}.py").read_text() for name in ("course", "flights", "reflight", "axes", "tuning")
+        )
     )
 
 
@@ -170,7 +174,8 @@ def _flown_with(
     """Parameters that the vehicle flew with, and the names of those that are assumed."""
     from seatrial._core import ardusub_defaults
 
-    found = {one.name: one.value for one in replayed.found if math.isfinite(one.value)}
+    # A bound is no value: what the vehicle flew with is the file's, or the default.
+    found = {each.name: each.value for each in replayed.found if not each.bound and math.isfinite(each.value)}
     given = {} if parameters is None else in_metres(parameters)
     whole = known_parameters({**given, **found})
     values = {name: float(np.asarray(value)) for name, value in whole.items()}
@@ -258,17 +263,17 @@ def _tuned(
     missions, seed, threads, say = how
     rig, period = reflight.rig, course.period_s
     rise = rise_of(fitted, rig, flown, period_s=period)
-    corridors = corridors_of(rise)
-    courses = step_courses(corridors, period_s=period)
     loops = {"north" if one.loop == "place" else one.loop for one in verdicts if one.judged}
-    own = {name: one for name, one in corridors.items() if name in loops}
+    slew = slew_of(flown)
+    courses = step_courses(STEPS, rise, period_s=period, slew_deg_s=slew)
+    own = tuple(name for name in STEPS if name in loops) or STEPS
     voltage = float(np.mean(course.targets[:, 18]))
     model = MarginModel(fitted, rig, period_s=period, voltage_v=voltage, seed=seed)
     tuned = kept.part(
         "tuned",
         lambda: tune_parameters(
-            fitted, rig, step_courses(own or corridors, period_s=period), flown, verdicts, model, seed=seed,
-            threads=threads,
+            fitted, rig, step_courses(own, rise, period_s=period, slew_deg_s=slew), flown, verdicts, model,
+            seed=seed, threads=threads,
             cases=draw_cases(fitted, reflight.wander, _SEARCHED, seed=seed + 1),
             say=lambda share, words: say(0.45 + 0.3 * share, words),
         ),

@@ -86,6 +86,7 @@ _SINCE_4_7: Mapping[str, tuple[str, float]] = {
     "ATC_ACCEL_R_MAX": ("ATC_ACC_R_MAX", 0.01),
     "ATC_ACCEL_P_MAX": ("ATC_ACC_P_MAX", 0.01),
     "ATC_ACCEL_Y_MAX": ("ATC_ACC_Y_MAX", 0.01),
+    "ATC_SLEW_YAW": ("ATC_RATE_WPY_MAX", 0.01),
 }
 """Name since 4.7 and factor of the value, by the name of 4.0 to 4.6."""
 

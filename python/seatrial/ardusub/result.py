@@ -209,9 +209,16 @@ def _share(value: float) -> str:
 
 
 def _good(found: LogTuning) -> str:
+    """What was tuned; first what is missing from the log."""
+    missing = found.replay.missing
+    lacks = f"the log lacks {listed(list(missing))}: its replay cannot be judged whole; " if missing else ""
+    return lacks + _judged(found)
+
+
+def _judged(found: LogTuning) -> str:
     loops = [one.loop for one in found.verdicts if one.judged]
     if not loops:
-        return f"{found.replay.report().good}; no loop can be judged by what the log identifies"
+        return f"{found.replay.good()}; no loop can be judged by what the log identifies"
     told = f"{' and '.join(loops)} can be judged by the identified model"
     if not found.tuned.changes:
         return f"{told}; no gains were found that are better than the recorded ones"
@@ -261,7 +268,7 @@ def _harm(found: LogTuning) -> list[str]:
 
 def _worst(found: LogTuning) -> str:
     if not found.replay.held:
-        return found.replay.report().worst
+        return found.replay.worst()
     stays = _stays(found)
     if not found.margins_kept:
         return "the margins of a loop that changes fall below those before; see the table of margins"

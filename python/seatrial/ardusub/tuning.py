@@ -3,14 +3,16 @@
 A mission steps yaw, depth and place one after the other, with a drawn vehicle, current, tether, battery and
 wandering wrench. How far a response leaves its corridor, in s, is its violation (Taubert et al. 2014,
 (55)-(57)). The search lowers the mean of the worst tenth of the missions and keeps the margins; missions that
-it never saw judge the result. Held by ``tests/ardusub/test_tuning.py``.
+it never saw judge the result. Steps are those of ArduSub: the attitude asked for steps, its target turns
+there (`crates/seatrial/src/control/ardusub/shaping.rs`), and targets of depth and place move with limited
+speed and acceleration. Held by ``tests/ardusub/test_tuning.py``.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
 
 __all__ = [
+    "SIZES_DEG",
+    "STEPS",
     "Missions",
     "Spread",
     "Step",
@@ -35,6 +39,7 @@ __all__ = [
     "draw_cases",
     "fly_missions",
     "rise_of",
+    "slew_of",
     "step_courses",
     "tune_parameters",
 ]
@@ -48,7 +53,19 @@ LENGTH_S = _BEGINS_S + len(STEPS) * _AFTER_S
 
 _SIZES = ((30.0, 0.5, 1.0), (60.0, -0.5, -1.0), (-90.0, 0.3, 2.0), (-45.0, -0.3, -2.0))  # deg, m, m
 
+SIZES_DEG = tuple(size for size, _, _ in _SIZES)
+"""Steps of yaw of the courses, deg."""
+
+_RISE_DEG = 60.0  # the step whose rise is measured
+
+SLEW_DEG_S = 60.0
+"""Rate at which a yaw target turns, deg/s: the default of ``ATC_RATE_WPY_MAX``."""
+
 _SPEED_M_S = 0.4  # of a target that moves
+
+_ACCELERATION_M_S2 = 1.0  # of a target that moves: the default of PILOT_ACC_Z
+
+_SHORTEST_RISE_S = 0.4  # that a corridor asks for: four rows of a response
 
 _TAIL = 0.1  # share of the missions that the search looks at
 
@@ -168,26 +185,37 @@ class Tuned:
 
 
 def step_courses(
-    corridors: Mapping[str, Corridor], *, period_s: float
+    channels: Sequence[str], rise_s: float, *, period_s: float, slew_deg_s: float = SLEW_DEG_S
 ) -> tuple[tuple[Course, tuple[Step, ...]], ...]:
-    """Courses of four sizes that step what has a corridor of yaw, depth and north, and their steps."""
+    """Courses of four sizes that step some of yaw, depth and north, and their steps.
+
+    Parameters
+    ----------
+    channels : sequence of str
+    rise_s : float
+        Of a step of yaw of 60 deg, see `rise_of`.
+    period_s : float
+        Control period.
+    slew_deg_s : float
+        Rate at which a yaw target turns.
+    """
     every = round(ROW_S / period_s)
-    own = tuple(name for name in STEPS if name in corridors)
+    own = tuple(name for name in STEPS if name in channels)
     n = round((_BEGINS_S + len(own) * _AFTER_S) / ROW_S) * every
     t: Array = np.asarray(period_s * np.arange(n), float)
     made = []
     for sizes in _SIZES:
         targets, steps = still_targets(n), []
+        corridors = corridors_of(rise_s, size_deg=sizes[0], slew_deg_s=slew_deg_s)
         for i, channel in enumerate(own):
             at, size = _BEGINS_S + i * _AFTER_S, sizes[STEPS.index(channel)]
             steps.append(Step(channel, at, size, corridors[channel]))
             if channel == "yaw":
                 targets[:, 2] = np.where(t >= at, math.radians(size), 0.0)
                 continue
-            column, lasts = {"depth": 6, "north": 4}[channel], abs(size) / _SPEED_M_S
-            targets[:, column] += size * np.clip((t - at) / lasts, 0.0, 1.0)
-            moving = (t >= at) & (t < at + lasts)
-            targets[:, column + 3] = np.where(moving, math.copysign(_SPEED_M_S, size), 0.0)
+            column = {"depth": 6, "north": 4}[channel]
+            for offset, values in zip((0, 3, 6), _moved(t - at, size), strict=True):
+                targets[:, column + offset] += values
         course = Course(
             ", ".join(f"{one.channel} {one.size:+g}" for one in steps), t[::every], targets, period_s,
             np.array([0.0, 0.0, 5.0]), np.zeros(3), np.zeros(6), np.zeros(7),
@@ -196,18 +224,49 @@ def step_courses(
     return tuple(made)
 
 
-def corridors_of(rise_s: float) -> dict[str, Corridor]:
-    """Corridors of the steps: yaw has risen by `rise_s`; depth and place follow a target that moves."""
+def _moved(since: Array, size: float) -> tuple[Array, Array, Array]:
+    """Place, velocity and acceleration (n,) of a target that moves by a size, m, m/s, m/s2.
+
+    It speeds up, moves on and slows down; a short way is over before it is at full speed.
+    """
+    speed = min(_SPEED_M_S, math.sqrt(_ACCELERATION_M_S2 * abs(size)))
+    ramp = speed / _ACCELERATION_M_S2
+    lasts = abs(size) / speed + ramp
+    up, down = np.clip(since, 0.0, ramp), np.clip(since - (lasts - ramp), 0.0, ramp)
+    sign = math.copysign(_ACCELERATION_M_S2, size)
+    within = (since >= 0.0) & (since < lasts)
+    acceleration = sign * (within & (since < ramp)) - sign * (within & (since >= lasts - ramp))
+    steady = np.clip(since - ramp, 0.0, lasts - 2.0 * ramp)
+    place = sign * (0.5 * up**2 + ramp * steady + ramp * down - 0.5 * down**2)
+    return place, sign * (up - down), acceleration
+
+
+def corridors_of(
+    rise_s: float, *, size_deg: float = _RISE_DEG, slew_deg_s: float = SLEW_DEG_S
+) -> dict[str, Corridor]:
+    """Corridors of the steps: yaw has risen by `rise_s`; depth and place follow a target that moves.
+
+    A yaw target turns with `slew_deg_s`: a step that is larger than 60 deg rises later by the time that 90
+    % of the rest takes, a smaller one sooner.
+    """
     moving = {
         name: Corridor.from_figures(
             rise_s=rise, overshoot=0.15, settled=0.1, undershoot=0.15, until_s=11.0, settling_s=9.0
         )
         for name, rise in (("depth", 5.5), ("north", 8.0))
     }
+    more = 0.9 * (abs(size_deg) - _RISE_DEG) / slew_deg_s if slew_deg_s > 0.0 else 0.0
+    rise = min(max(rise_s + more, _SHORTEST_RISE_S), 5.0)
     own = Corridor.from_figures(
-        rise_s=rise_s, overshoot=0.1, settled=0.05, settling_s=min(2.0 * rise_s, 10.0), until_s=11.0
+        rise_s=rise, overshoot=0.1, settled=0.05, settling_s=min(2.0 * rise, 10.0), until_s=11.0
     )
     return {"yaw": own, **moving}
+
+
+def slew_of(parameters: Mapping[str, float]) -> float:
+    """Rate at which a yaw target turns with some parameters, deg/s."""
+    slew, most = parameters.get("ATC_RATE_WPY_MAX", SLEW_DEG_S), parameters.get("ATC_RATE_Y_MAX", 0.0)
+    return min(slew, most) if most > 0.0 else slew
 
 
 def draw_cases(fitted: Fitted, wander: Array, k: int, *, seed: int, spread: Spread | None = None) -> Cases:
@@ -303,9 +362,8 @@ def _violation(corridor: Corridor, since: Array, response: Array) -> Array:
 
 def rise_of(fitted: Fitted, rig: Rig, parameters: Mapping[str, float], *, period_s: float) -> float:
     """Time after which yaw has risen by 90 % of a step of 60 deg, s: nominal vehicle, still water."""
-    courses = step_courses({"yaw": corridors_of(2.0)["yaw"]}, period_s=period_s)
-    course, steps = courses[1]
-    still = Rig(rig.frame, rig.direction, rig.tether_at, (0.0, 0.0), rig.wander_s, rig.steady)
+    course, steps = step_courses(("yaw",), 2.0, period_s=period_s)[SIZES_DEG.index(_RISE_DEG)]
+    still = replace(rig, noise=(0.0, 0.0))
     errors = course.errors(fly_course(fitted.vehicle, still, course, parameters, cases=Cases.of(1)))
     response = _normalised(steps[0], errors["yaw"], course)[0]
     risen = np.flatnonzero((course.t >= steps[0].at_s) & (response >= 0.9))

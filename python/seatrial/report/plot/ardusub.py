@@ -138,10 +138,11 @@ def steps_figure(found: LogTuning) -> Figure:
     ----------
     found : LogTuning
     """
-    from seatrial.ardusub.tuning import corridors_of
+    from seatrial.ardusub.tuning import SIZES_DEG, corridors_of, slew_of
 
     names = list(found.before.bands)
-    corridors = corridors_of(found.rise_s)
+    slew = slew_of(found.parameters)
+    corridors = corridors_of(found.rise_s, size_deg=SIZES_DEG[0], slew_deg_s=slew)
     with house_style():
         figure = new_figure(0.8 + 1.5 * len(names))
         panels = figure.subplots(len(names), 2, sharex=True, sharey="row", squeeze=False)

@@ -1,0 +1,233 @@
+"""What a replay keeps: quantities beside their replay, parameters, and checks that cannot be made.
+
+Held by ``tests/ardusub/test_replay.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from seatrial.ardusub.modes import Modes
+from seatrial.ardusub.quantity import LIMITS, Found, Impossible, Quantity
+from seatrial.base.arrays import Array
+from seatrial.logs.log import Log
+
+__all__ = ["FEWEST", "Comparison", "Rows"]
+
+NEAR_S = 0.004
+"""Rows of two controllers belong together where their stamps are so near, s."""
+
+FEWEST = 20
+"""Rows of a topic below which nothing is replayed from it; a mode with fewer rows owes no check."""
+
+_COVERED = 0.9
+"""Share of a controller's rows that its topic must cover: mode changes cost a row or two."""
+
+_COVERS_S = 0.3  # between a row and the time for which it stands: three periods of a log at 10 Hz
+
+
+_TOPICS = (
+    "RATE", "PIDR", "PIDP", "PIDY", "PIDA", "ANG", "ATT", "PSCD", "PSCN", "PSCE", "PSOT", "CTUN", "RCIN",
+    "RCOU", "MODE", "ARM", "EV",
+)  # fmt: skip
+"""What the replay reads."""
+
+_TELLS = {
+    "sticks": (),
+    "attitude": ("PIDR", "PIDP", "PIDY"),
+    "depth": ("PSCD", "PIDA"),
+    "place": ("PSCN", "PSCE"),
+}
+"""Topics that are written while something is controlled."""
+
+
+@dataclass
+class Rows:
+    """Rows of a topic."""
+
+    t: Array
+    values: Mapping[str, Array]
+
+    def __getitem__(self, name: str) -> Array:
+        return self.values[name]
+
+    def at(self, t: Array, near_s: float = NEAR_S) -> tuple[Any, Any]:
+        """Rows nearest in time, and whether they are near enough."""
+        if len(self.t) < 2:
+            return np.zeros(len(t), int), np.zeros(len(t), bool)
+        after = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
+        before = after - 1
+        nearest = np.where(t - self.t[before] < self.t[after] - t, before, after)
+        return nearest, np.abs(self.t[nearest] - t) <= near_s
+
+
+@dataclass
+class Comparison:
+    """A log, and what comes of its replay.
+
+    Attributes
+    ----------
+    log
+    known
+        Parameters by the names and in the units of 4.7 that the log or a file gives.
+    modes
+    quantities, found, impossible, notes
+        What comes of the replay.
+    """
+
+    log: Log
+    known: Mapping[str, float] = field(default_factory=dict)
+    quantities: list[Quantity] = field(default_factory=list)
+    found: list[Found] = field(default_factory=list)
+    impossible: list[Impossible] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Read what the replay needs, in one pass, and the times at which the log has rows of controllers."""
+        wanted = {name: tuple(self.log.fields[name]) for name in _TOPICS if self.log.fields.get(name)}
+        self.samples = self.log.read(wanted)
+        own = self.read("RATE", "ROut")
+        self.ticks = np.zeros(0) if own is None else own.t
+        self.modes = Modes.of(self.log, self.samples, self.ticks[:1])
+
+    def owes(self, what: str) -> bool:
+        """Whether the vehicle flew long enough in modes that control something.
+
+        In modes that are not known the topics of the controllers tell.
+        """
+        if self.modes.unknown(self.ticks) >= FEWEST and any(t in self.log.fields for t in _TELLS[what]):
+            return True
+        return int(self.modes.controls(self.ticks, what).sum()) >= FEWEST
+
+    def read(self, name: str, *columns: str) -> Rows | None:
+        """Rows of a topic without those that are not numbers; None where it has no such columns or no row.
+
+        Without columns its times alone.
+        """
+        have = self.log.fields.get(name, {})
+        if any(column not in have for column in columns) or not have:
+            return None
+        if not columns:
+            rows = self.read(name, next(iter(have)))
+            return None if rows is None else Rows(rows.t, {})
+        read = self.samples[name]
+        finite = np.all([np.isfinite(read.fields[column]) for column in columns], axis=0)
+        order = np.argsort(read.t[finite], kind="stable")
+        t, first = np.unique(read.t[finite][order], return_index=True)
+        if not len(t):
+            return None
+        return Rows(t, {c: np.asarray(read.fields[c][finite][order][first], float) for c in columns})
+
+    def topic(
+        self, name: str, *columns: str, control: str = "", checks: tuple[tuple[str, str], ...] = ()
+    ) -> Rows | None:
+        """Rows of a topic in which a controller worked; None where there are too few.
+
+        Parameters
+        ----------
+        name, columns
+            Of the topic.
+        control
+            What the modes must control for rows to count; empty: all rows count.
+        checks
+            Controller and quantity of the checks that rest on the topic: impossible where it is missing and
+            the modes of the log owe them.
+        """
+        rows = self.read(name, *columns)
+        lacking = [column for column in columns if column not in self.log.fields.get(name, {})]
+        count_of_all = 0 if rows is None else len(rows.t)
+        if rows is not None and control:
+            works = ~self.modes.rests(rows.t, control)
+            rows = Rows(rows.t[works], {column: rows[column][works] for column in columns})
+        if rows is None or len(rows.t) < FEWEST:
+            count = 0 if rows is None else len(rows.t)
+            what = "no rows" if rows is None and len(lacking) in (0, len(columns)) else f"{count} rows"
+            why = f"the log has {what} of {name}"
+            if 0 < len(lacking) < len(columns):
+                why = f"{name} of the log has no {', '.join(lacking)}"
+            if self.owes(control or "attitude"):
+                self.impossible += [Impossible(*check, why, name) for check in checks]
+            elif checks and count_of_all:
+                self.notes.append(
+                    f"{name}: its rows lie in modes that do not control {control}; they are left out."
+                )
+            elif checks and not self.modes.names:
+                self.notes.append(f"{why[0].upper()}{why[1:]}; what rests on it is not replayed.")
+            return None
+        self._covers(name, control, rows)
+        return rows
+
+    def _covers(self, name: str, control: str, rows: Rows) -> None:
+        """Count a topic that is missing for part of the time in which its controller worked."""
+        if not control or any(gap.topic == name for gap in self.impossible):
+            return
+        due = self.ticks[self.modes.controls(self.ticks, control)]
+        _, near = rows.at(due, _COVERS_S)
+        if len(due) >= FEWEST and near.mean() < _COVERED:
+            why = f"{name} covers {100 * near.mean():.0f} % of the time in which the modes control {control}"
+            self.impossible.append(Impossible(name, "rows of all its time", why, name, partly=True))
+
+    def cannot(self, controller: str, name: str, why: str) -> None:
+        """Count a check that rows do not allow."""
+        self.impossible.append(Impossible(controller, name, why))
+
+    def add(
+        self,
+        controller: str,
+        name: str,
+        unit: str,
+        t: Array,
+        logged: Array,
+        replayed: Array,
+        *,
+        limit: float | None = None,
+        judged: Any = None,
+        why: str = "",
+    ) -> None:
+        """Keep a quantity; its limit is a hundredth of what was logged unless given.
+
+        A quantity without `judged` follows from each row alone, and all of its rows are judged.
+        """
+        exact = judged is None
+        rows = np.ones(len(t), bool) if judged is None else judged
+        if not rows.any():
+            self.cannot(controller, name, "no row is left to judge by")
+            return
+        # Logs keep single precision: below a millionth of the largest value nothing is told.
+        least = 1e-6 * float(np.abs(logged).max(initial=0.0)) + 1e-9
+        within = max(LIMITS["term"] * float(np.std(logged[rows])), least) if limit is None else limit
+        self.quantities.append(
+            Quantity(controller, name, unit, t, logged, replayed, rows, within, why, exact)
+        )
+
+    def gain(self, name: str, logged: Array, cause: Array, t: Array, how: str) -> float:
+        """Factor between a cause and what it drives on the first half, kept; NaN where none shows."""
+        first = t <= np.median(t) if len(t) else np.zeros(0, bool)
+        strong = first & (np.abs(cause) > 0.05 * np.abs(cause[first]).max(initial=0.0)) & (cause != 0.0)
+        if strong.sum() < 10:
+            self.notes.append(f"{name}: too little moved to find it.")
+            return math.nan
+        ratio = logged[strong] / cause[strong]
+        value = float(np.median(ratio))
+        middle = np.abs(ratio - value)
+        sd = 1.4826 * float(np.median(middle)) / math.sqrt(len(ratio))
+        self.keep(Found(name, value, sd, how))
+        return value
+
+    def keep(self, parameter: Found) -> None:
+        """Keep a parameter; of two axes that share it the first counts, and the other says if it agrees."""
+        same = next((own for own in self.found if own.name == parameter.name), None)
+        if same is None:
+            self.found.append(parameter)
+            return
+        spread = math.hypot(*(0.0 if math.isnan(each.sd) else each.sd for each in (same, parameter)))
+        if not parameter.bound and abs(same.value - parameter.value) > max(
+            0.05 * abs(same.value), 3.0 * spread
+        ):
+            why = f"{same.value:.3g} ({same.how}) and {parameter.value:.3g} ({parameter.how}) differ"
+            self.cannot(parameter.name, "one value for both", why)
