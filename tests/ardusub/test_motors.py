@@ -96,7 +96,8 @@ def test_a_log_in_stabilize_owes_attitude_and_motors(tmp_path: Path) -> None:
         (stuck(4, 10.0, 20.0, 1400.0), {4}, "off longest from 10.1 to 20.0 s and stays at 1400 us"),
         (stuck(5, pulse=0.0), {5}, "output 5 carries no pulse"),
         (ordered(2, 1, 3, 4, 5, 6), {1, 2}, "output 1 carries the pulses of motor 2"),
-        (ordered(1, 2, 3, 4, 6, 5), {5, 6}, "output 5 carries the pulses of motor 6"),
+        # But for roll, of which there is little, these two are each other's reverse.
+        (ordered(1, 2, 3, 4, 6, 5), {5, 6}, "output 5"),
         (ordered(5, 6, 1, 2, 3, 4), {1, 2, 3, 4, 5, 6}, "output 1 carries the pulses of motor 5"),
         (reversed_motor(4, 120.0), {4}, "off longest"),
         (all_at_rest, {1, 2, 3, 4, 5, 6}, "stays at 1500 us"),
@@ -116,8 +117,7 @@ def test_a_motor_that_does_not_follow_the_mixer_counts(
     assert first.outcome == "replayed in part"
     assert first.good.startswith(f"{met} of {owed} checks are what")
     # A direction is told by motors that follow only.
-    told = {one.name for one in found.found}
-    assert not told & {f"MOT_{k}_DIRECTION" for k in motors if "off longest" not in wrong[f"motor {k}"]}
+    assert not {one.name for one in found.found} & {f"MOT_{k}_DIRECTION" for k in motors}
 
 
 def test_outputs_that_are_gone_count(tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_parameters_say_which_output_carries_a_motor_and_which_way_it_pushes(tmp
     [
         ("ANG", STABILIZE, 3),
         ("PIDP", STABILIZE, 3),
-        ("RCIN", STABILIZE, 5),
+        ("RCIN", STABILIZE, 1),
         ("RCOU", STABILIZE, 1),
         ("PSCD", ALT_HOLD, 2),
         ("PSCN", GUIDED, 2),
@@ -166,7 +166,7 @@ def test_a_topic_that_the_modes_ask_for_is_missed_in_the_first_sentence(
 
     found = replayed(tmp_path, edit, mode)
     assert topic in found.missing
-    assert sum(gap.topic in (topic, "") for gap in found.impossible) == lost
+    assert sum(gap.topic == topic for gap in found.impossible) == lost
     assert not found.held
     sentence = found.report().good
     assert sentence.startswith(topic if len(found.missing) == 1 else ", ".join(found.missing[:-1]))

@@ -404,7 +404,7 @@ def _compare(work: Comparison, drive: _Drive, fit: _Fit) -> None:
         if not quantity.holds:
             quantity = replace(quantity, why=_cause(quantity, k, output, replayed))
         work.quantities.append(quantity)
-        if fit.explained[k] and np.ptp(replayed[judged, k]) > LIMITS["pulse"]:
+        if quantity.holds and np.ptp(replayed[judged, k]) > LIMITS["pulse"]:
             how = "sign of its pulse under the demands"
             work.keep(Found(f"MOT_{motor}_DIRECTION", fit.direction[k], math.nan, how))
 
