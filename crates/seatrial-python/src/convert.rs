@@ -13,6 +13,9 @@ use seatrial::model::kinematics::{from_euler, normalised};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+/// Of the square of a quaternion's length: less is the rounding of its four products.
+const UNIT_LENGTH: f64 = 1e-14;
+
 /// An array-like of any shape as float64, C order.
 pub struct Numbers {
     shape: Vec<usize>,
@@ -135,7 +138,9 @@ impl Numbers {
         if let Some(row) = quaternions.iter().position(lengthless) {
             return Err(refused(format!("{name}: row {row} is no rotation, found {:?}", quaternions[row])));
         }
-        Ok(quaternions.iter().map(normalised).collect())
+        // One of unit length stays as it is, to the bit: what was read once may be given again.
+        let unit = |q: &[f64; 4]| (q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < UNIT_LENGTH;
+        Ok(quaternions.iter().map(|q| if unit(q) { *q } else { normalised(q) }).collect())
     }
 }
 

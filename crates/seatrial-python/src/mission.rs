@@ -7,6 +7,7 @@ use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::description::facts::Value;
 use seatrial::flight::obstacle::{Hull, clearance};
+use seatrial::flight::reached::{Moment, Nearest, nearest};
 use seatrial::mission::farm::Farm;
 use seatrial::mission::{Mission as Core, Obstacle, Task, Vertical, Waypoint};
 use std::collections::BTreeMap;
@@ -90,6 +91,36 @@ impl Mission {
             facts
         };
         self.core.obstacles.iter().map(shown).collect()
+    }
+
+    /// How near a flight came to every waypoint: the smallest true and perceived distance in m (infinite where the leg was
+    /// never begun), and 1.0 where it was reached, shape (waypoints, 3). `place` and `shown` (n, 4) are true and perceived
+    /// north, east, depth and altitude in m, `leg` and `under_way` (n,) the leg and whether the row is on the mission;
+    /// `loiter_radius` is that of a vehicle that cannot stop, else 0.
+    fn reached(
+        &self,
+        place: Numbers,
+        shown: Numbers,
+        leg: Vec<usize>,
+        under_way: Vec<bool>,
+        loiter_radius: f64,
+    ) -> PyResult<Array> {
+        let (place, shown) = (place.rows::<4>("place")?, shown.rows::<4>("shown")?);
+        for (name, rows) in [("shown", shown.len()), ("leg", leg.len()), ("under_way", under_way.len())] {
+            if rows != place.len() {
+                return Err(refused(format!("{name}: expected {} rows as place, found {rows}", place.len())));
+            }
+        }
+        let moment = |row: usize| Moment {
+            place: place[row],
+            shown: shown[row],
+            leg: leg[row],
+            under_way: under_way[row],
+        };
+        let moments: Vec<Moment> = (0..place.len()).map(moment).collect();
+        let row = |n: &Nearest| [n.truly, n.perceived, f64::from(u8::from(n.reached))];
+        let rows: Vec<[f64; 3]> = nearest(&self.core, loiter_radius, &moments).iter().map(row).collect();
+        Ok(Array::rows(&rows, false))
     }
 
     /// Horizontal distance in m of the hull of a vehicle, without one of its origin, from the nearest of what stands in the water, and the smallest one

@@ -63,7 +63,7 @@ pub extern "C" fn text_length() -> usize {
     STORE.with_borrow(|store| store.text.len())
 }
 
-/// Flies one case. Numbers: the figures, then the log by rows; text: the names of the figures in a line, those of the
+/// Flies one case. Numbers: the figures, waypoints reached and there, then the log by rows; text: the names of the figures in a line, those of the
 /// log's columns in the next.
 #[allow(unsafe_code, reason = "an export by name")]
 #[unsafe(no_mangle)]

@@ -12,8 +12,9 @@ use seatrial::flight::acoustics::{Acoustics, ROW};
 use seatrial::flight::batch::{Case, Cases};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::columns_with;
+use seatrial::flight::reached::{loiter_radius, moments, nearest};
 use seatrial::flight::summary::FIGURES;
-use seatrial::flight::trial::Trial;
+use seatrial::flight::trial::{Dither, Trial};
 use seatrial::flight::waves::Sea;
 use seatrial::flight::{Flight, whole_steps};
 use seatrial::mission::Mission;
@@ -34,6 +35,8 @@ struct Fly {
     model: String,
     autopilot: String,
     mission: String,
+    /// Position, attitude (quaternion) and velocities at the start; at rest where the mission begins when missing.
+    start: Option<([f64; 3], [f64; 4], [f64; 6])>,
     /// Of the vehicle that flies; its model keeps its own.
     #[serde(default)]
     coefficients: Vec<(String, f64)>,
@@ -71,6 +74,11 @@ struct Fly {
     feedback: bool,
     /// The filter whose estimate the autopilot goes by; missing: what the sensors show.
     navigation: Option<Stated>,
+    /// The vehicle that the filter is of; the autopilot's when empty.
+    #[serde(default)]
+    navigation_model: String,
+    /// The waves that the filter was told of; those of the flight when missing.
+    navigation_waves: Option<[f64; 5]>,
     rho: Option<f64>,
     g: Option<f64>,
     max_step: f64,
@@ -81,8 +89,11 @@ struct Fly {
     /// Set points by name, a value per time.
     #[serde(default)]
     set_points: Vec<(String, Vec<f64>)>,
-    /// Whether the log is wanted.
-    log: bool,
+    /// Begin of each value of the dither, s, and by actuator what is added to its command.
+    #[serde(default)]
+    dither_times: Vec<f64>,
+    #[serde(default)]
+    dither: Vec<(String, Vec<f64>)>,
 }
 
 #[derive(Deserialize)]
@@ -118,14 +129,18 @@ pub fn fly(text: &str) -> Answer {
     settings.with_tunables(&asked.gains).map_err(said)?;
     settings.fits(model).map_err(said)?;
     let mission = Arc::new(Mission::from_toml(&asked.mission, "mission").map_err(said)?);
-    let (trial, set_points) = steps(&asked)?;
+    let (mut trial, set_points) = steps(&asked)?;
+    trial.dither = dither(&asked, &description)?;
     let outages = asked.outages.iter().map(|&(group, from, until)| Outage { group, from, until });
     let sensors = Sensors::of_rows(asked.errors, asked.timing, outages.collect());
     let dt = settings.file.period_s;
-    let fitting = asked
-        .navigation
-        .as_ref()
-        .map(|stated| stated.fitting(model, dt, Sea::of_row(asked.waves).swell(GRAVITY)));
+    let filtered = match asked.navigation_model.as_str() {
+        "" => None,
+        file => Some(Description::from_toml(file, "navigation_model").map_err(said)?),
+    };
+    let swell = Sea::of_row(asked.navigation_waves.unwrap_or(asked.waves)).swell(GRAVITY);
+    let fitting =
+        asked.navigation.as_ref().map(|stated| stated.fitting(filtered.as_ref().unwrap_or(model), dt, swell));
     let fitting = fitting.transpose().map_err(said)?;
     let acoustics = Acoustics::of_rows(&asked.acoustics, asked.transceiver, &mission.file.landmarks)?;
     let flight = Flight {
@@ -151,11 +166,7 @@ pub fn fly(text: &str) -> Answer {
     let case = Case {
         coefficients,
         tunables,
-        state: State {
-            position: mission.start.position,
-            attitude: from_euler(&[0.0, 0.0, mission.start_heading()]),
-            nu: [0.0; 6],
-        },
+        state: state(&asked, &mission),
         current: asked.current,
         turbulence: asked.turbulence,
         current_trend: asked.current_trend,
@@ -169,12 +180,36 @@ pub fn fly(text: &str) -> Answer {
         scales: Vec::new(),
     };
     let cases = Cases { coefficients: &sought, tunables: &tuned, cases: &[case] };
-    let flown = flight.fly(&cases, asked.log, &AtomicBool::new(false)).map_err(said)?;
+    let flown = flight.fly(&cases, true, &AtomicBool::new(false)).map_err(said)?;
     let outcome = flown.into_iter().next().ok_or("fly: nothing was flown")?;
+    let columns = columns_with(&description.actuators);
+    let near = nearest(&mission, loiter_radius(&settings), &moments(&outcome.log.values, columns.len()));
     let mut numbers: Vec<f64> = FIGURES.iter().map(|(_, of)| of(&outcome.summary)).collect();
+    numbers.extend([near.iter().filter(|waypoint| waypoint.reached).count(), near.len()].map(|n| n as f64));
     numbers.extend(outcome.log.in_commands(&description.actuators).values);
-    let names: Vec<&str> = FIGURES.iter().map(|(name, _)| *name).collect();
-    Ok((numbers, format!("{}\n{}", names.join(" "), columns_with(&description.actuators).join(" "))))
+    let names: Vec<&str> = FIGURES.iter().map(|(name, _)| *name).chain(["reached", "legs"]).collect();
+    Ok((numbers, format!("{}\n{}", names.join(" "), columns.join(" "))))
+}
+
+/// Where the flight begins.
+fn state(asked: &Fly, mission: &Mission) -> State<f64> {
+    let at_rest = || (mission.start.position, from_euler(&[0.0, 0.0, mission.start_heading()]), [0.0; 6]);
+    let (position, attitude, nu) = asked.start.unwrap_or_else(at_rest);
+    State { position, attitude, nu }
+}
+
+/// What is added to the commands.
+fn dither(asked: &Fly, vehicle: &Description) -> Result<Dither, String> {
+    let of = |(name, values): &(String, Vec<f64>)| {
+        let actuator = actuator_index(vehicle, name).map_err(said)?;
+        if values.len() != asked.dither_times.len() {
+            return Err(format!("dither: {name}: expected {} values", asked.dither_times.len()));
+        }
+        let sign = if vehicle.actuators[actuator].reversed { -1.0 } else { 1.0 };
+        Ok((actuator, values.iter().map(|x| sign * x).collect()))
+    };
+    let signals = asked.dither.iter().map(of).collect::<Result<Vec<_>, String>>()?;
+    Ok(Dither { times: asked.dither_times.clone(), signals })
 }
 
 pub fn mission(text: &str) -> Answer {

@@ -2,7 +2,7 @@
 //!
 //! In reading order: [`acoustics`], what only a filter reads; [`aboard`], the navigation filters; [`obstacle`], [`faults`], [`turbulence`], [`drift`], [`waves`] and their sum [`water`], what the world
 //! adds; [`motors`], what the actuators really do; [`energy`], what is used up; [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
-//! [`summary`], the figures, which `tally` sums up under way; [`log`](mod@log), every period of it; [`fly`], one case;
+//! [`summary`], the figures, which `tally` sums up under way; [`log`](mod@log), every period of it; [`reached`], which waypoints a log reached; [`fly`], one case;
 //! [`batch`], many; [`ardusub`], a vehicle under ArduSub's cascade along targets over time.
 //!
 //! Once per control period the sensors are read, the autopilot steps and its commands are held; the motors and
@@ -24,6 +24,7 @@ mod legs;
 pub mod log;
 pub mod motors;
 pub mod obstacle;
+pub mod reached;
 pub mod summary;
 mod tally;
 pub mod trial;

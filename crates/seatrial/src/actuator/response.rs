@@ -13,6 +13,7 @@
 //! Tests: `tests/laws.rs::law_response_…`.
 
 use super::motor::Limits;
+use crate::number::plain;
 
 /// Dynamics of a motor with rate limits for each direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,7 +103,7 @@ impl Response {
         }
         let elapsed = t - piece.start;
         let settled = |elapsed: f64| k_v * (piece.input + piece.slope * (elapsed - t_1));
-        let forgotten = if t_1 > 0.0 { (-elapsed / t_1).exp() } else { 0.0 };
+        let forgotten = if t_1 > 0.0 { plain::exp(-elapsed / t_1) } else { 0.0 };
         settled(elapsed) + (piece.signal - settled(0.0)) * forgotten
     }
 

@@ -14,6 +14,7 @@
 //! Tests: `tests/golden.rs` (Lamb factors, MSS `imlay61`, CWolf's integrals).
 
 use crate::description::coefficients::{INERTIA, added_mass, quadratic};
+use crate::number::plain;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -79,11 +80,11 @@ fn sea_water_viscosity() -> f64 {
 /// Lamb's factors `[k1, k2, k']` of a prolate spheroid of this length and radius, length > 2 radius.
 pub fn lamb_factors(length: f64, radius: f64) -> [f64; 3] {
     let (a, b) = (0.5 * length, radius);
-    let e2 = 1.0 - (b / a).powi(2);
+    let e2 = 1.0 - plain::powi(b / a, 2);
     let e = e2.sqrt();
-    let logarithm = ((1.0 + e) / (1.0 - e)).ln();
-    let alpha = 2.0 * (1.0 - e2) / e.powi(3) * (0.5 * logarithm - e);
-    let beta = 1.0 / e2 - (1.0 - e2) / (2.0 * e.powi(3)) * logarithm;
+    let logarithm = plain::ln((1.0 + e) / (1.0 - e));
+    let alpha = 2.0 * (1.0 - e2) / plain::powi(e, 3) * (0.5 * logarithm - e);
+    let beta = 1.0 / e2 - (1.0 - e2) / (2.0 * plain::powi(e, 3)) * logarithm;
     let k_rotation = e2 * e2 * (beta - alpha) / ((2.0 - e2) * (2.0 * e2 - (2.0 - e2) * (beta - alpha)));
     [alpha / (2.0 - alpha), beta / (2.0 - beta), k_rotation]
 }
@@ -107,7 +108,7 @@ impl Geometry {
     pub fn axial_drag(&self) -> f64 {
         let slenderness = self.length_m / self.diameter_m;
         let reynolds = self.design_speed_m_s * self.length_m / self.kinematic_viscosity_m2_s;
-        let friction = 0.075 / (reynolds.log10() - 2.0).powi(2);
+        let friction = 0.075 / plain::powi(plain::log10(reynolds) - 2.0, 2);
         0.44 / slenderness + 4.0 * friction * slenderness + 4.0 * friction / slenderness.sqrt()
     }
 
@@ -135,11 +136,11 @@ impl Geometry {
         let [k1, k2, k_rotation] = lamb_factors(l, r);
         let cross_flow = cross_flow_drag(l / self.diameter_m);
         let lateral = -0.5 * rho * cross_flow * 2.0 * r * l;
-        let rotation = -rho * cross_flow * r * l.powi(4) / 32.0;
+        let rotation = -rho * cross_flow * r * plain::powi(l, 4) / 32.0;
         let roll = -0.5
             * rho
             * FLAT_PLATE
-            * self.appendages.iter().map(|a| a.area_m2 * a.arm_m.powi(3)).sum::<f64>();
+            * self.appendages.iter().map(|a| a.area_m2 * plain::powi(a.arm_m, 3)).sum::<f64>();
         vec![
             (INERTIA, i_x),
             (INERTIA + 1, i_y),

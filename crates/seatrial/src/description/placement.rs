@@ -12,6 +12,7 @@ use crate::description::vehicle_file::{
 };
 use crate::error::nearest;
 use crate::number::algebra::{Vec3, Vec6};
+use crate::number::plain;
 use std::sync::Arc;
 
 /// The parts of an actuator that no candidate changes.
@@ -258,7 +259,7 @@ pub(super) fn place_fin(
     if cosine.abs() > 1e-3 {
         return Err(format!(
             "normal: expected at right angles to chord, found {:.1} degrees between them",
-            cosine.acos().to_degrees()
+            plain::acos(cosine).to_degrees()
         ));
     }
     let mut set = writer(values);
@@ -293,7 +294,7 @@ pub(super) fn place_fin(
 fn inflow_factor(p: &Polynomial, rho: f64) -> Result<f64, String> {
     match (p.p2, p.alpha2, p.diameter_m) {
         (Some(p2), None, None) => Ok(p2),
-        (None, Some(alpha2), Some(d)) => Ok(alpha2 * rho * d.powi(3)),
+        (None, Some(alpha2), Some(d)) => Ok(alpha2 * rho * plain::powi(d, 3)),
         (None, None, _) => Ok(0.0),
         _ => Err("characteristic: expected either p2, or alpha2 and diameter_m, or none of them".into()),
     }
@@ -306,8 +307,8 @@ fn thrust_factors(q: &Quadratic, rho: f64) -> Result<[f64; 3], String> {
             Ok([p1, q.p1_astern.unwrap_or(p1), q.p2.unwrap_or(0.0)])
         }
         (None, Some(alpha1), Some(d)) if q.p1_astern.is_none() && q.p2.is_none() => {
-            let p1 = rho * d.powi(4);
-            Ok([alpha1 * p1, q.alpha1_astern.unwrap_or(alpha1) * p1, q.alpha2.unwrap_or(0.0) * rho * d.powi(3)])
+            let p1 = rho * plain::powi(d, 4);
+            Ok([alpha1 * p1, q.alpha1_astern.unwrap_or(alpha1) * p1, q.alpha2.unwrap_or(0.0) * rho * plain::powi(d, 3)])
         }
         _ => Err("characteristic: expected either p1_ahead (p1_astern, p2) or alpha1_ahead (alpha1_astern, alpha2) and diameter_m".into()),
     }

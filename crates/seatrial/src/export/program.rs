@@ -6,6 +6,8 @@
 //! alone is computed once, when they are set.
 
 use crate::error::Error;
+use crate::number::plain;
+use crate::number::real::Real;
 use crate::number::traced::{Operation, Place, Tape, Traced, along, listed, record};
 
 /// A number of the interface.
@@ -262,14 +264,14 @@ impl Program {
                 Divide(a, b) => at(a) / at(b),
                 Absolute(a) => at(a).abs(),
                 Root(a) => at(a).sqrt(),
-                Minimum(a, b) => at(a).min(at(b)),
-                Maximum(a, b) => at(a).max(at(b)),
+                Minimum(a, b) => Real::min(at(a), at(b)),
+                Maximum(a, b) => Real::max(at(a), at(b)),
                 Floor(a) => at(a).floor(),
-                Sine(a) => at(a).sin(),
-                Cosine(a) => at(a).cos(),
-                Angle(a, b) => at(a).atan2(at(b)),
-                Exponential(a) => at(a).exp(),
-                Logarithm(a) => at(a).ln(),
+                Sine(a) => plain::sin(at(a)),
+                Cosine(a) => plain::cos(at(a)),
+                Angle(a, b) => plain::atan2(at(a), at(b)),
+                Exponential(a) => plain::exp(at(a)),
+                Logarithm(a) => plain::ln(at(a)),
                 Select(a, b, c) => {
                     if at(a) != 0.0 {
                         at(b)

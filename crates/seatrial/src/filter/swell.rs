@@ -10,6 +10,7 @@
 //! Source: Fossen (2021), sections 10.2.1 (orbital motion) and 13.2 (wave filtering). Tests: `tests/flight/test_navigation.py`.
 
 use crate::number::algebra::Vec3;
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// The waves that a filter is told of.
@@ -61,7 +62,7 @@ impl Swell {
     pub fn share<T: Real>(&self, direction: &Vec3<T>) -> T {
         let ([north, east], [x, y, z]) = (self.toward, *direction);
         let (along, across) = (x * north + y * east, y * north - x * east);
-        let spread = 0.5 * (1.0 - (-2.0 * self.spreading * self.spreading).exp());
+        let spread = 0.5 * (1.0 - plain::exp(-2.0 * self.spreading * self.spreading));
         z * z + along * along * (1.0 - spread) + across * across * spread
     }
 }

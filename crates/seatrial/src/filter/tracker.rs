@@ -20,6 +20,7 @@ use super::row::Row;
 use super::transition::{Return, Transition};
 use crate::model::vehicle::Instant;
 use crate::number::algebra::{Vec6, each, splat};
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// What the model does not know.
@@ -150,8 +151,8 @@ impl<T: Real> Tracker<T> {
             || process.advance(estimate, nodes, h, &mut step.block),
         );
         step.drift = dt;
-        let kept = (-dt / noise.force_time).exp();
-        let slow = (-dt / noise.current_time).exp();
+        let kept = plain::exp(-dt / noise.force_time);
+        let slow = plain::exp(-dt / noise.current_time);
         let [turned, shifted] = noise.offsets;
         let [u, v, w] = self.estimate.over_ground();
         let carried = (u * u + v * v + w * w) * (turned * turned) + shifted * shifted;
@@ -161,17 +162,17 @@ impl<T: Real> Tracker<T> {
             step.noise[ATTITUDE + i] = square * dt;
         }
         for i in 0..6 {
-            step.noise[VELOCITY + i] = u.splat(noise.acceleration[i].powi(2) * dt);
+            step.noise[VELOCITY + i] = u.splat(plain::powi(noise.acceleration[i], 2) * dt);
             step.decay[FORCE + i] = kept;
             step.noise[FORCE + i] =
-                self.walk[i] * self.walk[i] * dt + noise.force[i].powi(2) * (1.0 - kept * kept);
+                self.walk[i] * self.walk[i] * dt + plain::powi(noise.force[i], 2) * (1.0 - kept * kept);
             self.estimate.force[i] = self.estimate.force[i] * kept;
         }
         for i in 0..3 {
             step.decay[CURRENT + i] = slow;
-            step.noise[CURRENT + i] = u.splat(noise.current[i].powi(2) * (1.0 - slow * slow));
+            step.noise[CURRENT + i] = u.splat(plain::powi(noise.current[i], 2) * (1.0 - slow * slow));
             self.estimate.current[i] = self.estimate.current[i] * slow;
-            step.noise[GYRO_BIAS + i] = u.splat(noise.gyro_walk.powi(2) * dt);
+            step.noise[GYRO_BIAS + i] = u.splat(plain::powi(noise.gyro_walk, 2) * dt);
         }
         let (state, back) = (&mut *self.state, &mut *self.back);
         unit.apart(

@@ -15,6 +15,7 @@ use crate::filter::observation::{Observation, Surface};
 use crate::mission::landmarks::LandmarkTable;
 use crate::model::kinematics::{from_euler, rotation};
 use crate::number::algebra::{Vec3, product, transposed_product};
+use crate::number::plain;
 use crate::number::random::{ONCE, Seed};
 
 /// The kinds, as indices among those of the filter.
@@ -115,7 +116,7 @@ fn landmark(table: &LandmarkTable) -> (String, Landmark) {
             Landmark::Beacon([north_m, east_m, depth_m])
         }
         LandmarkTable::Wall { north_m, east_m, facing_deg, .. } => {
-            let (sine, cosine) = facing_deg.to_radians().sin_cos();
+            let (sine, cosine) = plain::sin_cos(facing_deg.to_radians());
             let offset = north_m * cosine + east_m * sine;
             Landmark::Surface(Surface::Plane { normal: [cosine, sine, 0.0], offset })
         }
@@ -191,7 +192,7 @@ impl Soundings {
         }
         let (chance, share) = self.seed.two_uniforms(k, DRAWS - 1 - index);
         let left = (self.silent[index] - dt).max(0.0);
-        self.silent[index] = if chance < dt / every { left.max(-share.ln() * length) } else { left };
+        self.silent[index] = if chance < dt / every { left.max(-plain::ln(share) * length) } else { left };
         self.silent[index] > 0.5 * dt
     }
 
@@ -199,7 +200,8 @@ impl Soundings {
         let Instrument { arm, mount, .. } = device.instrument;
         let lever = product(&at.rotation(), &arm);
         let head: Vec3<f64> = std::array::from_fn(|i| at.motion.position[i] + lever[i]);
-        let distance = |place: &Vec3<f64>| (0..3).map(|i| (head[i] - place[i]).powi(2)).sum::<f64>().sqrt();
+        let distance =
+            |place: &Vec3<f64>| (0..3).map(|i| plain::powi(head[i] - place[i], 2)).sum::<f64>().sqrt();
         match DEVICES[index] {
             GPS if head[2] < 0.0 => {
                 for axis in 0..2 {
@@ -224,7 +226,7 @@ impl Soundings {
                         Landmark::Surface(surface) => {
                             let seen = transposed_product(&at.rotation(), &nearest(surface, &head));
                             let [x, y, _] = transposed_product(&rotation(&mount), &seen);
-                            y.atan2(x)
+                            plain::atan2(y, x)
                         }
                     };
                     let echo = place.observed(false, &device.instrument, beam);
@@ -285,7 +287,7 @@ fn nearest(surface: &Surface, from: &Vec3<f64>) -> Vec3<f64> {
         }
         Surface::Cylinder { centre, radius } => {
             let (x, y) = (from[0] - centre[0], from[1] - centre[1]);
-            let away = x.hypot(y).max(1e-9);
+            let away = plain::hypot(x, y).max(1e-9);
             let outward = if away < radius { 1.0 } else { -1.0 };
             [outward * x / away, outward * y / away, 0.0]
         }

@@ -27,6 +27,7 @@ use crate::model::kinematics::{rotation, to_euler};
 use crate::model::vehicle::{Instant, Mode, Vehicle};
 use crate::number::algebra::{Vec3, Vec6, cross, product, transposed_product};
 use crate::number::lanes::{LANES, Lanes, level};
+use crate::number::plain;
 use crate::number::random::Noise;
 use crate::number::real::Real;
 use fearless_simd::{Level, Simd, SimdBase, f64x8};
@@ -196,7 +197,7 @@ impl Course<'_> {
             instant.current = Some(Current { velocity: setting.current, rate: [unit; 3], pressed: None });
         }
         let steady = vehicle.bias.unwrap_or([unit; 6]);
-        let decay = (-dt * EVERY as f64 / self.wander_s).exp();
+        let decay = plain::exp(-dt * EVERY as f64 / self.wander_s);
         let fresh = (1.0 - decay * decay).sqrt();
         let mut noise = Noise::<T, 12>::new(setting.seed, PLACE);
         let mut wander = [unit; 6];

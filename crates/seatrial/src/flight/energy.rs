@@ -6,6 +6,7 @@
 
 use crate::description::vehicle_file::CharacteristicTable;
 use crate::description::{Description, Effect};
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// Power and energy of a flight.
@@ -28,7 +29,7 @@ impl<T: Real> Energy<T> {
             Effect::Thrust(CharacteristicTable::Polynomial(p), _) => p.power_w_s3,
             _ => None,
         };
-        let per_minute = 60f64.powi(-3);
+        let per_minute = plain::powi(60.0, -3);
         let of = description.actuators.iter().map(|a| factor(&a.effect).unwrap_or(0.0) * per_minute);
         Self {
             hotel: power.map_or(0.0, |p| p.hotel_w),

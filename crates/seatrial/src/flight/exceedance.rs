@@ -4,6 +4,7 @@
 //!
 //! Tests: `tests/flight/test_flight.py` (quantiles of the log).
 
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// The number of thresholds.
@@ -14,7 +15,7 @@ const SMALLEST_M: f64 = 0.01;
 
 /// The thresholds, m: 1 cm to 100 m.
 pub fn edges() -> [f64; EDGES] {
-    std::array::from_fn(|i| SMALLEST_M * 10f64.powf(0.1 * i as f64))
+    std::array::from_fn(|i| SMALLEST_M * plain::powf(10.0, 0.1 * i as f64))
 }
 
 /// How many samples were above each threshold.

@@ -3,6 +3,7 @@
 //! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py` (figures equal to those from the log).
 
 use crate::mission::{Mission, Task, Vertical};
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// The way to one waypoint.
@@ -41,7 +42,7 @@ impl Legs {
             let from = before.map_or(mission.start.position, |w| w.position);
             let to = waypoint.position;
             let (north, east) = (to[0] - from[0], to[1] - from[1]);
-            let length = north.hypot(east);
+            let length = plain::hypot(north, east);
             let (own, last) = (band(i), band(i.saturating_sub(1)));
             Leg {
                 from: [from[0], from[1]],

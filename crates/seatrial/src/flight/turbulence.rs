@@ -11,6 +11,7 @@
 
 use crate::model::current::Current;
 use crate::number::algebra::Vec3;
+use crate::number::plain;
 use crate::number::random::{Noise, ONCE, gaussians};
 use crate::number::real::Real;
 
@@ -46,7 +47,7 @@ impl<T: Real> Turbulence<T> {
     #[inline(always)]
     pub fn new((mean, sigma): (Vec3<T>, Vec3<T>), [tau, tau_2]: [f64; 2], seed: T, dt: f64) -> Self {
         let varies = is_any(&sigma);
-        let (decay, decay_2) = ((-dt / tau).exp(), (-dt / tau_2).exp());
+        let (decay, decay_2) = (plain::exp(-dt / tau), plain::exp(-dt / tau_2));
         // Variance of the slow part per variance of the velocity.
         let variance = (tau + tau_2) / tau;
         let mut current = Self {

@@ -32,6 +32,7 @@
 use crate::filter::swell::Swell;
 use crate::model::current::Current;
 use crate::number::algebra::Vec3;
+use crate::number::plain;
 use crate::number::random::{ONCE, gaussian, uniform};
 use crate::number::real::Real;
 use std::f64::consts::TAU;
@@ -79,7 +80,7 @@ impl Sea {
             let omega = omega_p * stratum.frequency(0.5);
             [omega, omega * omega / g, stratum.energy * self.height * self.height / 16.0]
         };
-        let (sine, cosine) = self.toward.sin_cos();
+        let (sine, cosine) = plain::sin_cos(self.toward);
         (self.height > 0.0).then(|| Swell {
             components: strata(self.peakedness).iter().map(component).collect(),
             toward: [cosine, sine],
@@ -99,7 +100,7 @@ impl Sea {
             .map(|i| {
                 let (energy, omega) = (strata[i].energy, omega_p * strata[i].frequency(drawn(0, i)));
                 let turn = gaussian(seed, ONCE, PLACE + 2 * COMPONENTS + i) * self.spreading;
-                let (sin, cos) = (self.toward + turn).sin_cos();
+                let (sin, cos) = plain::sin_cos(self.toward + turn);
                 Harmonic {
                     omega,
                     number: omega * omega / g,
@@ -152,8 +153,8 @@ impl Stratum {
 /// The JONSWAP spectrum over x = ω/ω_p, of any size.
 pub fn jonswap(x: f64, peakedness: f64) -> f64 {
     let width = if x <= 1.0 { 0.07 } else { 0.09 };
-    let peak = (-0.5 * ((x - 1.0) / width).powi(2)).exp();
-    x.powi(-5) * (-1.25 * x.powi(-4)).exp() * peakedness.powf(peak)
+    let peak = plain::exp(-0.5 * plain::powi((x - 1.0) / width, 2));
+    plain::powi(x, -5) * plain::exp(-1.25 * plain::powi(x, -4)) * plain::powf(peakedness, peak)
 }
 
 /// The strata of the spectrum, of equal ∫ √S.

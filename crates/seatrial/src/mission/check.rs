@@ -11,6 +11,7 @@ use super::landmarks;
 use super::numbers::{finite, not_negative, positive};
 use super::plane::{Place, cross_each_other, distance_to_stretch};
 use super::waypoint::{Mission, Obstacle, Task, Vertical};
+use crate::number::plain;
 
 /// A leg shorter than this has no direction, m.
 const SHORTEST: f64 = 1e-6;
@@ -135,7 +136,7 @@ fn fence(mission: &Mission, k: usize) -> Result<(), String> {
 fn length(mission: &Mission, k: usize) -> Result<(), String> {
     let point = &mission.waypoints[k];
     let step = mission.step(k);
-    let length = step[0].hypot(step[1]).hypot(step[2]);
+    let length = plain::hypot(plain::hypot(step[0], step[1]), step[2]);
     // A vehicle may turn on the spot, to look the other way, or begin with a hold.
     if matches!(point.task, Task::Hold { .. }) {
         return Ok(());

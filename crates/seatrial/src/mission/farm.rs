@@ -12,6 +12,7 @@
 use super::plane::{
     Place, between, cross, difference, distance, distance_of_stretches, distance_to_stretch, towards,
 };
+use crate::number::plain;
 use crate::number::real::Real;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -73,7 +74,7 @@ impl Farm {
         let turn = |i: usize| {
             let [before, here, after] = [corners.len() - 1, 0, 1].map(|k| corners[(i + k) % corners.len()]);
             let [a, b] = [difference(before, here), difference(here, after)];
-            (cross(a, b) * doubled.signum()).atan2(a[0] * b[0] + a[1] * b[1])
+            plain::atan2(cross(a, b) * doubled.signum(), a[0] * b[0] + a[1] * b[1])
         };
         for i in 0..corners.len() {
             if distance(corners[i], corners[(i + 1) % corners.len()]) < 1e-6 {
@@ -83,7 +84,7 @@ impl Farm {
             if !(-1e-9..PI - 1e-6).contains(&turn(i)) {
                 let along = difference(corners[0], corners[1]);
                 let beside = |corner: &Place| cross(along, difference(corners[0], *corner)).abs();
-                if corners.iter().all(|corner| beside(corner) <= 1e-6 * along[0].hypot(along[1])) {
+                if corners.iter().all(|corner| beside(corner) <= 1e-6 * plain::hypot(along[0], along[1])) {
                     return Err("expected corners that enclose an area, but all lie on one line".into());
                 }
                 return Err(format!(
@@ -136,7 +137,7 @@ impl Farm {
     fn corners_of_way(&self, round: &Round, most: usize) -> Option<Vec<Place>> {
         // How many parts of `angle` keep the excess of a polygon about a circle of this radius.
         let parts = |angle: f64, radius: f64| {
-            let half = (radius / (radius + round.tolerance)).acos();
+            let half = plain::acos(radius / (radius + round.tolerance));
             let parts = (angle / (2.0 * half) - 1e-9).ceil().max(1.0);
             (parts < most as f64).then_some(parts as usize)
         };
@@ -149,7 +150,7 @@ impl Farm {
                     towards(
                         *centre,
                         round.bearing + TAU * i as f64 / n as f64,
-                        radius / (PI / n as f64).cos(),
+                        radius / plain::cos(PI / n as f64),
                     )
                 };
                 (n < most).then(|| (0..n).map(corner).collect())
@@ -160,7 +161,7 @@ impl Farm {
                     let [before, here, after] =
                         [corners.len() - 1, 0, 1].map(|k| corners[(i + k) % corners.len()]);
                     let [first, second] =
-                        [difference(before, here), difference(here, after)].map(|d| d[1].atan2(d[0]));
+                        [difference(before, here), difference(here, after)].map(|d| plain::atan2(d[1], d[0]));
                     let turn = (second - first).wrap();
                     if turn < 1e-9 {
                         continue; // a place on a straight side
@@ -170,7 +171,7 @@ impl Farm {
                     way.extend((0..k).map(|j| {
                         // The farm lies to starboard, its outward normal to port.
                         let bearing = first - FRAC_PI_2 + (j as f64 + 0.5) * part;
-                        towards(here, bearing, round.distance / (0.5 * part).cos())
+                        towards(here, bearing, round.distance / plain::cos(0.5 * part))
                     }));
                 }
                 (way.len() < most).then_some(way)

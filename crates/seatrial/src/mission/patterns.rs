@@ -11,6 +11,7 @@
 //! Tests: `tests/mission/patterns.rs` (coverage, order, spacing of the arms, deviation of the chords).
 
 use super::plane::{Place, towards};
+use crate::number::plain;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
 /// So much of a gap or a turn is rounding of what was typed.
@@ -87,7 +88,7 @@ impl Coil {
         let mut here = 0.0;
         while whole - here > ROUNDING {
             let radius = large - rate * here;
-            let step = (8.0 * self.tolerance / radius.hypot(2.0 * rate)).sqrt().min(FRAC_PI_4);
+            let step = (8.0 * self.tolerance / plain::hypot(radius, 2.0 * rate)).sqrt().min(FRAC_PI_4);
             let rest = whole - here;
             here = if rest <= step {
                 whole

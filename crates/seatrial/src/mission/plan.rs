@@ -9,6 +9,7 @@
 use super::plane::{Place, difference, distance, towards};
 use super::waypoint::{Mission, Task, Vertical};
 use crate::number::algebra::Vec3;
+use crate::number::plain;
 use std::f64::consts::{PI, TAU};
 
 /// What lies between two waypoints, and what is done at the second.
@@ -41,7 +42,7 @@ impl Mission {
             .map(|k| {
                 let [north, east, _] = self.step(k);
                 if north != 0.0 || east != 0.0 {
-                    course = east.atan2(north);
+                    course = plain::atan2(east, north);
                 }
                 course
             })
@@ -50,7 +51,7 @@ impl Mission {
 
     /// Per waypoint the slope of the straight way to it, rad in [−π/2, π/2], positive upwards.
     pub fn slopes(&self) -> Vec<f64> {
-        let slope = |[north, east, down]: Vec3<f64>| (0.0 - down).atan2(north.hypot(east));
+        let slope = |[north, east, down]: Vec3<f64>| plain::atan2(0.0 - down, plain::hypot(north, east));
         (0..self.waypoints.len()).map(|k| slope(self.step(k))).collect()
     }
 
@@ -91,14 +92,14 @@ impl Mission {
                 Task::Hold { seconds, .. } => (across, 0.0, seconds, place),
                 Task::Circle { radius, clockwise, turns } => {
                     let to = difference(here, place);
-                    let joined = to[1].atan2(to[0]) + PI;
+                    let joined = plain::atan2(to[1], to[0]) + PI;
                     let turned = if clockwise { TAU * turns } else { -TAU * turns };
                     let end = towards(place, joined + turned, radius);
                     ((across - radius).abs(), TAU * radius * turns, 0.0, end)
                 }
             };
             here = end;
-            Stage { straight: horizontal.hypot(down), circle, hold }
+            Stage { straight: plain::hypot(horizontal, down), circle, hold }
         };
         (0..self.waypoints.len()).map(|k| (k, self.step(k)[2])).map(stage).collect()
     }

@@ -2,12 +2,14 @@
 //!
 //! Tests: `tests/mission/patterns.rs` and `tests/mission/patterns.rs`, through the missions that use it.
 
+use crate::number::plain;
+
 /// North and east, m.
 pub type Place = [f64; 2];
 
 /// The place at `distance` (m) from `from` in the direction `bearing` (rad).
 pub fn towards(from: Place, bearing: f64, distance: f64) -> Place {
-    let (sine, cosine) = bearing.sin_cos();
+    let (sine, cosine) = plain::sin_cos(bearing);
     [from[0] + distance * cosine, from[1] + distance * sine]
 }
 
@@ -19,7 +21,7 @@ pub fn difference(from: Place, to: Place) -> Place {
 /// Distance between two places, m.
 pub fn distance(a: Place, b: Place) -> f64 {
     let d = difference(a, b);
-    d[0].hypot(d[1])
+    plain::hypot(d[0], d[1])
 }
 
 /// `a × b`: positive where b lies clockwise of a, seen from above.

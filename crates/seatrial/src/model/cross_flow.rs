@@ -14,6 +14,7 @@
 //! Tests: `tests/laws/cross_flow.rs`, `tests/core/test_scalar_textbook.py`, `tests/core/test_casadi_derivatives.py`.
 
 use crate::number::algebra::Vec6;
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// Number of strips.
@@ -49,7 +50,7 @@ impl Strips {
 
 /// Node `i` of the Gauss–Legendre rule of `n` nodes on [−1, 1], ascending, and its weight.
 fn legendre_node(n: usize, i: usize) -> (f64, f64) {
-    let mut x = -(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+    let mut x = -plain::cos(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5));
     let mut slope = 1.0;
     // Newton from Tricomi's estimate: the digits double each time, so that six rounds reach rounding.
     for _ in 0..6 {

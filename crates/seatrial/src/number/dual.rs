@@ -7,6 +7,7 @@
 //! Source: forward accumulation, Griewank & Walther, *Evaluating Derivatives* (2008), chapter 3.
 //! Tests: `tests/scalars/dual.rs` (every operation against finite differences, values against `f64`).
 
+use super::plain;
 use super::real::Real;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -194,7 +195,7 @@ impl<P: Real> Real for Dual<P> {
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        let (sine, cosine) = self.value.sin_cos();
+        let (sine, cosine) = plain::sin_cos(self.value);
         (self.chain(sine, cosine), self.chain(cosine, -sine))
     }
     #[inline(always)]
@@ -204,16 +205,16 @@ impl<P: Real> Real for Dual<P> {
         let scale = if scale.is_infinite() { 0.0 } else { scale };
         let p = self.partials;
         let partials = p.mul_sub(p.splat(x.value * scale), x.partials * (self.value * scale));
-        Self { value: self.value.atan2(x.value), partials }
+        Self { value: plain::atan2(self.value, x.value), partials }
     }
     #[inline(always)]
     fn exp(self) -> Self {
-        let value = self.value.exp();
+        let value = plain::exp(self.value);
         self.chain(value, value)
     }
     #[inline(always)]
     fn ln(self) -> Self {
-        self.chain(self.value.ln(), 1.0 / self.value)
+        self.chain(plain::ln(self.value), 1.0 / self.value)
     }
     #[inline(always)]
     fn lt(self, other: Self) -> bool {

@@ -7,6 +7,7 @@
 //! Source: Steele, Lea and Flood, *Fast splittable pseudorandom number generators* (2014), the finaliser
 //! "variant 13"; Box and Muller (1958). Tests: `tests/closed_loop.rs::law_random_…` (moments, independence).
 
+use super::plain;
 use super::real::Real;
 use std::f64::consts::TAU;
 
@@ -102,7 +103,7 @@ impl<T: Real> Seed<T> {
 
 /// A number evenly distributed over (0, 1).
 pub fn uniform(seed: f64, step: usize, place: usize) -> f64 {
-    ((Seed::new(seed).bits(step, place) >> 11) as f64 + 0.5) * 2f64.powi(-53)
+    ((Seed::new(seed).bits(step, place) >> 11) as f64 + 0.5) * plain::powi(2.0, -53)
 }
 
 /// Two standard normal numbers of a seed that is used once.

@@ -11,6 +11,7 @@
 //!
 //! Tests: `tests/scalars.rs` (the number types agree, elementary functions within 2 ulp).
 
+use super::plain;
 use super::random::Word;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -168,11 +169,12 @@ impl Real for f64 {
     }
     #[inline(always)]
     fn min(self, other: f64) -> f64 {
-        f64::min(self, other)
+        // The standard library's leaves the sign of a zero to the platform, and atan2 makes half a turn of it.
+        if other < self || self.is_nan() { other } else { self }
     }
     #[inline(always)]
     fn max(self, other: f64) -> f64 {
-        f64::max(self, other)
+        if self < other || self.is_nan() { other } else { self }
     }
     #[inline(always)]
     fn floor(self) -> f64 {
@@ -180,19 +182,19 @@ impl Real for f64 {
     }
     #[inline(always)]
     fn sin_cos(self) -> (f64, f64) {
-        f64::sin_cos(self)
+        plain::sin_cos(self)
     }
     #[inline(always)]
     fn atan2(self, x: f64) -> f64 {
-        f64::atan2(self, x)
+        plain::atan2(self, x)
     }
     #[inline(always)]
     fn exp(self) -> f64 {
-        f64::exp(self)
+        plain::exp(self)
     }
     #[inline(always)]
     fn ln(self) -> f64 {
-        f64::ln(self)
+        plain::ln(self)
     }
     #[inline(always)]
     fn lt(self, other: f64) -> bool {

@@ -20,6 +20,7 @@
 //! Constants fold as they compute in double precision, but for zero times a number, which is zero whatever the number,
 //! and for the sign of a zero. Tests: `tests/export.rs`.
 
+use super::plain;
 use super::random::Word;
 use super::real::Real;
 use std::cell::RefCell;
@@ -441,25 +442,25 @@ impl Real for Traced {
         self.one(Operation::Root, f64::sqrt)
     }
     fn min(self, other: Self) -> Self {
-        if self.0 == other.0 { self } else { self.two(other, Operation::Minimum, f64::min) }
+        if self.0 == other.0 { self } else { self.two(other, Operation::Minimum, Real::min) }
     }
     fn max(self, other: Self) -> Self {
-        if self.0 == other.0 { self } else { self.two(other, Operation::Maximum, f64::max) }
+        if self.0 == other.0 { self } else { self.two(other, Operation::Maximum, Real::max) }
     }
     fn floor(self) -> Self {
         self.one(Operation::Floor, f64::floor)
     }
     fn sin_cos(self) -> (Self, Self) {
-        (self.one(Operation::Sine, f64::sin), self.one(Operation::Cosine, f64::cos))
+        (self.one(Operation::Sine, plain::sin), self.one(Operation::Cosine, plain::cos))
     }
     fn atan2(self, x: Self) -> Self {
-        self.two(x, Operation::Angle, f64::atan2)
+        self.two(x, Operation::Angle, plain::atan2)
     }
     fn exp(self) -> Self {
-        self.one(Operation::Exponential, f64::exp)
+        self.one(Operation::Exponential, plain::exp)
     }
     fn ln(self) -> Self {
-        self.one(Operation::Logarithm, f64::ln)
+        self.one(Operation::Logarithm, plain::ln)
     }
     fn lt(self, other: Self) -> Truth {
         match (self.known(), other.known()) {

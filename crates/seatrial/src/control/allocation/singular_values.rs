@@ -4,6 +4,7 @@
 //! Source: Golub and Van Loan (2013), section 8.6.3. Tests: `tests/allocation/singular_values.rs`.
 
 use crate::number::algebra::{Mat6, Vec6};
+use crate::number::plain;
 
 /// The singular values of the rows, descending, and as columns the directions that belong to them.
 pub fn singular_values(rows: &[Vec<f64>; 6]) -> (Vec6<f64>, Mat6<f64>) {
@@ -21,8 +22,8 @@ pub fn singular_values(rows: &[Vec<f64>; 6]) -> (Vec6<f64>, Mat6<f64>) {
                 }
                 largest = largest.max(c.abs() / (a * b).sqrt());
                 let zeta = (b - a) / (2.0 * c);
-                let t = 1.0_f64.copysign(zeta) / (zeta.abs() + zeta.hypot(1.0));
-                let cos = 1.0 / t.hypot(1.0);
+                let t = 1.0_f64.copysign(zeta) / (zeta.abs() + plain::hypot(zeta, 1.0));
+                let cos = 1.0 / plain::hypot(t, 1.0);
                 let sin = cos * t;
                 for k in 0..rows[p].len() {
                     let (x, y) = (rows[p][k], rows[q][k]);

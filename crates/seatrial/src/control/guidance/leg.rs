@@ -17,6 +17,7 @@ use super::path::Path;
 use super::turn;
 use crate::mission::{Task, Vertical, Waypoint};
 use crate::number::algebra::Vec3;
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// Horizontal extent below which a leg has no course of its own, m.
@@ -235,7 +236,7 @@ fn after(waypoints: &[Waypoint], k: usize) -> [f64; 2] {
     match (waypoints.get(k), waypoints.get(k + 1)) {
         (Some(here), Some(next)) if here.task == Task::Pass => {
             let [north, east] = [0, 1].map(|i| next.position[i] - here.position[i]);
-            [east.atan2(north), north.hypot(east)]
+            [plain::atan2(east, north), plain::hypot(north, east)]
         }
         _ => [0.0; 2],
     }

@@ -8,6 +8,7 @@ use crate::control::navigation::{VELOCITY as GROUND, WATER};
 use crate::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
 use crate::model::kinematics::{from_euler, quaternion_product};
 use crate::number::algebra::{product, splat};
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// Deviations at the start of what was not measured: velocity m/s, rates rad/s.
@@ -41,7 +42,7 @@ impl<T: Real> NavigationFilter<T> {
         let (mut at, mut deviations) = (Estimate::at_rest_in(zero), [zero; STATES]);
         let [w, x, y, z] = splat(zero, &of(ATTITUDE_SENSOR).mount);
         at.motion.attitude = quaternion_product(&from_euler(&angles), &[w, -x, -y, -z]);
-        let spread = |kind: usize| of(kind).noise.hypot(of(kind).bias).max(1e-6);
+        let spread = |kind: usize| plain::hypot(of(kind).noise, of(kind).bias).max(1e-6);
         let (start, far) = self.fitting.start;
         let turned = at.rotation();
         for i in 0..3 {
@@ -74,7 +75,7 @@ impl<T: Real> NavigationFilter<T> {
         let leaning = of(ATTITUDE_SENSOR).bias * self.righting;
         for i in 0..6 {
             let force = self.fitting.noise.force[i];
-            let leaned = if i == 3 || i == 4 { force.hypot(leaning) } else { force };
+            let leaned = if i == 3 || i == 4 { plain::hypot(force, leaning) } else { force };
             deviations[FORCE + i] = zero.splat(leaned);
         }
         self.tracker.begin_where(ready, &at, &deviations);

@@ -7,6 +7,7 @@ use super::fitting::instrument_of;
 use crate::control::navigation::{ALTITUDE, Measurement};
 use crate::filter::estimate::{ATTITUDE, POSITION, STATES, VELOCITY, chosen};
 use crate::model::kinematics::to_euler;
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// Deviations up to which the estimate stands in for a fresh sample: position and depth m, attitude rad, velocity m/s,
@@ -28,7 +29,7 @@ impl NavigationFilter {
             let angle = offset(3 + i);
             for (place, bias) in [(POSITION + i, places[i]), (ATTITUDE + i, angle)] {
                 if bias.is_finite() {
-                    deviations[place] = deviations[place].hypot(bias);
+                    deviations[place] = plain::hypot(deviations[place], bias);
                 }
             }
         }

@@ -4,6 +4,7 @@
 
 use super::{CLIP, Judged, Parts, Row, Run, Sizes, Work};
 use crate::number::lanes::LANES;
+use crate::number::plain;
 use fearless_simd::{Simd, SimdFrom, f64x8};
 
 /// A measurement that was taken.
@@ -186,7 +187,7 @@ impl<S: Simd> Run<'_, S> {
             let error = clipped(error, sharpness);
             *state = self.sum(state, [(error * sharpness, &cross)].into_iter());
             let gain = self.narrow(spread, &cross, sharpness);
-            *likelihood -= 0.5 * (error * error * sharpness - sharpness.ln());
+            *likelihood -= 0.5 * (error * error * sharpness - plain::ln(sharpness));
             keep(Update { sample: k, channel: c, error: error * sharpness, sharpness, gain });
         }
     }
