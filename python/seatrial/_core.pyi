@@ -415,6 +415,13 @@ class Mission:
         """
         Time for the path in s at the speeds of its legs, with station-keeping and circles.
         """
+    def reached(self, /, place: ArrayLike, shown: ArrayLike, leg: SupportsGetItem[int, SupportsIndex], under_way: SupportsGetItem[int, bool], loiter_radius: SupportsFloat | SupportsIndex) -> NDArray[float64]:
+        """
+        How near a flight came to every waypoint: the smallest true and perceived distance in m (infinite where the leg was
+        never begun), and 1.0 where it was reached, shape (waypoints, 3). `place` and `shown` (n, 4) are true and perceived
+        north, east, depth and altitude in m, `leg` and `under_way` (n,) the leg and whether the row is on the mission;
+        `loiter_radius` is that of a vehicle that cannot stop, else 0.
+        """
     @property
     def start(self, /) -> dict[str, float]:
         """

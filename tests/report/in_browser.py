@@ -15,6 +15,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
@@ -59,6 +61,33 @@ class Opened:
         for page in self.made:
             page.context.close()
         assert self.errors == []
+
+
+def assert_same_bits(page: Page, which: str, flights: Any) -> None:
+    """Every column, row and figure of a flight in the page is that of Python to the last bit."""
+    columns = page.evaluate(f"seatrial.{which}.columns")
+    values = np.array(page.evaluate(f"Array.from(seatrial.{which}.values)"), float).reshape(-1, len(columns))
+    expected = np.asarray(flights.log(0))
+    assert columns == flights.columns
+    assert values.shape == expected.shape
+    other = {columns[k]: int(np.argmax(_differ(values, expected)[:, k])) for k in range(len(columns))}
+    differing = {
+        name: row for name, row in other.items() if _differ(values, expected)[row, columns.index(name)]
+    }
+    assert differing == {}, "columns that differ, from row"
+    figures = page.evaluate(f"seatrial.{which}.figures")
+    for name, found in flights.figures.items():
+        assert not _differ(np.array([float(figures[name])]), np.asarray(found)[:1]), (
+            name,
+            figures[name],
+            found,
+        )
+
+
+def _differ(values: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Whether the bits differ, the sign of zero included; all that is not a number is one."""
+    same = values.view(np.int64) == expected.view(np.int64)
+    return np.asarray(~(same | (np.isnan(values) & np.isnan(expected))))
 
 
 def settled(page: Page, condition: str) -> None:

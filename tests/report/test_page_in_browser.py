@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -24,7 +23,7 @@ from seatrial.cli.new import EXAMPLES
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.report.page.flying import core
 from seatrial.report.page.page import write_page
-from tests.report.in_browser import CHROMIUM, Opened, assert_accessible, chromium, settled
+from tests.report.in_browser import CHROMIUM, Opened, assert_accessible, assert_same_bits, chromium, settled
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -48,8 +47,6 @@ north_m = 60.0
 east_m = 50.0
 depth_m = 2.0
 """
-
-TOLERANCE = 1e-9  # of the larger of the value and one: sine and exponential differ in the last bit there
 
 SEA: dict[str, Any] = {
     "sensors": "typical",
@@ -75,31 +72,6 @@ def opened(browser: Browser) -> Iterator[Opened]:
     made = Opened(browser)
     yield made
     made.close()
-
-
-def log(page: Page, which: str) -> tuple[list[str], np.ndarray]:
-    columns = page.evaluate(f"seatrial.{which}.columns")
-    values = page.evaluate(f"Array.from(seatrial.{which}.values)")
-    return columns, np.array(values, float).reshape(-1, len(columns))
-
-
-def assert_equal(page: Page, which: str, flights: Any) -> None:
-    """Every column of every row, and how it ended."""
-    columns, values = log(page, which)
-    expected = np.asarray(flights.log(0))
-    assert columns == flights.columns
-    assert values.shape == expected.shape
-    # An angle of half a turn may be told from either end of the circle.
-    angles = [name in ("roll", "pitch", "yaw", "measured_yaw", "desired_heading") for name in columns]
-    with np.errstate(invalid="ignore"):  # infinite where a column has no value
-        difference = values - expected
-    difference[:, angles] = np.remainder(difference[:, angles] + np.pi, 2.0 * np.pi) - np.pi
-    same = (values == expected) | (np.isnan(values) & np.isnan(expected))
-    worst = np.where(same, 0.0, np.abs(difference) / np.maximum(1.0, np.abs(expected))).max(axis=0)
-    assert worst.max() <= TOLERANCE, dict(zip(columns, worst, strict=True))
-    figures = page.evaluate(f"seatrial.{which}.figures")
-    assert figures["ending"] == flights.figures["ending"][0]
-    assert figures["distance"] == pytest.approx(flights.figures["distance"][0], rel=TOLERANCE)
 
 
 def assert_margins(page: Page, gains: dict[str, float]) -> None:
@@ -141,7 +113,7 @@ def test_the_page_flies_what_python_flies(opened: Opened, tmp_path: Path) -> Non
     st.fly("cwolf", "cwolf", mission, **SEA).save(tmp_path / "run")
     page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"))
     settled(page, "window.seatrial && seatrial.changed")
-    assert_equal(page, "original", flown(mission))
+    assert_same_bits(page, "original", flown(mission))
     assert "complete" in (page.text_content("[data-part=status]") or "")
 
     # A gain and a coefficient by keyboard; every breakpoint of the gain moves with its slider.
@@ -159,8 +131,8 @@ def test_the_page_flies_what_python_flies(opened: Opened, tmp_path: Path) -> Non
         "gains": {name: [value] for name, value in gains.items()},
         "coefficients": {name: [value] for name, value in coefficients.items()},
     }
-    assert_equal(page, "changed", flown(mission, **changed))
-    assert_equal(page, "original", flown(mission))
+    assert_same_bits(page, "changed", flown(mission, **changed))
+    assert_same_bits(page, "original", flown(mission))
     assert_margins(page, gains)
 
     # The same autopilot as a file for elsewhere.
@@ -183,11 +155,11 @@ def test_the_page_flies_what_python_flies(opened: Opened, tmp_path: Path) -> Non
     moved = st.Mission.from_toml(page.evaluate("seatrial.file()"))
     assert float(moved.core.waypoints["east_m"][1]) > 50.0
     until = page.evaluate("seatrial.until")
-    assert_equal(page, "changed", flown(moved, max_time_s=until, **changed))
+    assert_same_bits(page, "changed", flown(moved, max_time_s=until, **changed))
 
     page.locator("button[data-act=reset]").click()
     settled(page, "seatrial.core.idle && seatrial.changed && seatrial.untouched()")
-    assert_equal(page, "changed", flown(mission))
+    assert_same_bits(page, "changed", flown(mission))
 
 
 def test_drawn_vehicles_fail_in_a_counted_share(opened: Opened, tmp_path: Path) -> None:
@@ -197,7 +169,7 @@ def test_drawn_vehicles_fail_in_a_counted_share(opened: Opened, tmp_path: Path) 
         write_page([tmp_path / "run"], tmp_path / "report.html"), viewport={"width": 390, "height": 844}
     )
     settled(page, "window.seatrial && seatrial.changed")
-    assert_equal(page, "original", st.fly_batch("lauv", "lauv", st.Mission.from_toml(MISSION), logs=True))
+    assert_same_bits(page, "original", st.fly_batch("lauv", "lauv", st.Mission.from_toml(MISSION), logs=True))
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")  # on a phone, too
     assert not page.locator(
         "button[data-act=draws]"
@@ -222,7 +194,7 @@ def test_drawn_vehicles_fail_in_a_counted_share(opened: Opened, tmp_path: Path) 
     assert drawn["X_uu"] != value
     one = {name: [number] for name, number in drawn.items()}
     mission = st.Mission.from_toml(MISSION)
-    assert_equal(page, "changed", st.fly_batch("lauv", "lauv", mission, coefficients=one, logs=True))
+    assert_same_bits(page, "changed", st.fly_batch("lauv", "lauv", mission, coefficients=one, logs=True))
     for number in range(page.locator("[data-part=stepof] option").count()):
         page.locator("[data-part=stepof]").select_option(index=number)
         page.locator("button[data-act=step]").click()
@@ -243,20 +215,20 @@ def test_the_page_flies_by_the_filter_with_failures(opened: Opened, tmp_path: Pa
     page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"))
     settled(page, "window.seatrial && seatrial.changed")
     options = around | sea | {"seeds": 5, "logs": True}
-    assert_equal(page, "original", st.fly_batch("beluga", "beluga", mission, **options))
+    assert_same_bits(page, "original", st.fly_batch("beluga", "beluga", mission, **options))
 
     choose(page, fault="thruster 0", faultat=20, outage="velocity", outagefrom=15, outageuntil=35)
     failures: dict[str, Any] = {
         "faults": [st.Fault("thruster_0", at_s=20)],
         "outages": [st.Outage("velocity", 15.0, 35.0)],
     }
-    assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **options, **failures))
+    assert_same_bits(page, "changed", st.fly_batch("beluga", "beluga", mission, **options, **failures))
 
     choose(page, navigation="what the sensors show", sensors="perfect")
     other: dict[str, Any] = options | failures | {"navigation": "sensors", "sensors": None}
-    assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **other))
+    assert_same_bits(page, "changed", st.fly_batch("beluga", "beluga", mission, **other))
     choose(page, navigation="a navigation filter")
-    assert_equal(
+    assert_same_bits(
         page, "changed", st.fly_batch("beluga", "beluga", mission, **(other | {"navigation": "filter"}))
     )
 

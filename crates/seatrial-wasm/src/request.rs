@@ -77,6 +77,8 @@ struct Fly {
     /// The vehicle that the filter is of; the autopilot's when empty.
     #[serde(default)]
     navigation_model: String,
+    /// Its period, s; that of the autopilot when missing.
+    navigation_period: Option<f64>,
     /// The waves that the filter was told of; those of the flight when missing.
     navigation_waves: Option<[f64; 5]>,
     rho: Option<f64>,
@@ -139,8 +141,8 @@ pub fn fly(text: &str) -> Answer {
         file => Some(Description::from_toml(file, "navigation_model").map_err(said)?),
     };
     let swell = Sea::of_row(asked.navigation_waves.unwrap_or(asked.waves)).swell(GRAVITY);
-    let fitting =
-        asked.navigation.as_ref().map(|stated| stated.fitting(filtered.as_ref().unwrap_or(model), dt, swell));
+    let (of, period) = (filtered.as_ref().unwrap_or(model), asked.navigation_period.unwrap_or(dt));
+    let fitting = asked.navigation.as_ref().map(|stated| stated.fitting(of, period, swell));
     let fitting = fitting.transpose().map_err(said)?;
     let acoustics = Acoustics::of_rows(&asked.acoustics, asked.transceiver, &mission.file.landmarks)?;
     let flight = Flight {

@@ -10,6 +10,7 @@ mod instruction_sets;
 mod jet;
 mod model;
 mod nuisances;
+mod plain;
 mod played_motors;
 mod population;
 mod sensitivities;

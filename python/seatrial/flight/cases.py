@@ -98,6 +98,12 @@ class Circumstances:
         Density and gravity where they are not the vehicle file's.
     max_step_s, max_time_s
         Largest step of the integration and longest duration, s.
+    start
+        Where it began; None: at rest where the mission begins.
+    dither
+        What was added to the commands, by name; None: nothing.
+    aboard
+        The navigation filter; None without one. `own_filter`: made by the caller, not for this flight.
     sources
         Names or paths that were asked for, by "vehicle", "autopilot", "mission".
     """
@@ -124,9 +130,13 @@ class Circumstances:
     rho: float | None = None
     g: float | None = None
     sources: dict[str, str] = field(default_factory=dict)
+    start: State | None = None
+    dither: Mapping[str, Array] | None = None
+    aboard: NavigationFilter | None = None
+    own_filter: bool = False
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain data; the model by its name."""
+        """The same as plain data: every input of the flight but the files; the models by their names."""
         return {
             "sources": dict(self.sources),
             "model": self.model.name,
@@ -146,6 +156,9 @@ class Circumstances:
             "voltage_v": self.voltage_v,
             "feedback": self.feedback,
             "navigation": self.navigation,
+            "filter": None if self.aboard is None else self.aboard.to_dict() | {"own": self.own_filter},
+            "start": None if self.start is None else _placed(self.start),
+            "dither": None if self.dither is None else {k: list(v) for k, v in self.dither.items()},
             "rho_kg_m3": self.rho,
             "g_m_s2": self.g,
             "max_step_s": self.max_step_s,
@@ -307,7 +320,8 @@ class Cases:
         sources = {"vehicle": vehicle, "autopilot": autopilot, "mission": mission}
         flown = loaded(Vehicle, vehicle), loaded(Autopilot, autopilot), loaded(Mission, mission)
         route = Route.of(flown[2])
-        around, channels, aboard = _circumstances(
+        added = checked_set_points(dither, "dither")[0]
+        around, channels = _circumstances(
             sources,
             flown[:2],
             route,
@@ -322,6 +336,8 @@ class Cases:
             faults=() if faults_differ else failing,
             outages=() if outages_differ else silent,
             seed=checked_seed(listed[0]),
+            start=None if starts_differ or not states else states[0],
+            dither=added,
             **shared,
         )
         until = around.max_time_s
@@ -355,9 +371,9 @@ class Cases:
             ],
             set_points=steering,
             corridors=judged,
-            dither=checked_set_points(dither, "dither")[0],
+            dither=added,
             logs=logs,
-            filter=aboard,
+            filter=None if around.aboard is None else around.aboard.core,
         )
 
     def __len__(self) -> int:
@@ -453,6 +469,8 @@ def _circumstances(
     faults: tuple[Fault, ...],
     outages: tuple[Outage, ...],
     seed: int,
+    start: State | None,
+    dither: Mapping[str, Array] | None,
     logs: bool,
     varied: bool,
     model: Vehicle | str | Path | None = None,
@@ -467,7 +485,7 @@ def _circumstances(
     max_time_s: float | None = None,
     rho: float | None = None,
     g: float | None = None,
-) -> tuple[Circumstances, SensorChannels, Filter | None]:
+) -> tuple[Circumstances, SensorChannels]:
     """What all cases share, checked, and the sensors as the core takes them.
 
     A navigation filter takes its model for exact only where no case flies with other coefficients (`varied`).
@@ -503,6 +521,8 @@ def _circumstances(
         outages=outages,
         seabed=checked_seabed(seabed, route),
         seed=seed,
+        start=start,
+        dither=dither,
         voltage_v=voltage_v,
         feedback=feedback,
         navigation=asked if isinstance(asked, str) else "filter",
@@ -524,7 +544,8 @@ def _circumstances(
         gusts=gusts,
         exact=model is None and not varied,
     )
-    return around, channels, None if aboard is None else aboard.core
+    own = isinstance(asked, NavigationFilter)
+    return replace(around, aboard=aboard, own_filter=own), channels
 
 
 def _unheard(
@@ -567,6 +588,15 @@ def _model(source: Any, vehicle: Vehicle) -> Vehicle:
                 f" {there[name]['unit']}"
             )
     return model
+
+
+def _placed(state: State) -> dict[str, list[float]]:
+    """A state as plain data: NED in m, quaternion, velocities in m/s and rad/s."""
+    return {
+        "position_m": state.position.tolist(),
+        "attitude": state.attitude.tolist(),
+        "velocities": state.nu.tolist(),
+    }
 
 
 def _stated(sensor: Sensor) -> dict[str, Any]:

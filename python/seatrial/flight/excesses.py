@@ -27,6 +27,7 @@ __all__ = [
     "OFF_LIMIT_M",
     "STEEP_DEG",
     "Excess",
+    "broken_in",
     "excesses",
     "promise_counts",
     "sentences",
@@ -102,12 +103,38 @@ def unkept(metrics: Mapping[str, Any], promised_m: ArrayLike, limits: Mapping[st
     limits : mapping of str to float
         ``max_depth_m`` and ``min_altitude_m`` of the mission.
     """
-    down = touched(metrics)
+    broken = {}
+    for words, ranges in broken_in(promised_m, limits).items():
+        inside = [(metrics[name] >= lowest) & (metrics[name] <= highest) for name, lowest, highest in ranges]
+        broken[words] = np.asarray(np.any(inside, axis=0))
+    return broken
+
+
+def broken_in(
+    promised_m: ArrayLike, limits: Mapping[str, float]
+) -> dict[str, list[tuple[str, ArrayLike, ArrayLike]]]:
+    """Ranges of metrics in which a flight is not complete: name, lowest and highest value in m, both inside.
+
+    The page of a report judges its flights by the same ranges.
+
+    Parameters
+    ----------
+    promised_m, limits
+        As for `unkept`.
+    """
+    infinity = math.inf
+    short = np.nextafter(-OFF_PROMISE * np.asarray(promised_m, dtype=float), -infinity)
+    low = float(np.nextafter(limits["min_altitude_m"] - OFF_LIMIT_M, -infinity))
+    deep = float(np.nextafter(limits["max_depth_m"] + OFF_LIMIT_M, infinity))
+    above_bottom = float(np.nextafter(0.0, infinity))
     return {
-        "too near to an obstacle": too_near(metrics, promised_m),
-        "the bottom touched": down,
-        "below the mission's least altitude": too_low(metrics, limits["min_altitude_m"]) & ~down,
-        "beyond the mission's largest depth": too_deep(metrics, limits["max_depth_m"]),
+        "too near to an obstacle": [
+            ("clearance_m", -infinity, 0.0),
+            ("clearance_reserve_m", -infinity, short),
+        ],
+        "the bottom touched": [("altitude_smallest_m", -infinity, 0.0)],
+        "below the mission's least altitude": [("altitude_smallest_m", above_bottom, low)],
+        "beyond the mission's largest depth": [("depth_largest_m", deep, infinity)],
     }
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.flight.excesses import OFF_LIMIT_M, too_deep, too_low, touched
-from seatrial.flight.metrics import TRULY, Leg
+from seatrial.flight.metrics import Leg
 from seatrial.flight.watches import source
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def not_reached(leg: Leg) -> str:
 def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
     """How near the vehicle came to the waypoint of leg `k` that it began and missed, why, and what to do."""
     words = not_reached(leg)
-    if leg.perceived_m <= leg.acceptance_m < TRULY * leg.acceptance_m < leg.smallest_m:
+    if leg.perceived_m <= leg.acceptance_m and not leg.reached:
         outage = injected(flight, "position", leg.begin_s + leg.time_s)
         why = f" ({outage})" if outage else ""
         return Finding(f"{words}: its position was wrong by so much{why}", position_remedy(flight))

@@ -268,8 +268,11 @@ def _inputs(flight: Flight) -> dict[str, str]:
     }
     if flight.samples is not None:
         found["payload"] = flight.samples.payload.text
-    model = flight.circumstances.model.to_toml()
-    return found if model == found["vehicle"] else found | {"model": model}
+    around = flight.circumstances
+    models = {"model": around.model.to_toml()}
+    if around.aboard is not None and (text := around.aboard.vehicle.to_toml()) != models["model"]:
+        models["filter_model"] = text
+    return found | {name: text for name, text in models.items() if text != found["vehicle"]}
 
 
 def _sampled(flight: Flight) -> dict[str, bytes]:

@@ -44,13 +44,13 @@ __all__ = [
     "CODED",
     "DIVERGED",
     "OFF_PROMISE",
-    "TRULY",
     "ActuatorUse",
     "Leg",
     "Loop",
     "actuators_of",
     "differs",
     "ending_of",
+    "in_metric_units",
     "legs_of",
     "loops_of",
     "metrics_of",
@@ -101,6 +101,12 @@ _NAMES = {
     "travel": ("travel_per_s", 1.0),
 }
 
+
+def in_metric_units(figure: str) -> tuple[str, float]:
+    """Name of the metric of a figure of the core, and the factor from the figure's unit to the metric's."""
+    return _NAMES.get(figure, (figure, 1.0))
+
+
 _QUANTILES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}
 
 
@@ -112,7 +118,7 @@ def metrics_of(flights: Flights) -> dict[str, Array]:
     """
     found: dict[str, Array] = {}
     for name, values in flights.figures.items():
-        renamed, scale = _NAMES.get(name, (name, 1.0))
+        renamed, scale = in_metric_units(name)
         found[renamed] = scale * np.asarray(values)
     for error in ("cross_track", "true_cross_track", "vertical"):
         counts = getattr(flights, f"{error}_counts")
@@ -175,11 +181,6 @@ def ending_of(metrics: Mapping[str, Array], case: int = 0) -> str:
 _OFF_M = 0.05
 
 _LEAST_STEP_M = 0.5  # smaller changes of depth are none
-
-_ROUNDING_M = 1e-6
-
-TRULY = 1.5
-"""Of the radius: how near a vehicle must truly be where its sensors show it within the radius."""
 
 
 @dataclass(frozen=True)
@@ -263,11 +264,16 @@ class _Rows:
 def legs_of(flight: FlightLog) -> tuple[Leg, ...]:
     """Legs of a flight, one per waypoint of its mission."""
     rows = _Rows(flight)
-    told = np.stack([flight.measured[name] for name in ("x", "y", "z")], axis=1)
-    return tuple(_leg(flight, k, rows, told) for k in range(len(flight.route.stops)))
+    place = np.column_stack([flight.position, flight.altitude])
+    shown = np.column_stack([flight.measured[name] for name in ("x", "y", "z", "altitude")])
+    near = flight.mission.core.reached(
+        place, shown, flight.leg.tolist(), flight.under_way.tolist(), flight.loiter_radius
+    )
+    return tuple(_leg(flight, k, rows, near[k]) for k in range(len(flight.route.stops)))
 
 
-def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
+def _leg(flight: FlightLog, k: int, of_legs: _Rows, near: Array) -> Leg:
+    """Leg `k`; `near` are its smallest true and perceived distance in m, and whether it was reached."""
     path = flight.route
     stop = path.stops[k]
     found = of_legs.of(k, k)
@@ -280,11 +286,6 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
     rows = np.zeros(switched + 1 - first, dtype=bool)
     rows[found - first] = True
     distance = distance_to_stop(flight, k, flight.position[part], flight.altitude[part])
-    near = slice(first, 1 + _passed(flight, k, of_legs, switched))
-    smallest, perceived = (
-        float(np.nanmin(distance_to_stop(flight, k, position[near], altitude[near])))
-        for position, altitude in ((flight.position, flight.altitude), (told, flight.measured["altitude"]))
-    )
     half = 0.5 * path.length(k)
     holding = flight.holding[part]
     settled = rows & ~holding & (flight.distance[part] < half) & (stop.task != "circle")
@@ -297,9 +298,9 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
         label=stop.label,
         task=stop.task,
         acceptance_m=stop.acceptance,
-        smallest_m=smallest,
-        perceived_m=perceived,
-        reached=perceived <= stop.acceptance + _ROUNDING_M and smallest <= TRULY * stop.acceptance,
+        smallest_m=float(near[0]),
+        perceived_m=float(near[1]),
+        reached=bool(near[2]),
         begin_s=float(flight.t[first]),
         time_s=float(flight.t[switched] - flight.t[first]),
         cross_track_mean_m=_mean(across),
@@ -313,14 +314,6 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
         hold_largest_m=_largest(distance[held]),
         modes={name: float(share) for name, share in zip(flight.modes, modes, strict=True) if share},
     )
-
-
-def _passed(flight: FlightLog, k: int, of_legs: _Rows, switched: int) -> int:
-    """Last row of the way past waypoint `k`: guidance turns before one that it passes, to come nearer yet."""
-    if flight.route.stops[k].task != "pass" or k + 1 == len(flight.route.stops):
-        return switched
-    after = of_legs.of(k + 1, k + 1)
-    return min(int(after.max()) + 1, len(flight.t) - 1) if len(after) else switched
 
 
 def _never(path: Route, k: int) -> Leg:

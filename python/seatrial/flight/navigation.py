@@ -226,8 +226,8 @@ class NavigationFilter:
             "longest_age_s": float(longest_age_s),
             "exact_model": exact_model,
         }
-        waves_row = None if waves is None else waves.row
-        self._core = Filter(model, period_s=float(period_s), waves=waves_row, **self._stated)
+        self._waves = None if waves is None else waves.row
+        self._core = Filter(model, period_s=float(period_s), waves=self._waves, **self._stated)
 
     @property
     def core(self) -> Filter:
@@ -248,6 +248,13 @@ class NavigationFilter:
     def stated(self) -> dict[str, Any]:
         """Numbers by name that the core's filter is made of, SI and rad, besides model, period and waves."""
         return dict(self._stated)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All that it is made of besides its model, as plain data; ``waves`` as a row of the core."""
+        instruments = [[kind, list(row)] for kind, row in self._stated["instruments"].items()]
+        waves = None if self._waves is None else list(self._waves)
+        numbers = {name: _listed(value) for name, value in self._stated.items()}
+        return {"period_s": self._period_s, "waves": waves, "numbers": numbers | {"instruments": instruments}}
 
     def step(
         self,
@@ -386,6 +393,13 @@ def checked_navigation(navigation: Any) -> str | NavigationFilter:
     raise SimulationError(
         f'navigation: expected "sensors", "filter" or an st.NavigationFilter, found {navigation!r}'
     )
+
+
+def _listed(value: Any) -> Any:
+    """Arrays and tuples as lists."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return [_listed(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def filter_of(

@@ -8,7 +8,6 @@ the page flies what `seatrial.fly` flies. Held by ``tests/report/test_page_in_br
 from __future__ import annotations
 
 import base64
-import json
 import math
 from collections.abc import Mapping, Sequence
 from importlib.resources import files as resources
@@ -18,6 +17,8 @@ import numpy as np
 
 from seatrial.base.errors import SeatrialError
 from seatrial.campaign.tuning_table import Weights
+from seatrial.flight.metrics import in_metric_units
+from seatrial.report.page.flown_run import FIGURE_ROWS, FlownRun, judgement, toml_lines
 from seatrial.report.page.loops import open_loops
 from seatrial.report.page.run_folder import RunFolder
 
@@ -79,6 +80,7 @@ def setups(runs: Sequence[RunFolder]) -> tuple[list[dict[str, Any]], list[str]]:
     found: dict[str, tuple[Vehicle, list[RunFolder]]] = {}
     from seatrial._core import Vehicle
 
+    flown = FlownRun.of(runs)
     for run in runs:
         if (text := run.files.get("vehicle.toml")) is None:
             continue
@@ -89,23 +91,31 @@ def setups(runs: Sequence[RunFolder]) -> tuple[list[dict[str, Any]], list[str]]:
         known, of = found.get(vehicle.name, (vehicle, []))
         # The covariance is about the identified vehicle, so that one flies.
         found[vehicle.name] = (vehicle if run.kind == "identification" else known, [*of, run])
+    if flown is not None:  # and what a run flew, it flies itself
+        vehicle = Vehicle.from_toml(flown.vehicle)
+        found[vehicle.name] = (vehicle, found[vehicle.name][1])
     made, said = [], []
     for name, (vehicle, of) in found.items():
         try:
-            made.append(_setup(vehicle, of))
+            made.append(_setup(vehicle, of, flown if flown is not None and flown.run in of else None))
         except SeatrialError as error:
             said.append(f"{name} cannot fly in this page: {error}")
     return made, said
 
 
-def _setup(vehicle: Vehicle, runs: Sequence[RunFolder]) -> dict[str, Any]:
+def _setup(vehicle: Vehicle, runs: Sequence[RunFolder], flown: FlownRun | None) -> dict[str, Any]:
+    from seatrial._core import Vehicle as CoreVehicle
     from seatrial._core import autopilot_names
     from seatrial.flight.cases import Cases
     from seatrial.vehicle.actuators import NOMINAL_V
 
-    autopilots = _autopilots(vehicle, runs)
-    missions = _missions(vehicle, runs)
-    pilot, around = autopilots[0][1], _circumstances(runs)
+    # What the run flew stands first, so that the page begins with its flight.
+    ordered = runs if flown is None else [*(run for run in runs if run is not flown.run), flown.run]
+    autopilots, missions = _autopilots(vehicle, ordered), _missions(ordered)
+    pilot = autopilots[0][1]
+    around: dict[str, Any] = {} if flown is None else dict(flown.options)
+    if flown is not None and flown.model is not None:
+        around["model"] = CoreVehicle.from_toml(flown.model)
     if around.get("voltage_v") is None and any(
         one["needs_voltage"] for one in vehicle.actuator_info().values()
     ):
@@ -116,16 +126,23 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder]) -> dict[str, Any]:
         "vehicle": vehicle.name,
         "vehicle_file": vehicle.to_toml(),
         "autopilots": [_autopilot(label, one) for label, one in autopilots],
-        "missions": [_mission(label, one, cases) for label, one in missions],
+        "missions": [
+            _mission(label, one, cases, flown if place == 0 else None)
+            for place, (label, one) in enumerate(missions)
+        ],
         "actuators": [
             [name, facts["unit"], float(facts["neutral"])] for name, facts in vehicle.actuator_info().items()
         ],
         "shape": _shape(vehicle),
-        "sensors": _sensors(cases, around.get("sensors")),
-        "navigation": _flown_by_filter(runs),
+        "sensors": _sensors(cases, around.get("sensors"), flown),
+        "navigation": flown is not None and flown.record["navigation"] == "filter",
         "groups": autopilot_names()["groups"],
+        "endings": autopilot_names()["endings"],
+        "rows": [[name, label, in_metric_units(name)[1]] for name, label in FIGURE_ROWS],
+        "run": None if flown is None else flown.verdict,
         "bottom": None if circumstances.seabed is None else list(circumstances.seabed),
         "fixed": request_lines(cases),
+        "nominal": vehicle.coefficients(),
         "current": list(circumstances.current),
         "waves": list(cases.waves[0]),
         "seed": circumstances.seed,
@@ -137,7 +154,7 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder]) -> dict[str, Any]:
         "covariance": _covariance(runs),
         "steps": _steps(pilot, runs),
         "loops": [open_loops(vehicle, autopilot) for _, autopilot in autopilots],
-        "note": _note(runs, circumstances.voltage_v),
+        "note": _note(runs, flown, circumstances.voltage_v),
     }
 
 
@@ -154,27 +171,11 @@ def request_lines(cases: Cases) -> str:
         "feedback": around.feedback,
         "max_step": around.max_step_s,
     }
-    optional = {"seabed": around.seabed, "rho": around.rho, "g": around.g}
+    other = around.model.to_toml()
+    model = None if other == cases.vehicle.to_toml() else other
+    optional = {"model": model, "seabed": around.seabed, "rho": around.rho, "g": around.g}
     lines |= {key: value for key, value in optional.items() if value is not None}
-    return _lines(lines)
-
-
-def _lines(values: Mapping[str, Any]) -> str:
-    return "".join(f"{key} = {_toml(value)}\n" for key, value in values.items())
-
-
-def _toml(value: Any) -> str:
-    """A value in a line of TOML: number with every digit, truth, text, list or table without what is None."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value)
-    if isinstance(value, list | tuple | np.ndarray):
-        return f"[{', '.join(map(_toml, value))}]"
-    if isinstance(value, Mapping):
-        given = (f"{key} = {_toml(one)}" for key, one in value.items() if one is not None)
-        return f"{{ {', '.join(given)} }}"
-    return repr(float(value))
+    return toml_lines(lines)
 
 
 def _shape(vehicle: Vehicle) -> dict[str, Any]:
@@ -232,7 +233,7 @@ def _autopilot(label: str, autopilot: Autopilot) -> dict[str, Any]:
     }
 
 
-def _missions(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[tuple[str, Mission]]:
+def _missions(runs: Sequence[RunFolder]) -> list[tuple[str, Mission]]:
     """Missions of the runs, the latest first, then those of the examples."""
     from seatrial.flight.mission import Mission
 
@@ -255,11 +256,14 @@ def _missions(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[tuple[str, Mi
     return list(found.values())
 
 
-def _mission(label: str, mission: Mission, cases: Cases) -> dict[str, Any]:
+def _mission(label: str, mission: Mission, cases: Cases, flown: FlownRun | None) -> dict[str, Any]:
+    """A mission that can be flown; the one of the flown run begins and ends as that did."""
     from seatrial.flight.checks import longest
     from seatrial.flight.mission import Route
 
     until = longest(Route.of(mission), cases.autopilot, None, logs=True)
+    if flown is not None:
+        until = cases.circumstances.max_time_s
     fence = np.asarray(mission.core.fence)
     return {
         "label": label,
@@ -267,7 +271,8 @@ def _mission(label: str, mission: Mission, cases: Cases) -> dict[str, Any]:
         "file": mission.core.to_toml(),
         "max_time_s": until,
         "planned_time_s": float(mission.planned_time),
-        "promised_m": float(mission.promised_m),
+        "lines": "" if flown is None else flown.own_lines(cases.vehicle),
+        **judgement(mission),
         "fence": fence.tolist(),
         "obstacles": [
             {key: value for key, value in one.items() if key != "leg"} for one in mission.core.obstacles
@@ -275,79 +280,47 @@ def _mission(label: str, mission: Mission, cases: Cases) -> dict[str, Any]:
     }
 
 
-def _circumstances(runs: Sequence[RunFolder]) -> dict[str, Any]:
-    """What the last flight of the runs met, as arguments of `seatrial.fly`; calm water without one."""
-    from seatrial.flight.failures import Fault, Outage
-    from seatrial.flight.sea import SeaState
-    from seatrial.sensors.sensor import Sensor
-
-    flown = next((run for run in reversed(runs) if run.kind == "flight"), None)
-    if flown is None:
-        return {}
-    told = flown.facts.get("options") or {}
-    try:
-        sensors = told["sensors"]
-        return {
-            "current": told["current_m_s"],
-            "turbulence": told["turbulence_m_s"],
-            "turbulence_times_s": tuple(told["turbulence_times_s"]),
-            "current_trend": told["current_trend_m_s_per_h"],
-            "current_walk": told["current_walk_m_s_after_1_h"],
-            "waves": None if told["waves"] is None else SeaState(**told["waves"]),
-            "obstacles": [tuple(one) for one in told["obstacles_m"]],
-            "sensors": None
-            if sensors == "perfect"
-            else {kind: Sensor(**stated) for kind, stated in sensors.items()},
-            "faults": [Fault(**one) for one in told["faults"]],
-            "outages": [Outage(**one) for one in told["outages"]],
-            "seabed": told["seabed"],
-            "seeds": told["seed"],
-            "voltage_v": told["voltage_v"],
-            "feedback": told["feedback"],
-            "rho": told["rho_kg_m3"],
-            "g": told["g_m_s2"],
-            "max_step_s": told["max_step_s"],
-        }
-    except (KeyError, TypeError):  # of another version
-        return {}
-
-
-def _sensors(cases: Cases, own: Any) -> list[dict[str, str]]:
+def _sensors(cases: Cases, own: Any, flown: FlownRun | None) -> list[dict[str, str]]:
     """Sets of sensors by name as lines of a request, those of the flight first, and each with its filter."""
     from seatrial.flight.navigation import filter_of
     from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 
     vehicle, period, around = cases.vehicle, cases.autopilot.period_s, cases.circumstances
     gusts = math.sqrt(sum(x * x for x in around.turbulence) / 3.0), around.turbulence_times_s[0]
-    found = []
+    found: list[dict[str, str]] = []
     for label, source in (("of the flight", own), ("perfect", None), ("typical", "typical")):
         if label == "of the flight" and own is None:
             continue
         fitted = sensors_of(source, vehicle)
         channels = sensor_channels(fitted, period)
-        lines = _lines({
+        lines = toml_lines({
             "errors": channels.errors.tolist(),
             "timing": channels.timing.tolist(),
             "acoustics": [[kind, row.tolist()] for kind, row in channels.acoustics.items()],
             "transceiver": list(channels.transceiver),
         })
         entry = {"label": label, "lines": lines}
-        aboard = filter_of(
-            "filter", vehicle, fitted, period, landmarks=cases.mission.landmarks, gusts=gusts, exact=True
-        )
-        if aboard is not None:
-            stated = aboard.stated
-            entry["filter"] = _lines({
-                "navigation": stated | {"instruments": [[k, row] for k, row in stated["instruments"].items()]}
-            })
+        # With other coefficients than the model's a filter does not take its model for exact.
+        for key, exact in (
+            ("filter", cases.vehicle.to_toml() == around.model.to_toml()),
+            ("filter_varied", False),
+        ):
+            aboard = filter_of(
+                "filter",
+                around.model,
+                fitted,
+                period,
+                landmarks=cases.mission.landmarks,
+                gusts=gusts,
+                exact=exact,
+            )
+            entry[key] = "" if aboard is None else toml_lines({"navigation": aboard.to_dict()["numbers"]})
+        if flown is not None and not found and (recorded := flown.filter_lines()):
+            entry["filter"] = recorded
+            if flown.record["filter"]["own"]:
+                entry["filter_varied"] = recorded
         found.append(entry)
     return found
-
-
-def _flown_by_filter(runs: Sequence[RunFolder]) -> bool:
-    """Whether the last flight of the runs went by a navigation filter."""
-    flown = next((run for run in reversed(runs) if run.kind == "flight"), None)
-    return flown is not None and (flown.facts.get("options") or {}).get("navigation") == "filter"
 
 
 def _coefficients(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
@@ -438,13 +411,16 @@ def _corridor(table: CorridorTable) -> dict[str, list[float | None]]:
     return {"t": t.round(6).tolist(), "lower": sides[0], "upper": sides[1]}
 
 
-def _note(runs: Sequence[RunFolder], voltage_v: float | None) -> str:
-    """What the page leaves out of the run's flight, and what it assumes."""
-    flown = next((run for run in reversed(runs) if run.kind == "flight"), None)
-    told = {} if flown is None else flown.facts.get("options") or {}
+def _note(runs: Sequence[RunFolder], flown: FlownRun | None, voltage_v: float | None) -> str:
+    """What the page assumes, and whether its flight is that of the run."""
     said = []
-    if told.get("model") not in (None, told.get("sources", {}).get("vehicle")) and told.get("model"):
-        said.append("Here the autopilot's model is the vehicle that flies.")
+    if flown is None and any(run.kind == "flight" for run in runs):
+        said.append(
+            "The record of the flight is that of another version: the page flies in calm water with perfect"
+            " sensors. Fly it again to see the run's flight here."
+        )
+    elif flown is None:
+        said.append("This report has no flight: the page begins in calm water with perfect sensors.")
     if voltage_v is not None:
         said.append(f"The supply is {voltage_v:g} V.")
     return " ".join(said)

@@ -13,7 +13,7 @@ function theme() {
 
 // Requests ---------------------------------------------------------------------------------------------------------
 
-const number = (x) => (Number.isNaN(x) ? "nan" : x === Infinity ? "inf" : x === -Infinity ? "-inf" : JSON.stringify(x));
+const number = (x) => (Number.isNaN(x) ? "nan" : Object.is(x, -0) ? "-0.0" : x === Infinity ? "inf" : x === -Infinity ? "-inf" : JSON.stringify(x));
 const list = (items) => `[${items.join(", ")}]`;
 const pairs = (values) => list(Object.entries(values).map(([name, value]) => `[${JSON.stringify(name)}, ${number(value)}]`));
 
@@ -86,8 +86,16 @@ class Flown {
   }
 }
 
-const ENDINGS = ["out of time", "complete", "surfaced", "aborted"];
-const ending = (figures) => (Number.isFinite(figures.duration) ? ENDINGS[figures.ending] : "diverged");
+// How a flight ended, in the words of a run: complete is what reached its waypoints and kept its distances and limits.
+function ending(figures, endings, broken) {
+  if (!Number.isFinite(figures.duration)) return "diverged";
+  const ended = endings[figures.ending];
+  if (ended !== "complete") return ended;
+  const inside = ([name, low, high]) => figures[name] >= (low ?? -Infinity) && figures[name] <= (high ?? Infinity);
+  const faults = broken.filter(([, ranges]) => ranges.some(inside)).map(([words]) => words);
+  if (figures.reached < figures.legs) faults.push("waypoints missed");
+  return faults.length ? `flown to its end, ${faults.join(" and ")}` : ended;
+}
 const DEGREE = Math.PI / 180;
 
 // Degrees without jumps where the circle closes.
@@ -176,7 +184,9 @@ class Deck {
     const setup = (this.setup = this.setups[which]);
     clearInterval(this.playing);
     this.state = { autopilot: 0, mission: 0, file: null, sensors: 0, filter: setup.navigation, outages: setup.outages.slice(), current: [...setup.current], waves: [...setup.waves], seed: setup.seed, fault: setup.faults.slice(), gains: {}, coefficients: {} };
-    this.original = this.changed = this.cloud = null;
+    this.original = this.changed = this.cloud = this.until = null;
+    // What the run flew: as long as the original is that, its record counts.
+    this.runRequest = setup.run ? this.request() : null;
     this.gone = (this.gone || 0) + 1;
     this.part("cloud").textContent = this.part("stale").textContent = "";
     this.part("steps").replaceChildren();
@@ -281,14 +291,17 @@ class Deck {
   pilot() { return this.setup.autopilots[this.state.autopilot]; }
   mission() { return this.setup.missions[this.state.mission]; }
   file() { return this.state.file || this.mission().file; }
-  request({ gains = this.state.gains, coefficients = this.state.coefficients, file = this.file(), seed = this.state.seed, pilot = this.pilot(), until = this.until || this.mission().max_time_s, trial = "" } = {}) {
+  request({ gains = this.state.gains, coefficients = this.state.coefficients, file = this.file(), seed = this.state.seed, pilot = this.pilot(), until = this.until || this.mission().max_time_s, trial = "", lines = this.mission().lines } = {}) {
     const setup = this.setup, state = this.state;
     const faults = state.fault.map(([name, at, value]) => `[${JSON.stringify(name)}, ${number(at)}, ${value === "stuck" ? "nan" : number(value)}]`);
+    // A filter takes its model for exact only where that vehicle flies.
+    const varied = Object.entries(coefficients).some(([name, value]) => value !== setup.nominal[name]);
+    const sensors = setup.sensors[state.sensors], filter = state.filter ? (varied ? sensors.filter_varied : sensors.filter) : "";
     return `vehicle = ${JSON.stringify(setup.vehicle_file)}\nautopilot = ${JSON.stringify(pilot.file)}\nmission = ${JSON.stringify(file)}\n`
       + `coefficients = ${pairs(coefficients)}\ngains = ${pairs(gains)}\n`
       + `current = ${list(state.current.map(number))}\nwaves = ${list(state.waves.map(number))}\nseed = ${seed}\n`
       + `faults = ${list(faults)}\noutages = ${list(state.outages.map((row) => list([row[0], ...row.slice(1).map(number)])))}\n`
-      + `max_time = ${number(until)}\nlog = true\n${trial}${setup.sensors[state.sensors].lines}${state.filter ? setup.sensors[state.sensors].filter : ""}${setup.fixed}`;
+      + `max_time = ${number(until)}\n${trial}${lines}${sensors.lines}${filter}${setup.fixed}`;
   }
 
   async fly() {
@@ -349,22 +362,31 @@ class Deck {
   // Pictures ---------------------------------------------------------------------------------------------------------
   untouched() { return this.flownRequest === this.originalRequest; }
 
-  fails(figures) {
-    const mission = this.mission(), acceptance = Math.max(...this.places.map((one) => one.acceptance));
-    const near = figures.clearance <= 0 || figures.clearance_reserve < -0.1 * mission.promised_m;
-    return ending(figures) !== "complete" || near || figures.missed_by > acceptance + 1e-6;
+  ending(figures) { return ending(figures, this.setup.endings, this.mission().broken); }
+
+  // Where the original is the run's flight: what the run's record says of it, and figures in which this flight differs.
+  record() {
+    const run = this.originalRequest === this.runRequest ? this.setup.run : null;
+    if (!run) return null;
+    const same = (x, y) => (Number.isFinite(x) ? x === y : (y ?? null) === null);
+    const off = this.setup.rows.filter(([name, , scale]) => name in run.metrics && !same(scale * this.original.figures[name], run.metrics[name])).map(([, label]) => label);
+    if (run.ending !== this.ending(this.original.figures)) off.unshift("ending");
+    return { ...run, off };
   }
 
   paint() {
     if (!this.original || !this.changed) return;
     const a = this.original, b = this.changed, period = this.pilot().period_s;
+    const run = this.record(), limits = this.mission().limits;
+    const first = (name, scale) => (run && name in run.metrics ? run.metrics[name] ?? NaN : a.figures[name] * scale);
+    const ended = [run ? run.ending : this.ending(a.figures), this.untouched() && run ? run.ending : this.ending(b.figures)];
     const rows = [
-      ["ending", ending(a.figures), ending(b.figures)],
-      ...[["duration", "s", 1], ["distance", "m", 1], ["cross_track_rms", "m", 1], ["cross_track_largest", "m", 1], ["vertical_rms", "m", 1], ["missed_by", "m", 1], ["clearance", "m", 1], ["energy", "Wh", 1 / 3600], ["pitch_largest", "deg", 1 / DEGREE], ["roll_largest", "deg", 1 / DEGREE]]
+      ["ending", "complete", ...ended],
+      ...this.setup.rows
         .filter(([name]) => [a, b].some(({ figures }) => Number.isFinite(figures[name]) && (name !== "energy" || figures[name] > 0)))
-        .map(([name, unit, scale]) => [`${name.replaceAll("_", " ").replace("missed by", "largest miss of a waypoint")}, ${unit}`, shown(a.figures[name] * scale), shown(b.figures[name] * scale)]),
+        .map(([name, label, scale]) => [label, limits[name] ?? "", shown(first(name, scale)), shown(b.figures[name] * scale)]),
     ];
-    this.part("figures").replaceChildren(tableOf("This flight beside the original", ["metric", "original", "changed"], rows));
+    this.part("figures").replaceChildren(tableOf("This flight beside the original", ["metric", "asked", "original", "changed"], rows));
     this.clock.max = Math.max(a.rows, b.rows) - 1;
     const at = (flown, name, scale) => ({ t: flown.times(period), y: flown.column(name, scale) });
     const both = (name, scale, asked = "", turned = (y) => y) => [
@@ -388,7 +410,8 @@ class Deck {
     })));
     const same = this.untouched();
     this.part("stale").textContent = this.cloud && this.cloud.length && this.drawn !== this.request({ coefficients: {}, seed: 0 }) ? "The drawn vehicles flew before your last change: draw again." : "";
-    this.part("status").textContent = `${same ? "Flown" : "Re-flown"} in ${Math.round(b.ms)} ms: ${ending(b.figures)}, cross-track error ${shown(b.figures.cross_track_rms)} m rms${same ? "" : `, original ${shown(a.figures.cross_track_rms)} m rms`}.`;
+    this.part("status").textContent = `${same ? "Flown" : "Re-flown"} in ${Math.round(b.ms)} ms: ${ended[1]}, true cross-track error ${shown(b.figures.true_cross_track_rms)} m rms${same ? "" : `; original: ${ended[0]}, ${shown(first("true_cross_track_rms", 1))} m rms`}.`
+      + (run && run.off.length ? ` This browser does not fly the run's flight to the bit (${run.off.join("; ")}); the column "original" is the run's record.` : run && same ? " This is the flight of the run, to the same numbers." : "");
   }
 
   mark() {
@@ -447,12 +470,12 @@ class Deck {
       const names = flown.text.split("\n")[0].split(" "), figures = Object.fromEntries(names.map((name, k) => [name, flown.numbers[k]]));
       const track = flown.numbers.subarray(names.length), points = [];
       for (let k = 0; k + 2 < track.length; k += 3) points.push([track[k], track[k + 1], track[k + 2]]);
-      const fails = this.fails(figures);
+      const fails = this.ending(figures) !== "complete";
       failed += fails;
       cloud.push({ points, fails });
       if (cloud.length % 10 === 0 || cloud.length === count) {
         const [low, high] = wilson(failed, cloud.length);
-        out.textContent = `${failed} of ${cloud.length} drawn vehicles fail (${(100 * failed / cloud.length).toFixed(1)} %, 95 % interval ${(100 * low).toFixed(1)} to ${(100 * high).toFixed(1)} %): not flown to the end, a waypoint missed by more than its radius of acceptance, or too near to an obstacle. All of them fly in the water and with the sensors chosen here; a verification draws these too and has its own requirements.`
+        out.textContent = `${failed} of ${cloud.length} drawn vehicles fail (${(100 * failed / cloud.length).toFixed(1)} %, 95 % interval ${(100 * low).toFixed(1)} to ${(100 * high).toFixed(1)} %): not flown to the end, a waypoint missed, too near to an obstacle or the bottom, or too deep. All of them fly in the water and with the sensors chosen here; a verification draws these too and has its own requirements.`
           + (impossible ? ` ${impossible} drawn vehicles were impossible and are drawn again.` : "");
         this.mark();
       }
@@ -471,7 +494,7 @@ class Deck {
     try {
       const flights = [];
       for (const [name, own] of [["original", { gains: {}, coefficients: {}, pilot: this.originalPilot }], ["changed", {}]]) {
-        const flown = await this.core.ask(`step ${name}`, "fly", this.request({ ...own, file, until, trial }));
+        const flown = await this.core.ask(`step ${name}`, "fly", this.request({ ...own, file, until, trial, lines: "" }));
         if (!flown || turn !== this.gone) return;
         flights.push([name, new Flown(flown)]);
       }
