@@ -161,7 +161,7 @@ def not_reached(leg: Leg) -> str:
 def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
     """How near the vehicle came to the waypoint of leg `k` that it began and missed, why, and what to do."""
     words = not_reached(leg)
-    if leg.perceived_m <= leg.acceptance_m and not leg.reached:
+    if leg.perceived_m <= leg.acceptance_m < leg.smallest_m:
         outage = injected(flight, "position", leg.begin_s + leg.time_s)
         why = f" ({outage})" if outage else ""
         return Finding(f"{words}: its position was wrong by so much{why}", position_remedy(flight))

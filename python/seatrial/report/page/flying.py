@@ -149,7 +149,9 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder], flown: FlownRun | None) 
         "faults": [
             [name, at, "stuck" if math.isnan(value) else value] for _, name, at, value in cases.faults
         ],
-        "outages": [list(row) for row in cases.outages],
+        "outages": [
+            [group, *(at if math.isfinite(at) else None for at in ends)] for group, *ends in cases.outages
+        ],
         "coefficients": _coefficients(vehicle, runs),
         "covariance": _covariance(runs),
         "steps": _steps(pilot, runs),

@@ -131,6 +131,8 @@ function normals(seed) {
 
 class Deck {
   constructor(section, setups, core) {
+    // JSON has no infinity: silence without an end.
+    for (const setup of setups) setup.outages = setup.outages.map((row) => row.map((x) => x ?? Infinity));
     Object.assign(this, { section, setups, core });
     this.part = (name) => section.querySelector(`[data-part="${name}"]`);
     this.scene = new Scene(this.part("scene"), { onmove: (waypoint, place) => this.move(waypoint, place) });
