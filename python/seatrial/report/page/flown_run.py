@@ -126,7 +126,10 @@ def judgement(mission: Mission) -> dict[str, Any]:
     }
     return {
         "broken": [
-            [words, [[_FIGURE[name], _end(low), _end(high)] for name, low, high in rows if low < math.inf]]
+            [
+                words,
+                [[_FIGURE[name], _end(low), _end(high)] for name, low, high in rows if not np.isposinf(low)],
+            ]
             for words, rows in ranges.items()
         ],
         "limits": {
