@@ -37,6 +37,12 @@ __all__ = ["MANY", "Recorded", "Recording", "proposed_columns", "rate_of_long", 
 
 _SURFACE_PA = (8e4, 1.1e5)  # pressures of the air at the surface
 
+_AIR_PA = 101_325.0  # standard atmosphere
+
+_LEAST_PA = 1e3  # ten centimetres of water: nobody dives less, so that smaller pressures have another unit
+
+_LARGER_UNITS = {"kPa": 1e3, "dbar": 1e4, "bar": 1e5}
+
 _WATER_KG_M3, _GRAVITY_M_S2 = 1025.0, 9.81
 
 MANY = 200_000
@@ -374,13 +380,25 @@ def _numbers(cells: pl.Series) -> Array:
 
 
 def _depth(pressure: Array, notes: list[str]) -> Array:
-    """Depth in m of absolute pressures in Pa."""
+    """Depth in m of pressures in Pa, absolute, or above the air's where they are less than it."""
     known = pressure[np.isfinite(pressure)]
-    lowest = float(known.min()) if len(known) else 101_325.0
-    surface = lowest if _SURFACE_PA[0] < lowest < _SURFACE_PA[1] else 101_325.0
-    said = "the lowest one is taken for the surface" if surface == lowest else "101325 Pa is the surface"
+    # Single samples without a reading tell nothing of the surface.
+    low, high = np.quantile(known, [0.01, 0.99]) if len(known) else (_AIR_PA, _AIR_PA)
+    surface, said = _AIR_PA, f"{_AIR_PA:g} Pa is the surface"
+    if _SURFACE_PA[0] < low < _SURFACE_PA[1]:
+        surface = float(known[known > _SURFACE_PA[0]].min(initial=_SURFACE_PA[1]))
+        said = "the lowest one is taken for the surface"
+    elif low < _SURFACE_PA[0]:
+        surface, said = 0.0, f"less than the air's, {low:.3g} Pa, so taken as above it"
+    weight = _WATER_KG_M3 * _GRAVITY_M_S2
     notes.append(f"depth from pressure: {said}, {_WATER_KG_M3:g} kg/m3; in fresh water depths are 2.5 % more")
-    return np.asarray((pressure - surface) / (_WATER_KG_M3 * _GRAVITY_M_S2))
+    if surface == 0.0 and high < _LEAST_PA:
+        guesses = ", ".join(f"{size * high / weight:.3g} m if {unit}" for unit, size in _LARGER_UNITS.items())
+        notes.append(
+            f"pressures reach {high:.3g} Pa, {high / weight:.2g} m of water: expected a pressure in"
+            f" Pa, found one in another unit ({guesses}); give its unit in map.toml"
+        )
+    return np.asarray((pressure - surface) / weight)
 
 
 def _metres(t: Array, fixes: Mapping[str, tuple[str, Array]], notes: list[str]) -> list[pl.Series]:

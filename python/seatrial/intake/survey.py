@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
 from seatrial.logs.formats import FORMATS, open_log
+from seatrial.logs.gravity import by_gravity
 from seatrial.logs.log import Event, Field, Log, Share, Topic, printable
 from seatrial.logs.recognise import ESTIMATED, FEWEST, Proposal, named_but_empty, propose, unknown_unit
 from seatrial.logs.units import KNOWN_UNITS
@@ -282,7 +283,7 @@ def _surveyed(path: Path, share: Share) -> SurveyedLog:
         path,
         log.format,
         tuple(topics),
-        tuple(propose(log.format, topics, log.parameters)),
+        tuple(by_gravity(log.format, topics, propose(log.format, topics, log.parameters))),
         tuple(log.notes),
         tuple(log.remarks),
         tuple(log.events()),
