@@ -120,7 +120,7 @@ coefficients = { Z_ww = [-2000.0, -1.0] }
     assert not [text for text in check_campaign(Campaign.load(file)).warnings if "driven by" in text]
     without(folder, "cmd.VTB", "cmd.VTS")
     warned = "heave is driven by VTB, VTS, of which no trial records a command: Z_ww not identified"
-    assert any(text.startswith(warned) for text in check_campaign(Campaign.load(file)).warnings)
+    assert any(warned in text for text in check_campaign(Campaign.load(file)).warnings)
     fit = identify(Campaign.load(file))
     assert [one.name for one in fit.coefficients] == ["X_uu"]
     assert warned in fit.summary().replace("\n  ", " ")

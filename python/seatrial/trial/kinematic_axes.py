@@ -79,6 +79,10 @@ _BLOCK_S, _MOST_BLOCKS, _FEWEST_BLOCKS = 10.0, 60, 8  # of time, that tell the d
 
 _HUBER, _SWEEPS = 2.5, 5  # deviations from which a sample counts linearly; rounds that settle the weights
 
+_BIWEIGHT = 4.685  # deviations from which a sample has no weight: 95 % efficient for normal errors
+
+_MOST_SAMPLES, _LESS = 0.9, 0.9  # of the samples that choose between two starts, and what one must leave
+
 _END = 0.95  # of a search range: beyond, a delay is where the search ended, not where the best one is
 
 _TOLERANCE, _WIDE, _FAR = (
@@ -286,7 +290,7 @@ def follows(
     """How a channel `shown` (n,) follows axis `k` of a motion (n, j) beside its other axes.
 
     Both are changes about slow offsets (`band` without `cut`), `lag` s apart and brought together; `kind` is
-    the sensor, as in `LEAST_MOTION`. The regression counts outliers as Huber (1981) does.
+    the sensor, as in `LEAST_MOTION`. Outliers of either side count little or not at all.
     """
     # Of what is parallel to the other axes to rounding, nothing is left: columns in units of their size.
     size = np.sqrt(np.mean(motion[good] ** 2, axis=0)) if good.any() else np.zeros(motion.shape[1])
@@ -295,12 +299,7 @@ def follows(
     if not size[k] > least or good.sum() < 2 * motion.shape[1] + 2:
         return nothing
     x, y = motion[good], shown[good]
-    weight = np.ones(len(y))
-    for _ in range(_SWEEPS):
-        root = np.sqrt(weight)[:, None]
-        left = y - x @ np.linalg.lstsq(x * root, y * root[:, 0], rcond=None)[0]
-        scale = 1.4826 * float(np.median(np.abs(left)))
-        weight = 1.0 / np.maximum(np.abs(left) / (_HUBER * scale + 1e-12), 1.0)
+    weight = _believed(x, y)
     root = np.sqrt(weight)
     x, y = x * root[:, None], y * root
     others = np.delete(x, k, axis=1)
@@ -327,6 +326,36 @@ def follows(
     # Of the slope, as a share of it: the gain differs from it by the root of the share.
     sd *= abs(gain) / max(abs(together / energy), 1e-300)
     return Follows(float(gain), sd, float(share), float(whole), own, least, lag)
+
+
+def _believed(x: Array, y: Array) -> Array:
+    """Weight (n,) of each sample in the regression of `y` (n,) on `x` (n, j).
+
+    Wrong solutions of a positioning system move the regression however large its residuals are there, and a
+    vehicle that rests most of the time moves in samples that look like them. Both starts are tried, with all
+    samples and without the large ones; residuals beyond some deviations end without weight (biweight, Beaton
+    and Tukey 1974), and the start is taken that leaves less of most samples.
+    """
+    usual = np.quantile(np.abs(np.column_stack([x, y])), 0.75, axis=0)
+    small = np.logical_and.reduce(
+        np.abs(np.column_stack([x, y])) <= np.where(usual > 0.0, _SPIKE * usual, np.inf), axis=1
+    )
+    best: tuple[float, Array] | None = None
+    for start in (np.ones(len(y)), small.astype(float)):
+        weight = start
+        for sweep in range(2 * _SWEEPS):
+            root = np.sqrt(weight)[:, None]
+            left = np.abs(y - x @ np.linalg.lstsq(x * root, y * root[:, 0], rcond=None)[0])
+            scale = 1.4826 * float(np.median(left)) + 1e-12
+            if sweep < _SWEEPS:
+                weight = start / np.maximum(left / (_HUBER * scale), 1.0)
+            else:
+                weight = np.maximum(1.0 - (left / (_BIWEIGHT * scale)) ** 2, 0.0) ** 2
+        most = float(np.mean(left[left <= np.quantile(left, _MOST_SAMPLES)]))
+        if best is None or most < _LESS * best[0]:
+            best = most, weight
+    assert best is not None
+    return best[1]
 
 
 def assigned(
