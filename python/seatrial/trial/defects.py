@@ -1,7 +1,10 @@
 """Defects of sensors found from their samples alone: frozen, jumping, spiking, constant, saturated.
 
 A sample found bad is masked; nothing is put in its place. Thresholds are relative to the record's own
-ordinary motion (its 95th and 98th percentiles), so that no vehicle's size or speed is assumed.
+ordinary motion (its 95th and 98th percentiles), so that no vehicle's size or speed is assumed. Stamps of
+arrival jitter: a motion is never taken over less than the sensor's usual interval. A filter that corrects its
+estimate now and then makes small steps that stay, while a wrong solution comes back; where steps recur and
+stay, only what stands out of them is a jump or ends a freeze.
 
 A rare fast motion (the release of a roll decay in a quiet record) stands out of the ordinary as a spike
 does. Two things tell them apart: a motion has neighbours that move too, a spike stands alone between quiet
@@ -15,6 +18,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import ANGLES
@@ -60,6 +64,20 @@ _MOST_ALONE = 3  # neighbours that may, as those of two spikes do, or of a step 
 _SHOWN = 0.5  # share of a spike that another sensor must show within a second to make it a motion
 
 _UNUSUAL = 5.0  # medians by which that sensor must stand out of its own noise
+
+# A sensor that makes this many lone steps beyond _OUTSTANDING medians of its steps corrects itself. Of Gaussian
+# noise 0.07 % are as large, which raises no threshold: ten of their medians stand out of the noise as well.
+_OUTSTANDING, _FEWEST_CORRECTIONS = 5.0, 10
+
+# Of random steps one in eight is undone by the next one within 30 % of its size, of wrong solutions every other.
+_UNDONE, _RETURNING = 0.3, 0.3
+
+# Of exponentially distributed corrections one in a thousand is beyond ten of their medians.
+_LARGEST_CORRECTION = 10.0
+
+_SMALL = 0.1  # of the record's motion: what corrects an estimate of it usually
+
+_BACK = 0.5  # of the largest jump: what is left of jumps that cancel
 
 # A slower sensor written at the table's rate repeats at least this share of its samples, in many short runs.
 _HELD_SHARE, _HELD_RUNS = 0.05, 20
@@ -152,10 +170,41 @@ def _increments(signal: Signal) -> Array:
 
 
 def _jumps(signal: Signal) -> Mask:
-    """Samples (m,) whose step from the one before is larger than three ordinary ones."""
+    """Samples (m,) whose step from the one before is larger than three ordinary ones and any correction."""
     increment = _increments(signal)
     moved = increment[increment > 0.0]
-    return increment > 3.0 * (float(np.median(moved)) if len(moved) else 0.0)
+    usual = float(np.median(moved)) if len(moved) else 0.0
+    return increment > max(3.0 * usual, _corrections(np.diff(signal.y, axis=0), _wide(signal, signal.y)))
+
+
+def _wide(signal: Signal, y: Array) -> float:
+    """Extent of most of the motion of a pose `y` (m, k): m, or rad of an attitude."""
+    if not np.isfinite(y).any():
+        return 0.0
+    spread = np.nanquantile(y, 0.95, axis=0) - np.nanquantile(y, 0.05, axis=0)
+    return float(np.linalg.norm(spread)) * (2.0 if signal.name == "attitude" else 1.0)
+
+
+def _corrections(steps: Array, wide: float) -> float:
+    """Size up to which a sensor's steps (m, k) may be corrections of its filter; zero without a habit of them.
+
+    Corrections recur and stay, and are small beside the motion `wide` of the record; the steps to a wrong
+    solution and back from it cancel.
+    """
+    size = np.nan_to_num(np.linalg.norm(steps, axis=1))
+    moved = size[size > 0.0]
+    if not len(moved):
+        return 0.0
+    # A step that stands alone: a motion has neighbours that move too.
+    beside = np.pad(size, 1)
+    alone = np.maximum(beside[:-2], beside[2:]) < _CHANGES * size
+    large = np.flatnonzero((size > _OUTSTANDING * float(np.median(moved))) & alone)
+    if len(large) < _FEWEST_CORRECTIONS:
+        return 0.0
+    left = np.linalg.norm(steps[large[1:]] + steps[large[:-1]], axis=1)
+    undone = left < _UNDONE * np.maximum(size[large[1:]], size[large[:-1]])
+    usual = float(np.median(size[large]))
+    return 0.0 if undone.mean() > _RETURNING or usual > _SMALL * wide else _LARGEST_CORRECTION * usual
 
 
 def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingReport) -> Mask:
@@ -236,17 +285,22 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
     if len(good) < 3:
         return result
     t, y = signal.t[good], signal.y[good]
+    # Two samples that arrive together are a usual interval apart in truth.
+    lasts, wide = np.maximum(np.diff(t), signal.step), _wide(signal, y)
     if signal.name == "attitude":
         y, _ = continuous(y)
-        turn = 2.0 * product(conjugate(y[:-1]), y[1:])[:, 1:]
-        speed = angle_between(y[:-1], y[1:]) / np.diff(t)
-        rate = turn / np.diff(t)[:, None]
+        steps = 2.0 * product(conjugate(y[:-1]), y[1:])[:, 1:]
+        speed = angle_between(y[:-1], y[1:]) / lasts
     else:
-        rate = np.diff(y, axis=0) / np.diff(t)[:, None]
-        speed = np.linalg.norm(rate, axis=1)
-    deviation = np.linalg.norm(_deviation(rate, 11), axis=1)
-    # A jump stands out of the record's own motion, and of what the speed sensor shows there.
-    threshold = max(10.0 * np.quantile(deviation, 0.95), 3.0 * np.quantile(speed, 0.98))
+        steps = np.diff(y, axis=0)
+        speed = np.linalg.norm(steps, axis=1) / lasts
+    deviation = np.linalg.norm(_deviation(steps / lasts[:, None], 11), axis=1)
+    # A jump stands out of the record's own motion and corrections, and of what the speed sensor shows there.
+    threshold = max(
+        10.0 * np.quantile(deviation, 0.95),
+        3.0 * np.quantile(speed, 0.98),
+        _corrections(steps, wide) / signal.step,
+    )
     limit = np.maximum(threshold, _BELIEVED * _speed_near(speedometer, t[1:]))
     jump = np.flatnonzero((deviation > threshold) & (speed > limit))
     if speedometer is None:  # nothing else tells a fast motion from a wrong solution
@@ -255,19 +309,43 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
         return result
     starts = np.concatenate([[0], jump + 1])
     ends = np.concatenate([jump, [len(t) - 1]])
-    for start, end in zip(starts, ends, strict=True):
-        whole = start == 0 and end == len(t) - 1
-        if not whole and t[end] - t[start] < _TRUSTED_AFTER_S:
+    for place, (start, end) in enumerate(zip(starts, ends, strict=True)):
+        if t[end] - t[start] >= _TRUSTED_AFTER_S:
+            continue
+        # At an end of the record nothing tells on which side of the jump the pose is right.
+        edge = start == 0 or end == len(t) - 1
+        if edge or _wrong(steps, jump, place, t, wide):
             result[good[start : end + 1]] = True
     result[good[jump]] = result[good[jump + 1]] = True
     report.add(
         "warning",
         signal.label,
         f"jumps faster than any ordinary motion; {int(result.sum())} samples beside them, "
-        f"or between two less than {_TRUSTED_AFTER_S:g} s apart, masked",
+        f"or away between two less than {_TRUSTED_AFTER_S:g} s apart, masked",
         len(jump),
     )
     return result
+
+
+def _wrong(steps: Array, jump: NDArray[np.intp], place: int, t: Array, wide: float) -> bool:
+    """Whether the pose between jumps `place` - 1 and `place` is a wrong solution: jumps beside it cancel.
+
+    Several wrong solutions may follow one another, each less than `_TRUSTED_AFTER_S` long. Jumps as wide as
+    much of the whole record's motion are no corrections, whatever they lead to.
+    """
+    size = np.linalg.norm(steps[jump], axis=1)
+    if size[place - 1 : place + 1].max() > _SMALL * wide:
+        return True
+    for first in range(place - 1, -1, -1):
+        if first < place - 1 and t[jump[first + 1]] - t[jump[first] + 1] > _TRUSTED_AFTER_S:
+            return False
+        for last in range(place, len(jump)):
+            if t[jump[last]] - t[jump[last - 1] + 1] > _TRUSTED_AFTER_S:
+                break
+            left = float(np.linalg.norm(steps[jump[first : last + 1]].sum(axis=0)))
+            if left < _BACK * float(size[first : last + 1].max()):
+                return True
+    return False
 
 
 def _speed_near(speedometer: Signal | None, t: Array) -> Array:

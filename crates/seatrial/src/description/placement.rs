@@ -247,6 +247,27 @@ pub(super) fn place(
     })
 }
 
+/// Largest deflection of a fin's servo either way, rad: a fin across the flow. A larger limit is one in degrees.
+const ACROSS: f64 = std::f64::consts::FRAC_PI_2;
+
+/// Refuses limits of a servo that no fin deflects to.
+fn check_deflections(servo: &str, limits: &Limits) -> Result<(), String> {
+    let sides = [("maximum", limits.maximum), ("minimum", limits.minimum)];
+    for (kind, values) in sides {
+        for (side, value) in ["ahead", "astern"].iter().zip(values) {
+            // Without a limit the flow and the deflection that is commanded decide.
+            if value.is_finite() && value > ACROSS {
+                return Err(format!(
+                    "motors.{servo}.{kind}_{side}: expected a deflection of at most {ACROSS:.3} rad (90 degrees) for a \
+                     fin, found {value}; give it in rad: {value} degrees are {:.4} rad",
+                    value.to_radians()
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Resolves a fin's servo and writes its coefficients.
 pub(super) fn place_fin(
     file: &VehicleFile,
@@ -264,6 +285,7 @@ pub(super) fn place_fin(
     }
     let mut set = writer(values);
     let (limits, rate_limited) = drive(file, fin.motor.as_ref(), &mut set)?;
+    check_deflections(fin.motor.as_deref().unwrap_or_default(), &limits)?;
     set("gain", 1.0);
     set("astern_ratio", 1.0);
     set("C_La", fin.c_l_alpha.unwrap_or_else(|| lift_slope(fin.aspect_ratio)));
