@@ -14,6 +14,7 @@ from seatrial.base.rotation import continuous, from_euler
 from seatrial.logs.clock import Counter32, clock_times, scale_of
 from seatrial.trial.columns import GROUPS, Group, Source
 from seatrial.trial.resampling import instruments, together
+from seatrial.trial.sentinels import NO_SAMPLE, NO_SAMPLE_WORDS, sentinels
 from seatrial.trial.signals import RecordingReport, Signal
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ _LEAST_NORM, _NORM_TOLERANCE = 1e-3, 1e-2
 
 _MOST_PITCH, _MOST_YAW = 1.75, 12.6
 """Angles in rad that no pitch and, counted over turns, not all of a yaw have: a right angle, two turns."""
+
+_FILLED = 0.25  # of the quaternions may be zeros that stand for no sample; more is another column
 
 _FULL_TURN = (300.0, 400.0)  # step with which a yaw in degrees begins again
 
@@ -150,8 +153,9 @@ def _group(
             if source.unit
             else group.factor
         )
-        y[:, k] = _possible(numbers(column, name, file) * scale * source.sign, group, name, report)
-        present[:, k] = _sampled(column, y[:, k]) & (True if fresh is None else fresh)
+        cells, filled = _without_sentinels(numbers(column, name, file), group, name, report)
+        y[:, k] = _possible(cells * scale * source.sign, group, name, report)
+        present[:, k] = _sampled(column, y[:, k]) & ~filled & (True if fresh is None else fresh)
         _note_not_finite(present[:, k], y[:, k], name, report)
         y[~np.isfinite(y[:, k]), k] = np.nan
     empty = [name for k, name in enumerate(group.columns) if name in given and not present[:, k].any()]
@@ -249,7 +253,11 @@ def _attitude(
         bad = np.logical_or.reduce(~np.isfinite(y), axis=1)
         norm = np.linalg.norm(np.where(bad[:, None], 1.0, y), axis=1)
         zero = np.flatnonzero(norm < _LEAST_NORM)
-        if len(zero):
+        if 0 < len(zero) <= _FILLED * len(norm):
+            report.add("warning", "attitude", f"samples of zeros {NO_SAMPLE}; masked", len(zero))
+            bad[zero] = True
+            norm[zero] = 1.0
+        elif len(zero):
             raise TrialError(
                 f"{file}: {', '.join(s.column for s in given.values())}: row {zero[0] + 1}: expected a unit "
                 f"quaternion, found all zeros ({len(zero)} rows); leave cells without an attitude empty"
@@ -311,8 +319,9 @@ def _actuator(
         raise TrialError(f"{file}: {name}: a scalar has no frame; leave it out")
     column = table[source.column]
     scale = units.factor(source.unit, units.ACTUATOR_UNITS, f"{file}: {name}") if source.unit else 1.0
-    y = _possible(numbers(column, name, file) * scale * source.sign, None, name, report)
-    sampled = _sampled(column, y)
+    cells, filled = _without_sentinels(numbers(column, name, file), None, name, report)
+    y = _possible(cells * scale * source.sign, None, name, report)
+    sampled = _sampled(column, y) & ~filled
     _note_not_finite(sampled, y, name, report)
     good = sampled & np.isfinite(y)
     if not good.any():
@@ -399,6 +408,28 @@ def _sampled(column: pl.Series, y: Array) -> Mask:
     return given
 
 
+_JUMPING = ("force", "moment", "euler", "quaternion")  # groups whose columns jump and return by themselves
+
+_NAMED = 3  # codes
+
+
+def _without_sentinels(
+    y: Array, group: Group | None, name: str, report: RecordingReport
+) -> tuple[Array, Mask]:
+    """Cells (m,) without numbers that stand for no sample, and where these were (m,); reports them."""
+    found = sentinels(y, jumps=group is None or group.name in _JUMPING)
+    at = np.zeros(len(y), bool)
+    for one in found:
+        at |= one.at
+    if not found:
+        return y, at
+    codes = ", ".join(f"{one.value:.10g}" for one in found[:_NAMED])
+    codes += f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    after = "the value before is held" if name.startswith("cmd.") else "masked"
+    report.add("warning", name, f"samples of {codes} {NO_SAMPLE}; {after}", int(at.sum()))
+    return np.where(at, np.nan, y), at
+
+
 def _note_not_finite(sampled: Mask, y: Array, name: str, report: RecordingReport) -> None:
     missing = int((~np.isfinite(y) & sampled).sum())
     after = "the value before is held" if name.startswith("cmd.") else "masked"
@@ -427,7 +458,8 @@ def numbers(column: pl.Series, canonical: str, file: str) -> Array:
     if column.dtype == pl.String:
         text = column.str.strip_chars()
         values = text.cast(pl.Float64, strict=False)
-        wrong = (values.is_null() & text.is_not_null() & (text != "")).arg_true()
+        silent = text.str.to_lowercase().is_in(list(NO_SAMPLE_WORDS))
+        wrong = (values.is_null() & text.is_not_null() & ~silent).arg_true()
         if len(wrong):
             row = int(wrong[0])
             raise TrialError(
