@@ -12,7 +12,8 @@ from seatrial.intake.consistency_result import UNTOLD, current_sentence
 from seatrial.intake.consistency_trials import Proposal, accepted, consistency_of_trial, proposals
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.project import clocks_proposed
-from seatrial.trial.assembly import UNCOMMANDED
+from seatrial.intake.wiring import WIRED
+from seatrial.trial.assembly import MOSTLY_MASKED, UNCOMMANDED
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -155,11 +156,16 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
         f"trial {name}: {said}" for name, one in check.consistency.items() for said in one.contradictions
     ]
     unlike += [f"trial {name}: {said}" for name, one in check.kinds.items() for said in one.impossible]
-    unlike += [text for severity, text in found if severity == "warning" and UNCOMMANDED in text]
+    unlike += [
+        text
+        for severity, text in found
+        if severity == "warning" and (UNCOMMANDED in text or MOSTLY_MASKED in text)
+    ]
     if (text := next((text for severity, text in found if severity == "error"), None)) is not None:
         return text, correct
     if unlike:
-        return unlike[0], correct
+        problem, _, remedy = unlike[0].partition("; ")
+        return (problem, f"{remedy}; then {identify}") if WIRED in problem else (unlike[0], correct)
     if open_:
         return open_[0], f"paste the corrections that you accept into the campaign; then {identify}"
     if (text := next((text for severity, text in found if severity == "warning"), None)) is not None:

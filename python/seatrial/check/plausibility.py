@@ -13,7 +13,8 @@ import numpy as np
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.report import listed
 from seatrial.campaign.parameters import STRIPS
-from seatrial.vehicle.authority import commanded_rows
+from seatrial.vehicle.actuators import pushes
+from seatrial.vehicle.authority import advised_rows, commanded_rows
 from seatrial.vehicle.stability import positive_damping
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def implausible(vehicle: Vehicle) -> list[str]:
         _triangle,
         _signs,
         _motors,
+        _ranges,
         _thrust,
         _strips,
         _tether,
@@ -126,6 +128,56 @@ def _motors(vehicle: Vehicle) -> list[str]:
     ]
 
 
+# By unit of the command what no actuator has, from the largest or smallest known: rim drives of a work class
+# vehicle turn with 100 rpm, hobby motors with 10,000; pulses are 1500 +- 600 us; fast servos move 60 degrees in
+# 0.05 s and lag by less than a second; the largest thrusters of work class vehicles push 10 kN.
+_LIMITS = {
+    "rpm": (30.0, 2e4, "in rpm: rev/s times 60"),
+    "us": (20.0, 1e3, "in us from neutral: 1900 us about 1500 us are 400"),
+    "N": (0.05, 2e4, "in N"),
+    "rad": (0.035, 1.571, "in rad: 20 degrees are 0.349"),
+}
+_SERVO_RATE, _SERVO_LAG_S, _MOTOR_LAG_S = 25.0, 2.0, 10.0
+_FIN_SHARE = 0.5  # of the area of the hull seen from the side
+_STRONGEST = 10.0  # times the weight: thrust of one actuator
+
+
+def _ranges(vehicle: Vehicle) -> list[str]:
+    """Limits, lags, areas and thrusts that no actuator of this kind has, as with degrees or percent."""
+    values, box = vehicle.coefficients(), vehicle.geometry()
+    weight = values["m"] * vehicle.environment()["g"]
+    said: dict[str, list[str]] = {}
+    for name, facts in vehicle.actuator_info().items():
+        fin, unit = facts["kind"] == "fin", str(facts["unit"])
+        least, most, how = _LIMITS[unit]
+        for side in ("ahead", "astern"):
+            limit = float(facts[f"maximum_{side}"])
+            if 0.0 < limit < least or most < limit < np.inf:
+                what = f"maximum_{side} = {limit:g} is outside the {least:g} to {most:g} {unit}"
+                said.setdefault(f"{what} of any such actuator; give it {how}", []).append(name)
+        lag = max(values.get(f"{name}.T_1", 0.0), values.get(f"{name}.T_t", 0.0))
+        if lag > (_SERVO_LAG_S if fin else _MOTOR_LAG_S):
+            said.setdefault(f"lag or dead time of {lag:g} s is longer than any; give it in s", []).append(
+                name
+            )
+        rate = values.get(f"{name}.n_acc", 0.0)
+        if fin and rate > _SERVO_RATE:
+            what = f"n_acc_per_s = {rate:g} rad/s is faster than any servo; give it in rad/s, {np.deg2rad(rate):.2g}"
+            said.setdefault(f"{what} if it is in degrees", []).append(name)
+    tables = {str(fin["name"]): fin for fin in vehicle.to_dict().get("fins", [])}
+    for name, fin in tables.items():
+        area = float(fin["area_m2"])
+        if box and area > _FIN_SHARE * box["length"] * max(box["diameter"], box["height"]):
+            what = f"area_m2 = {area:g} is more than half of the hull seen from the side; give it in m2"
+            said.setdefault(what, []).append(name)
+    for push in pushes(vehicle):
+        force = float(np.linalg.norm(push.wrench[:3]))
+        if force > _STRONGEST * weight:
+            what = f"pushes with {force:.3g} N, {force / weight:.2g} times the weight of the vehicle"
+            said.setdefault(f"{what}; check unit and size of its characteristic", []).append(push.actuator)
+    return [f"{listed(list(dict.fromkeys(names)))}: {what}" for what, names in said.items()]
+
+
 def _thrust(vehicle: Vehicle) -> list[str]:
     """Thrust falls with the inflow: its slope over the speed is negative."""
     values = vehicle.coefficients()
@@ -199,15 +251,22 @@ def _positions(vehicle: Vehicle) -> list[str]:
 def _rows(vehicle: Vehicle) -> list[str]:
     able = commanded_rows(vehicle)
     declared = vehicle.controllable
+    advised = advised_rows(vehicle)
     lacking = [row for row in declared if row not in able]
     found = [
         f"controllable lists {row} {declared.count(row)} times; name each row once"
         for row in dict.fromkeys(declared)
         if declared.count(row) > 1
     ]
+    kept = ", ".join(f'"{row}"' for row in advised)
     if not lacking:
+        steered = {"X", "N"} <= set(declared) and {"Z", "M"} & set(declared)
+        if declared and not steered and {"X", "N"} <= set(advised) and {"Z", "M"} & set(advised):
+            found.append(
+                f"controllable = [{', '.join(declared)}] lets no autopilot steer, which needs X, N and Z or M;"
+                f" its actuators can command them: give controllable = [{kept}]"
+            )
         return found
-    kept = ", ".join(f'"{row}"' for row in dict.fromkeys(declared) if row not in lacking)
     return [
         *found,
         f"{', '.join(lacking)} {'counts' if len(lacking) == 1 else 'count'} as controllable (every row does"

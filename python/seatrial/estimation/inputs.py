@@ -28,12 +28,12 @@ from seatrial.base.channels import AXES
 from seatrial.base.errors import SimulationError, TrialError
 from seatrial.base.report import listed
 from seatrial.estimation.dependence import Dependence, dependence
+from seatrial.intake.wiring import each_wrench, thrusts
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
-    from seatrial.trial.trial import Trial
 
 __all__ = [
     "Drive",
@@ -328,14 +328,6 @@ def judge_inputs(campaign: Campaign) -> InputJudgement:
     )
 
 
-def thrusts(vehicle: Vehicle, each: Array) -> Array:
-    """Thrust (n, actuators), N, from the wrench of every actuator by itself (n, actuators, 6)."""
-    matrix = np.asarray(vehicle.allocation_matrix()).T.copy()
-    # A reaction torque turns about the thruster's axis: the force alone tells the thrust, where there is one.
-    matrix[:, 3:] *= np.linalg.norm(matrix[:, :3], axis=1, keepdims=True) < 1e-9
-    return np.asarray(np.einsum("nki,ki->nk", each, matrix) / (matrix**2).sum(axis=1))
-
-
 def _inputs(campaign: Campaign, name: str) -> tuple[Array, float, bool]:
     """Wrench of every actuator without inflow (n, actuators, 6) over what is fitted, its step, logged or not.
 
@@ -348,52 +340,10 @@ def _inputs(campaign: Campaign, name: str) -> tuple[Array, float, bool]:
     if kind == "tau" and trial.tau is not None:
         return np.nan_to_num(trial.tau[training])[:, None, :], trial.dt, True
     try:
-        each = _flown(campaign.vehicle, trial, measured=kind == "measured")
+        each = each_wrench(campaign.vehicle, trial, measured=kind == "measured")
     except SimulationError as error:
         raise SimulationError(f"{name}: {error}") from None
     return each[training], trial.dt, False
-
-
-def _flown(vehicle: Vehicle, trial: Trial, *, measured: bool) -> Array:
-    """Wrench of every actuator by itself (n, actuators, 6): one gain at a time not zero.
-
-    Of thrusters without inflow, the vehicle held; of fins, which lift under way, at the trial's rms speed.
-    """
-    from seatrial._core import State, simulate_batch
-
-    if measured:  # a logged signal is behind the motor
-        motor = {"K_V": 1.0, "T_1": 0.0, "T_t": 0.0, "n_acc": 1e9, "n_dec": 1e9}
-        present = vehicle.coefficients()
-        passing = {f"{name}.{key}": value for name in vehicle.actuators for key, value in motor.items()}
-        vehicle = vehicle.with_coefficients({key: value for key, value in passing.items() if key in present})
-    values = vehicle.coefficients()
-    gains = np.diag([values.get(f"{name}.gain", 0.0) for name in vehicle.actuators])
-
-    def wrench(speed: float) -> Array:
-        run = simulate_batch(
-            vehicle,
-            {f"{name}.gain": gains[k] for k, name in enumerate(vehicle.actuators)},
-            trial.t,
-            dict(trial.measured if measured else trial.commands),
-            State(nu=[speed, 0.0, 0.0, 0.0, 0.0, 0.0]),
-            free="",
-            voltage_v=trial.voltage_v,
-            max_step_s=trial.dt,
-            rho=trial.rho,
-            g=trial.g,
-        )
-        return np.asarray(run.tau).transpose(1, 0, 2)
-
-    each, facts = wrench(0.0), vehicle.actuator_info()
-    fins = [k for k, name in enumerate(vehicle.actuators) if facts[name]["kind"] == "fin"]
-    if fins:
-        ahead = trial.nu[trial.valid[:, 0], 0]
-        each[:, fins] = wrench(float(np.sqrt(np.mean(ahead**2))) if len(ahead) else _USUAL_M_S)[:, fins]
-    return each
-
-
-_USUAL_M_S = 1.0
-"""Speed of a vehicle with fins of which no speed is recorded: that at which a vehicle file reads friction."""
 
 
 def _drives(vehicle: Vehicle, thrust: Array, weight: Array) -> tuple[Drive, ...]:

@@ -20,6 +20,7 @@ from seatrial.identification.estimate import Estimate, Tally, derived, distinct,
 from seatrial.identification.held import SHARE, Conditional, Held, comment, sentences
 from seatrial.identification.hold_out import POOLED, Restarts, likelihood_gain, replayed
 from seatrial.intake.consistency_trials import LATE
+from seatrial.intake.wiring import WIRED
 from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
 
@@ -367,6 +368,9 @@ def _worst(fit: Identification) -> tuple[str, str]:
     if late := [sentence for sentence in fit.before if sentence.startswith(LATE)]:
         problem, _, remedy = late[0].partition("; ")
         return problem, remedy
+    if wired := _wired(fit):
+        problem, _, remedy = wired[0].partition("; ")
+        return problem, f"{remedy}; then identify again"
     if strayed := [] if fit.assessment is None else fit.assessment.strayed():
         return _problem_and_remedy(strayed[0], "a nuisance parameter left its prior")
     if hidden := sentences(fit.held):
@@ -660,13 +664,19 @@ def _replayed_words(fit: Identification) -> str:
     return f"; {', '.join(MOTIONS[axis] for axis in axes)} replayed, not predicted" if axes else ""
 
 
+def _wired(fit: Identification) -> list[str]:
+    """Sentences on actuators whose signs or places contradict the vehicle file."""
+    return [said.removeprefix("WARNING: ") for said in fit.before if WIRED in said]
+
+
 def advice(fit: Identification) -> list[str]:
     """Sentences: bounds that were hit, what the data cannot tell, what the model lacks, what did not run."""
+    wired = _wired(fit)
     lines = [
         f"{row.name} is not identified, it ended at its {row.at_bound} bound: widen the bound if the value"
         " is plausible; otherwise hold the coefficient"
         for row in distinct(fit.coefficients)
-        if row.at_bound
+        if row.at_bound and not wired  # a wrong sign drives coefficients to their bounds
     ]
     lines += _implausible(fit)
     if fit.choice is not None:

@@ -18,6 +18,7 @@ from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, frozen_sentences, plan, start_cost, step_sentences
 from seatrial.identification.held import Held, hold_untold, sentences
 from seatrial.identification.repeated import repeated_sentences
+from seatrial.intake.wiring import wiring
 from seatrial.vehicle.actuators import actuator_groups, drivers
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
             f"{campaign.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
             " only tunes or verifies an autopilot"
         )
-    silent = (*repeated_sentences(campaign), *_actuators_without_column(campaign))
+    silent = (*_wired(campaign), *repeated_sentences(campaign), *_actuators_without_column(campaign))
     whole, commandless = without_commandless(campaign)
     campaign, held = identifiable(whole)
     plans = plan(campaign)
@@ -125,6 +126,14 @@ def _records(campaign: Campaign, trial: str, names: Sequence[str]) -> bool:
     kind, found = campaign.input_of(trial), campaign.trials[trial]
     recorded = {"commands": found.commands, "measured": found.measured}.get(kind)
     return recorded is None or any(name in recorded for name in names)
+
+
+def _wired(campaign: Campaign) -> tuple[str, ...]:
+    """Sentences on actuators of the trials that are fitted whose signs or places contradict the vehicle."""
+    names = dict.fromkeys(name for stage in campaign.stages for name in stage.trials)
+    driven = [name for name in names if campaign.input_of(name) == "commands"]
+    judged = {name: wiring(campaign.trials[name], campaign.vehicle) for name in driven}
+    return tuple(f"WARNING: {one.sentence} (trial {name})" for name, one in judged.items() if one is not None)
 
 
 def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from seatrial.intake.survey import Survey
 from seatrial.intake.vehicle_draft import opposed
 from seatrial.logs.join import SPLIT
 from seatrial.logs.log import printable
-from seatrial.trial.assembly import JUMPED, UNCOMMANDED
+from seatrial.trial.assembly import JUMPED, MOSTLY_MASKED, UNCOMMANDED
 from seatrial.trial.defects import ABOVE
 
 if TYPE_CHECKING:
@@ -250,6 +250,7 @@ def _problems(made: Imported) -> Iterator[str]:
         yield from (f"trial {one.name}: {said}" for said in one.consistency.contradictions)
     for one in made.trials:
         yield from (f"trial {one.name}: {said}" for said in one.kind.impossible)
+    yield from _findings(made, "warning", MOSTLY_MASKED)
     yield from _findings(made, "warning", UNCOMMANDED)
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)

@@ -22,6 +22,7 @@ from seatrial.intake.excitation import (
 )
 from seatrial.intake.manoeuvres import Manoeuvre, counted, drives, manoeuvres
 from seatrial.intake.trial_windows import TrialWindows, windows
+from seatrial.intake.wiring import Wiring, wiring
 from seatrial.trial.feedback import Feedback, feedback
 from seatrial.trial.verdict import Verdict, judge_trial
 from seatrial.trial.waves import Waves, commanded, waves
@@ -58,11 +59,13 @@ class KindOfData:
     excitation: tuple[Excitation, ...]
     manoeuvres: tuple[Manoeuvre, ...]
     windows: TrialWindows
+    wiring: Wiring | None = None
 
     @property
     def impossible(self) -> tuple[str, ...]:
-        """Commands that no actuator of the vehicle follows."""
-        return tuple(
+        """How commands contradict the vehicle: their wiring, and values that no actuator follows."""
+        wired = () if self.wiring is None else (self.wiring.sentence,)
+        return wired + tuple(
             f"command of {one.command} reaches {one.reached:g}, and its limit is {one.limit:g} (beyond it in"
             f" {100.0 * one.share:.0f} % of the samples); check the unit of the column and the limits in the"
             " vehicle file"
@@ -115,6 +118,7 @@ class KindOfData:
             "contacts": [asdict(one) for one in self.contacts],
             "saturated": [asdict(one) for one in self.saturated],
             "beyond": [asdict(one) for one in self.beyond],
+            "wiring": None if self.wiring is None else self.wiring.to_dict(),
             "closed_loops": [asdict(one) for one in self.loops],
             "feedback": [asdict(one) | {"sentence": one.sentence} for one in self.verdicts],
             "waves": None if self.waves is None else asdict(self.waves),
@@ -137,7 +141,8 @@ def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
     """
     driving = drives(trial, vehicle)
     found = manoeuvres(trial, vehicle)
-    loops = tuple(one for one in feedback(trial) if one.closed)
+    every = feedback(trial)
+    loops = tuple(one for one in every if one.closed)
     swell = waves(trial)
     if swell is not None and not loops and commanded(trial, swell):
         swell = None  # a row of preset steps has harmonics
@@ -151,6 +156,7 @@ def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
         excitation=tuple(excitation(trial)),
         manoeuvres=tuple(found),
         windows=windows(trial, found),
+        wiring=None if vehicle is None else wiring(trial, vehicle, loops=every),
     )
 
 

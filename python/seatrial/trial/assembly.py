@@ -143,6 +143,11 @@ JUMPED = "the clock may have jumped"
 UNCOMMANDED = "no command from"
 """What is said of commands that fall silent."""
 
+MOSTLY_MASKED = "of the samples are masked, most of them for"
+"""What is said of a channel of which more than a quarter is lost, before its cause."""
+
+_MUCH = 0.25  # of the samples masked: good data have a few per cent, and a rule that masks more may be wrong
+
 _ASIDE, _ONE_INTERVAL = 20, 5.0
 """Samples on either side of a gap that tell the speed; times the usual way that is still one interval's."""
 
@@ -185,6 +190,7 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
     report.masked = {
         channel: int((~valid[:, k]).sum()) for k, channel in enumerate(CHANNELS) if not absent[k]
     }
+    _report_masked(report)
     if absent.any():
         missing = " ".join(channel for channel, gone in zip(CHANNELS, absent, strict=True) if gone)
         report.add("info", "channels", f"not recorded: {missing}")
@@ -210,6 +216,51 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
             upright = np.logical_and.reduce(valid[:, 9:], axis=1)
             _add_current(parts, t, np.asarray(ground & upright), np.asarray(water), report)
     return parts
+
+
+def _report_masked(report: RecordingReport) -> None:
+    """Report channels that are masked in more than a quarter of the record, with the largest cause."""
+    lost: dict[str, list[str]] = {}
+    for channel, count in report.masked.items():
+        if count > _MUCH * report.samples:
+            lost.setdefault(_cause(channel, report), []).append(channel)
+    for cause, channels in lost.items():
+        share = max(report.masked[channel] for channel in channels) / report.samples
+        report.add(
+            "warning",
+            " ".join(channels),
+            f"{100.0 * share:.0f} % {MOSTLY_MASKED} {cause}; look at these samples, and give another column or"
+            " a part of the log if they are wrong",
+        )
+
+
+_GROUP_OF = {c: name for name, cs in (("position", "xyz"), ("velocity", "uvw"), ("rates", "pqr")) for c in cs}
+_GROUP_OF |= dict.fromkeys(("roll", "pitch", "yaw"), "attitude")
+
+
+def _cause(channel: str, report: RecordingReport) -> str:
+    """What masks most samples of a channel, in words."""
+    group = _GROUP_OF[channel]
+    own = {
+        channel,
+        group,
+        "log",
+        "commands",
+        f"{channel}_m",
+        f"{channel}_m_s",
+        f"{channel}_deg_s",
+        f"{channel}_deg",
+    }
+    own |= {"depth"} if channel == "z" else set()
+    # Of derived channels the pose is masked.
+    own |= {"attitude", "position", "depth"} if group in ("velocity", "rates") else set()
+    found = [
+        f for f in report.findings if f.severity != "info" and f.channel in own and "masked" in f.message
+    ]
+    if not found:
+        return "missing samples"
+    most = max(found, key=lambda f: f.count or 0)
+    return f"{most.count or ''} {most.message.partition(';')[0]} ({most.channel})".strip()
 
 
 def _derive(

@@ -110,7 +110,7 @@ def sentinels(y: Array, *, jumps: bool = False) -> list[Sentinel]:
     rest = np.isfinite(y) & ~np.isin(y, values[wrong])
     resting = rest.any() and np.ptp(y[rest]) == 0.0
     # Beside a column that rests, and of a number that is no usual code, only brief fills are sure.
-    found = [one for one in found if _is_code(one.value) and not resting or _brief(one.at[known])]
+    found = [one for one in found if (_is_code(one.value) and not resting) or _brief(one.at[known])]
     if not jumps:
         found += _excursions(np.where(rest, y, np.nan), values[(counts >= _FEWEST) & ~wrong])
     return sorted(found, key=lambda one: -one.count)

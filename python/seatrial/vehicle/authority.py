@@ -26,6 +26,7 @@ __all__ = [
     "LOOPS",
     "ROWS",
     "Delay",
+    "advised_rows",
     "authority_in_words",
     "commandable",
     "commanded_rows",
@@ -165,15 +166,42 @@ def commanded_rows(vehicle: Vehicle) -> list[str]:
     The rows that the vehicle file lists as controllable are tried first; the others join where they can.
     What happens in the rows left out is not asked: a canted propeller may push sideways while it turns.
     """
+    order = _by_importance(vehicle)
+    declared = [row for row in order if row in vehicle.controllable]
+    return _independent(vehicle, (*declared, *(row for row in order if row not in declared)))
+
+
+def advised_rows(vehicle: Vehicle) -> list[str]:
+    """Rows that a vehicle file should call controllable: as many as are independent, what steers it first.
+
+    An autopilot needs surge, yaw, and heave or pitch (`seatrial.control_design.start_gains`), so that these
+    come before what the same actuators could do instead.
+    """
+    return _independent(vehicle, _by_importance(vehicle))
+
+
+def _by_importance(vehicle: Vehicle) -> str:
+    """Rows in the order in which they are needed: surge, yaw, the one that makes depth, the others.
+
+    Stern planes dive by pitch, vertical thrusters by heave, wherever they sit.
+    """
+    heave = np.abs(np.asarray(vehicle.allocation_matrix()).reshape(6, -1)[2])
+    facts = vehicle.actuator_info()
+    fins = np.array([facts[name]["kind"] == "fin" for name in vehicle.actuators], bool)
+    thrusters = heave[~fins].max(initial=0.0) > _PART * heave.max(initial=0.0)
+    return "XNZMYK" if thrusters else "XNMZYK"
+
+
+def _independent(vehicle: Vehicle, order: Sequence[str]) -> list[str]:
+    """Rows of `order` that the actuators command independently of those before them, as XYZKMN."""
     matrix = np.asarray(vehicle.allocation_matrix())
     if matrix.size == 0:
         return []
     lever = max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)
     scaled = matrix / np.array([1.0, 1.0, 1.0, lever, lever, lever])[:, None]
     largest = np.linalg.norm(scaled, 2)
-    declared = [row for row in ROWS if row in vehicle.controllable]
     able: list[str] = []
-    for row in (*declared, *(row for row in ROWS if row not in declared)):
+    for row in order:
         tried = scaled[[ROWS.index(name) for name in (*able, row)]]
         sizes = np.linalg.svd(tried, compute_uv=False)
         if len(able) < matrix.shape[1] and sizes[-1] > _WEAK * largest:
