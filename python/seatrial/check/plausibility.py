@@ -128,9 +128,9 @@ def _motors(vehicle: Vehicle) -> list[str]:
     ]
 
 
-# By unit of the command what no actuator has, from the largest or smallest known: rim drives of a work class
-# vehicle turn with 100 rpm, hobby motors with 10,000; pulses are 1500 +- 600 us; fast servos move 60 degrees in
-# 0.05 s and lag by less than a second; the largest thrusters of work class vehicles push 10 kN.
+# By unit of the command what actuators of underwater vehicles have, with a margin: ducted propellers of large
+# vehicles turn with 100 rpm, hobby motors with 10,000; pulses are 1500 +- 600 us; fast servos move 60 degrees
+# in 0.05 s and lag by less than a second; the strongest thrusters push 10 kN.
 _LIMITS = {
     "rpm": (30.0, 2e4, "in rpm: rev/s times 60"),
     "us": (20.0, 1e3, "in us from neutral: 1900 us about 1500 us are 400"),
@@ -162,8 +162,8 @@ def _ranges(vehicle: Vehicle) -> list[str]:
             )
         rate = values.get(f"{name}.n_acc", 0.0)
         if fin and rate > _SERVO_RATE:
-            what = f"n_acc_per_s = {rate:g} rad/s is faster than any servo; give it in rad/s, {np.deg2rad(rate):.2g}"
-            said.setdefault(f"{what} if it is in degrees", []).append(name)
+            what = f"n_acc_per_s = {rate:g} rad/s is faster than any servo; give it in rad/s:"
+            said.setdefault(f"{what} {rate:g} deg/s are {np.deg2rad(rate):.2g}", []).append(name)
     tables = {str(fin["name"]): fin for fin in vehicle.to_dict().get("fins", [])}
     for name, fin in tables.items():
         area = float(fin["area_m2"])
@@ -263,8 +263,8 @@ def _rows(vehicle: Vehicle) -> list[str]:
         steered = {"X", "N"} <= set(declared) and {"Z", "M"} & set(declared)
         if declared and not steered and {"X", "N"} <= set(advised) and {"Z", "M"} & set(advised):
             found.append(
-                f"controllable = [{', '.join(declared)}] lets no autopilot steer, which needs X, N and Z or M;"
-                f" its actuators can command them: give controllable = [{kept}]"
+                f"controllable = [{', '.join(declared)}] lets no autopilot steer, which needs X, N and Z or"
+                f" M; its actuators can command them: give controllable = [{kept}]"
             )
         return found
     return [

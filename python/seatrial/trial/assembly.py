@@ -241,16 +241,8 @@ _GROUP_OF |= dict.fromkeys(("roll", "pitch", "yaw"), "attitude")
 def _cause(channel: str, report: RecordingReport) -> str:
     """What masks most samples of a channel, in words."""
     group = _GROUP_OF[channel]
-    own = {
-        channel,
-        group,
-        "log",
-        "commands",
-        f"{channel}_m",
-        f"{channel}_m_s",
-        f"{channel}_deg_s",
-        f"{channel}_deg",
-    }
+    columns = {f"{channel}_{unit}" for unit in ("m", "m_s", "deg", "deg_s")}
+    own = {channel, group, "log", "commands", *columns}
     own |= {"depth"} if channel == "z" else set()
     # Of derived channels the pose is masked.
     own |= {"attitude", "position", "depth"} if group in ("velocity", "rates") else set()

@@ -65,11 +65,11 @@ _SHOWN = 0.5  # share of a spike that another sensor must show within a second t
 
 _UNUSUAL = 5.0  # medians by which that sensor must stand out of its own noise
 
-# A sensor that makes this many lone steps beyond _OUTSTANDING medians of its steps corrects itself. Of Gaussian
-# noise 0.07 % are as large, which raises no threshold: ten of their medians stand out of the noise as well.
+# A sensor that makes this many lone steps beyond _OUTSTANDING medians of its steps corrects itself. Of
+# Gaussian noise 0.07 % are as large; ten of their medians stand out of that noise as well.
 _OUTSTANDING, _FEWEST_CORRECTIONS = 5.0, 10
 
-# Of random steps one in eight is undone by the next one within 30 % of its size, of wrong solutions every other.
+# Of random steps one in eight is undone by the next one to 30 %, of wrong solutions one in two.
 _UNDONE, _RETURNING = 0.3, 0.3
 
 # Of exponentially distributed corrections one in a thousand is beyond ten of their medians.
@@ -186,7 +186,7 @@ def _wide(signal: Signal, y: Array) -> float:
 
 
 def _corrections(steps: Array, wide: float) -> float:
-    """Size up to which a sensor's steps (m, k) may be corrections of its filter; zero without a habit of them.
+    """Size up to which a sensor's steps (m, k) may be corrections of its filter; zero if it makes none.
 
     Corrections recur and stay, and are small beside the motion `wide` of the record; the steps to a wrong
     solution and back from it cancel.

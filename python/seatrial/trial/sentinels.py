@@ -1,8 +1,8 @@
 """Numbers that stand for "no sample" in a recording: written codes, and values that recur where none can be.
 
 Loggers fill a cell without a sample with a code (-9999, 99999, 65535, the largest number of a type, 1e30).
-Taken as samples they are the largest motion of the log. A number is such a code where the other samples of its
-column leave no doubt: it is a usual code and lies outside them by more than their own range; or it recurs
+Taken as samples they are the largest motion of the log. A number is such a code where the other samples of
+its column leave no doubt: it is a usual code and lies outside them by more than their own range; or it recurs
 exactly, briefly, and lies ten ranges outside; or it recurs exactly as a lone excursion from which the column
 returns to where it was, as a zero in a field that is never zero does. Commands and angles jump by themselves,
 so that of them only codes outside of all others count. Held by ``tests/trial/test_sentinels.py``.
@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask, runs
 
@@ -42,7 +43,7 @@ NO_SAMPLE_WORDS = frozenset({
 })
 """Texts in lower case that stand in a cell for no sample."""
 
-# Nines by hand, the largest and smallest integers of 16 to 64 bits (also rounded to a float), well logs' -999.25.
+# Nines by hand, -999.25 of well logs, the largest and smallest integers of 16 to 64 bits.
 _NINES = (99.0, 99.9, 99.99, 999.0, 999.25, 999.9, 999.99, 9999.0, 9999.25, 9999.9, 9999.99, 99999.0)
 _INTEGERS = tuple(
     float(value) for bits in (16, 32, 64) for value in (2**bits - 1, 2 ** (bits - 1) - 1, 2 ** (bits - 1))
@@ -104,7 +105,7 @@ def sentinels(y: Array, *, jumps: bool = False) -> list[Sentinel]:
     known = np.isfinite(y)
     if known.sum() < _ENOUGH:
         return []
-    values, place, counts = np.unique(y[known], return_inverse=True, return_counts=True)
+    values, counts = np.unique(y[known], return_counts=True)
     wrong = _outside(values, counts, jumps=jumps)
     found = [Sentinel(float(value), y == value) for value in values[wrong]]
     rest = np.isfinite(y) & ~np.isin(y, values[wrong])
@@ -125,7 +126,7 @@ def _brief(at: Mask) -> bool:
     return float(np.mean([stop - start for start, stop in runs(at)])) <= _LONGEST / 2.0
 
 
-def _outside(values: Array, counts: Array, *, jumps: bool) -> Mask:
+def _outside(values: Array, counts: NDArray[np.int_], *, jumps: bool) -> Mask:
     """Which of the distinct `values` (k,), rising, are codes that lie outside of all others."""
     size = np.abs(values)
     code = np.isin(np.round(size, 2), np.round(_CODES, 2)) | (size > _ENORMOUS)
@@ -133,7 +134,7 @@ def _outside(values: Array, counts: Array, *, jumps: bool) -> Mask:
     wrong = np.zeros(len(values), bool)
     total = float(counts.sum())
     while True:
-        # From the outside inwards: the lowest and the highest value that are left, against the rest without codes.
+        # From the outside inwards: the lowest and highest value left, against the rest without codes.
         left = np.flatnonzero(~wrong)
         core = values[~wrong & ~code]
         if not len(core):
