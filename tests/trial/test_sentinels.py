@@ -96,7 +96,7 @@ def corrected(rate_hz: float, every_s: float, stamps: str, digits: int | None) -
     steps[at] = random.laplace(0.0, 0.02, len(at))
     depth = 5.0 + 0.5 * np.sin(t / 3.0) + np.cumsum(steps)
     yaw = 60.0 * np.sin(t / 5.0) + np.rad2deg(np.cumsum(np.roll(steps, 3)))
-    late = {"even": 0.0, "jitter": random.uniform(-0.45, 0.45, count)}[stamps] / rate_hz
+    late = (0.45 if stamps == "jitter" else 0.0) * random.uniform(-1.0, 1.0, count) / rate_hz
     return {
         "t_s": t + late,
         "z_m": depth if digits is None else np.round(depth, digits),

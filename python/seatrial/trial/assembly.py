@@ -229,8 +229,8 @@ def _report_masked(report: RecordingReport) -> None:
         report.add(
             "warning",
             " ".join(channels),
-            f"{100.0 * share:.0f} % {MOSTLY_MASKED} {cause}; look at these samples, and give another column or"
-            " a part of the log if they are wrong",
+            f"{100.0 * share:.0f} % {MOSTLY_MASKED} {cause}; look at these samples, and give another"
+            " column or a part of the log if they are wrong",
         )
 
 
