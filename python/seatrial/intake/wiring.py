@@ -5,8 +5,8 @@ Every actuator's thrust T_k(t) follows from its recorded command by the vehicle 
 
     mean(nu') = c_i [M^-1 B P T]_i + a_i . (1, nu_i, |nu_i| nu_i, couplings) + e_i
 
-over windows of half a second (the integral form: the mean of nu' is a difference of smoothed velocities), with
-P a signed permutation, B the wrench per newton, and per axis i a free scale c_i >= 0 and free damping: masses,
+over windows of half a second (integral form: the mean of nu' is a difference of smoothed velocities), with P
+a signed permutation, B the wrench per newton, and per axis i a free scale c_i >= 0 and free damping: masses,
 thrust and drag of the file may be wrong by any factor, signs are what is judged. Windows are whitened by the
 autocorrelation of their residuals, so that the likelihood counts independent ones. P is looked for among all
 sign patterns, exchanges of like actuators, and both for a pair; each change costs evidence.
@@ -67,7 +67,7 @@ _SHARE = 0.03  # of an axis's motion beyond damping that the commands explain: l
 _ALIKE = 6.0  # of log-likelihood: wirings that the log does not tell apart
 
 _PARTS, _PART_AGAINST = 3, 0.25
-"""Parts of the log in time; none may prefer the file's wiring by this share of the evidence in the best one."""
+"""Parts of the log in time; none may prefer the file's wiring by this share of the evidence in the best."""
 
 _SPEED_M_S = 1.0  # of a vehicle with fins of which no speed is recorded
 
