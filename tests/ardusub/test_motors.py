@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -16,8 +17,11 @@ from seatrial.ardusub.parameters import ParameterFile
 from seatrial.ardusub.quantity import Found, Quantity
 from seatrial.base.arrays import Array
 from seatrial.cli import app
+from seatrial.report.plot.ardusub import replay_figure
 from tests.ardusub import text_log
 from tests.ardusub.text_log import Topics
+
+mpl.use("Agg")
 
 pytest.importorskip("pymavlink")
 
@@ -221,7 +225,15 @@ def test_sticks_pass_through_in_manual(tmp_path: Path) -> None:
         for name in ("PIDR", "PIDP", "PIDY", "ANG"):
             del topics[name]
 
-    assert replayed(tmp_path, without_controllers, MANUAL).held
+    bare = replayed(tmp_path, without_controllers, MANUAL)
+    assert bare.held
+    assert len(replay_figure(bare).axes) == 6  # throttle, motors 1 and 6
+
+
+def test_the_figure_shows_what_is_not_met(tmp_path: Path) -> None:
+    figure = replay_figure(replayed(tmp_path, stuck(3)))
+    titles = [panel.get_title(loc="left") for panel in figure.axes]
+    assert any("motor 3" in title for title in titles), titles
 
 
 def test_demands_that_are_not_the_sticks_count_in_manual(tmp_path: Path) -> None:

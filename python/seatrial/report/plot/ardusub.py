@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 __all__ = ["envelope_figure", "replay_figure", "replay_gallery", "steps_figure", "tuning_gallery"]
 
+_UNMET = 3  # checks that are not met and are shown beside the usual ones
+
 _SHOWN = ("rate wanted", "output", "acceleration wanted", "throttle", "motor 1", "motor 6")
 
 
@@ -44,14 +46,16 @@ def replay_gallery(found: Replay, folder: str | Path, *, formats: tuple[str, ...
 
 
 def replay_figure(found: Replay) -> Figure:
-    """Figure of the quantities that tell most, one of each kind, in the order of the signal.
+    """Figure of the quantities that tell most, and of what is not met, in the order of the signal.
 
     Parameters
     ----------
     found : Replay
     """
     chosen = [one for kind in _SHOWN if (one := _first(found, kind)) is not None]
-    chosen.sort(key=found.quantities.index)
+    # What is not met is shown, whatever its kind; a log in MANUAL may have none of the usual ones.
+    chosen += [one for one in found.quantities if not one.holds and one not in chosen][:_UNMET]
+    chosen = sorted(chosen or found.quantities[:_UNMET], key=found.quantities.index)
     with house_style():
         figure = new_figure(0.6 + 1.25 * len(chosen))
         panels = figure.subplots(len(chosen), 2, sharex=True, squeeze=False, width_ratios=(2.0, 1.0))
