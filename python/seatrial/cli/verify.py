@@ -136,7 +136,7 @@ def verify(
     With --log: does the model still hold on a recorded mission, what is suspected, what did the mission hold.
 
     The exit code is 0 when every requirement is held (and the model still valid), 1 when one failed or is
-    undecided, 2 for bad input.
+    undecided or a log cannot judge the model, 2 for bad input.
     Ctrl-C keeps the missions flown; the same command goes on from there.
     """
     from seatrial.base.file_names import check_place
@@ -146,18 +146,21 @@ def verify(
     from seatrial.cli.streams import note
     from seatrial.cli.tune import fitted_source
     from seatrial.cli.verify_boundary import verify_boundary
-    from seatrial.cli.verify_log import refuse_beside, verify_log
+    from seatrial.cli.verify_log import refuse_beside, verify_log, write_beside
     from seatrial.verification.campaign import verified_campaign
 
     loaded = Campaign.load(campaign, progress=reading_progress(quiet=json))
     drawing = formats(pdf, page) if figures else ()
+    if junit is not None:
+        read = {"the campaign": campaign, "the vehicle": run, "the autopilot": autopilot, "the log": log}
+        read |= {f"mission {path}": path for path in mission or ()}
+        check_place(junit, "--junit", endings=(".xml",), inputs=read, folder_made=True)
     if log is not None:
         refuse_beside({
             "--runs": runs,
             "--navigation": navigation,
             "--compare": compare,
             "--replay": replay,
-            "--junit": junit,
             "--rare": rare,
             "--falsify": falsify,
             "--dask": dask,
@@ -173,6 +176,7 @@ def verify(
             out=out,
             drawing=drawing,
             page=page,
+            junit=junit,
             verbose=verbose,
             json=json,
         )
@@ -243,13 +247,9 @@ def verify(
         return
     folder = out or Path("runs") / f"{loaded.name}-verified"
     check_writable(folder, "verification")
-    if junit is not None:
-        read = {"the campaign": campaign, "the vehicle": run, "the autopilot": autopilot}
-        read |= {f"mission {path}": path for path in mission or ()}
-        check_place(junit, "--junit", endings=(".xml",), inputs=read, folder_made=True)
     found = verified(prepared, folder, threads=threads, dask=dask, resume=resume, quiet=json)
     if junit is not None:
-        _write(junit, found.junit())
+        write_beside(junit, found.junit())
 
     def drawn() -> list[Path]:
         return draw(found, folder, formats=drawing) if drawing and not found.interrupted else []
@@ -455,11 +455,3 @@ def _replay(
     report = flight.report(sections=(Section("Requirements", tuple(said)),))
     answer(report, verbose=verbose, results=results, draw=drawn)
     reported(page, [folder])
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file that was asked for beside the run directory."""
-    from seatrial.base.atomic_write import write_atomic
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(path, text.encode())

@@ -18,7 +18,7 @@ from seatrial.cli.report import reported
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["refuse_beside", "verify_log"]
+__all__ = ["refuse_beside", "verify_log", "write_beside"]
 
 
 def refuse_beside(given: Mapping[str, Any]) -> None:
@@ -41,6 +41,7 @@ def verify_log(
     out: Path | None,
     drawing: tuple[str, ...],
     page: Path | None,
+    junit: Path | None,
     verbose: bool,
     json: bool,
 ) -> None:
@@ -65,6 +66,8 @@ def verify_log(
         references=references,
     )
     found.save(folder, campaign=campaign, source=log)
+    if junit is not None:
+        write_beside(junit, found.junit())
 
     def drawn() -> list[Path]:
         if not drawing:
@@ -79,7 +82,7 @@ def verify_log(
     else:
         part = "" if judged.span is None else f", {judged.span[0]:g} to {judged.span[1]:g} s, held out"
         note(f"Vehicle: {fit or campaign.vehicle.name}. Log: {log}{part}.")
-        results = f"Results in {folder}: verdict.json, summary.txt and the inputs"
+        results = f"Results in {folder}: verdict.json, junit.xml, summary.txt and the inputs"
         answer(found.report(), verbose=verbose, results=results, draw=drawn)
     reported(page, [folder], quiet=json)
     if not found.held:
@@ -89,3 +92,11 @@ def verify_log(
 def _safe(log: Path) -> str:
     name = log.stem if log.is_file() else log.name or log.resolve().name
     return file_name(name)
+
+
+def write_beside(path: Path, text: str) -> None:
+    """Write a file that was asked for beside the run directory."""
+    from seatrial.base.atomic_write import write_atomic
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(path, text.encode())

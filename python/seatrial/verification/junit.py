@@ -14,6 +14,8 @@ but ``error``, which that spells ``errors`` and every server reads as it is here
 ``failure``     one that is undecided; ``type="undecided"``: it was not shown to hold, so that a build
                 must not pass; ``undecided="skipped"`` where a short campaign shall only warn
 ``error``       a mission that could not be flown; ``type="error"``
+``error``       a log that could not have refuted its model; ``type="not judged"``: the test could not be
+                made, so that a build must not pass, and nothing is known to have failed
 ==============  ==================================================================================
 
 Held by ``tests/verification/test_junit.py``.
@@ -42,7 +44,7 @@ class JUnitCase:
     ----------
     mission, requirement : str
         Their names; of several missions together "all missions".
-    verdict : {"held", "failed", "undecided", "error"}
+    verdict : {"held", "failed", "undecided", "not judged", "error"}
         ``error``: the mission could not be flown.
     message : str
         The verdict in one line.
@@ -54,7 +56,7 @@ class JUnitCase:
 
     mission: str
     requirement: str
-    verdict: Literal["held", "failed", "undecided", "error"]
+    verdict: Literal["held", "failed", "undecided", "not judged", "error"]
     message: str = ""
     details: str = ""
     time_s: float = 0.0
@@ -143,7 +145,8 @@ def _case(suite: ElementTree.Element, campaign: str, outcome: JUnitCase, tag: st
 
 
 def _tag(outcome: JUnitCase, undecided: str) -> str:
-    return {"held": "", "failed": "failure", "undecided": undecided, "error": "error"}[outcome.verdict]
+    tags = {"held": "", "failed": "failure", "undecided": undecided, "not judged": "error", "error": "error"}
+    return tags[outcome.verdict]
 
 
 def _seconds(time_s: float) -> str:

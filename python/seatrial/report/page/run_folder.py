@@ -34,7 +34,7 @@ _RESULTS = {
 
 _VERDICTS = ("held", "complete")
 
-_OUTCOMES = {"held": True, "failed": False, "undecided": False, "falsified": False}
+_OUTCOMES = {"held": True, "failed": False, "undecided": False, "not judged": False, "falsified": False}
 """What an outcome says that is a word; a search that falsified nothing proves nothing."""
 
 _LARGEST_SVG = 150_000

@@ -27,6 +27,7 @@ from seatrial.trial.verdict import blind, judge_trial
 from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
 from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
+from seatrial.verification.mission_log.power import UNEXPLAINED, Power, group_power
 from seatrial.verification.mission_log.restarts import PredictedLog, restarts
 from seatrial.verification.mission_log.spread import (
     Spread,
@@ -36,15 +37,7 @@ from seatrial.verification.mission_log.spread import (
 )
 from seatrial.verification.mission_log.suspects import current_words, in_current, suspects
 from seatrial.verification.mission_log.validity import FEWEST_WINDOWS, LEVEL, Validity, validity
-from seatrial.verification.mission_log.verdict import (
-    TOLD,
-    Detectable,
-    JudgedRequirement,
-    LogVerdict,
-    ModelState,
-    detectable_changes,
-    unable,
-)
+from seatrial.verification.mission_log.verdict import JudgedRequirement, LogVerdict, ModelState
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -56,9 +49,6 @@ if TYPE_CHECKING:
     from seatrial.verification.requirement import Requirement
 
 __all__ = ["ModelJudgement", "judge_log", "judge_model"]
-
-_KINDS = ("damping", "thrust or gain")
-"""Of each kind a log must be able to show a change, or it does not speak for the model."""
 
 _MUCH, _MOST_OF_IT = 2.0, 0.9
 """More than twice the usual error left, and no nine tenths explained, is no single change of the vehicle."""
@@ -74,7 +64,7 @@ class ModelJudgement:
     reason: str
     validity: Validity | None = None
     suspects: tuple[Suspect, ...] = ()
-    detectable: tuple[Detectable, ...] = ()
+    power: Power | None = None
     notes: tuple[str, ...] = ()
     current: tuple[float, float] | None = None
 
@@ -110,12 +100,12 @@ def judge_model(
             else f"One window of {ahead_s:g} s is too few"
         )
         reason = f"{many}; fly at least {2 * FEWEST_WINDOWS} of them, {2 * FEWEST_WINDOWS * ahead_s:g} s."
-        return ModelJudgement(_QUIET, reason)
+        return ModelJudgement("not judged", reason)
     spread, notes = _spread(reference, windows, ahead_s), []
     windows = windows.without(hidden)
     if not windows.channels:
         reason = "On every axis commands react to waves: no channel of the log can test a model."
-        return ModelJudgement(_QUIET, reason)
+        return ModelJudgement("not judged", reason)
     if reference is None:
         notes.append(
             "No reference was given: the band holds the log's own noise and the coefficients'"
@@ -126,22 +116,31 @@ def judge_model(
         notes.append("The coefficients' covariance is not known: they count as exact.")
     notes.extend(known.notes)
     drawn = known.draws(draws, seed) if known.names else None
-    judged = validity(windows, spread, draws=drawn, offsets=offsets, level=level)
-    if not judged.failing:
-        return _not_failing(judged, detectable_changes(judged, level=level), tuple(notes))
+    stated = reference if isinstance(reference, Mapping) else None
+    water = windows.trial.current is None
+
+    def power_on(log: PredictedLog) -> Power:
+        return group_power(
+            known, log, offsets=offsets, level=level, stated=stated, hidden=hidden, water=water
+        )
+
+    judged, power = validity(windows, spread, draws=drawn, offsets=offsets, level=level), power_on(windows)
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
     tried = candidates(known.vehicle, identified=known.names, payload_density_kg_m3=payload_density_kg_m3)
+    if not judged.failing:
+        listed = suspects(windows, spread, tried, sigma=sigma, current=water) if power.refuted else ()
+        return _not_failing(judged, power, tuple(notes), suspects=listed)
     guilty, current, lead = suspects(windows, spread, tried, sigma=sigma), None, ""
-    if windows.trial.current is None:
+    if water:
         calm, fitted = in_current(windows, spread)
         in_it = validity(calm, spread, draws=drawn, offsets=offsets, level=level)
         first = guilty[0] if guilty else None
         if first is not None and first.kind == "surroundings":
-            windows, judged, current = calm, in_it, fitted
+            windows, judged, current, power = calm, in_it, fitted, power_on(calm)
             lead = f"In {current_words(current)}, which was not recorded and is fitted to this log: "
             if not judged.failing:
-                shown = detectable_changes(judged, level=level, current=True)
-                return _not_failing(judged, shown, tuple(notes), current, lead)
+                listed = suspects(windows, spread, tried, sigma=sigma, current=False) if power.refuted else ()
+                return _not_failing(judged, power, tuple(notes), current, lead, suspects=listed)
             guilty = suspects(windows, spread, tried, sigma=sigma, current=False)
         elif not in_it.failing:
             other = "" if first is None else f" as well as this change: {first.change}"
@@ -150,15 +149,13 @@ def judge_model(
                 f" was not recorded, explains it{other}. Log the current (zero in a tank), or fly more than"
                 " one heading."
             )
-            shown = detectable_changes(in_it, level=level, current=True)
-            return ModelJudgement(_QUIET, reason, judged, guilty, shown, tuple(notes))
+            return ModelJudgement(_QUIET, reason, judged, guilty, power_on(calm), tuple(notes))
     failing = judged.failing
-    listed = "; ".join(one.sentence() for one in failing[:3])
-    text = f"{lead}{'t' if lead else 'T'}he log leaves the model's band in {_some(len(failing))}: {listed}."
+    worst = "; ".join(one.sentence() for one in failing[:3])
+    text = f"{lead}{'t' if lead else 'T'}he log leaves the model's band in {_some(len(failing))}: {worst}."
     unexplained = not guilty or (guilty[0].left > _MUCH and guilty[0].gain < _MOST_OF_IT)
     text += f" {_NOTHING_EXPLAINS}" if unexplained else f" Suspected first: {guilty[0].change}."
-    shown = detectable_changes(judged, level=level, current=current is not None)
-    return ModelJudgement("re-identify", text, judged, guilty, shown, tuple(notes), current)
+    return ModelJudgement("re-identify", text, judged, guilty, power, tuple(notes), current)
 
 
 _NOTHING_EXPLAINS = (
@@ -169,54 +166,61 @@ _NOTHING_EXPLAINS = (
 
 def _not_failing(
     judged: Validity,
-    shown: tuple[Detectable, ...],
+    power: Power,
     notes: tuple[str, ...],
     current: tuple[float, float] | None = None,
     lead: str = "",
+    suspects: tuple[Suspect, ...] = (),
 ) -> ModelJudgement:
-    """Valid, or not told where the log would have shown nothing or leaves a doubt."""
-    begins = f"{lead}{'t' if lead else 'T'}"
+    """Inside the band: valid where the log could have refuted the model on each controlled axis."""
+    model, reason = _state_inside(judged, power)
+    reason = f"{lead}{reason[0].lower()}{reason[1:]}" if lead else reason
+    listed = suspects if model == "re-identify" else ()
+    return ModelJudgement(model, reason, judged, listed, power, notes, current)
+
+
+def _state_inside(judged: Validity, power: Power) -> tuple[ModelState, str]:
+    """State of a model whose log stays inside the band, and why."""
+    if refuted := power.refuted:
+        listed = "; ".join(
+            f"{one.group.words} ({', '.join(one.group.names)}) {one.factor:.2g} times as much"
+            f" (standard deviation {one.sigma:.2g}, p = {_p(one.p)})"
+            for one in refuted[:3]
+        )
+        return "re-identify", (
+            "The log stays inside the band that the references leave, and yet asks for other coefficients"
+            f" than the stated intervals allow: {listed}."
+        )
     if doubtful := [one.sentence() for one in judged.channels.values() if one.doubtful]:
-        reason = (
-            f"{lead}{'m' if lead else 'M'}ore of the log is outside the band than a valid model should leave,"
-            f" and less than would refute it: {'; '.join(doubtful[:3])}. Fly longer, or give longer"
-            " references."
+        return _QUIET, (
+            "More of the log is outside the band than a valid model should leave, and less than would refute"
+            f" it: {'; '.join(doubtful[:3])}. Fly longer, or give longer references."
         )
-        return ModelJudgement(_QUIET, reason, judged, (), shown, notes, current)
-    best = [
-        max(told, key=lambda one: one.power)
-        for kind in _KINDS
-        if (told := [one for one in shown if one.kind == kind])
-    ]
-    if not best or min(one.power for one in best) < TOLD:
-        quiet = " or ".join(f"of {one.kind}" for one in best if one.power < TOLD)
-        which = ", ".join(
-            f"{one.change} with a chance of {100.0 * one.power:.0f} %" for one in best if one.power < TOLD
+    if unexplained := power.unexplained:
+        listed = ", ".join(f"{name} ({power.left[name]:.2g} times)" for name in unexplained)
+        return "not judged", (
+            "The model misses this log by more than the noise of the sensors and the stated intervals explain"
+            f" (more than {UNEXPLAINED:g} times the noise within seconds after a restart), and no change of"
+            f" one group of coefficients accounts for it: {listed}."
         )
-        reason = (
-            f"{begins}he log stays inside the band, but it would hardly have shown any change"
-            f" {quiet or 'at all'} ({which or 'the model has none that could be tried'}):"
-            f" fly longer and faster, and change speed, heading and depth.{_cannot_judge(judged, shown)}"
+    if unjudged := power.unjudged:
+        return "not judged", (
+            f"This log could not have refuted the model on every controlled axis: on {', '.join(unjudged)} no"
+            " channel would have shown any group of coefficients halved and doubled with 95 % power. Record a"
+            f" log that moves {'these axes' if len(unjudged) > 1 else 'this axis'}: change speed, heading,"
+            " depth and attitude in steps."
         )
-        return ModelJudgement(_QUIET, reason, judged, (), shown, notes, current)
-    seen = [f"{one.change} ({100.0 * one.power:.0f} %)" for one in shown if one.power >= TOLD]
-    unseen = [one.change for one in shown if one.power < TOLD]
+    seen = [one.group.words for one in power.tests if one.enough]
+    unseen = [one.group.words for one in power.tests if not one.enough]
     reason = (
-        f"{lead}{100.0 * judged.outside:.1f} % of the log is outside the model's 95 % band,"
-        f" no channel by more than chance. It would have shown {', '.join(seen)}."
+        f"{100.0 * judged.outside:.1f} % of the log is outside the model's 95 % band, no channel by more than"
+        f" chance. It would have shown half and double of {', '.join(seen)}."
     )
-    if unseen:
-        reason += f" It says nothing of {', '.join(unseen)}."
-    reason += _cannot_judge(judged, shown)
-    return ModelJudgement("model still valid", reason, judged, (), shown, notes, current)
+    return "model still valid", f"{reason} It says nothing of {', '.join(unseen)}." if unseen else reason
 
 
-def _cannot_judge(judged: Validity, shown: tuple[Detectable, ...]) -> str:
-    """A sentence on the channels whose band swallows their signal."""
-    named = ", ".join(
-        f"{one.channel} (band {one.band_over_signal:.2g} times its motion)" for one in unable(judged, shown)
-    )
-    return f" Cannot judge, because the band is wide against the motion: {named}." if named else ""
+def _p(p: float) -> str:
+    return f"{p:.2g}" if p >= 1e-4 else "below 0.0001"
 
 
 def _spread(reference: Any, windows: PredictedLog, ahead_s: float) -> Spread:
@@ -302,7 +306,7 @@ def judge_log(
         reason=judged.reason + _hidden(hidden, record.trial),
         validity=judged.validity,
         suspects=judged.suspects,
-        detectable=judged.detectable,
+        power=judged.power,
         metrics=metrics,
         requirements=tuple(_required(one, metrics) for one in requirements),
         steps=steps,

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["PredictedLog", "Slopes", "check_usable", "restarts"]
+__all__ = ["FEWEST", "PredictedLog", "Slopes", "check_usable", "restarts"]
 
-_FEWEST = 8
+FEWEST = 8
 """Fewer samples per window tell nothing of how an error grows."""
 
 _SUBSTEP_S = 0.05
@@ -244,8 +244,8 @@ def check_usable(trial: Trial, ahead_s: float) -> None:
                 f"{trial.name}: {name}: expected samples that are numbers, found none that can be used;"
                 " correct the column, or leave it out"
             )
-    if trial.dt * _FEWEST > ahead_s:
+    if trial.dt * FEWEST > ahead_s:
         raise TrialError(
-            f"{trial.name}: one sample every {trial.dt:.3g} s: expected at least {_FEWEST} in a window of"
+            f"{trial.name}: one sample every {trial.dt:.3g} s: expected at least {FEWEST} in a window of"
             f" {ahead_s:g} s; give a log of a higher rate, or the unit of t_s if its times are not in seconds"
         )

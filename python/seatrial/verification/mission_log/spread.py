@@ -335,14 +335,3 @@ class ExpectedShare:
             return 1.0
         tail = float(self.weights @ betainc(hits, effective - hits + 1.0, self.shares))
         return (1.0 + self.draws * tail) / (1.0 + self.draws) if self.draws else tail
-
-    def needed(self, count: int, level: float) -> int:
-        """Least number of samples outside, of so many, that is no chance; one more than all if none is."""
-        least, most = int(LEAST_SHARE * count), count + 1
-        while most - least > 1:
-            middle = (least + most) // 2
-            if self.p(middle / count, float(count)) < level:
-                most = middle
-            else:
-                least = middle
-        return most

@@ -18,10 +18,9 @@ within the covariance is no reason to doubt the model. A p-value of a thousandth
 they move the predictions by exact derivatives, to first order. Over the channels Holm's step-down holds the
 chance of any false alarm at the level.
 
-A band may be wider than what the channel does. Then a vehicle that kept its state would pass as well: where
-at most `LEAST_SHARE` of the errors of the simplest prediction, the value at the restart, leave the band, the
-band swallows the signal. If no stated change would show there either, the channel cannot judge
-(`seatrial.verification.mission_log.verdict`): what it does not refute speaks for no model.
+The band holds what a reference leaves, and a reference on which the model is wrong makes it wide: what
+stays inside speaks for a model only where the log could have refuted it
+(`seatrial.verification.mission_log.power`).
 
 Between the level and a p-value of 5 % a log neither refutes the model nor speaks for it.
 
@@ -54,7 +53,7 @@ from seatrial.verification.mission_log.spread import (
     share_interval,
 )
 
-__all__ = ["DOUBT", "FEWEST_WINDOWS", "LEVEL", "ChannelValidity", "Validity", "powers", "validity"]
+__all__ = ["DOUBT", "FEWEST_WINDOWS", "LEVEL", "ChannelValidity", "Validity", "validity"]
 
 LEVEL = 0.01
 """Chance of any false alarm, over all channels."""
@@ -89,8 +88,6 @@ class ChannelValidity:
         Root mean square of the error, and of the half-width of the band, SI.
     signal
         Root mean square of what the channel does after a restart: its change from the value there, SI.
-    blind
-        Whether the band swallows the signal: the value at the restart would have passed for a prediction.
     fails
         Whether the share is large and no chance.
     """
@@ -103,7 +100,6 @@ class ChannelValidity:
     rms: float
     spread: float
     signal: float
-    blind: bool
     fails: bool
 
     @property
@@ -166,12 +162,6 @@ class Validity:
     def failing(self) -> list[ChannelValidity]:
         """Channels that fail, the largest share first."""
         return sorted((one for one in self.channels.values() if one.fails), key=lambda one: -one.outside)
-
-    @property
-    def blind(self) -> list[ChannelValidity]:
-        """Channels whose band swallows their signal, the widest band first."""
-        found = (one for one in self.channels.values() if one.blind)
-        return sorted(found, key=lambda one: -one.band_over_signal)
 
     @property
     def outside(self) -> float:
@@ -252,7 +242,6 @@ def validity(
             rms=size[0],
             spread=size[1],
             signal=size[2],
-            blind=not fails and float(np.mean(np.abs(moved_by) > band)) <= LEAST_SHARE,
             fails=fails,
         )
     return Validity(channels, log, half, spread, expected, moved.count if given else 0)
@@ -266,26 +255,6 @@ def _change_since_restart(log: PredictedLog, c: int) -> Array:
         found.append(change[mask[:, c]])
     all_changes = np.concatenate(found)
     return shorter(all_changes) if CHANNELS[c] in ("roll", "pitch", "yaw") else all_changes
-
-
-def powers(of: Validity, changes: Sequence[list[Array]], *, level: float = LEVEL) -> list[dict[str, float]]:
-    """Chances by channel that changes of the vehicle are noticed; each moves predictions (n, 12) per window.
-
-    Of a binomial count of as many samples as the channel is worth, held against the count that `validity`
-    would call no chance.
-    """
-    from scipy.stats import binom
-
-    found: list[dict[str, float]] = [{} for _ in changes]
-    sigma = [of.spread.at(of.log.since_restart(w)) for w in range(len(of.log.spans))]
-    for name, one in of.channels.items():
-        c = CHANNELS.index(name)
-        count = max(1, round(min(one.effective, 4.0 * len(of.log.spans))))
-        needed = of.expected[name].needed(count, level / len(of.channels))
-        for k, change in enumerate(changes):
-            columns = [[part[:, c] for part in some] for some in (change, sigma, of.half_width)]
-            found[k][name] = float(binom.sf(needed - 1, count, _share(*columns)))
-    return found
 
 
 class _Moved:
@@ -336,11 +305,6 @@ class _Moved:
         places = np.argsort(INITIAL_PLACES)
         one = self.slopes[w]
         return np.concatenate([one.by_direction, one.by_start[:, :, places] - np.eye(12)], axis=2)
-
-
-def _share(away: list[Array], sigma: list[Array], half: list[Array]) -> float:
-    """Expected share outside a band of half-width `half` for normal errors of spread `sigma` about `away`."""
-    return float(_outside(*(np.concatenate(part) for part in (away, sigma, half))))
 
 
 def _outside(away: Array, sigma: Array, half: Array) -> Array:

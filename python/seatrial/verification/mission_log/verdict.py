@@ -1,10 +1,9 @@
 """The verdict on a log: is the model still valid, what is suspected, and did the mission hold what it had to.
 
-A log on which nothing could have been noticed does not speak for the model. Changes that happen to vehicles,
-of damping, of thrust and the gain of fins, and of weight, are therefore tried to first order; their
-predictions move by ``J theta``, and the share outside the band follows from the spread of a valid model's
-errors. It is held against the share that the verdict itself would not call chance
-(`seatrial.verification.mission_log.validity`).
+A log on which nothing could have been noticed does not speak for the model: what it would have shown of each
+group of coefficients, and what it refutes, is found by `seatrial.verification.mission_log.power`. Where a
+controlled axis is left unjudged, or the errors exceed what noise and stated intervals explain, the verdict is
+"not judged": exit code 1, an outcome of its own in JSON, an error in JUnit, so that no build passes by it.
 
 Tests: ``test_recorded_verdict.py``, ``test_recorded_campaign.py`` and ``test_recorded_validity.py`` in
 ``tests/verification/``.
@@ -13,64 +12,35 @@ Tests: ``test_recorded_verdict.py``, ``test_recorded_campaign.py`` and ``test_re
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
-from seatrial.base.arrays import Array
 from seatrial.base.channels import readable
 from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.campaign.campaign import input_hashes
-from seatrial.vehicle.actuators import actuator_groups
-from seatrial.verification.mission_log.validity import LEVEL, ChannelValidity, Validity, powers
+from seatrial.verification.junit import JUnitCase, junit_xml
+from seatrial.verification.mission_log.power import Power, Shown
+from seatrial.verification.mission_log.validity import Validity
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.campaign.campaign import Campaign
     from seatrial.flight.mission import Mission
-    from seatrial.statistics.proportions import Verdict
     from seatrial.verification.mission_log.candidates import Suspect
     from seatrial.verification.mission_log.envelope import Envelope
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.metrics import LoggedStep
 
-__all__ = [
-    "TOLD",
-    "Detectable",
-    "JudgedRequirement",
-    "LogVerdict",
-    "ModelState",
-    "detectable_changes",
-    "report",
-    "unable",
-]
+__all__ = ["JudgedRequirement", "LogOutcome", "LogVerdict", "ModelState", "cannot_judge", "report"]
 
-ModelState = Literal["model still valid", "re-identify", "log too short or too quiet to tell"]
+ModelState = Literal["model still valid", "re-identify", "log too short or too quiet to tell", "not judged"]
 
-
-TOLD = 0.5
-"""A change that a log would show with a smaller chance counts as one that it cannot show."""
-
-Kind = Literal["damping", "thrust or gain", "weight"]
-
-
-@dataclass(frozen=True)
-class Detectable:
-    """A change of the vehicle, of a kind, and the chance that each channel of the log would have shown it."""
-
-    change: str
-    kind: Kind
-    by_channel: Mapping[str, float]
-
-    @property
-    def power(self) -> float:
-        """Chance that the log would have shown it: in the channel that shows it best."""
-        return max(self.by_channel.values(), default=0.0)
+LogOutcome = Literal["held", "failed", "undecided", "not judged"]
 
 
 @dataclass(frozen=True)
@@ -102,7 +72,8 @@ class LogVerdict:
     log
         What was judged.
     model
-        "model still valid", "re-identify" or "log too short or too quiet to tell".
+        "model still valid", "re-identify", "log too short or too quiet to tell" where a doubt is left, or
+        "not judged" where the log could not have refuted the model on every controlled axis.
     reason
         A sentence.
     validity
@@ -110,8 +81,9 @@ class LogVerdict:
     suspects
         What may have changed, the one that explains most first; empty where
         nothing fails.
-    detectable
-        What this log would have shown, with the chance.
+    power
+        What this log would have shown of each group of coefficients, and what it refutes; None where no
+        window could be judged.
     metrics
         Of the log's own mission, by the names of `Flight.metrics`.
     requirements, steps
@@ -133,7 +105,7 @@ class LogVerdict:
     reason: str
     validity: Validity | None
     suspects: tuple[Suspect, ...]
-    detectable: tuple[Detectable, ...]
+    power: Power | None
     metrics: Mapping[str, Any]
     requirements: tuple[JudgedRequirement, ...]
     steps: tuple[LoggedStep, ...]
@@ -151,15 +123,18 @@ class LogVerdict:
         return self.model == "model still valid"
 
     @property
-    def outcome(self) -> Verdict:
-        """Of model and mission together, in the words of a verification.
+    def outcome(self) -> LogOutcome:
+        """Of model and mission together.
 
-        "failed" where the model is refuted or a requirement or corridor broken, "undecided" where the log
-        cannot tell one of them, otherwise "held". Requirements on the truth (``true_...``) do not count.
+        "failed" where the model is refuted or a requirement or corridor broken, "not judged" where the log
+        could not have refuted the model, "undecided" where it leaves a doubt or tells no metric that a
+        requirement needs, otherwise "held". Requirements on the truth (``true_...``) do not count.
         """
         broken = any(one.held is False for one in self.requirements)
         if self.model == "re-identify" or broken or any(step.criterion > 0.0 for step in self.steps):
             return "failed"
+        if self.model == "not judged":
+            return "not judged"
         told = self.valid and all(one.held is not None or one.beyond_logs for one in self.requirements)
         return "held" if told else "undecided"
 
@@ -186,15 +161,7 @@ class LogVerdict:
             "reason": self.reason,
             "validity": None if self.validity is None else self.validity.to_dict(),
             "suspects": [one.to_dict() for one in self.suspects],
-            "detectable": [
-                {
-                    "change": one.change,
-                    "kind": one.kind,
-                    "power": one.power,
-                    "by_channel": dict(one.by_channel),
-                }
-                for one in self.detectable
-            ],
+            "power": None if self.power is None else self.power.to_dict(),
             "metrics": dict(self.metrics),
             "requirements": [
                 {
@@ -212,6 +179,10 @@ class LogVerdict:
             "current_m_s": None if self.current is None else list(self.current),
             "notes": list(self.notes),
         }
+
+    def junit(self) -> str:
+        """JUnit XML with a case for the model, and one per requirement and step of a set point."""
+        return _junit(self)
 
     def inputs(self) -> dict[str, str]:
         """Text of the files that were judged with, by name: vehicle, autopilot, mission."""
@@ -264,10 +235,6 @@ def report(verdict: LogVerdict) -> Report:
         suspects = [f"{k}. {one.sentence()}" for k, one in enumerate(verdict.suspects[:_SHOWN], 1)]
         suspects += _inseparable(verdict)
         suspects += _look_first(verdict)
-    chance: tuple[str, ...] = ()
-    if verdict.detectable:
-        words = [f"{one.change} {100.0 * one.power:.0f} %" for one in verdict.detectable]
-        chance = (f"Chance that this log would have shown: {', '.join(words)}.",)
     return Report(
         title=verdict.log.trial.name,
         outcome=f"{verdict.model} (verdict: {verdict.outcome})",
@@ -278,15 +245,28 @@ def report(verdict: LogVerdict) -> Report:
             Section(sentences=tuple(said), tables=(_channel_table(verdict),)),
             Section("What may have changed, the best explanation first", tuple(suspects)),
             Section("The mission", tuple(mission), (checks,)),
-            Section("Notes", (*chance, *verdict.notes), details=True),
+            Section(
+                "Smallest changes that this log would have shown", (), (_power_table(verdict),), details=True
+            ),
+            Section("Notes", verdict.notes, details=True),
         ),
     )
 
 
-def unable(of: Validity | None, shown: Sequence[Detectable]) -> list[ChannelValidity]:
-    """Channels that cannot judge: their band swallows what they do, and no stated change would show there."""
-    able = {name for one in shown for name, chance in one.by_channel.items() if chance >= TOLD}
-    return [one for one in ([] if of is None else of.blind) if one.channel not in able]
+def cannot_judge(verdict: LogVerdict) -> list[str]:
+    """Channels that would have shown no group of coefficients halved and doubled."""
+    if verdict.validity is None or verdict.power is None:
+        return []
+    return [name for name in verdict.validity.channels if not verdict.power.shown_in(name)]
+
+
+def fails(verdict: LogVerdict) -> list[str]:
+    """Channels that leave their band, or whose own estimate refutes a group of coefficients."""
+    if verdict.validity is None:
+        return []
+    tests = () if verdict.power is None else verdict.power.refuted
+    against = {name for one in tests for name in one.against}
+    return [name for name, one in verdict.validity.channels.items() if one.fails or name in against]
 
 
 def _how_good(verdict: LogVerdict) -> str:
@@ -299,14 +279,14 @@ def _how_good(verdict: LogVerdict) -> str:
     ]
     name = min(against, key=lambda one: (channels[one].p, -channels[one].outside), default="")
     name = name or max(channels, key=lambda one: channels[one].outside)
-    fails, blind = (
-        sum(one.fails for one in channels.values()),
-        len(unable(verdict.validity, verdict.detectable)),
-    )
-    told = len(channels) - blind
-    judged = f"{told - fails} of {told} channels agree with the model"
-    if blind:
-        judged = f"{judged}, {blind} cannot judge" if told else f"none of {blind} channels can judge"
+    failing = fails(verdict)
+    unable = [one for one in cannot_judge(verdict) if one not in failing]
+    told = len(channels) - len(unable)
+    judged = f"{told - len(failing)} of {told} channels agree with the model"
+    if unable:
+        judged = (
+            f"{judged}, {len(unable)} cannot judge" if told else f"none of {len(unable)} channels can judge"
+        )
     if not channels[name].outside:
         return f"{judged}; none left its 95 % band"
     one = channels[name]
@@ -341,6 +321,11 @@ def _worst(verdict: LogVerdict) -> tuple[str, str]:
         return f"the {worst.loop} step at {worst.at_s:.1f} s left its corridor by {worst.criterion:.3g} s", (
             "tune this loop again, or widen its corridor"
         )
+    if verdict.model == "not judged" and verdict.power is not None and verdict.power.unexplained:
+        return verdict.reason, (
+            "identify these axes on trials that move them (seatrial identify), or state the error that a"
+            " valid model may have per channel (reference={...} in Python)"
+        )
     if not verdict.valid:
         return verdict.reason, "record a longer log with more motion, or identify again (seatrial identify)"
     return (
@@ -364,7 +349,7 @@ def _look_first(verdict: LogVerdict) -> list[str]:
 
 def _channel_table(verdict: LogVerdict) -> Table:
     rows = []
-    cannot = {one.channel for one in unable(verdict.validity, verdict.detectable)}
+    cannot, failing = cannot_judge(verdict), fails(verdict)
     for name, one in {} if verdict.validity is None else verdict.validity.channels.items():
         scale, unit = readable(name)
         low, high = one.interval
@@ -377,7 +362,14 @@ def _channel_table(verdict: LogVerdict) -> Table:
             f"{scale * one.spread:.3g}",
             f"{one.band_over_signal:.2g}",
             f"{one.p:.2g}" if one.p >= 1e-4 else "<0.0001",
-            "fails" if one.fails else "doubt" if one.doubtful else "cannot judge" if name in cannot else "",
+            _best_shown(verdict, name),
+            "fails"
+            if name in failing
+            else "doubt"
+            if one.doubtful
+            else "cannot judge"
+            if name in cannot
+            else "",
         ))
     head = (
         "channel",
@@ -388,9 +380,39 @@ def _channel_table(verdict: LogVerdict) -> Table:
         "band +-",
         "band/signal",
         "p",
+        "shows first",
         "",
     )
     return Table.of("Errors against the band of a valid model", head, rows, left=2)
+
+
+def _best_shown(verdict: LogVerdict, channel: str) -> str:
+    """The group of which a channel shows the smallest change, with the factors."""
+    shown = () if verdict.power is None else verdict.power.shown_in(channel)
+    return f"{shown[0].group.words} {factors(shown[0].by_channel[channel])}" if shown else ""
+
+
+def factors(shown: Shown) -> str:
+    """Smallest factors below and above one, in words."""
+    down = "none" if shown.down is None else f"{shown.down:.2f}"
+    return f"x{down} / x{shown.up:.2f}" if shown.up is not None else f"x{down} / none"
+
+
+def _power_table(verdict: LogVerdict) -> Table:
+    """Per group the channel that shows the smallest change, the factors, and what the log asks for."""
+    rows = []
+    for one in () if verdict.power is None else verdict.power.tests:
+        best = one.best
+        rows.append((
+            one.group.words,
+            ", ".join(one.group.names),
+            best,
+            factors(one.by_channel[best]) if best else "none",
+            f"{one.factor:.3g} +- {one.sigma:.2g}" if math.isfinite(one.sigma) else "",
+            "refuted" if one.refuted else "" if one.enough else "not shown",
+        ))
+    head = ("group", "coefficients", "channel", "smallest factors, 95 % power", "this log asks for", "")
+    return Table.of("Coefficient groups", head, rows, left=3)
 
 
 def _inseparable(verdict: LogVerdict) -> list[str]:
@@ -450,7 +472,12 @@ def _mission(verdict: LogVerdict) -> tuple[list[str], Table]:
 
 def _files(found: LogVerdict, campaign: Campaign | None) -> dict[str, str | bytes]:
     """Files of a run directory by name."""
-    return {**_inputs(found, campaign), "verdict.json": to_json(found.to_dict()), **found.report().files()}
+    return {
+        **_inputs(found, campaign),
+        "verdict.json": to_json(found.to_dict()),
+        "junit.xml": found.junit(),
+        **found.report().files(),
+    }
 
 
 def _facts(found: LogVerdict, campaign: Campaign | None, source: str | Path) -> dict[str, Any]:
@@ -479,75 +506,36 @@ def _file(source: str | Path) -> Path | None:
     return path if path.is_file() else None
 
 
-_DRAG, _DAMPING, _THRUST, _LIFT, _WEIGHT = 0.25, 0.25, -0.15, -0.25, 0.01
+_JUNIT = {
+    "model still valid": "held",
+    "re-identify": "failed",
+    "not judged": "not judged",
+    "log too short or too quiet to tell": "undecided",
+}
 
 
-def _stated_changes(of: Validity) -> list[tuple[str, Kind, dict[str, float]]]:
-    """Changes that happen to vehicles: words, kind, and differences of the coefficients that they move."""
-    vehicle = of.log.vehicle
-    values = vehicle.coefficients()
-    g = float(vehicle.environment()["g"])
-
-    def scaled(names: Iterable[str], share: float) -> dict[str, float]:
-        return {name: share * values[name] for name in names if values.get(name)}
-
-    facts = vehicle.actuator_info()
-    fins = [name for name in facts if facts[name]["kind"] == "fin"]
-    thrusters = [a for group in actuator_groups(vehicle).values() for a in group if a not in fins]
-    weight = _WEIGHT * values["m"]
-    tried: list[tuple[str, Kind, dict[str, float]]] = [
-        (f"drag ahead {100 * _DRAG:+.0f} %", "damping", scaled(("X_u", "X_uu"), _DRAG)),
-        (f"damping of yaw {100 * _DAMPING:+.0f} %", "damping", scaled(("N_r", "N_rr", "N_ur"), _DAMPING)),
-        (f"damping of pitch {100 * _DAMPING:+.0f} %", "damping", scaled(("M_q", "M_qq", "M_uq"), _DAMPING)),
+def _junit(verdict: LogVerdict) -> str:
+    mission = verdict.log.trial.name
+    cases = [
+        JUnitCase(
+            mission,
+            "the model still holds",
+            _JUNIT[verdict.model],  # type: ignore[arg-type]
+            message=f"{verdict.model}: {verdict.reason}",
+            details="\n".join(one.sentence() for one in verdict.suspects[:_SHOWN]),
+            time_s=verdict.clock.elapsed_s(),
+        )
     ]
-    if of.log.input != "tau":
-        thrust = scaled((f"{a}.gain" for a in thrusters), _THRUST)
-        tried.append((f"all thrust {100 * _THRUST:+.0f} %", "thrust or gain", thrust))
-        groups = actuator_groups(vehicle)
-        for group, members in groups.items():
-            if all(a in fins for a in members):
-                lift = scaled((f"{a}.gain" for a in members), _LIFT)
-                tried.append((f"lift of {group} {100 * _LIFT:+.0f} %", "thrust or gain", lift))
-    tried.append((f"{weight:.2g} kg more weight in water", "weight", {"B": -g * weight}))
-    return [one for one in tried if one[2]]
-
-
-def detectable_changes(
-    of: Validity, *, level: float = LEVEL, current: bool = False
-) -> tuple[Detectable, ...]:
-    """Chances that stated changes are noticed: of drag, damping, thrust, lift of fins, and weight.
-
-    Drag ahead and the damping of yaw and pitch by +25 %, all thrust by -15 %, the lift of each group of fins
-    by -25 %, and 1 % more weight in water.
-
-    Parameters
-    ----------
-    of : Validity
-        Gives windows, band and spread.
-    level : float, optional
-        Chance of a false alarm.
-    current : bool, optional
-        Whether a steady current was fitted to the log: what it would take up is not shown.
-    """
-    tried = _stated_changes(of)
-    slopes = of.log.slopes([change for _, _, change in tried], current=current)
-    moved = [[np.asarray(one.by_direction[:, :, k]) for one in slopes] for k in range(len(tried))]
-    if current:
-        moved = [
-            _beside_current(of, one, [slope.by_direction[:, :, -2:] for slope in slopes]) for one in moved
-        ]
-    chances = powers(of, moved, level=level)
-    return tuple(
-        Detectable(words, kind, chance) for (words, kind, _), chance in zip(tried, chances, strict=True)
-    )
-
-
-def _beside_current(of: Validity, moved: list[Array], water: list[Array]) -> list[Array]:
-    """What of a move (n, 12) per window no steady current, whose derivatives are (n, 12, 2), takes up."""
-    scale = [1.0 / of.spread.at(of.log.since_restart(w)) for w in range(len(moved))]
-    columns = np.concatenate([
-        (one * s[:, :, None]).reshape(-1, 2) for one, s in zip(water, scale, strict=True)
-    ])
-    sought = np.concatenate([(one * s).ravel() for one, s in zip(moved, scale, strict=True)])
-    taken = np.linalg.lstsq(columns, sought, rcond=1e-9)[0]
-    return [one - part @ taken for one, part in zip(moved, water, strict=True)]
+    for one in verdict.requirements:
+        if one.held is None and one.beyond_logs:
+            continue
+        state: Literal["held", "failed", "undecided"] = (
+            "undecided" if one.held is None else "held" if one.held else "failed"
+        )
+        why = f"the log does not tell {', '.join(one.missing)}" if one.held is None else one.holds
+        cases.append(JUnitCase(mission, one.name, state, message=why))
+    for step in verdict.steps:
+        name = f"{step.loop} step at {step.at_s:.1f} s inside its corridor"
+        cases.append(JUnitCase(mission, name, "failed" if step.criterion > 0.0 else "held"))
+    rests_on = {"seatrial": metadata.version("seatrial"), "vehicle": verdict.vehicle.name}
+    return junit_xml(mission, cases, properties=rests_on)
