@@ -11,7 +11,7 @@ Tests: ``test_recorded_verdict.py``, ``test_recorded_validity.py`` and ``test_re
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Input
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["ModelJudgement", "judge_log", "judge_model"]
+__all__ = ["ModelJudgement", "judge_log", "judge_model", "settled", "state_inside"]
 
 _MUCH, _MOST_OF_IT = 2.0, 0.9
 """More than twice the usual error left, and no nine tenths explained, is no single change of the vehicle."""
@@ -125,6 +125,8 @@ def judge_model(
         )
 
     judged, power = validity(windows, spread, draws=drawn, offsets=offsets, level=level), power_on(windows)
+    if reference is None:
+        judged = settled(judged, power)
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
     tried = candidates(known.vehicle, identified=known.names, payload_density_kg_m3=payload_density_kg_m3)
     if not judged.failing:
@@ -173,13 +175,26 @@ def _not_failing(
     suspects: tuple[Suspect, ...] = (),
 ) -> ModelJudgement:
     """Inside the band: valid where the log could have refuted the model on each controlled axis."""
-    model, reason = _state_inside(judged, power)
+    model, reason = state_inside(judged, power)
     reason = f"{lead}{reason[0].lower()}{reason[1:]}" if lead else reason
     listed = suspects if model == "re-identify" else ()
     return ModelJudgement(model, reason, judged, listed, power, notes, current)
 
 
-def _state_inside(judged: Validity, power: Power) -> tuple[ModelState, str]:
+def settled(judged: Validity, power: Power) -> Validity:
+    """Validity without a reference, where no channel fails whose error within seconds is that of its noise.
+
+    Such a band holds what the noise does to a start. The smoothed start of a vehicle that turns and rolls
+    quickly errs by more, which grows until the next restart; `power` fits each start and does not err by it.
+    """
+    channels = {
+        name: one if power.doubts(name) else replace(one, fails=False)
+        for name, one in judged.channels.items()
+    }
+    return replace(judged, channels=channels)
+
+
+def state_inside(judged: Validity, power: Power) -> tuple[ModelState, str]:
     """State of a model whose log stays inside the band, and why."""
     if refuted := power.refuted:
         listed = "; ".join(
@@ -191,7 +206,9 @@ def _state_inside(judged: Validity, power: Power) -> tuple[ModelState, str]:
             "The log stays inside the band that the references leave, and yet asks for other coefficients"
             f" than the stated intervals allow: {listed}."
         )
-    if doubtful := [one.sentence() for one in judged.channels.values() if one.doubtful]:
+    # What the noise of the sensors explains within seconds is no doubt of the model.
+    doubts = [one for name, one in judged.channels.items() if one.doubtful and power.doubts(name)]
+    if doubtful := [one.sentence() for one in doubts]:
         return _QUIET, (
             "More of the log is outside the band than a valid model should leave, and less than would refute"
             f" it: {'; '.join(doubtful[:3])}. Fly longer, or give longer references."

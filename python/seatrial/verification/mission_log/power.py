@@ -87,7 +87,10 @@ is off by what it lacks, in single groups by some percent, and still the best on
 
 UNEXPLAINED = 2.0
 """Error over noise beyond which a channel is not explained. The noise itself is known to within a factor of
-1.7: held samples of a slow sensor look smoother than they are (a true BlueROV2 Heavy, Doppler log at 5 Hz)."""
+1.7: held samples of a slow sensor look smoother than they are (a true BlueROV2 Heavy with a slow DVL)."""
+
+EXPLAINED = 1.3
+"""Error over noise up to which a channel is explained: of true models of three vehicles the mean is 1.1."""
 
 SHOWN = 2.0
 """A channel speaks for a group where the group doubled and halved would both have shown: gain margins of 6 dB
@@ -107,6 +110,10 @@ _MOST_WINDOWS = 150
 _FEWEST_WINDOWS = 6
 
 _ROUNDS = 3
+
+_UNTOLD = np.repeat([0.5, 0.2, 1e-9, 0.1], 3)
+"""Of the start in a channel that no sensor tells, m/s, rad/s, m and rad: the smoothed log has zero there, or
+what it makes of other channels. A position is told by nothing and acts on nothing."""
 
 _DELAYED = ((0, 1, 2), (3, 4, 5), (6, 7), (8,), (9, 10, 11))
 """Channels that one instrument tells."""
@@ -268,6 +275,13 @@ class Power:
             sorted((name for name, x in self.left.items() if x > UNEXPLAINED), key=lambda c: -self.left[c])
         )
 
+    def doubts(self, channel: str) -> bool:
+        """Whether a share outside the band that is hardly chance is left to doubt the model by.
+
+        Not where the channel could have refuted the model and its error is that of its noise.
+        """
+        return not self.shown_in(channel) or self.left.get(channel, np.inf) > EXPLAINED
+
     def shown_in(self, channel: str) -> tuple[GroupTest, ...]:
         """Groups of which a channel would have shown the half and the double, the best shown first."""
         shown = [one for one in self.tests if channel in one.by_channel and one.by_channel[channel].enough]
@@ -348,7 +362,10 @@ def group_power(
     if count < _FEWEST_WINDOWS or not groups or not all(np.isfinite(one).all() for one in short.predicted):
         return Power((), controlled, count, {})
     noise = np.hypot(sensor_noise(short.trial), [(stated or {}).get(name, 0.0) for name in CHANNELS])
-    used = [c for c in range(len(CHANNELS)) if CHANNELS[c] in short.channels and np.isfinite(noise[c])]
+    told = short.channels if stated is None else [name for name in short.channels if name in stated]
+    used = [c for c in range(len(CHANNELS)) if CHANNELS[c] in told and np.isfinite(noise[c])]
+    if not used:
+        return Power((), controlled, count, {})
     at, products = _linearised(_Unknowns(known, short, groups, noise, offsets, water=water), used)
     if not np.isfinite(products).all():
         return Power((), controlled, count, {})
@@ -432,7 +449,7 @@ class _Unknowns:
     ) -> None:
         self.log, self.groups = log, groups
         self.noise = np.where(np.isfinite(noise), noise, 1.0)
-        self.scale = np.where(np.isfinite(noise), noise, 0.0)
+        self.scale = np.where(np.isfinite(noise), noise, _UNTOLD)
         self.offsets = np.array([offsets.get(channel, 0.0) for channel in CHANNELS])
         self.root = _root(known.covariance)
         values = log.vehicle.coefficients()
@@ -492,7 +509,8 @@ class _Unknowns:
                 axis=2,
             )
             columns = columns / self.noise[:, None]
-            products.append(np.einsum("ncj,nck->cjk", columns, columns))
+            by_channel = columns.transpose(1, 0, 2)
+            products.append(by_channel.transpose(0, 2, 1) @ by_channel)
         return np.array(products)
 
     def fitted(self, at: _Point, products: Array) -> _Point:

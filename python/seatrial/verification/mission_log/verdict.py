@@ -523,7 +523,7 @@ def _junit(verdict: LogVerdict) -> str:
             _JUNIT[verdict.model],  # type: ignore[arg-type]
             message=f"{verdict.model}: {verdict.reason}",
             details="\n".join(one.sentence() for one in verdict.suspects[:_SHOWN]),
-            time_s=verdict.clock.elapsed_s(),
+            time_s=verdict.clock.elapsed_s,
         )
     ]
     for one in verdict.requirements:

@@ -1,0 +1,140 @@
+"""The law of `verify --log`: vehicles with one changed group of coefficients, judged by the unchanged.
+
+``python -m tests.verification.power_law [VEHICLE ...]`` prints the table of docs/validation.md: per vehicle,
+axis and group the verdict for the group times 1/4, 1/2, 2 and 4, and how often the true model is called
+valid.
+
+REMUS 100 and CWolf fly a weave of headings and depths under their autopilots. An autopilot of a BlueROV2
+Heavy holds roll and pitch at zero, so that no mission of it tells how they answer: its thrusters are driven
+by random steps in open loop.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+import seatrial as st
+from seatrial.identification.fitted import Fitted
+from seatrial.sensors.ideal import Conditions
+from seatrial.sensors.log import measure
+from seatrial.sensors.sensor import load_sensors
+from seatrial.verification.mission_log.judge_log import settled, state_inside
+from seatrial.verification.mission_log.log import MissionLog, offsets_of
+from seatrial.verification.mission_log.power import CoefficientGroup, Power, coefficient_groups, group_power
+from seatrial.verification.mission_log.restarts import restarts
+from seatrial.verification.mission_log.spread import spread_of_noise
+from seatrial.verification.mission_log.validity import LEVEL, validity
+from seatrial.verification.mission_log.verdict import ModelState
+
+VEHICLES = ("cwolf", "remus100", "bluerov2-heavy")
+
+FACTORS = (0.25, 0.5, 2.0, 4.0)
+
+TRUE = 20
+
+_SUPPLY_V = 16.0
+
+_LEGS = ((60.0, 0.0, 6.0), (60.0, 50.0, 3.0), (110.0, 50.0, 8.0), (110.0, 0.0, 4.0))
+
+_SPEED_M_S = {"cwolf": 1.3, "remus100": 1.7}
+
+
+def mission(name: str) -> st.Mission:
+    """A weave through headings and depths, with two speeds."""
+    legs = "".join(
+        f"[[legs]]\nnorth_m = {north}\neast_m = {east}\ndepth_m = {depth}\n"
+        f"speed_m_s = {_SPEED_M_S[name] + (0.2 if k % 2 else 0.0)}\n"
+        for k, (north, east, depth) in enumerate(_LEGS)
+    )
+    head = f'format = 1\nname = "weave"\nspeed_m_s = {_SPEED_M_S[name]}\nacceptance_radius_m = 6.0\n'
+    return st.Mission.from_toml(head + legs)
+
+
+def log_of(name: str, changes: Mapping[str, float], seed: int) -> MissionLog:
+    """What typical sensors log of a vehicle with other coefficients."""
+    model = st.Vehicle.load(name)
+    vehicle = model.with_coefficients(dict(changes)) if changes else model
+    if name == "bluerov2-heavy":
+        return _driven(vehicle, seed)
+    flight = st.fly(vehicle, name, mission(name), sensors="typical", seed=seed, model=model)
+    return MissionLog.read(flight.table(), name=f"{name} {seed}")
+
+
+def _driven(vehicle: st.Vehicle, seed: int) -> MissionLog:
+    """Two minutes of random steps of all thrusters, which last from half a second to three."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 120.0, 0.1)
+    facts = vehicle.actuator_info()
+    commands = {}
+    for name in vehicle.actuators:
+        # A tenth of the reach in pulse width moves a metre-long vehicle by decimetres per second and radian.
+        steps = np.repeat(rng.uniform(-60.0, 60.0, len(t)), rng.integers(5, 30, len(t)))[: len(t)]
+        commands[name] = np.round(float(facts[name]["neutral"]) + steps)
+    # Like those of a flight they sample in step with the log.
+    typical = load_sensors("typical", vehicle)
+    sensors = {kind: replace(typical[kind], rate_hz=None, phase_s=0.0, jitter_s=0.0) for kind in _LOGGED}
+    start = st.State([0.0, 0.0, 20.0])
+    run = vehicle.simulate(t, commands, voltage_v=_SUPPLY_V, max_step_s=0.02, initial=start)
+    inputs = {f"cmd.{name}": x for name, x in commands.items()}
+    inputs |= {"voltage_v": np.full(len(t), _SUPPLY_V)}
+    inputs |= {f"current_{way}_m_s": np.zeros(len(t)) for way in ("north", "east")}
+    bottom = Conditions(bottom_depth_m=40.0)
+    table = measure(run, sensors, seed=seed, inputs=inputs, conditions=bottom)
+    return MissionLog.read(table, name=f"{vehicle.name} {seed}", rate_hz=10.0)
+
+
+_LOGGED = ("dvl", "gyro", "attitude", "depth")
+
+
+def judged(name: str, changes: Mapping[str, float], seed: int) -> tuple[ModelState, str, Power]:
+    """State of the unchanged vehicle's model on a log of the changed one, why, and the power of the log.
+
+    As `seatrial.verify_log` decides it, without the search for suspects, which takes most of its time.
+    """
+    known = Fitted.of(name)
+    windows = restarts(known.vehicle, log_of(name, changes, seed).trial)
+    offsets = offsets_of("typical", known.vehicle)
+    within = validity(windows, spread_of_noise(windows), offsets=offsets)
+    power = group_power(known, windows, offsets=offsets, level=LEVEL, water=False)
+    within = settled(within, power)
+    if within.failing:
+        return "re-identify", "; ".join(one.sentence() for one in within.failing), power
+    return *state_inside(within, power), power
+
+
+def changed(name: str, group: CoefficientGroup, factor: float, seed: int = 11) -> ModelState:
+    """State of the model on a log of the vehicle with a group of coefficients times a factor."""
+    values = st.Vehicle.load(name).coefficients()
+    return judged(name, {one: factor * values[one] for one in group.names}, seed)[0]
+
+
+_WORDS = {
+    "model still valid": "VALID",
+    "re-identify": "refuted",
+    "not judged": "not judged",
+    "log too short or too quiet to tell": "undecided",
+}
+
+
+def main() -> None:
+    """Print the table."""
+    for name in sys.argv[1:] or VEHICLES:
+        verdicts = [judged(name, {}, seed) for seed in range(1, TRUE + 1)]
+        valid = sum(state == "model still valid" for state, _, _ in verdicts)
+        able = sum(not power.unjudged for _, _, power in verdicts)
+        print(f"{name}: power on every controlled axis in {able} of {TRUE} logs, true model valid in {valid}")
+        for state, reason, _ in verdicts:
+            if state != "model still valid":
+                print(f"  {state}: {reason}")
+        print("| axis | group | 1/4 | 1/2 | 2 | 4 |\n|---|---|---|---|---|---|")
+        for group in coefficient_groups(st.Vehicle.load(name), actuators=False):
+            row = [_WORDS[changed(name, group, factor)] for factor in FACTORS]
+            print(f"| {group.axis} | {group.kind} | {' | '.join(row)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
