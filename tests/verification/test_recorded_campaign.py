@@ -244,6 +244,7 @@ def test_a_slow_log_is_held_against_references_as_slow() -> None:
         ("model still valid", ("missed_by_m",), "undecided"),
         ("model still valid", ("true_cross_track_p95_m",), "held"),
         ("log too short or too quiet to tell", (), "undecided"),
+        ("not judged", (), "not judged"),
         ("re-identify", (), "failed"),
     ],
 )
