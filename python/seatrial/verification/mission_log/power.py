@@ -318,12 +318,13 @@ def sensor_noise(trial: Trial) -> Array:
     third = np.diff(steps, n=2, axis=0)
     for c in range(len(CHANNELS)):
         good = trial.valid[:, c]
-        if not good.any():
+        # A channel that never changes is a column of a model in fewer axes, and no reading of a sensor.
+        if not good.any() or np.ptp(trial.observed[good, c]) == 0.0:
             continue
         whole = good[:-3] & good[1:-2] & good[2:-1] & good[3:]
         # A smoother may follow the noise; third differences of white noise have 20 times its variance.
         differed = np.mean(third[whole, c] ** 2) / 20.0 if whole.any() else 0.0
-        # A channel that repeats exactly has the noise of its last digit, which is not nothing.
+        # Samples without noise have that of their last digit, which is not nothing.
         found[c] = max(float(np.sqrt(max(np.mean(away[good, c] ** 2), differed))), 1e-6)
     return found
 

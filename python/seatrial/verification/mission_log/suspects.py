@@ -271,6 +271,8 @@ def suspects(
     directions = [one for candidate in tried for one in candidate.directions()]
     slopes = log.slopes(directions, current=current)
     white = Whitening(log, spread, slopes)
+    if not white.cost > 0.0:  # no channel has a spread to measure its error by
+        return ()
     sensed = offset_channels(log)
     columns = [
         np.concatenate(pair, axis=2)
