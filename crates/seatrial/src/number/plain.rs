@@ -28,6 +28,12 @@ pub fn cos(x: f64) -> f64 {
     libm::sincos(x).1
 }
 
+/// Tangent of an angle in rad.
+#[inline]
+pub fn tan(x: f64) -> f64 {
+    libm::tan(x)
+}
+
 /// The angle from 0 to π whose cosine is `x`.
 #[inline]
 pub fn acos(x: f64) -> f64 {

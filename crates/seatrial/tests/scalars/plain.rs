@@ -40,6 +40,7 @@ properties! {
             (plain::log10(positive), positive.log10()),
             (plain::hypot(small, other), small.hypot(other)),
             (plain::powf(positive, small), positive.powf(small)),
+            (plain::tan(small), small.tan()),
         ];
         for (k, (found, expected)) in pairs.into_iter().enumerate() {
             // The arctangent of two numbers rounds their quotient first.

@@ -128,7 +128,11 @@ def judgement(mission: Mission) -> dict[str, Any]:
         "broken": [
             [
                 words,
-                [[_FIGURE[name], _end(low), _end(high)] for name, low, high in rows if not np.isposinf(low)],
+                [
+                    [_FIGURE[name], _end(low), _end(high)]
+                    for name, low, high in rows
+                    if not np.isposinf(np.asarray(low, float))
+                ],
             ]
             for words, rows in ranges.items()
         ],

@@ -11,6 +11,7 @@
 
 use super::pid::square_root;
 use crate::number::algebra::{Vec3, dot};
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// Acceleration of gravity, m/s².
@@ -34,10 +35,10 @@ pub fn limited_acceleration<T: Real>(
     velocity: &[f64; 2],
     limit: f64,
 ) -> ([T; 2], T::Mask) {
-    let most = acceleration[0].splat(GRAVITY * limit.tan());
+    let most = acceleration[0].splat(GRAVITY * plain::tan(limit));
     let size = dot(acceleration, acceleration).sqrt();
     let limited = most.lt(size);
-    let speed = velocity[0].hypot(velocity[1]);
+    let speed = plain::hypot(velocity[0], velocity[1]);
     let within = if speed > 0.0 {
         let [north, east] = velocity.map(|x| most.splat(x / speed));
         let (along, across) =
