@@ -113,14 +113,15 @@ def signals(
     """
     by_name: dict[str, Signal] = {}
     fresh = _fresh_rows(table, t, sources, file, report)
+    spoken = _spoken(table, sources, file)
     for group in GROUPS:
         given = {name: sources[name] for name in group.columns if name in sources}
         if given and not (group.name == "euler" and "attitude" in by_name):
-            for signal in _group(table, t, group, given, file, report, fresh.get(group.name)):
+            for signal in _group(table, t, group, given, file, report, (spoken, fresh.get(group.name))):
                 by_name[signal.name] = signal
     for name in sources:
         if name.startswith(("cmd.", "meas.")):
-            by_name[name] = _actuator(table, t, name, sources[name], file, report)
+            by_name[name] = _actuator(table, t, name, sources[name], file, report, spoken)
     if not by_name:
         names = ", ".join(name for name in sources if name != "t_s")
         raise TrialError(f"{file}: {names}: every cell is empty; leave the column out of the map")
@@ -134,9 +135,10 @@ def _group(
     given: Mapping[str, Source],
     file: str,
     report: RecordingReport,
-    fresh: Mask | None,
+    rows: tuple[Mask, Mask | None],
 ) -> list[Signal]:
     """Signals of a group: one, or two of a position whose depth another sensor logged; none if all empty."""
+    spoken, fresh = rows  # with a sample of any sensor, and with a new one of this
     if group.name == "quaternion" and len(given) < 4:
         missing = [name for name in group.columns if name not in given]
         raise TrialError(f"{file}: an attitude quaternion has four components; {', '.join(missing)} missing")
@@ -155,7 +157,7 @@ def _group(
         )
         cells, filled = _without_sentinels(numbers(column, name, file), group, name, report)
         y[:, k] = _possible(cells * scale * source.sign, group, name, report)
-        present[:, k] = _sampled(column, y[:, k]) & ~filled & (True if fresh is None else fresh)
+        present[:, k] = _sampled(column, y[:, k], spoken) & ~filled & (True if fresh is None else fresh)
         _note_not_finite(present[:, k], y[:, k], name, report)
         y[~np.isfinite(y[:, k]), k] = np.nan
     empty = [name for k, name in enumerate(group.columns) if name in given and not present[:, k].any()]
@@ -313,7 +315,7 @@ def _bridged_angles(t: Array, y: Array) -> Array:
 
 
 def _actuator(
-    table: pl.DataFrame, t: Array, name: str, source: Source, file: str, report: RecordingReport
+    table: pl.DataFrame, t: Array, name: str, source: Source, file: str, report: RecordingReport, spoken: Mask
 ) -> Signal:
     if source.frame:
         raise TrialError(f"{file}: {name}: a scalar has no frame; leave it out")
@@ -321,7 +323,7 @@ def _actuator(
     scale = units.factor(source.unit, units.ACTUATOR_UNITS, f"{file}: {name}") if source.unit else 1.0
     cells, filled = _without_sentinels(numbers(column, name, file), None, name, report)
     y = _possible(cells * scale * source.sign, None, name, report)
-    sampled = _sampled(column, y) & ~filled
+    sampled = _sampled(column, y, spoken) & ~filled
     _note_not_finite(sampled, y, name, report)
     good = sampled & np.isfinite(y)
     if not good.any():
@@ -354,6 +356,16 @@ _HELD, _STEADY = 0.5, 1.6
 the intervals (85th percentile to median) between its changes up to which it samples evenly."""
 
 
+def _spoken(table: pl.DataFrame, sources: Mapping[str, Source], file: str) -> Mask:
+    """Rows (n,) in which some sensor of the motion has a number."""
+    result = np.zeros(table.height, bool)
+    for group in GROUPS:
+        for name in group.columns:
+            if group.name in _SENSORS and name in sources:
+                result |= np.isfinite(numbers(table[sources[name].column], name, file))
+    return result
+
+
 def _fresh_rows(
     table: pl.DataFrame, t: Array, sources: Mapping[str, Source], file: str, report: RecordingReport
 ) -> dict[str, Mask]:
@@ -365,10 +377,10 @@ def _fresh_rows(
     """
     result: dict[str, Mask] = {}
     for group in GROUPS:
-        columns = [sources[name] for name in group.columns if name in sources]
-        if group.name not in _SENSORS or not columns:
+        given = [name for name in group.columns if name in sources]
+        if group.name not in _SENSORS or not given:
             continue
-        y = np.column_stack([numbers(table[one.column], one.column, file) for one in columns])
+        y = np.column_stack([numbers(table[sources[name].column], name, file) for name in given])
         same = np.logical_and.reduce((y[1:] == y[:-1]) | np.isnan(y[1:]) & np.isnan(y[:-1]), axis=1)
         if same.all():  # a sensor that is off
             continue
@@ -393,16 +405,17 @@ _APART = 0.5
 """Share of a column's numbers with none in the next row above which the cells without one are no samples."""
 
 
-def _sampled(column: pl.Series, y: Array) -> Mask:
+def _sampled(column: pl.Series, y: Array, spoken: Mask) -> Mask:
     """Cells (n,) that hold a sample, with a number or without.
 
     An empty cell holds none. NaN is a sample without a number, as a drop-out is, unless nearly every number
-    has NaN behind it: then the rows are those of several sensors, put together with NaN where one has none.
+    has NaN behind it in rows in which some sensor has `spoken` (n,): then the rows are those of several
+    sensors, put together with NaN where one has none.
     """
     given = np.asarray(column.is_not_null().to_numpy())
     numbers = np.isfinite(y)
     followed = numbers[1:] | ~given[1:]
-    between = numbers[:-1] & ~followed
+    between = numbers[:-1] & ~followed & spoken[1:]
     if numbers.sum() >= MINIMUM_ROWS and between.sum() > _APART * numbers.sum():
         return np.asarray(numbers & given)
     return given
