@@ -469,6 +469,48 @@ def test_the_trials_of_a_campaign_count(tmp_path: Path) -> None:
     assert after.score_before < 0.2 * fresh.score_before
 
 
+def test_a_campaign_is_planned_at_what_it_identified(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert call("new", tmp_path / "mine").exit_code == 0
+    path = tmp_path / "mine" / "campaign.toml"
+    campaign = Campaign.load(path)
+    thrusters = Thrusters(campaign.vehicle)
+    options: dict[str, Any] = {
+        "budget_s": 40.0,
+        "count": 1,
+        "candidates": [zigzag(thrusters, thrusters.combinations_of("N")[0], duration_s=40.0)],
+    }
+    known = campaign.vehicle.coefficients()
+    better = campaign.vehicle.with_coefficients({"N_rr": 2.0 * known["N_rr"], "X_uu": 1.5 * known["X_uu"]})
+    started = plan(campaign, **options)
+    fitted = plan(campaign, fit=better, **options)
+    values = {change.name: change.value for change in fitted.coefficients}
+    assert (values["N_rr"], values["X_uu"]) == (better.coefficients()["N_rr"], better.coefficients()["X_uu"])
+    assert (started.at, fitted.at) == ("start values", "identification")
+    assert "planned at the campaign's start values" in started.summary()
+    assert "planned at the identified coefficients" in fitted.summary()
+    assert "identify first" in started.report().next_step
+    # As of a result of `identify`: the residuals give the noise, not the usual instruments.
+    assert fitted.instruments.noise != started.instruments.noise
+    with pytest.raises(CampaignError, match="fit: expected only beside a campaign, found it beside Vehicle"):
+        plan(better, fit=better)
+    # A run directory of the campaign, named or where `identify` puts it.
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "runs" / campaign.name
+    folder.mkdir(parents=True)
+    (folder / "vehicle.toml").write_text(better.to_toml())
+    (folder / "identification.json").write_text('{"covariance": null}')
+    shutil.copytree(folder, tmp_path / "elsewhere")
+    verb = ("plan", path, "--duration", "20", "--count", "1", "--no-figures", "--json")
+    for more in ((), ("--run", tmp_path / "elsewhere")):
+        result = call(*verb, *more, "--out", tmp_path / "next.csv")
+        assert result.exit_code == 0, result.output
+        found = json.loads(result.stdout)
+        assert found["at"] == "identification"
+        assert {one["name"]: one["value"] for one in found["coefficients"]}["N_rr"] == values["N_rr"]
+        shutil.rmtree(folder, ignore_errors=True)
+    assert json.loads(call(*verb, "--out", tmp_path / "next.csv").stdout)["at"] == "start values"
+
+
 def call(*arguments: str | Path) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 

@@ -229,7 +229,7 @@ def test_interrupt_of_the_joint_estimate_keeps_the_stages(
         def interrupted(*_: Any, **__: Any) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr("seatrial.identification.identify.joint_estimate_of", interrupted)
+        patch.setattr("seatrial.identification.conclusion.joint_estimate_of", interrupted)
         fit = identify(asked, run_dir=tmp_path / "run")
     assert fit.interrupted
     assert fit.assessment is None

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import polars as pl
 import pytest
+import tomlkit
 
 import seatrial as st
 from seatrial.campaign.file import parse
@@ -117,3 +121,32 @@ def test_an_axis_that_is_driven_without_a_command_is_not_drafted() -> None:
     assert 'name = "surge"' in half
     assert "heave. What drives it has no command" in half.replace("\n# ", " ")
     assert "cmd.thruster_5, cmd.thruster_6, cmd.thruster_7, cmd.thruster_8" in half.replace("\n# ", " ")
+
+
+def test_a_vehicle_without_actuators_that_a_logged_wrench_drives_is_imported_and_identified(
+    tmp_path: Path,
+) -> None:
+    document = {k: v for k, v in st.Vehicle.load("cwolf").to_dict().items() if k != "thrusters"}
+    bare = st.Vehicle.from_toml(tomlkit.dumps({k: v for k, v in document.items() if k != "controllable"}))
+    assert not bare.actuators
+    t, generator = np.arange(0.0, 60.0, 0.1), np.random.default_rng(4)
+    tau = np.zeros((len(t), 6))
+    tau[:, 0] = 20.0 + 20.0 * np.repeat(generator.uniform(-1.0, 1.0, 20), 30)
+    tau[:, 5] = 8.0 * np.repeat(generator.uniform(-1.0, 1.0, 20), 30)
+    nu = np.asarray(bare.simulate(t, {}, tau=tau, max_step_s=0.02).nu)
+    nu = nu + generator.normal(0.0, 1.0, nu.shape) * [0.01, 0.01, 0.01, 2e-3, 2e-3, 2e-3]
+    log, vehicle = tmp_path / "log.csv", tmp_path / "bare.toml"
+    moved = {"u_m_s": nu[:, 0], "v_m_s": nu[:, 1], "r_deg_s": np.degrees(nu[:, 5])}
+    pl.DataFrame({"t_s": t} | moved | {"tau.X_n": tau[:, 0], "tau.N_nm": tau[:, 5]}).write_csv(log)
+    vehicle.write_text(bare.to_toml())
+    st.import_logs(log, out=tmp_path / "project", vehicle=vehicle)
+    campaign = st.Campaign.load(tmp_path / "project" / "campaign.toml")
+    assert campaign.input_of(next(iter(campaign.trials))) == "tau"
+    # The axes that the wrench drives, and no other.
+    assert {letter for stage in campaign.stages for letter in stage.axes.free} == {"X", "N"}
+    fit = st.identify(campaign, threads=1)
+    assert not fit.fallbacks
+    # 1 % of noise over 60 s; X_uu and X_u share the drag, which is told at the speeds that were sailed.
+    found, true = fit.vehicle.coefficients(), bare.coefficients()
+    drag = [one["X_u"] * 0.8 + one["X_uu"] * 0.8**2 for one in (found, true)]
+    assert drag[0] == pytest.approx(drag[1], rel=0.05)

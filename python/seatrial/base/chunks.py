@@ -35,6 +35,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from seatrial._core import simd_level
+from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import SeatrialError
 from seatrial.base.run import RunDirectory, sha256, version
 
@@ -215,7 +216,8 @@ def work(asked: str, function: Callable[..., V], packed: bytes, arguments: tuple
             f"worker on {socket.gethostname()}: expected seatrial {asked}, found {found}; install the same"
             " version on all machines"
         )
-    return _answer(function, _unpacked(packed), arguments)
+    with one_blas_thread():
+        return _answer(function, _unpacked(packed), arguments)
 
 
 @lru_cache(maxsize=2)

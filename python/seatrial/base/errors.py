@@ -11,6 +11,7 @@ from difflib import get_close_matches
 
 __all__ = [
     "CampaignError",
+    "NumericalError",
     "SeatrialError",
     "SimulationError",
     "TrialError",
@@ -38,6 +39,10 @@ class CampaignError(SeatrialError, ValueError):
 
 class SimulationError(SeatrialError, RuntimeError):
     """A simulation cannot be started with these inputs."""
+
+
+class NumericalError(SeatrialError, ArithmeticError):
+    """A calculation has no finite result: a filter that diverges, a model that no step can follow."""
 
 
 def reason(error: Exception) -> str:

@@ -52,6 +52,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 from seatrial._core import simd_level
 from seatrial.base.atomic_write import make_folders, remove, write_atomic
+from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import SeatrialError
 from seatrial.base.file_names import file_name
 from seatrial.base.folder_lock import absolute, lock, refusal, refuse_name, unlock
@@ -138,6 +139,7 @@ class RunDirectory:
         self.resume = resume
         self._temporary: set[str] = set()  # entries of the workspace that only a published run needs
         self._carried: set[str] = set()
+        self._limit = one_blas_thread()  # while the run is worked on
         self._made: list[Path] = []
         self._release: weakref.finalize[..., Any] | None = None
         if self.path is None:
@@ -160,11 +162,13 @@ class RunDirectory:
         return _beside(self.path, "{}.partial")
 
     def __enter__(self) -> Self:
+        self._limit.__enter__()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._limit.__exit__(kind, error, trace)
         self.close()
 
     def finished(self, part: str, inputs: str) -> dict[str, Any] | None:

@@ -29,6 +29,13 @@ def plan(
         str,
         typer.Argument(help="Vehicle file, built-in vehicle, or campaign file.", metavar="VEHICLE|CAMPAIGN"),
     ],
+    run: Annotated[
+        Path | None,
+        typer.Option(
+            help="Run directory of `seatrial identify`, or a vehicle, at whose coefficients a campaign is"
+            " planned; runs/NAME where that is one, else the campaign's start values."
+        ),
+    ] = None,
     coefficients: Annotated[
         str | None, typer.Option(help="Coefficients to plan for, as K_p,K_pp; all by default.")
     ] = None,
@@ -69,7 +76,8 @@ def plan(
 ) -> None:
     """Rank manoeuvres for the next trials, and write the best ones as command files, each with a sheet.
 
-    Everything is simulated: open loop, on the model as it is. Plan again after each trial. Where waves and
+    Everything is simulated: open loop, on the model as it is, a campaign at what it identified. Plan again
+    after each trial. Where waves and
     the autopilot hide a gain in a campaign's trials, a dither for the autopilot's output is written too.
     """
     from seatrial.base.file_names import check_place
@@ -84,6 +92,7 @@ def plan(
     usual = (sensors, current) == (SENSORS, CURRENT_M_S)
     instruments = None if usual else _instruments(sensors, current)
     loaded, vehicle = _load(target)
+    fit = _fit(loaded, run)
     first = out or Path("runs") / file_name(f"plan-{vehicle.name}") / "trial.csv"
     paths = [
         first if number == 1 else first.with_name(f"{first.stem}-{number}.csv")
@@ -96,6 +105,7 @@ def plan(
         with search_progress("reading", quiet=json) as progress:
             found = planned(
                 loaded,
+                fit=fit,
                 coefficients=_list(coefficients),
                 budget_s=duration,
                 count=count,
@@ -164,6 +174,19 @@ def _load(target: str) -> tuple[Vehicle | Campaign, Vehicle]:
 
     campaign = Campaign.load(target, progress=reading_progress())
     return campaign, campaign.vehicle
+
+
+def _fit(loaded: Vehicle | Campaign, run: Path | None) -> Path | str | None:
+    """Where a campaign's identified coefficients are, said on standard error where nobody named it."""
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.cli.streams import note
+    from seatrial.cli.tune import fitted_source
+
+    if not isinstance(loaded, Campaign):
+        return run
+    found = fitted_source(loaded, run)
+    note(f"Coefficients: {found or 'start values of the campaign (no run directory of identify)'}")
+    return found
 
 
 def _recordings(loaded: Vehicle | Campaign) -> dict[str, str | Path | None]:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import VehicleError
 from seatrial.control_design.lqr import lqr_autopilot
 from seatrial.control_design.mode_table import Mode
@@ -65,8 +66,9 @@ def start_autopilot(vehicle: Vehicle, *, law: str = "pid", period_s: float = 0.1
             f"period_s: expected a control period from {SHORTEST_S:g} to {LONGEST_S:g} s, found {period_s:g}"
         )
     try:
-        text = autopilot_text(vehicle, start_gains(vehicle, period_s=period_s))
-        return lqr_autopilot(vehicle, text) if law == "lqr" else text
+        with one_blas_thread():
+            text = autopilot_text(vehicle, start_gains(vehicle, period_s=period_s))
+            return lqr_autopilot(vehicle, text) if law == "lqr" else text
     except ValueError as error:
         raise VehicleError(f"{vehicle.name}: no autopilot can be made: {error}") from None
 

@@ -28,7 +28,9 @@ import numpy as np
 
 from seatrial._core import initial_names
 from seatrial.base.arrays import Array
-from seatrial.base.channels import CHANNELS
+from seatrial.base.channels import CHANNELS, deviations
+from seatrial.base.errors import NumericalError
+from seatrial.base.fallback import is_numerical
 from seatrial.base.progress import Step
 from seatrial.estimation import kalman
 from seatrial.estimation.answers import Answers, answers
@@ -71,9 +73,19 @@ of the model misses along the motion so far.
 """
 
 
+_DIVERGED = 1e3
+"""Error of half of a channel's predictions, over the spread of what was measured, from which the filter has
+left the log: its likelihood has no slope that leads back, and no round of it improves."""
+
+_LEAST_SPREAD = 0.01  # m/s, rad/s, rad or m: of a channel that hardly moves
+
+
 @dataclass(frozen=True)
 class Outcome:
-    """Where the rounds ended: values (m,), noise (Y,) of the predictions, cost and likelihood."""
+    """Where the rounds ended: values (m,), noise (Y,) of the predictions, cost and likelihood.
+
+    ``stopped`` says why a round had no result; the rest is that of the round before.
+    """
 
     values: Array
     noise: Array
@@ -83,6 +95,7 @@ class Outcome:
     rounds: int
     converged: bool
     interrupted: bool
+    stopped: str = ""
 
 
 class _Begun(NamedTuple):
@@ -118,6 +131,7 @@ class Innovations:
         self._likeliest: _Begun | None = None
         self.seen = [self.steps.states.index(name) for name in self.steps.channels]
         self.criterion = PredictionErrorCriterion(joint)
+        self.spread = np.maximum(_spread(joint.data.trials), _LEAST_SPREAD)
 
     def likelier(self, starts: Sequence[Array]) -> Array:
         """The start (m,) with which the log is most likely, each with noises of its own, which are kept.
@@ -125,10 +139,15 @@ class Innovations:
         Where a simulation leaves the log the stages end anywhere, and the vehicle file may be nearer.
         """
         found: list[tuple[float, _Begun]] = []
-        for start in starts:
+        for number, start in enumerate(starts, 1):
             self.joint.noise_model = None
             self.steps.follow_log()
-            spans, _ = self._improved(start, self._begun(start), _FIRST)
+            try:
+                spans, _ = self._improved(start, self._begun(start), _FIRST)
+            except NumericalError:
+                if number == len(starts) and not found:
+                    raise
+                continue
             likelihood = self._filters(spans).likelihood(self._noises)
             begun = _Begun(start, spans, self._noises, self.steps.path)
             found.append((likelihood if math.isfinite(likelihood) else -math.inf, begun))
@@ -139,15 +158,23 @@ class Innovations:
     def estimate(
         self, start: Array, rounds: int, fixed: Sequence[int], watch: Callable[[Step], None] | None
     ) -> Outcome:
-        """The estimate that a start (m,) leads to."""
+        """The estimate that a start (m,) leads to.
+
+        Raises
+        ------
+        NumericalError
+            The filter leaves the log at the start. Where it does after a step, the step is taken back.
+        """
         began = time.monotonic()
         at, converged, interrupted, count, settled = start.copy(), False, False, 0, self._told
+        stopped = ""
         ahead = self.samples(self.joint.polish.horizon_s)
         spans = self._first(at)
         errors = self.instrumented(spans, ahead)
-        noise, first = self.criterion.noise(errors), None
+        noise, first = self._followed(errors), None
         try:
             while True:
+                safe = at, errors, noise, self.joint.noise_model, self.steps.path
                 cost = self.criterion.cost(errors, noise)
                 first = cost if first is None else first
                 if watch is not None:
@@ -168,9 +195,14 @@ class Innovations:
                     spans = self._shaped(self.steps.linearised(at), at)
                     converged = self._waves() == waves
                 errors = self.instrumented(spans, ahead)
-                noise = self.criterion.noise(errors)
+                noise = self._followed(errors)
         except KeyboardInterrupt:
             interrupted = True
+        except Exception as error:
+            if count == 0 or not is_numerical(error):
+                raise
+            at, errors, noise, self.joint.noise_model, self.steps.path = safe
+            converged, stopped = False, str(error)
         cost = self.criterion.cost(errors, noise)
         return Outcome(
             at,
@@ -181,7 +213,30 @@ class Innovations:
             count,
             converged,
             interrupted,
+            stopped,
         )
+
+    def _followed(self, errors: Sequence[Errors]) -> Array:
+        """Noise (Y,) of the prediction errors of a filter that follows the log.
+
+        Raises
+        ------
+        NumericalError
+            It does not: half of the errors of a channel are `_DIVERGED` times its spread, or no numbers.
+        """
+        noise = self.criterion.noise(errors)
+        for column, channel in enumerate(self.steps.channels):
+            settled = round(_SETTLING_S / self.dt)
+            measured = sum(int(one.span.valid[1:, column][settled:].sum()) for one in errors)
+            counted = sum(int(one.counted[:, column].sum()) for one in errors)
+            most = self.spread[CHANNELS.index(channel)]
+            lost = 2 * counted < measured and counted < measured - settled * len(errors)
+            if lost or (counted and not noise[column] < _DIVERGED * most):
+                raise NumericalError(
+                    f"the filter diverges: half of its predictions miss {channel} by {noise[column]:.2g} or"
+                    f" more, and the log's {channel} varies by {most:.2g}"
+                )
+        return noise
 
     def linearisation(self, values: Array, extra: Sequence[str]) -> Linearisation:
         """Prediction errors and derivatives at a point, in the form in which an estimate is judged."""
@@ -345,8 +400,27 @@ class Innovations:
         """The spans at a point, with a noise model to begin with where there is none."""
         spans = self.steps.linearised(values)
         if self.joint.noise_model is None:
+            self._refuse_divergence(spans)
             self.joint.noise_model = kalman.begin(spans, len(self.steps.velocities), self.dt)
         return spans
+
+    def _refuse_divergence(self, spans: Sequence[Span]) -> None:
+        """Refuse a model that one sample takes away from the log, before its noises are sought for minutes.
+
+        Raises
+        ------
+        NumericalError
+            It misses half of the samples by `_DIVERGED` times the spread of what was measured.
+        """
+        missed = np.concatenate([np.abs(span.missed) for span in spans])
+        finite = np.concatenate([np.isfinite(span.transition).all(axis=(1, 2)) for span in spans])
+        for column, channel in enumerate(self.steps.states):
+            most = self.spread[CHANNELS.index(channel)]
+            if np.mean(finite & (missed[:, column] < _DIVERGED * most)) < 0.5:
+                raise NumericalError(
+                    f"the model diverges over one sample of {self.dt:g} s: it misses {channel} by"
+                    f" {np.nanmedian(missed[:, column]):.2g}, and the log's {channel} varies by {most:.2g}"
+                )
 
     def _improved(
         self, values: Array, spans: list[Span], improvements: Sequence[int]
@@ -445,3 +519,15 @@ class Innovations:
             slope = np.where(counted[..., None], late[..., 1:], 0.0)
             found.append(Errors(span, error, counted, slope, slope))
         return found
+
+
+def _spread(trials: Sequence[Trial]) -> Array:
+    """Standard deviation (12,) of each channel over all trials, the largest of them; zero without samples."""
+    spread = np.zeros(len(CHANNELS))
+    for trial in trials:
+        for column, channel in enumerate(CHANNELS):
+            values = trial.observed[trial.valid[:, column], column]
+            if len(values):
+                away = deviations(values, channel)
+                spread[column] = max(spread[column], float(np.sqrt(np.mean(away**2))))
+    return spread

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.fallback import is_numerical
 from seatrial.base.progress import Step
 from seatrial.estimation.gauss_newton import INITIALS, GaussNewton
 from seatrial.estimation.innovations import Innovations
@@ -72,7 +73,8 @@ class Polished:
     With the method "innovations" ``horizons`` are what predictions over other horizons say, once they were
     made (`with_horizons`), ``log_alone`` what the log says without commands that answer more than it holds,
     where there are such, ``others`` what other models of the damping say that are as likely, and ``waves``
-    the waves of its noise model (`NoiseModel.waves`).
+    the waves of its noise model (`NoiseModel.waves`). ``stopped`` says why a round had no result, mostly "":
+    the values are then those of the round before.
     """
 
     values: Array
@@ -94,6 +96,7 @@ class Polished:
     log_alone: LogAlone | None = None
     others: tuple[OtherDamping, ...] = ()
     waves: Mapping[str, float | bool | None] | None = None
+    stopped: str = ""
 
     def rms(self, cost: float) -> float:
         """Root mean square residual in its standard deviation, outliers bounded, that a cost stands for."""
@@ -106,6 +109,7 @@ class Polished:
         return {key: getattr(self, key) for key in kept} | {
             "method": self.method,
             "method_reason": self.method_reason,
+            "stopped": self.stopped,
             "horizons": [one.to_dict(names) for one in self.horizons],
             "log_alone": None if self.log_alone is None else self.log_alone.to_dict(names),
             "others": [one.to_dict() for one in self.others],
@@ -269,6 +273,7 @@ def _with_noise_model(
         method="innovations",
         method_reason=joint.method_reason,
         waves=None if joint.noise_model is None else joint.noise_model.waves(),
+        stopped=found.stopped,
     )
 
 
@@ -300,7 +305,7 @@ class _Descent:
         here = first = self._begun(start, centre)
         if through is not None and (other := self._begun(through, centre)).merit < first.merit:
             here = other
-        count, evaluations, converged, interrupted = 0, rounds.evaluations, False, False
+        count, evaluations, converged, interrupted, stopped = 0, rounds.evaluations, False, False, ""
         limit = self.limit if np.isfinite(here.merit) else 0  # a start that diverges has no derivatives
         try:
             while count < limit and not converged:
@@ -323,6 +328,11 @@ class _Descent:
                 self._show(count, here)
         except KeyboardInterrupt:
             interrupted = True
+        except Exception as error:
+            # What the rounds before gained stays.
+            if count < 2 or not is_numerical(error):
+                raise
+            stopped = str(error)
         rounds.noise = here.noise.copy()
         return Polished(
             values=here.values,
@@ -341,6 +351,7 @@ class _Descent:
             spread=here.values[None],
             costs=np.array([here.merit]),
             method_reason=joint.method_reason,
+            stopped=stopped,
         )
 
     def _begun(self, values: Array, centre: Array) -> _Place:

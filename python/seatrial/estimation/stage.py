@@ -22,7 +22,8 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS, DEGREE
-from seatrial.base.errors import CampaignError, SimulationError
+from seatrial.base.errors import CampaignError, SimulationError, VehicleError
+from seatrial.base.fallback import is_numerical
 from seatrial.base.progress import Step
 from seatrial.campaign.file import Stage
 from seatrial.campaign.parameters import Parameter, coefficients
@@ -45,10 +46,15 @@ __all__ = [
     "plan",
     "refitted_stage",
     "run_stage",
+    "search_start",
     "start_cost",
 ]
 
 _TOLERANCE = 1e-4
+
+_PROBED = 1024
+"""Candidates that are tried where the start diverges: half of them anywhere between the bounds, half at all
+distances from the start, down to 1e-12 of the box. They cost as much as a few generations of the search."""
 
 COARSE = 0.1
 """Gain at which the global search ends: what is left in its valley is found by descent and simplex."""
@@ -225,9 +231,10 @@ def run_stage(
         "watch": watch,
     }
     _check_influence(criterion, chosen, start, campaign.where(stage))
+    first = search_start(criterion, chosen, start, seed=plan.seed)
     best = evolve(
         criterion,
-        start,
+        start if first is None else first,
         seed=plan.seed,
         population=plan.population,
         generations=plan.generations,
@@ -243,10 +250,15 @@ def run_stage(
     for rounds in shares:
         if best.interrupted or not math.isfinite(best.cost):
             break
-        if estimated:
-            criterion = with_initial_velocities(criterion, best.x, smoothed)
         elite = best.elite
-        best = join(best, descend(criterion, criterion.linearised, best.x, **box))
+        try:
+            if estimated:
+                criterion = with_initial_velocities(criterion, best.x, smoothed)
+            best = join(best, descend(criterion, criterion.linearised, best.x, **box))
+        except Exception as error:
+            # Derivatives without numbers end the descent; the simplexes need none.
+            if not is_numerical(error):
+                raise
         if not best.interrupted:
             starts = np.vstack([best.x, elite])
             best = join(best, refine(criterion, starts, rounds=max(rounds, 1), axes=valley, **box))
@@ -255,13 +267,14 @@ def run_stage(
             f"{campaign.where(stage)}: every one of {best.evaluations} candidates diverged; check the units"
             " and signs of the commands, the vehicle's masses and the bounds"
         )
+    values = _possible(vehicle, chosen, np.vstack([best.x, best.elite]))
     return StageResult(
         name=stage.name,
         trials=stage.trials,
         starts={p.name: float(x) for p, x in zip(chosen, start, strict=True)},
-        estimates={p.name: float(x) for p, x in zip(chosen, best.x, strict=True)},
-        coefficients=coefficients(chosen, best.x),
-        start_cost=best.start_cost,
+        estimates={p.name: float(x) for p, x in zip(chosen, values, strict=True)},
+        coefficients=coefficients(chosen, values),
+        start_cost=best.start_cost if first is not None and first is start else math.inf,
         cost=best.cost,
         evaluations=best.evaluations,
         history=best.history,
@@ -274,6 +287,26 @@ def run_stage(
         inputs=inputs,
         interrupted=best.interrupted,
     )
+
+
+def _possible(vehicle: Vehicle, chosen: tuple[Parameter, ...], found: Array) -> Array:
+    """The first of some candidates (k, m) that is a vehicle: bounds may admit a lag below zero.
+
+    Raises
+    ------
+    VehicleError
+        None is; the error is that of the first one.
+    """
+    first: VehicleError | None = None
+    for candidate in found:
+        try:
+            vehicle.with_coefficients(coefficients(chosen, candidate))
+        except VehicleError as error:
+            first = first or error
+        else:
+            return np.asarray(candidate)
+    assert first is not None
+    raise first
 
 
 def refitted_stage(
@@ -307,6 +340,28 @@ def refitted_stage(
     return coefficients(plan.parameters, found.x)
 
 
+def search_start(
+    criterion: Criterion, chosen: Sequence[Parameter], start: Array, *, seed: int
+) -> Array | None:
+    """Where a search begins (m,): the start, or where that diverges the best of `_PROBED` candidates.
+
+    None where all of them diverge. The same seed gives the same candidates.
+    """
+    if math.isfinite(float(criterion(start[None, :])[0])):
+        return start
+    lower, upper = (np.array([getattr(p, end) for p in chosen]) for end in ("lower", "upper"))
+    generator = np.random.default_rng([seed, _PROBED])
+    anywhere = generator.uniform(0.0, 1.0, (_PROBED // 2, len(start)))
+    away = generator.choice([-1.0, 1.0], anywhere.shape) * 10.0 ** generator.uniform(
+        -12.0, 0.0, anywhere.shape
+    )
+    tried = np.vstack([lower + (upper - lower) * anywhere, start + (upper - lower) * away])
+    tried = np.clip(tried, lower, upper)
+    costs = criterion(tried)
+    best = int(np.argmin(costs))
+    return tried[best] if math.isfinite(float(costs[best])) else None
+
+
 def start_cost(campaign: Campaign, plan: StagePlan, *, threads: int | None = None) -> float:
     """Cost of a stage's start values in the campaign's vehicle, infinite where it diverges.
 
@@ -314,12 +369,20 @@ def start_cost(campaign: Campaign, plan: StagePlan, *, threads: int | None = Non
     ------
     CampaignError
         A coefficient changes nothing in this stage.
+    SimulationError
+        The start diverges, and so does all that `search_start` tries.
     """
     start = np.array([_start(parameter, {}) for parameter in plan.parameters])
     problem = Problem(campaign.vehicle, plan.stage, plan.data, plan.parameters, plan.step.search, threads)
     criterion = Criterion(problem)
     _check_influence(criterion, plan.parameters, start, campaign.where(plan.stage))
-    return float(criterion(start[None, :])[0])
+    cost = float(criterion(start[None, :])[0])
+    if not math.isfinite(cost) and search_start(criterion, plan.parameters, start, seed=plan.seed) is None:
+        raise SimulationError(
+            f"{campaign.where(plan.stage)}: the start vehicle and every one of {_PROBED} candidates diverged;"
+            " check the units and signs of the commands, the vehicle's masses and the bounds"
+        )
+    return cost
 
 
 def _fine_step(plan: StagePlan, vehicle: Vehicle, elite: Array) -> StageStep:

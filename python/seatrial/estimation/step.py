@@ -59,6 +59,9 @@ _BISECTIONS = 30
 
 _DIFFERENCE = 1e-4
 
+_FASTEST = 1e9
+"""Rate that stands for one without a number, rad/s: no step follows it."""
+
 
 @dataclass(frozen=True)
 class StageStep:
@@ -236,14 +239,23 @@ def _fastest_rate(vehicle: Vehicle, points: Array, axes: list[int]) -> float:
     mass = np.asarray(vehicle.mass_matrix())
     force = np.einsum("ij,nkj->nik", mass, slope)  # (n, 6 forces, 9 states: nu and a small rotation)
     force[:, :, :6] += _inflow(vehicle)
-    reduced = np.linalg.solve(mass[np.ix_(axes, axes)], force[:, axes, :])
+    try:
+        reduced = np.linalg.solve(mass[np.ix_(axes, axes)], force[:, axes, :])
+    except np.linalg.LinAlgError:  # the free axes have no mass
+        return _FASTEST
     turning = [axis for axis in axes if axis >= 3]
     columns = [*axes, *(axis + 3 for axis in turning)]
     system = np.zeros((n, len(columns), len(columns)))
     system[:, : len(axes)] = reduced[:, :, columns]
     for row, axis in enumerate(turning):
         system[:, len(axes) + row, axes.index(axis)] = 1.0
-    return float(np.abs(np.linalg.eigvals(system)).max())
+    # Coefficients near the largest number overflow on the way.
+    if not np.isfinite(system).all():
+        return _FASTEST
+    try:
+        return min(float(np.abs(np.linalg.eigvals(system)).max()), _FASTEST)
+    except np.linalg.LinAlgError:
+        return _FASTEST
 
 
 def _inflow(vehicle: Vehicle) -> Array:

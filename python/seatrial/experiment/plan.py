@@ -15,12 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial._core import Vehicle, checked_threads
 from seatrial.base.arrays import Array
+from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import CampaignError, SeatrialError, nearest
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import run_facts, sha256
@@ -31,7 +33,7 @@ from seatrial.experiment.dither import Dither, dithers
 from seatrial.experiment.fisher import Instruments, information
 from seatrial.experiment.forecast import Limits, Proposal, forecast, proposals, uneven
 from seatrial.experiment.manoeuvre import Manoeuvre
-from seatrial.experiment.plan_result import Change, Plan, Ranked
+from seatrial.experiment.plan_result import IDENTIFIED, START, VEHICLE, Change, Plan, Ranked
 from seatrial.statistics.information import covariance
 from seatrial.trial.verdict import judge
 from seatrial.vehicle.actuators import NOMINAL_V
@@ -50,6 +52,7 @@ _ALIKE = 1.01  # of trials that are as good within a per cent, the one that need
 def plan(
     what: Vehicle | Campaign | Identification,
     *,
+    fit: Identification | Vehicle | str | Path | None = None,
     coefficients: Sequence[str] | None = None,
     budget_s: float = 180.0,
     count: int = 3,
@@ -70,6 +73,9 @@ def plan(
         Of a campaign, its parameters with their bounds are sought and its recorded trials count; of an
         identification too, at the identified coefficients. Of a vehicle, the coefficients of its hull,
         ``B`` and ``z_b`` are sought, within their default bounds.
+    fit : Identification, Vehicle, str or Path, optional
+        What a campaign identified: a result of `seatrial.identify`, its run directory, or a vehicle. The plan
+        is made at its coefficients; without it at the start values of the campaign, and says so.
     coefficients : sequence of str, optional
         Those whose standard deviations count; the others stay unknown. All by default.
     budget_s : float
@@ -109,6 +115,44 @@ def plan(
     'free decay'
     """
     checked_threads(threads)
+    if not (np.isfinite(budget_s) and budget_s >= 10.0):
+        raise CampaignError(f"budget: expected at least 10 s for a trial, found {budget_s:g} s")
+    if count < 1:
+        raise CampaignError(f"count: expected at least one trial to plan, found {count}")
+    with one_blas_thread():
+        return _planned(
+            _split(what, fit),
+            list(coefficients or ()),
+            budget_s=budget_s,
+            count=count,
+            limits=limits,
+            instruments=instruments,
+            candidates=candidates,
+            recorded=recorded,
+            use_recorded=use_recorded,
+            voltage_v=voltage_v,
+            threads=threads,
+            progress=progress,
+        )
+
+
+def _planned(
+    where: tuple[Vehicle, Campaign | None, str],
+    names: list[str],
+    *,
+    budget_s: float,
+    count: int,
+    limits: Limits | None,
+    instruments: Instruments | None,
+    candidates: Iterable[Manoeuvre] | None,
+    recorded: Linearisation | None,
+    use_recorded: bool,
+    voltage_v: float,
+    threads: int | None,
+    progress: Callable[[Progress], None] | None,
+) -> Plan:
+    """The plan at the coefficients of a vehicle, which come `_split` from what was given."""
+    vehicle, campaign, at = where
     clock = Clock()
 
     def tell(fraction: float, what: str, done: int = 0, total: int = 0) -> None:
@@ -116,24 +160,18 @@ def plan(
             left_s = clock.left_s(fraction, 1.0 - fraction)
             progress(Progress(what, done, total, fraction, clock.elapsed_s, left_s))
 
-    if not (np.isfinite(budget_s) and budget_s >= 10.0):
-        raise CampaignError(f"budget: expected at least 10 s for a trial, found {budget_s:g} s")
-    if count < 1:
-        raise CampaignError(f"count: expected at least one trial to plan, found {count}")
-    names = list(coefficients or ())
-    vehicle, campaign = _split(what)
     sought = fisher.of_vehicle(vehicle, names) if campaign is None else fisher.of_campaign(campaign, names)
     counting = _counting(sought, names)
 
     tell(0.0, "information in the recorded trials" if campaign else "manoeuvres that fit into the limits")
     given = instruments or Instruments.on_board()
     if recorded is None and campaign is not None and use_recorded:
-        recorded = _linearised(campaign, vehicle, None if what is not campaign else given, threads)
+        recorded = _linearised(campaign, vehicle, given if at == START else None, threads)
     if recorded is not None and instruments is None:
         seen = fisher.seen_by(recorded)
         # Before a fit the residuals hold the model's errors, so that they only shorten the usual memory.
         memory = min(given.correlation_s, seen.correlation_s)
-        given = seen if what is not campaign else replace(given, correlation_s=memory)
+        given = replace(given, correlation_s=memory) if at == START else seen
     prior = fisher.prior_information(sought)
     if recorded is not None and use_recorded:
         prior = prior + fisher.recorded_information(recorded, sought, given)
@@ -169,14 +207,14 @@ def plan(
         refused=refused,
         instruments=given,
         recorded=recorded is not None and use_recorded,
+        at=at,
         dithers=_dithers(campaign, vehicle, voltage_v) if use_recorded else (),
         facts=run_facts(
             "plan",
             vehicle.name,
             clock=clock,
             inputs={"vehicle": sha256(vehicle.to_toml())}
-            if campaign is None
-            else input_hashes(campaign, trials=use_recorded),
+            | ({} if campaign is None else input_hashes(campaign, trials=use_recorded)),
             options={"budget_s": budget_s, "count": count, "coefficients": names, "recorded": use_recorded},
         ),
     )
@@ -242,10 +280,29 @@ class _Judge:
         return tuple(chosen), total
 
 
-def _split(what: Vehicle | Campaign | Identification) -> tuple[Vehicle, Campaign | None]:
+def _split(
+    what: Vehicle | Campaign | Identification, fit: Identification | Vehicle | str | Path | None
+) -> tuple[Vehicle, Campaign | None, str]:
+    """The vehicle at whose coefficients is planned, its campaign, and whence these coefficients are.
+
+    Raises
+    ------
+    CampaignError
+        An identification beside anything but a campaign.
+    """
+    from seatrial.identification.fitted import Fitted
+
+    if fit is not None and not isinstance(what, Campaign):
+        raise CampaignError(
+            f"fit: expected only beside a campaign, found it beside {type(what).__name__}; give one of them"
+        )
     if isinstance(what, Vehicle):
-        return what, None
-    return (what.vehicle, what) if isinstance(what, Campaign) else (what.vehicle, what.campaign)
+        return what, None, VEHICLE
+    if not isinstance(what, Campaign):
+        return what.vehicle, what.campaign, IDENTIFIED
+    if fit is None:
+        return what.vehicle, what, START
+    return Fitted.of(fit).vehicle, what, IDENTIFIED
 
 
 def _dithers(campaign: Campaign | None, vehicle: Vehicle, voltage_v: float) -> tuple[Dither, ...]:

@@ -28,6 +28,16 @@ _ZERO = 0.01
 """Share of what the score takes a deviation relative to: a smaller value is one of zero."""
 
 
+VEHICLE, IDENTIFIED, START = "vehicle", "identification", "start values"
+"""Whence the coefficients are at which a plan is made."""
+
+_AT = {
+    VEHICLE: "",
+    IDENTIFIED: "; planned at the identified coefficients",
+    START: "; planned at the campaign's start values, not at identified coefficients",
+}
+
+
 @dataclass(frozen=True)
 class Change:
     """Standard deviation of one coefficient before and after, in its unit.
@@ -141,6 +151,9 @@ class Plan(RunResult):
         Noise, correlation time and current that were assumed.
     recorded
         Whether recorded trials count.
+    at
+        Whence the coefficients are at which the plan is made: `VEHICLE`, `IDENTIFIED` or `START`, the start
+        values of a campaign.
     dithers
         What to add to the autopilot's output where feedback dominates an axis of the recorded trials.
     facts
@@ -157,6 +170,7 @@ class Plan(RunResult):
     refused: Mapping[str, str]
     instruments: Instruments
     recorded: bool
+    at: str = VEHICLE
     dithers: tuple[Dither, ...] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
 
@@ -174,6 +188,7 @@ class Plan(RunResult):
             "score_after": self.score_after,
             "staircases_score": self.staircases_score,
             "recorded": self.recorded,
+            "at": self.at,
             "instruments": {
                 "noise": dict(self.instruments.noise),
                 "correlation_s": self.instruments.correlation_s,
@@ -340,10 +355,15 @@ def _report(found: Plan) -> Report:
             f"{'it reduces' if count == 1 else 'they reduce'} the sum of the relative standard deviations of"
             f" {len(found.coefficients)} coefficients from {_number(found.score_before)} to"
             f" {_number(found.score_after)}; known so far:"
-            f" {basis}"
+            f" {basis}{_AT[found.at]}"
         ),
         worst=unknown[0] if unknown else f"no coefficient stays unknown to more than {100 * _UNKNOWN:.0f} %",
-        next_step=f"run trial 1 ({first.name}), identify again, and plan again",
+        next_step=(
+            "identify first (seatrial identify) and plan again: at the identified coefficients a forecast is"
+            f" nearer to what a trial gives; otherwise run trial 1 ({first.name})"
+            if found.at == START and found.recorded
+            else f"run trial 1 ({first.name}), identify again, and plan again"
+        ),
         sections=(
             Section(tables=(_trials(found),), sentences=tuple(_sheets(found))),
             *([Section(sentences=tuple(_on_top(found)))] if found.dithers else []),

@@ -355,6 +355,8 @@ def _refitted(
         vehicle = shorter.vehicle
         optima = {stage.name: stage for stage in stages}
         for one in plan(shorter):
+            if one.stage.name not in optima:  # it failed on all data
+                continue
             found = refitted_stage(shorter, one, optima[one.stage.name], vehicle=vehicle, threads=threads)
             vehicle = vehicle.with_coefficients(found)
         joint = Joint(shorter, vehicle, threads=threads).at_search_step()

@@ -171,9 +171,16 @@ def derived(vehicle: Vehicle) -> dict[str, float]:
 
 
 def estimates(
-    campaign: Campaign, stages: tuple[StageResult, ...], assessment: Assessment | None = None
+    campaign: Campaign,
+    stages: tuple[StageResult, ...],
+    assessment: Assessment | None = None,
+    *,
+    failed: Sequence[str] = (),
 ) -> tuple[Estimate, ...]:
-    """Rows for every coefficient that was set: by the joint estimate, or by the last stage that freed it."""
+    """Rows for every coefficient that was set: by the joint estimate, or by the last stage that freed it.
+
+    What only stages freed that ``failed`` keeps its value and is not identifiable.
+    """
     rows: dict[str, Estimate] = {}
     for stage in stages:
         for parameter in campaign.parameters.get(stage.name, ()):
@@ -194,6 +201,14 @@ def estimates(
                 stage=before.stage if before is not None and not moved else "joint estimate",
                 known=known,
             )
+    own = campaign.vehicle.coefficients()
+    for name in failed:
+        for parameter in campaign.parameters.get(name, ()):
+            member, factor = parameter.members[0]
+            if member not in rows:
+                value = own.get(member, 0.0) / factor
+                lost = _rows(campaign, parameter, value, start=value, stage=name)
+                rows |= {key: replace(row, verdict="not identifiable") for key, row in lost.items()}
     return tuple(rows.values())
 
 

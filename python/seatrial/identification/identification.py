@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
@@ -10,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import parquet
 from seatrial.base.channels import CHANNELS, MOTIONS, readable
+from seatrial.base.errors import VehicleError
+from seatrial.base.fallback import Fallback, is_numerical
 from seatrial.base.report import Column, Report, Section, Table, appended
 from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.estimation.stage import StageResult
@@ -82,6 +85,8 @@ class Identification(RunResult):
         filter of a joint estimate knew, less than ten seconds where the vehicle runs away.
     doubt
         Heading where many vehicles drawn from the covariance are physically impossible; empty otherwise.
+    fallbacks
+        A `Fallback` per step that failed: which, why, what the result has instead, what to do.
     """
 
     campaign: Campaign
@@ -101,6 +106,7 @@ class Identification(RunResult):
     doubt: str = ""
     conditional: tuple[Conditional, ...] = ()
     restarts: Restarts = field(default_factory=Restarts)
+    fallbacks: tuple[Fallback, ...] = ()
 
     def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
         """How good, the worst problem, what to do next; then tables and remarks.
@@ -118,9 +124,15 @@ class Identification(RunResult):
 
     @property
     def stages_vehicle(self) -> Vehicle:
-        """The campaign's vehicle with the estimates of the stages, before the joint estimate."""
-        found = {name: value for stage in self.stages for name, value in stage.coefficients.items()}
-        return self.campaign.vehicle.with_coefficients(found).without_model_error()
+        """The campaign's vehicle with the estimates of the stages, before the joint estimate.
+
+        Without a stage whose estimates make it impossible beside those of the stages before.
+        """
+        vehicle = self.campaign.vehicle
+        for stage in self.stages:
+            with contextlib.suppress(VehicleError):
+                vehicle = vehicle.with_coefficients(stage.coefficients)
+        return vehicle.without_model_error()
 
     @property
     def identifiability(self) -> Identifiability | None:
@@ -132,14 +144,19 @@ class Identification(RunResult):
         """Covariance of the coefficients, SI, to draw vehicles with; None without a joint estimate."""
         if self.assessment is None:
             return None
-        return coefficient_covariance(
-            self.assessment,
-            self.vehicle,
-            scale=self.scale,
-            staged=[row.name for row in self.coefficients],
-            bench=self.campaign.bench,
-            held=list(dict.fromkeys(one.parameter for one in self.held)),
-        )
+        try:
+            return coefficient_covariance(
+                self.assessment,
+                self.vehicle,
+                scale=self.scale,
+                staged=[row.name for row in self.coefficients],
+                bench=self.campaign.bench,
+                held=list(dict.fromkeys(one.parameter for one in self.held)),
+            )
+        except ValueError as error:
+            if not is_numerical(error):
+                raise
+            return None
 
     @property
     def tally(self) -> Tally:
@@ -222,6 +239,7 @@ class Identification(RunResult):
             "replayed": list(replayed(self.campaign)),
             "choice": None if self.choice is None else self.choice.to_dict(),
             "notes": list(self.notes),
+            "fallbacks": [asdict(one) for one in self.fallbacks],
             "doubt": self.doubt,
             "facts": dict(self.facts),
         }
@@ -371,6 +389,11 @@ def _worst(fit: Identification) -> tuple[str, str]:
     if wired := _wired(fit):
         problem, _, remedy = wired[0].partition("; ")
         return problem, f"{remedy}; then identify again"
+    if fit.fallbacks:
+        first = fit.fallbacks[0]
+        others = len(fit.fallbacks) - 1
+        more = f" ({others} more step{'s' if others > 1 else ''} failed, see the remarks)" if others else ""
+        return f"{first.step} failed: {first.cause}. Kept instead: {first.kept}{more}", first.remedy
     if strayed := [] if fit.assessment is None else fit.assessment.strayed():
         return _problem_and_remedy(strayed[0], "a nuisance parameter left its prior")
     if hidden := sentences(fit.held):
@@ -678,6 +701,7 @@ def advice(fit: Identification) -> list[str]:
         for row in distinct(fit.coefficients)
         if row.at_bound and not wired  # a wrong sign drives coefficients to their bounds
     ]
+    lines += [one.sentence for one in fit.fallbacks]
     lines += _implausible(fit)
     if fit.choice is not None:
         lines += _joint_remarks(fit.choice)

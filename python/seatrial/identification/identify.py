@@ -24,23 +24,18 @@ import numpy as np
 from seatrial._core import Vehicle, checked_threads
 from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.errors import CampaignError
+from seatrial.base.fallback import Fallbacks
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.from_trials import Bounds, Trials, campaign_from_trials
-from seatrial.diagnosis.assessment import Assessment, assess
-from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
-from seatrial.identification.choice import Choice, choose, with_or_without_presumed
-from seatrial.identification.damping import quadratic_or_strips
+from seatrial.identification.conclusion import Conclusion, concluded, scored, staged
 from seatrial.identification.estimate import estimates
 from seatrial.identification.fitted import Fitted
-from seatrial.identification.held import Conditional, conditional, joint_estimate_of
-from seatrial.identification.hold_out import Restarts, part_scores
 from seatrial.identification.identification import Identification
-from seatrial.identification.noise_of_filter import with_model_error
 from seatrial.identification.preparation import prepare
 from seatrial.intake.consistency_trials import late_velocity
 
@@ -160,7 +155,8 @@ def identify(
     CampaignError, TrialError, VehicleError
         What is asked for cannot be done.
     SimulationError
-        Every candidate of a stage diverged.
+        The start vehicle diverges, and so does everything that was tried between the bounds before the
+        search. What fails after that is a `Fallback` of the result.
     SeatrialError
         The run directory cannot be written.
 
@@ -252,10 +248,16 @@ class StageOrder:
         self.steps: queue.SimpleQueue[tuple[StagePlan, Step] | None] = queue.SimpleQueue()
         self.outcomes: dict[str, StageResult | BaseException] = {}
         self.results: dict[str, StageResult] = {}
+        self.failed: list[str] = []
+        self.fallbacks = Fallbacks()
         self.clock = Clock()
 
     def stages(self) -> tuple[StageResult, ...]:
-        """Results of the stages that ran, in the order of the campaign."""
+        """Results of the stages that ran, in the order of the campaign.
+
+        A stage that fails (every candidate diverges, a coefficient changes nothing) keeps the values from
+        before it, and those after it go on from there: `failed` names it, `fallbacks` say why.
+        """
         waiting = list(self.plans)
         running: list[StagePlan] = []
         failure: BaseException | None = None
@@ -272,7 +274,7 @@ class StageOrder:
                         self.progress(self.state(*step))
                 for plan in [plan for plan in running if plan.stage.name in self.outcomes]:
                     running.remove(plan)
-                    self._finish(self.outcomes[plan.stage.name])
+                    self._finish(plan.stage.name, self.outcomes[plan.stage.name])
             except KeyboardInterrupt:
                 if self.stop.is_set() and failure is None:
                     raise
@@ -285,9 +287,9 @@ class StageOrder:
         return tuple(self.results[p.stage.name] for p in self.plans if p.stage.name in self.results)
 
     def _ready(self, plan: StagePlan) -> bool:
-        return all(name in self.results for name in plan.stage.after)
+        return all(name in self.results or name in self.failed for name in plan.stage.after)
 
-    def _finish(self, outcome: StageResult | BaseException) -> None:
+    def _finish(self, name: str, outcome: StageResult | BaseException) -> None:
         if isinstance(outcome, StageResult):
             self.results[outcome.name] = outcome
             if outcome.interrupted:
@@ -295,7 +297,13 @@ class StageOrder:
             elif not outcome.reused:
                 self.run.keep(f"{self.part}{outcome.name}", outcome.inputs, outcome.to_dict())
         elif not isinstance(outcome, KeyboardInterrupt):
-            raise outcome
+            self.fallbacks.add(
+                f"stage {name!r}",
+                outcome,
+                kept="the values from before the stage",
+                remedy="check its bounds, and the signs and units of the commands of its trials",
+            )
+            self.failed.append(name)
 
     def _run(self, plan: StagePlan) -> None:
         """One stage, in its own thread."""
@@ -309,7 +317,7 @@ class StageOrder:
         try:
             found: dict[str, float] = {}
             for earlier in self.campaign.stages_before(plan.stage):
-                found |= self.results[earlier].coefficients
+                found |= {} if earlier in self.failed else self.results[earlier].coefficients
             vehicle = self.campaign.vehicle.with_coefficients(found)
             inputs = _inputs(self.campaign, plan, vehicle, found)
             kept = self.run.finished(f"{self.part}{name}", inputs)
@@ -349,11 +357,13 @@ class StageOrder:
         for name, result in self.results.items():
             if result.reused:
                 planned[name] = 0.0
-        done = sum(planned[name] for name in self.results) + (plan.done(step) if step else 0.0)
+        done = sum(planned[name] for name in (*self.results, *self.failed)) + (
+            plan.done(step) if step else 0.0
+        )
         fraction = min(done / max(sum(planned.values()), done, 1.0), 1.0)
         return Progress(
             what=plan.stage.name,
-            done=len(self.results),
+            done=len(self.results) + len(self.failed),
             total=len(self.plans),
             fraction=fraction,
             elapsed_s=self.clock.elapsed_s,
@@ -421,80 +431,67 @@ def run_identification(
         order = StageOrder(campaign, plans, run, progress=progress, threads=threads, fleet=fleet)
         if progress is not None and before:
             progress(replace(order.state(plans[0], None), notes=before))
-        stages = order.stages()
-        vehicle = campaign.vehicle
-        for stage in stages:
-            vehicle = vehicle.with_coefficients(stage.coefficients)
-        sure: Assessment | None = None
-        choice: Choice | None = None
-        nuisances: Mapping[str, Mapping[str, float]] = {}
-        rests: tuple[Conditional, ...] = ()
-        restarts, interrupted = Restarts(), order.stop.is_set()
-        staged = campaign, vehicle, notes
-        if not interrupted and not notes:
+        stages, fallbacks = order.stages(), order.fallbacks
+        end = Conclusion(
+            campaign, staged(campaign, stages, fallbacks), notes, interrupted=order.stop.is_set()
+        )
+        if not end.interrupted and not notes:
             if progress is not None:
                 progress(_joint_progress(order))
-            try:
-                joint = joint_estimate_of(campaign, ready.whole, ready.held, vehicle, threads=threads)
-                found = None
-                if campaign.file.polish is not None and campaign.file.polish.rounds:
-                    polished = polish(joint, watch=_watch(order, progress))
-                    joint, polished, dropped, why = with_or_without_presumed(
-                        joint, polished, watch=_watch(order, progress)
-                    )
-                    if dropped:
-                        campaign, notes = campaign.without_coefficients(set(dropped)), (*notes, why)
-                    begun = joint
-                    other, polished_other, kind, compared = quadratic_or_strips(
-                        joint, polished, watch=_watch(order, progress)
-                    )
-                    choice = choose(
-                        kind(campaign), other, polished_other, stages=stages, begun=begun, threads=threads
-                    )
-                    interrupted = polished_other.interrupted
-                    if choice.result == "joint estimate":
-                        campaign, joint, polished = kind(campaign), other, polished_other
-                        notes = (*notes, *compared)
-                        found, nuisances = polished, joint.records(polished.values)
-                notes = (*notes, *joint.sentences())
-                found = polish(joint, rounds=0) if found is None else found
-                sure = assess(joint, found)
-                if late is not None and late.spoils and joint.method == "innovations":
-                    sure = replace(sure, spoilt=late.sentence)
-                vehicle, rests = sure.vehicle, conditional(joint, found, ready.held, sure.uncertainty)
-                restarts = Restarts.of(campaign, joint, found.values, vehicle)
-            except KeyboardInterrupt:
-                # The stages are the best so far; a second Ctrl-C ends the run.
-                interrupted, (campaign, vehicle, notes) = True, staged
-                sure, choice, nuisances, rests, restarts = None, None, {}, (), Restarts()
-        vehicle = with_model_error(vehicle, campaign)
-        judged = part_scores(campaign, vehicle, nuisances=nuisances, restarts=restarts)
+            spoilt = late.sentence if late is not None and late.spoils else ""
+            end = concluded(
+                ready,
+                end,
+                stages=stages,
+                fallbacks=fallbacks,
+                spoilt=spoilt,
+                watch=_watch(order, progress),
+                threads=threads,
+            )
+        vehicle, judged = scored(end, fallbacks)
+        campaign, sure = end.campaign, end.assessment
         fit = Identification(
             campaign=campaign,
             vehicle=vehicle,
-            coefficients=estimates(campaign, stages, sure),
+            coefficients=estimates(campaign, stages, sure, failed=order.failed),
             stages=stages,
             assessment=sure,
             scores=judged.scores,
             before=before,
             held=ready.held,
-            conditional=rests,
-            scale=judge_scale(campaign, vehicle),
-            notes=(*notes, *restarts.sentences, *judged.missing),
+            conditional=end.conditional,
+            scale=fallbacks.attempt(
+                "scale of the forces",
+                lambda: judge_scale(campaign, vehicle),
+                judge_scale(campaign),
+                kept="the anchors, without what they say of the identified vehicle",
+                remedy="check the anchors of the campaign against the identified masses",
+            ),
+            notes=(*end.notes, *end.restarts.sentences, *judged.missing),
             facts=run_facts(
                 "identification",
                 campaign.name,
                 clock=clock,
                 inputs=input_hashes(campaign),
                 seed=campaign.seed,
-                interrupted=interrupted,
+                interrupted=end.interrupted,
             ),
-            interrupted=interrupted,
+            interrupted=end.interrupted,
             not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
-            choice=choice,
-            restarts=restarts,
+            choice=end.choice,
+            restarts=end.restarts,
         )
-        fit = replace(fit, doubt=Fitted.of(fit).doubt())
+        fit = replace(
+            fit,
+            doubt=fallbacks.attempt(
+                "vehicles drawn from the covariance",
+                lambda: Fitted.of(fit).doubt(),
+                "",
+                kept="the coefficients and their deviations, without a covariance to draw vehicles from",
+                remedy="give verify and tune percentages under [verification] coefficients",
+            ),
+        )
+        fit = replace(fit, fallbacks=tuple(fallbacks.findings))
         if run_dir is not None:
             run.publish(fit.facts, fit.files())
     return fit

@@ -35,10 +35,8 @@ from seatrial.base.progress import Clock, Progress, Step, part_of
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version
 from seatrial.campaign.campaign import input_hashes
-from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.stage import plan
-from seatrial.identification.choice import choose, with_or_without_presumed
-from seatrial.identification.damping import quadratic_or_strips
+from seatrial.identification.conclusion import Conclusion, jointly, staged
 from seatrial.identification.held import joint_estimate_of
 from seatrial.identification.hold_out import left_out_score
 from seatrial.identification.identify import StageOrder
@@ -312,35 +310,31 @@ def _without(
         stages = order.stages()
         if order.stop.is_set():
             raise KeyboardInterrupt
-        vehicle, nuisances, result = rest.vehicle, dict[str, dict[str, float]](), "stages"
-        for stage in stages:
-            vehicle = vehicle.with_coefficients(stage.coefficients)
+        fallbacks = order.fallbacks
+        result = Conclusion(rest, staged(rest, stages, fallbacks))
+        if fallbacks.findings:  # a stage has no result without the trial
+            return LeftOut(name, {}, {}, {}, "", lost, fallbacks.findings[0].sentence)
+        vehicle, freed = result.vehicle, {name for stage in stages for name in stage.coefficients}
         if rest.file.polish is not None and rest.file.polish.rounds:
             joint = joint_estimate_of(rest, whole, held, vehicle, threads=threads)
             watch = None if progress is None else _polishing(progress, order)
-            joint, polished, *_ = with_or_without_presumed(joint, polish(joint, watch=watch), watch=watch)
-            begun = joint
-            joint, polished, kind, _ = quadratic_or_strips(joint, polished, watch=watch)
-            if polished.interrupted:
+            result, joint, polished = jointly(result, joint, stages, fallbacks, watch=watch, threads=threads)
+            if result.interrupted:
                 raise KeyboardInterrupt
-            choice = choose(kind(rest), joint, polished, stages=stages, begun=begun, threads=threads)
-            if choice.result == "joint estimate":
-                vehicle, result = joint.identified(polished.values), choice.result
-                nuisances = joint.records(polished.values)
-        score = left_out_score(campaign, rest, vehicle, name, nuisances=nuisances)
+            if polished is not None:
+                vehicle = joint.identified(polished.values)
+                freed |= {member for parameter in joint.estimated for member, _ in parameter.members}
+        score = left_out_score(campaign, rest, vehicle, name, nuisances=result.nuisances)
     except SeatrialError as error:
         return LeftOut(name, {}, {}, {}, "", lost, str(error))
     # What kept its start value, for want of a trial, is no estimate.
     values = vehicle.coefficients()
-    freed = {name for stage in stages for name in stage.coefficients}
-    if result != "stages":
-        freed |= {member for parameter in joint.estimated for member, _ in parameter.members}
     return LeftOut(
         name,
         {c: value for c, value in score.evidence.items() if c in VELOCITIES},
         score.baselines,
         {key: values[key] for key in values if key in freed},
-        result,
+        "stages" if result.choice is None else result.choice.result,
         lost,
     )
 

@@ -19,7 +19,9 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.base.errors import TrialError
+from seatrial.base.channels import AXES
+from seatrial.base.errors import NumericalError, TrialError
+from seatrial.estimation.step import SEARCH_RATE_LIMIT, stage_step
 from seatrial.trial.record import Record, Replay, Segment
 
 if TYPE_CHECKING:
@@ -33,6 +35,13 @@ _NEAR_S, _FAR_S = 1.0, 3.0
 """Lags between which the memory of the force is read: beyond what the smoothing of the velocities joins."""
 
 _SUBSTEP_S = 0.05
+
+_MOST_SUBSTEPS = 1000
+"""Substeps of a sample at most: poles up to 2,500 1/s at 10 Hz."""
+
+_LOST = 1e3
+"""A step that ends so many times as far from the log as the log's velocities reach tells nothing: the model
+diverges there, and the square of what it misses may be no number."""
 
 _MEMORY_S = (0.5, 300.0)
 
@@ -105,15 +114,19 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
     ------
     TrialError
         No record has three seconds of samples that count without a gap.
+    NumericalError
+        The vehicle diverges over one sample of so many that none of three seconds is left.
     """
     mass = np.asarray(vehicle.mass_matrix())
     lags = ("none", "sample", "near", "far")
     sums = {lag: (np.zeros(6), np.zeros(6), np.zeros(6)) for lag in lags}
     steps = []
+    lost = 0
     for record in records:
         dt = record.trial.dt
         steps.append(dt)
-        acceleration, known = _residual(vehicle, record)
+        acceleration, known, diverged = _residual(vehicle, record)
+        lost += diverged
         force = acceleration @ mass.T
         for lag, count in zip(lags, (0, 1, round(_NEAR_S / dt), round(_FAR_S / dt)), strict=True):
             both: Mask = np.asarray(known[: len(known) - count] & known[count:])
@@ -124,6 +137,8 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
                 number + both.sum(axis=0),
             )
     told: Mask = np.asarray(sums["far"][2] >= 2)
+    if not told.any() and lost:
+        raise NumericalError(f"the vehicle diverges over one sample at {lost} samples of the log")
     if not told.any():
         raise TrialError(
             f"filter noise: expected a trial with {_FAR_S:g} s of fitted samples without a gap, found none;"
@@ -169,22 +184,37 @@ def _memory(moved: dict[str, Array]) -> float:
     return float(np.clip((_FAR_S - _NEAR_S) / decay, *_MEMORY_S))
 
 
-def _residual(vehicle: Vehicle, record: Record) -> tuple[Array, Mask]:
-    """Acceleration (n, 6) that a step of the model misses, m/s^2 and rad/s^2, and where it is known."""
+def _residual(vehicle: Vehicle, record: Record) -> tuple[Array, Mask, int]:
+    """Acceleration (n, 6) that a step of the model misses, m/s^2 and rad/s^2, and where it is known.
+
+    And at how many samples it is not, because the model diverges.
+    """
     trial = record.trial
     counted = record.counted[:, :6]
     known = np.vstack([counted[:-1] & counted[1:], np.zeros((1, 6), bool)])
     places = np.flatnonzero(known.any(axis=1))
     residual = np.zeros(counted.shape)
     if not len(places):
-        return residual, known
+        return residual, known, 0
     states = trial.state(slice(None))
     begun = zip(*(map(tuple, part[places].tolist()) for part in states), strict=True)
     segments = tuple(Segment(0, k, k + 2, *state) for k, state in zip(places.tolist(), begun, strict=True))
     whole = Record(trial, record.input, np.ones_like(record.counted))
-    substeps = max(1, math.ceil(trial.dt / _SUBSTEP_S - 1e-9))
+    substeps = _substeps(vehicle, record)
     shown = Replay(vehicle, (whole,), segments, substeps=substeps, starts_count=True).simulated()
     after = np.array([channels[1, :6] for channels in shown])
     residual[places] = (states[2][places + 1] - after) / trial.dt
-    finite: Mask = np.asarray(np.isfinite(residual).all(axis=1))[:, None]
-    return np.where(finite, residual, 0.0), np.asarray(known & finite)
+    reach = np.maximum(np.abs(np.where(counted, states[2], 0.0)).max(axis=0), 1e-3)
+    near = np.abs(residual) * trial.dt < _LOST * reach  # false where it is no number
+    finite: Mask = np.asarray(near.all(axis=1))[:, None]
+    diverged = int((known.any(axis=1) & ~finite[:, 0]).sum())
+    return np.where(finite, residual, 0.0), np.asarray(known & finite), diverged
+
+
+def _substeps(vehicle: Vehicle, record: Record) -> int:
+    """Steps of a sample that follow the vehicle's fastest pole at the speeds of the record."""
+    trial = record.trial
+    speeds = np.nan_to_num(np.abs(trial.nu)).max(axis=0)
+    rate = stage_step(vehicle, (), free="".join(AXES), speeds=speeds, dt=trial.dt).rate
+    needed = max(trial.dt / _SUBSTEP_S, trial.dt * rate / SEARCH_RATE_LIMIT)
+    return int(min(max(math.ceil(needed - 1e-9), 1), _MOST_SUBSTEPS))

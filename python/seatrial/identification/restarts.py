@@ -16,7 +16,7 @@ import numpy as np
 
 from seatrial._core import checked_threads
 from seatrial.base.chunks import RECORDS, Chunk, Format, Shared, run_chunks
-from seatrial.base.errors import CampaignError
+from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, part_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
@@ -173,6 +173,8 @@ def _stages(
     found = order.stages()
     if order.stop.is_set():
         raise KeyboardInterrupt
+    if order.failed:
+        raise SimulationError(f"random starts: start {number + 1}: {order.fallbacks.findings[0].sentence}")
     return found
 
 

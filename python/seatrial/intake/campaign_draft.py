@@ -111,10 +111,10 @@ def _value(value: Any) -> str:
 
 
 def free_axes(vehicle: Vehicle, trials: Sequence[Trial]) -> str:
-    """Letters of the axes that actuators drive by a command of a trial that shows them."""
+    """Letters of the axes that a command or a recorded wrench drives in a trial that shows them."""
     return "".join(
         axis
-        for axis in drivers(vehicle)
+        for axis in AXES
         if any(
             _shown(trial, CHANNELS[AXES.index(axis)]) and _commanded(vehicle, trial, axis) for trial in trials
         )
@@ -315,8 +315,8 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
             lines += [*_stage(vehicle, group, shown, "K" if "K" in free else "M", finned), ""]
     if len(lines) == first:
         return [
-            "# No actuator drives an axis whose velocity these trials show: nothing can be identified",
-            "# from them.",
+            "# No actuator or wrench drives an axis whose velocity these trials show: nothing can be",
+            "# identified from them.",
             *_open_stage(drafted)[2:],
         ]
     lines += ["# All coefficients and trials at once, with standard deviations.", "[polish]"]

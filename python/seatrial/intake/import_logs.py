@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import TrialError
 from seatrial.base.folder_lock import only_user
 from seatrial.intake.consistency import Consistency, Series, consistency, convention_of
@@ -87,10 +88,11 @@ def import_logs(
     """
     logs = [paths] if isinstance(paths, str | Path) else [*paths]
     if out is None:
-        return _imported_logs(logs, None, map, vehicle, progress)
+        with one_blas_thread():
+            return _imported_logs(logs, None, map, vehicle, progress)
     folder = Path(out)
     refuse_foreign(folder, force)
-    with only_user(folder):
+    with only_user(folder), one_blas_thread():
         refuse_foreign(folder, force)  # another import may have ended meanwhile
         return _imported_logs(logs, folder, map, vehicle, progress)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from numpy.typing import ArrayLike
 
+from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.verification.mission_log.campaign import verify_campaign_log
@@ -166,7 +167,8 @@ def verify_log(
                 "verify_log: expected a Campaign before a vehicle and a log, found"
                 f" {type(fitted).__name__}; give verify_log(fitted, log, reference=...) without a campaign"
             )
-        return judge_log(fitted, log, **shared, **own)
+        with one_blas_thread():
+            return judge_log(fitted, log, **shared, **own)
     if recorded is None:
         raise CampaignError("verify_log: expected verify_log(campaign, fit, log), found no log; give it last")
     if given := [key for key in _OF_A_CAMPAIGN if key in own]:
@@ -174,4 +176,5 @@ def verify_log(
             f"{given[0]}: expected only without a campaign, found it beside {fitted.source}; write it into"
             " the campaign's file"
         )
-    return verify_campaign_log(fitted, log, recorded, references=references, **shared, **own)[0]
+    with one_blas_thread():
+        return verify_campaign_log(fitted, log, recorded, references=references, **shared, **own)[0]

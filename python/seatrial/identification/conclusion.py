@@ -1,0 +1,296 @@
+"""What follows the stages of an identification, step by step: none of these steps takes the stages away.
+
+The joint estimate refines what the stages found, the choice judges both, the assessment gives deviations, and
+by-products follow: what rests on held values, where scores restart, the noise of a filter, the scores. Each
+step begins with what was there before it and falls back to that where it fails
+(`seatrial.base.fallback`). Where the joint estimate is the result and cannot be assessed, the stages are
+assessed and are the result.
+
+Tests: ``tests/identification/test_fallbacks.py``, ``tests/identification/test_mutated_campaigns.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.errors import NumericalError
+from seatrial.base.fallback import Fallback, Fallbacks
+from seatrial.diagnosis.assessment import Assessment, assess
+from seatrial.estimation.joint_estimate import Polished, polish
+from seatrial.identification.choice import Choice, choose, with_or_without_presumed
+from seatrial.identification.damping import quadratic_or_strips
+from seatrial.identification.held import Conditional, conditional, joint_estimate_of
+from seatrial.identification.hold_out import PartScores, Restarts, part_scores
+from seatrial.identification.noise_of_filter import with_model_error
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.base.progress import Step
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.estimation.joint import Joint
+    from seatrial.estimation.stage import StageResult
+    from seatrial.identification.preparation import Preparation
+
+__all__ = ["Conclusion", "concluded", "jointly", "scored", "staged"]
+
+_STAGES = "the result of the stages"
+
+_CHECK = (
+    "check the bounds, the damping of the free axes, and the signs and units of the commands; the rest of the"
+    " result does not depend on this step"
+)
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """The result so far: campaign, vehicle, and what is known of them.
+
+    The fields are those of `seatrial.identification.identification.Identification`; ``nuisances`` are the
+    nuisance parameters of the trials' records, by trial and name.
+    """
+
+    campaign: Campaign
+    vehicle: Vehicle
+    notes: tuple[str, ...] = ()
+    assessment: Assessment | None = None
+    choice: Choice | None = None
+    nuisances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    conditional: tuple[Conditional, ...] = ()
+    restarts: Restarts = field(default_factory=Restarts)
+    interrupted: bool = False
+
+
+def staged(campaign: Campaign, stages: Sequence[StageResult], fallbacks: Fallbacks) -> Vehicle:
+    """The campaign's vehicle with what the stages found, without a stage that makes it impossible."""
+    vehicle = campaign.vehicle
+    for stage in stages:
+        vehicle = fallbacks.attempt(
+            f"stage {stage.name!r}",
+            lambda so_far=vehicle, stage=stage: so_far.with_coefficients(stage.coefficients),  # type: ignore[misc]
+            vehicle,
+            kept="the values from before the stage",
+            remedy="let the stages that share masses and inertias follow one another (after)",
+        )
+    return vehicle
+
+
+def concluded(
+    ready: Preparation,
+    start: Conclusion,
+    *,
+    stages: tuple[StageResult, ...],
+    fallbacks: Fallbacks,
+    spoilt: str = "",
+    watch: Callable[[Step], None] | None,
+    threads: int | None,
+) -> Conclusion:
+    """The result after the joint estimate and its assessment.
+
+    Parameters
+    ----------
+    ready : Preparation
+    start : Conclusion
+        With the stages' vehicle.
+    stages
+    fallbacks : Fallbacks
+        Takes what fails.
+    spoilt : str
+        Why a joint estimate with a noise model identifies nothing from these data; mostly "".
+    watch, threads
+        As of `seatrial.estimation.joint_estimate.polish`.
+
+    Returns
+    -------
+    Conclusion
+        After Ctrl-C: the stages, marked as interrupted.
+    """
+    campaign = start.campaign
+
+    def begun() -> Joint:
+        return joint_estimate_of(campaign, ready.whole, ready.held, start.vehicle, threads=threads)
+
+    try:
+        joint = fallbacks.attempt("joint estimate", begun, None, kept=_STAGES, remedy=_CHECK)
+        if joint is None:
+            return start
+        result, polished = start, None
+        if campaign.file.polish is not None and campaign.file.polish.rounds:
+            result, joint, polished = jointly(start, joint, stages, fallbacks, watch=watch, threads=threads)
+        done = _assessed(ready, result, joint, polished, fallbacks, spoilt)
+        if done is None and polished is not None:
+            # The joint estimate cannot be assessed: the stages, whose deviations may be known.
+            fresh = fallbacks.attempt(
+                "standard deviations of the stages", begun, None, kept=_STAGES, remedy=_CHECK
+            )
+            result = replace(start, interrupted=result.interrupted)
+            done = None if fresh is None else _assessed(ready, result, fresh, None, fallbacks, spoilt)
+        return result if done is None else done
+    except KeyboardInterrupt:
+        # The stages are the best so far; a second Ctrl-C ends the run.
+        return replace(start, interrupted=True)
+
+
+def jointly(
+    start: Conclusion,
+    joint: Joint,
+    stages: tuple[StageResult, ...],
+    fallbacks: Fallbacks,
+    *,
+    watch: Callable[[Step], None] | None,
+    threads: int | None,
+) -> tuple[Conclusion, Joint, Polished | None]:
+    """What the joint estimate makes of the stages; where they stay the result, without an estimate."""
+
+    def improved() -> Polished:
+        found = _finite(polish(joint, watch=watch))
+        if found.rounds == 0 and not found.interrupted:
+            raise NumericalError("it took no step, because the model diverges where the stages ended")
+        return found
+
+    polished = fallbacks.attempt("joint estimate", improved, None, kept=_STAGES, remedy=_CHECK)
+    if polished is None:
+        return start, joint, None
+    if polished.stopped:
+        fallbacks.findings.append(
+            Fallback(
+                f"round {polished.rounds} of the joint estimate",
+                "numerical",
+                polished.stopped,
+                "the estimate of the round before",
+                _CHECK,
+            )
+        )
+    campaign, notes = start.campaign, start.notes
+    begun, best, dropped, why = fallbacks.attempt(
+        "comparison without coefficients that have a prior (sd)",
+        lambda: with_or_without_presumed(joint, polished, watch=watch),
+        (joint, polished, tuple[str, ...](), ""),
+        kept="the joint estimate with them",
+        remedy="leave them out of [polish] if their values are implausible",
+    )
+    if dropped:
+        campaign, notes = campaign.without_coefficients(set(dropped)), (*notes, why)
+    same: Callable[[Campaign], Campaign] = lambda campaign: campaign  # noqa: E731
+    other, best_other, kind, compared = fallbacks.attempt(
+        "comparison with cross-flow drag by strips",
+        lambda: quadratic_or_strips(begun, best, watch=watch),
+        (begun, best, same, tuple[str, ...]()),
+        kept="the joint estimate with quadratic damping",
+        remedy=_CHECK,
+    )
+    choice = fallbacks.attempt(
+        "choice between stages and joint estimate",
+        lambda: choose(
+            kind(campaign), other, _finite(best_other), stages=stages, begun=begun, threads=threads
+        ),
+        None,
+        kept=f"{_STAGES}, because nothing judged the joint estimate",
+        remedy="hold out data on which the model does not diverge (hold_out_s)",
+    )
+    result = replace(
+        start,
+        campaign=campaign,
+        notes=notes,
+        choice=choice,
+        interrupted=start.interrupted or best_other.interrupted,
+    )
+    if choice is None or choice.result == "stages":
+        return result, begun, None
+    result = replace(
+        result, campaign=kind(campaign), notes=(*notes, *compared), nuisances=other.records(best_other.values)
+    )
+    return result, other, best_other
+
+
+def _assessed(
+    ready: Preparation,
+    result: Conclusion,
+    joint: Joint,
+    polished: Polished | None,
+    fallbacks: Fallbacks,
+    spoilt: str,
+) -> Conclusion | None:
+    """The result with deviations and what follows from them; None where it has none.
+
+    Without an estimate the start of the joint estimate, which the stages found, is judged.
+    """
+
+    def judged() -> tuple[Polished, Assessment]:
+        found = _finite(polish(joint, rounds=0) if polished is None else polished)
+        return found, assess(joint, found)
+
+    what = "the stages" if polished is None else "the joint estimate"
+    both = fallbacks.attempt(
+        f"standard deviations of {what}",
+        judged,
+        None,
+        kept=f"{_STAGES}{', without deviations' if polished is None else ''}",
+        remedy=_CHECK,
+    )
+    if both is None:
+        return None
+    found, sure = both
+    if spoilt and joint.method == "innovations":
+        sure = replace(sure, spoilt=spoilt)
+    rests: tuple[Conditional, ...] = fallbacks.attempt(
+        "dependence on held coefficients",
+        lambda: conditional(joint, found, ready.held, sure.uncertainty),
+        (),
+        kept="the estimates, without what they rest on",
+        remedy=_CHECK,
+    )
+    restarts = fallbacks.attempt(
+        "states of the filter for the scores",
+        lambda: Restarts.of(result.campaign, joint, found.values, sure.vehicle),
+        Restarts(),
+        kept="scores that restart from the smoothed log",
+        remedy=_CHECK,
+    )
+    return replace(
+        result,
+        vehicle=sure.vehicle,
+        notes=(*result.notes, *joint.sentences()),
+        assessment=sure,
+        conditional=rests,
+        restarts=restarts,
+    )
+
+
+def scored(result: Conclusion, fallbacks: Fallbacks) -> tuple[Vehicle, PartScores]:
+    """The vehicle with the noise of a filter on it in its file, and its scores."""
+    campaign, vehicle = result.campaign, result.vehicle
+    noisy = fallbacks.attempt(
+        "noise of a navigation filter",
+        lambda: with_model_error(vehicle, campaign),
+        vehicle.without_model_error(),
+        kept="the default noise of a filter (the vehicle file has no [model_error])",
+        remedy="give NavigationFilter its force and acceleration, or check the vehicle: one sample of the log"
+        " takes the model far from what was measured",
+    )
+    scores = fallbacks.attempt(
+        "scores",
+        lambda: part_scores(campaign, noisy, nuisances=result.nuisances, restarts=result.restarts),
+        PartScores({}, ()),
+        kept="the result without scores",
+        remedy=_CHECK,
+    )
+    return noisy, scores
+
+
+def _finite(polished: Polished) -> Polished:
+    """The joint estimate.
+
+    Raises
+    ------
+    NumericalError
+        A value is not finite, or the cost where the estimate took steps.
+    """
+    if not np.isfinite(polished.values).all() or not (np.isfinite(polished.cost) or polished.rounds == 0):
+        raise NumericalError(
+            "its values or its cost are not finite, because the model diverges on the trials"
+        )
+    return polished
