@@ -19,7 +19,8 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.estimation.dependence import dependence
 from seatrial.estimation.homogeneity import homogeneity
-from seatrial.estimation.inputs import judge_inputs, thrusts, trained
+from seatrial.estimation.inputs import judge_inputs, trained
+from seatrial.intake.wiring import thrusts
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"
