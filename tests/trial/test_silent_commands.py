@@ -47,7 +47,7 @@ def test_a_command_that_falls_silent_is_reported_and_masks_the_fit(
     assert not u[inside].any()
     assert u[outside].all()
     said = _said(trial)
-    assert said.count("rudder: no command from") == 1
+    assert said.count("commands: rudder: no command from") == 1
     assert "propeller" not in said
     # Segments of 10 s: none runs across the silence, in which a simulation would follow a wrong command.
     spans = cut_spans(trial, 0, len(trial), 101)
