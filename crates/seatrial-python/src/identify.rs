@@ -32,7 +32,7 @@ pub struct Record {
 #[pymethods]
 impl Record {
     #[new]
-    #[pyo3(signature = (t, commands = None, *, voltage_v = None, tau = None, current = None, actuators = None, nu = None, nu_rate = None, observed = None, weight = None, rho = None, g = None))]
+    #[pyo3(signature = (t, commands = None, *, voltage_v = None, tau = None, current = None, actuators = None, nu = None, nu_rate = None, observed = None, weight = None, rho = None, g = None, surface = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
     fn new(
         t: Numbers,
@@ -47,6 +47,7 @@ impl Record {
         weight: Option<Numbers>,
         rho: Option<f64>,
         g: Option<f64>,
+        surface: Option<f64>,
     ) -> PyResult<Self> {
         let inputs = Inputs {
             actuators: Named::vectors(actuators)?,
@@ -54,7 +55,7 @@ impl Record {
             nu_rate: optional_rows("nu_rate", nu_rate)?,
             observed: optional_rows("observed", observed)?,
             weight: optional_rows("weight", weight)?,
-            ..inputs(t, commands, current, tau, voltage_v, rho, g)?
+            ..inputs(t, commands, current, tau, voltage_v, (rho, g, surface))?
         };
         Ok(Self { inputs })
     }

@@ -10,6 +10,7 @@ use super::case::{Flight, Setting};
 use crate::control::navigation::{CHANNELS, Measurement};
 use crate::control::navigation_filter::fitting::{RANGE, instrument_of};
 use crate::control::navigation_filter::{Fitting, KIND_OF, KINDS, NavigationFilter, Told};
+use crate::model::surface::top_of_hull;
 use crate::number::lanes::{LANES, Lanes};
 use crate::number::real::Real;
 use fearless_simd::{Simd, SimdBase, f64x8};
@@ -65,12 +66,14 @@ impl<T: Split> Aboard<T> {
         let (model, acoustics) = (flight.model, flight.acoustics);
         let sounded = acoustics.devices.iter().any(Option::is_some);
         let begun = |lane: usize| setting.offsets.as_ref().map(|own| [own[0].part(lane), own[1].part(lane)]);
+        let top = top_of_hull(flight.description);
         let most = 5 + 2 * acoustics.landmarks.len();
         Self {
             filter: NavigationFilter::new_in(model, fitting.clone(), setting.seed),
             soundings: (0..if sounded { T::PARTS } else { 0 })
                 .map(|lane| {
-                    Soundings::new(acoustics, &fitting.landmarks, (setting.seed.part(lane), begun(lane)))
+                    let own = (setting.seed.part(lane), begun(lane));
+                    Soundings::new(acoustics, &fitting.landmarks, &top, own)
                 })
                 .collect(),
             ages: [setting.seed.splat(f64::INFINITY); CHANNELS],
