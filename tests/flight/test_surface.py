@@ -66,7 +66,7 @@ def test_a_vehicle_that_pushes_up_stays_in_the_water() -> None:
     free = rov().simulate(t, up, start)
     bounded = rov().simulate(t, up, start, surface=0.0)
     assert free.position[-1, 2] < -50.0
-    # It leaps, and bobs where its thrusters draw air: with its hubs half a radius above the surface nothing pushes.
+    # It leaps, and bobs where its thrusters draw air: hubs half a radius above the surface push nothing.
     assert bounded.position[:, 2].min() > -0.8
     late = bounded.position[t > 40.0, 2]
     assert np.ptp(late) < 0.3
@@ -191,7 +191,7 @@ def test_a_stepped_vehicle_floats_too() -> None:
 
 
 def test_a_trial_has_a_surface_where_its_datum_is_stated() -> None:
-    """The same record in a tank's frame and in one whose z is the depth; its derivatives see the surface, too."""
+    """The same record in a frame of which nothing is known, and in one whose z is the depth."""
     truth = rov()
     t = np.arange(0.0, 12.0, 0.1)
     commands = {name: 8.0 * np.sin(0.9 * t) - 6.0 for name in SIDES}
@@ -253,8 +253,8 @@ def test_law_a_run_that_diverges_says_when_where_why_and_what_to_do() -> None:
     heavy = st.Vehicle.load("bluerov2-heavy")
     coarse = np.arange(0.0, 100.0, 0.5)
     spin = st.State(position=[0, 0, 20.0], nu=[1.0, 0.5, 0.5, 1.0, 1.0, 1.0])
-    up = {name: 1800.0 for name in heavy.actuators}
-    with pytest.raises(DivergenceError, match="steps of 0.5000 s are too long .* give max_step_s = "):
+    up = dict.fromkeys(heavy.actuators, 1800.0)
+    with pytest.raises(DivergenceError, match=r"steps of 0.5000 s are too long .* give max_step_s = "):
         heavy.simulate(coarse, up, spin, voltage_v=16.0, max_step_s=0.5)
     heavy.simulate(coarse, up, spin, voltage_v=16.0)
     assert issubclass(DivergenceError, SimulationError)

@@ -23,7 +23,8 @@ use std::sync::Arc;
 /// t (n,), s; commands {actuator: (n,)} in its own unit; voltage_v (n,), V; tau (n, 6), N and N m; current (n, 3),
 /// NED, m/s; actuators {name: (n,)} measured signals that replace the motor; nu and nu_rate on the half-step
 /// grid, (2 substeps (n - 1) + 1, 6), for measured axes; observed and weight (n, 12), SI, in the order u v w p q
-/// r x y z roll pitch yaw, weight 0 = masked; rho, kg/m3; g, m/s2.
+/// r x y z roll pitch yaw, weight 0 = masked; rho, kg/m3; g, m/s2;
+/// surface, m down of the zero of z: all is under water without it.
 #[pyclass(frozen, module = "seatrial")]
 pub struct Record {
     inputs: Inputs,

@@ -440,14 +440,14 @@ impl Vehicle {
 
     /// The highest point of the hull over its centre of buoyancy, shape (3,), body frame, m.
     fn hull_top(&self) -> Array {
-        Array::rows(&[seatrial::model::surface::top_of_hull(&self.description)], true)
+        Array::rows(&[self.description.hull_top()], true)
     }
 
     /// Depth of O in m at which the vehicle floats upright and at rest; just under water where it is too heavy to float.
     #[pyo3(signature = (*, rho = None, g = None))]
     fn floating_depth(&self, rho: Option<f64>, g: Option<f64>) -> PyResult<f64> {
         let environment = self.description.file.environment.with(rho, g).map_err(raised)?;
-        Ok(seatrial::model::surface::floating_depth(&self.description, environment))
+        Ok(self.description.floating_depth(environment))
     }
 
     /// Itself: nothing of it can change.

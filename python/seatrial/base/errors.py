@@ -1,8 +1,8 @@
 """The one tree of errors: a message names file, key or row, what was expected and found, what to do.
 
 Each class is also a subclass of a builtin, so that callers may catch either. The command line turns them all
-into exit code 2. A diverged simulation is a `DivergenceError` where one vehicle is simulated; among candidates
-of a search, and as the outcome of a flight, it is a number.
+into exit code 2. A diverged simulation of one vehicle is a `DivergenceError`; among candidates of a search
+and as the outcome of a flight it is a number.
 """
 
 from __future__ import annotations

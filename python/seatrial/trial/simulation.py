@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial._core import State
-from seatrial.base.errors import DivergenceError, SimulationError, TrialError, nearest
+from seatrial.base.errors import DivergenceError, TrialError, nearest
 from seatrial.base.report import Report, Section, Table
 from seatrial.sensors.ideal import Conditions
 from seatrial.sensors.log import finer, linear, measure, times
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from seatrial._core import Run, Vehicle
+    from seatrial._core import Vehicle
     from seatrial.sensors.sensor import Sensor
     from seatrial.trial.trial import Trial
 

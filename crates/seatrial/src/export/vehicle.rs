@@ -17,7 +17,6 @@ use crate::flight::faults::Faults;
 use crate::flight::motors::Motors;
 use crate::model::current::Current;
 use crate::model::integrate::State;
-use crate::model::surface::floating_depth;
 use crate::model::vehicle::{Instant, Mode, Vehicle};
 use crate::number::memory::Memory;
 use crate::number::real::Real;
@@ -143,7 +142,7 @@ impl VehicleStep {
         let lift = |x: f64| unit.splat(x);
         let [north, east, depth] = self.start.position;
         // As in a flight: who is launched higher than it floats is afloat.
-        let depth = depth.max(floating_depth(description, self.environment));
+        let depth = depth.max(description.floating_depth(self.environment));
         let state = State {
             position: [north, east, depth].map(lift),
             attitude: self.start.attitude.map(lift),

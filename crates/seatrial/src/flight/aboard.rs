@@ -10,7 +10,6 @@ use super::case::{Flight, Setting};
 use crate::control::navigation::{CHANNELS, Measurement};
 use crate::control::navigation_filter::fitting::{RANGE, instrument_of};
 use crate::control::navigation_filter::{Fitting, KIND_OF, KINDS, NavigationFilter, Told};
-use crate::model::surface::top_of_hull;
 use crate::number::lanes::{LANES, Lanes};
 use crate::number::real::Real;
 use fearless_simd::{Simd, SimdBase, f64x8};
@@ -66,7 +65,7 @@ impl<T: Split> Aboard<T> {
         let (model, acoustics) = (flight.model, flight.acoustics);
         let sounded = acoustics.devices.iter().any(Option::is_some);
         let begun = |lane: usize| setting.offsets.as_ref().map(|own| [own[0].part(lane), own[1].part(lane)]);
-        let top = top_of_hull(flight.description);
+        let top = flight.description.hull_top();
         let most = 5 + 2 * acoustics.landmarks.len();
         Self {
             filter: NavigationFilter::new_in(model, fitting.clone(), setting.seed),

@@ -31,15 +31,10 @@
 //! momentum of a body that enters: von Kármán (1929), NACA TN 321. Propeller: see [`propeller_share`].
 //! Tests: `tests/laws/surface.rs` (against clipped volumes, energy, lanes), `tests/flight/test_surface.py`.
 
-use crate::description::coefficients as names;
-use crate::description::geometry::Shape;
-use crate::description::placement::Effect;
-use crate::description::vehicle_file::{CharacteristicTable, Environment};
-use crate::description::{Description, Structure};
 use crate::model::current::{Current, Relative};
 use crate::model::restoring::Restoring;
-use crate::model::vehicle::{Forces, Instant, Mode, Vehicle};
-use crate::number::algebra::{Mat3, Vec3, Vec6, add_cross, cross, dot, pivots};
+use crate::model::vehicle::{Forces, Instant, Vehicle};
+use crate::number::algebra::{Mat3, Vec3, Vec6, add_cross, cross, dot};
 use crate::number::real::Real;
 
 /// Rounding of the half widths at zero, as a share of the hull's smallest half-extent: a level box enters over ±2 % of
@@ -58,10 +53,6 @@ const DISC: [[f64; 2]; 2] =
 /// Rounding of a cylinder, as a share of its radius: the outer layer of [`DISC`] and two roundings stay inside.
 const ROUND_ROUNDING: f64 = 0.036;
 
-/// Diameter of a propeller whose file gives none, m: assumed, between the 76 mm of small thrusters and the 140 mm of
-/// torpedoes.
-const ASSUMED_DIAMETER_M: f64 = 0.1;
-
 /// One layer of the hull.
 #[derive(Clone, Copy, Debug)]
 struct Layer {
@@ -71,7 +62,22 @@ struct Layer {
 }
 
 /// A propeller or fin: where it is, and its radius, m.
-type Place = (Vec3<f64>, f64);
+pub type Place = (Vec3<f64>, f64);
+
+/// What of a vehicle a surface acts on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hull {
+    /// Half its length, width and height, m.
+    pub half: Vec3<f64>,
+    /// Whether it is a cylinder about its length; else a box.
+    pub round: bool,
+    /// Per thruster; without a place the hull's share counts.
+    pub propellers: Vec<Option<Place>>,
+    /// Per fin.
+    pub fins: Vec<Place>,
+    /// Whether the added mass may fade: `M_RB` alone can be inverted.
+    pub fades_mass: bool,
+}
 
 /// Where the surface is, and what of a vehicle feels it.
 #[derive(Clone)]
@@ -106,25 +112,18 @@ pub struct Wet<T> {
 }
 
 impl<T: Real> Surface<T> {
-    /// The surface at a coordinate down, m, for the vehicle of a description as it was assembled.
+    /// The surface at a coordinate down, m, over a hull of this weight and buoyancy under gravity `g`, m/s².
     #[inline(always)]
-    pub fn new(description: &Description, vehicle: &Vehicle<T>, g: f64, level: f64) -> Self {
-        let (layers, rounding, hull) = layers(description);
-        let whole = &vehicle.restoring;
+    pub fn new(hull: Hull, whole: &Restoring<T>, g: f64, level: f64) -> Self {
+        let (layers, rounding) = layers(&hull);
         let buoyancy = whole.displaced * g;
         // No number where there is no buoyancy, and nothing reads it there.
         let some = buoyancy.zero().lt(whole.displaced);
         let centre =
             [0, 1, 2].map(|i| T::select(some, whole.displaced_moment[i] / whole.displaced, buoyancy.zero()));
-        let places = description.actuators.iter().map(|actuator| match &actuator.effect {
-            Effect::Fin(fin) => Some((fin.position_m, 0.5 * fin.area_m2.sqrt())),
-            Effect::Thrust(kind, _) => actuator.position.map(|place| (place, 0.5 * diameter(kind))),
-        });
-        let places: Vec<Option<Place>> = places.collect();
-        let (propellers, fins) = places.split_at(vehicle.actuators.len());
-        let farthest =
-            places.iter().flatten().map(|(p, radius)| dot(p, p).sqrt() + radius).fold(0.0, f64::max);
-        let aside = dot(&centre, &centre).sqrt() + hull;
+        let places = hull.propellers.iter().flatten().chain(&hull.fins);
+        let farthest = places.map(|(p, radius)| dot(p, p).sqrt() + radius).fold(0.0, f64::max);
+        let aside = dot(&centre, &centre).sqrt() + dot(&hull.half, &hull.half).sqrt();
         Self {
             level,
             buoyancy,
@@ -132,9 +131,9 @@ impl<T: Real> Surface<T> {
             layers,
             rounding,
             reach: aside.max(aside.splat(farthest)),
-            propellers: propellers.to_vec(),
-            fins: fins.iter().flatten().copied().collect(),
-            fades_mass: rigid_alone(description),
+            propellers: hull.propellers,
+            fins: hull.fins,
+            fades_mass: hull.fades_mass,
         }
     }
 
@@ -303,73 +302,24 @@ fn spline<T: Real>(depth: T, half: &Vec3<T>) -> Spline<T> {
     Spline { slope, curvature, by_width, slope_by_width }
 }
 
-/// The layers of a hull, their rounding and the farthest point from its centre, m.
-fn layers(description: &Description) -> (Vec<Layer>, f64, f64) {
-    let file = &description.file;
-    let farthest = |half: [f64; 3]| dot(&half, &half).sqrt();
-    if let Some(geometry) = file.geometry.as_ref().filter(|geometry| geometry.shape == Shape::Spheroid) {
-        let (half, radius) = (0.5 * geometry.length_m, 0.5 * geometry.diameter_m);
-        let rounding = ROUND_ROUNDING * radius.min(half);
-        let along = (half - SHRINK * rounding).powi(2);
+/// The layers of a hull, and their rounding, m.
+fn layers(hull: &Hull) -> (Vec<Layer>, f64) {
+    let half = hull.half;
+    let least = half.iter().copied().fold(f64::INFINITY, f64::min);
+    if hull.round {
+        let (radius, rounding) = (half[1], ROUND_ROUNDING * least);
+        let along = (half[0] - SHRINK * rounding).powi(2);
         let layer = |[weight, width]: [f64; 2]| {
             let round = (width * radius).powi(2);
             Layer { weight, squares: [[along, 0.0, 0.0], [0.0, round, round], [0.0; 3]] }
         };
-        return (DISC.map(layer).to_vec(), rounding, farthest([half, radius, radius]));
+        return (DISC.map(layer).to_vec(), rounding);
     }
-    let half = half_extents(description);
-    let rounding = ROUNDING * half.iter().copied().fold(f64::INFINITY, f64::min);
+    let rounding = ROUNDING * least;
     let squares = std::array::from_fn(|j| {
         std::array::from_fn(|i| if i == j { (half[i] - SHRINK * rounding).powi(2) } else { 0.0 })
     });
-    (vec![Layer { weight: 1.0, squares }], rounding, farthest(half))
-}
-
-/// Half the length, width and height of the box that stands for a hull that is not round, m.
-fn half_extents(description: &Description) -> [f64; 3] {
-    let file = &description.file;
-    if let Some(geometry) = &file.geometry {
-        let height = geometry.height_m.unwrap_or(geometry.diameter_m);
-        return [geometry.length_m, geometry.diameter_m, height].map(|x| 0.5 * x);
-    }
-    let environment = file.environment;
-    let displaced = description.coefficients[names::BUOYANCY] / (environment.rho_kg_m3 * environment.g_m_s2);
-    // A vehicle without any buoyancy has a hull that makes none.
-    let edge = displaced.max(1e-6).cbrt();
-    [0.5 * edge; 3]
-}
-
-/// The highest point of a hull over its centre of buoyancy, body frame, m.
-pub fn top_of_hull(description: &Description) -> Vec3<f64> {
-    let mut top = [0, 1, 2].map(|i| description.coefficients[names::CENTRE_OF_BUOYANCY + i]);
-    top[2] -= half_extents(description)[2];
-    top
-}
-
-/// The diameter of a propeller, m.
-fn diameter(kind: &CharacteristicTable) -> f64 {
-    match kind {
-        CharacteristicTable::Quadratic(q) => q.diameter_m,
-        CharacteristicTable::Polynomial(p) => p.diameter_m,
-        _ => None,
-    }
-    .filter(|diameter| *diameter > 0.0)
-    .unwrap_or(ASSUMED_DIAMETER_M)
-}
-
-/// Whether the rigid body of a description can be accelerated without added mass.
-fn rigid_alone(description: &Description) -> bool {
-    let matrix = Vehicle::nominal(description).rigid_body.mass_matrix();
-    // Rounding must not decide, nor a moment of inertia that stands for nothing: a thousandth of the diagonal.
-    pivots(&matrix).iter().zip(0..6).all(|(pivot, i)| *pivot > 1e-3 * matrix[i][i])
-}
-
-/// The depth of O, m, at which a vehicle floats upright in these waters; just under water where it is too heavy to float.
-pub fn floating_depth(description: &Description, environment: Environment) -> f64 {
-    let structure = Structure::new(description, &[]);
-    let (values, g) = (&description.coefficients, environment.g_m_s2);
-    let vehicle = Vehicle::new(description, &structure, values, environment, [Mode::Free; 6]);
-    Surface::new(description, &vehicle, g, 0.0).afloat(values[names::MASS] * g)
+    (vec![Layer { weight: 1.0, squares }], rounding)
 }
 
 /// Terms times a factor.
@@ -392,13 +342,6 @@ fn plus<T: Real>(a: &Vec6<T>, b: &Vec6<T>) -> Vec6<T> {
 }
 
 impl<T: Real> Vehicle<T> {
-    /// The same vehicle beneath a surface at a coordinate down, m; without one where that is nothing.
-    #[inline(always)]
-    pub fn beneath(mut self, description: &Description, g: f64, level: Option<f64>) -> Self {
-        self.surface = level.map(|level| Surface::new(description, &self, g, level));
-        self
-    }
-
     /// The force that accelerates the vehicle as it is accelerated at the surface, in the lanes that feel it; in the
     /// others `under`, the force under water. It meets the whole `M`: what solves for ν' need not know of the surface.
     #[inline(always)]

@@ -8,7 +8,7 @@ use seatrial::fit::inputs::{Inputs, modes};
 use seatrial::fit::record::{MotorStart, Segment};
 use seatrial::model::integrate::State;
 use seatrial::model::kinematics::{Quaternion, from_euler, rotation};
-use seatrial::model::surface::{Surface, floating_depth, propeller_share};
+use seatrial::model::surface::{Surface, propeller_share};
 use seatrial::model::vehicle::Vehicle;
 use seatrial::number::algebra::{Vec3, dot};
 use std::sync::atomic::AtomicBool;
@@ -150,14 +150,14 @@ fn law_a_hull_floats_at_its_weight_over_its_waterplane() {
         // The part of the box that displaces: a frame is mostly water.
         let plane = volume / height;
         let draught = 30.0 * weight / (description.file.environment.rho_kg_m3 * plane);
-        let depth = floating_depth(&description, description.file.environment);
+        let depth = description.floating_depth(description.file.environment);
         let found = depth + CENTRE[2] + 0.5 * height;
         assert!((found - draught).abs() < 0.011 * height, "{found} {draught}");
         assert!(length * width > plane);
     }
     // What sinks begins just under water, where the surface is not felt.
     let heavy = boxed(1.01, "");
-    let depth = floating_depth(&heavy, heavy.file.environment);
+    let depth = heavy.floating_depth(heavy.file.environment);
     assert!((depth + CENTRE[2] - 0.5 * height).abs() < 0.01 * height);
     assert_eq!(surface(&heavy).wet(depth, &[0.0, 0.0, 1.0], &[0.0; 6]).share.to_bits(), 1.0f64.to_bits());
 }
