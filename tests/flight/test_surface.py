@@ -243,7 +243,7 @@ def test_law_a_run_that_diverges_says_when_where_why_and_what_to_do() -> None:
         with pytest.raises(
             DivergenceError, match=rf"rov: the motion diverged .* s after the start, in {axis}.*{name} = 30"
         ):
-            wrong.simulate(t, initial=moving)
+            wrong.simulate(t, initial=moving, free=name[0])
     heavy = st.Vehicle.load("bluerov2-heavy")
     coarse = np.arange(0.0, 100.0, 0.5)
     spin = st.State(position=[0, 0, 20.0], nu=[1.0, 0.5, 0.5, 1.0, 1.0, 1.0])
