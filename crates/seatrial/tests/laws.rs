@@ -11,5 +11,4 @@ mod locked_axes;
 mod motor;
 mod response;
 mod structure;
-mod surface;
 mod tether;

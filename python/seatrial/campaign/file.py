@@ -56,11 +56,10 @@ Input = Literal["commands", "tau", "measured"]
 
 
 class Environment(Section):
-    """Water, gravity, and where the water ends."""
+    """Water and gravity."""
 
     rho_kg_m3: Positive | None = None
     g_m_s2: Positive | None = None
-    surface_m: Number | None = None
 
 
 Position = tuple[Number, Number, Number]
