@@ -164,7 +164,7 @@ def change(table: pl.DataFrame, kind: str) -> pl.DataFrame:
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("milliseconds", "the unit of t_s"),
+        ("milliseconds", "put the unit into the column's name"),
         ("no number", "wrong: u: expected samples that are numbers"),
         ("commands alone", "no motion was recorded"),
         ("no commands", "no trial of campaign.toml has that input"),
