@@ -17,7 +17,10 @@ fn law_plan_sums_straight_ways_in_space_at_their_speeds() {
     assert!((m.courses()[0] - 40.0_f64.atan2(30.0)).abs() < 1e-15);
     assert!((m.courses()[1] + FRAC_PI_2).abs() < 1e-15);
     assert_eq!(m.slopes()[0], 0.0);
-    assert_eq!(m.steepest(), (1, -(5.0_f64.atan2(12.0))));
+    // The platform's own arc tangent may differ from the core's by an ulp.
+    let (leg, slope) = m.steepest();
+    assert_eq!(leg, 1);
+    assert!((slope + 5.0_f64.atan2(12.0)).abs() < 1e-15);
     assert_eq!(m.start_heading(), m.courses()[0]);
 }
 
