@@ -509,10 +509,11 @@ class Record:
     t (n,), s; commands {actuator: (n,)} in its own unit; voltage_v (n,), V; tau (n, 6), N and N m; current (n, 3),
     NED, m/s; actuators {name: (n,)} measured signals that replace the motor; nu and nu_rate on the half-step
     grid, (2 substeps (n - 1) + 1, 6), for measured axes; observed and weight (n, 12), SI, in the order u v w p q
-    r x y z roll pitch yaw, weight 0 = masked; rho, kg/m3; g, m/s2.
+    r x y z roll pitch yaw, weight 0 = masked; rho, kg/m3; g, m/s2;
+    surface, m down of the zero of z: all is under water without it.
     """
     def __len__(self, /) -> int: ...
-    def __new__(cls, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, *, voltage_v: ArrayLike | None = None, tau: ArrayLike | None = None, current: ArrayLike | None = None, actuators: Mapping[str, ArrayLike] | None = None, nu: ArrayLike | None = None, nu_rate: ArrayLike | None = None, observed: ArrayLike | None = None, weight: ArrayLike | None = None, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> Record: ...
+    def __new__(cls, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, *, voltage_v: ArrayLike | None = None, tau: ArrayLike | None = None, current: ArrayLike | None = None, actuators: Mapping[str, ArrayLike] | None = None, nu: ArrayLike | None = None, nu_rate: ArrayLike | None = None, observed: ArrayLike | None = None, weight: ArrayLike | None = None, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, surface: SupportsFloat | SupportsIndex | None = None) -> Record: ...
 
 @final
 class Run:
@@ -627,13 +628,14 @@ class Vehicle:
         """
     def __reduce__(self, /) -> tuple[Any, tuple[str, NDArray[float64]]]: ...
     def __repr__(self, /) -> str: ...
-    def acceleration(self, /, nu: ArrayLike, attitude: ArrayLike, tau: ArrayLike, current: ArrayLike | None = None) -> NDArray[float64]:
+    def acceleration(self, /, nu: ArrayLike, attitude: ArrayLike, tau: ArrayLike, current: ArrayLike | None = None, *, depth: ArrayLike | None = None) -> NDArray[float64]:
         """
         The acceleration nu' under the wrench tau, body frame, m/s2 and rad/s2.
 
         nu and tau (n, 6) or (6,); attitude (n, 4) quaternion body to NED or (n, 3) roll, pitch, yaw in
         rad; current (3,) or (n, 3), NED, m/s. Returns the shape of nu. The pull of a tether, which goes by the
-        place of the vehicle, is left out. Fossen (2011), equation 7.9.
+        place of the vehicle, is left out. depth, one number or (n,), is that of O below the surface in m; all of the
+        vehicle is under water without it. Fossen (2011), equation 7.9.
         """
     def actuator_info(self, /) -> dict[str, dict[str, Any]]:
         """
@@ -682,12 +684,18 @@ class Vehicle:
         """
         Water and gravity for which the coefficients hold: rho in kg/m3, g in m/s2.
         """
-    def forces(self, /, nu: ArrayLike, attitude: ArrayLike, current: ArrayLike | None = None) -> dict[str, NDArray[float64]]:
+    def floating_depth(self, /, *, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> float:
+        """
+        Depth of O in m at which the vehicle floats upright and at rest; just under water where it is too heavy to float.
+        """
+    def forces(self, /, nu: ArrayLike, attitude: ArrayLike, current: ArrayLike | None = None, *, depth: ArrayLike | None = None) -> dict[str, NDArray[float64]]:
         """
         Every term of the equation of motion as force on the vehicle, (n, 6), body frame, N and N m.
 
         Keys rigid_body (-C_RB nu), added_mass (-C_A nu_r + M_A nu_c'), damping (-D nu_r), lift, restoring
-        (-g), and bias where the vehicle has one; their sum + tau = mass_matrix @ acceleration.
+        (-g), and bias where the vehicle has one; their sum + tau = mass_matrix @ acceleration. depth, one number or
+        (n,), is that of O below the surface in m: each term is then that of the part under water, and the mass matrix
+        M_RB + submerged share times M_A.
         """
     @staticmethod
     def from_toml(text: str, source: str = "<text>") -> Vehicle:
@@ -703,13 +711,18 @@ class Vehicle:
         """
         "spheroid" or "box"; None when the file has no geometry.
         """
-    def linearize(self, /, nu: ArrayLike, attitude: ArrayLike, tau: ArrayLike, current: ArrayLike | None = None, *, form: str = "rotation") -> tuple[NDArray[float64], NDArray[float64]]:
+    def hull_top(self, /) -> NDArray[float64]:
+        """
+        The highest point of the hull over its centre of buoyancy, shape (3,), body frame, m.
+        """
+    def linearize(self, /, nu: ArrayLike, attitude: ArrayLike, tau: ArrayLike, current: ArrayLike | None = None, *, form: str = "rotation", depth: SupportsFloat | SupportsIndex | None = None) -> tuple[NDArray[float64], NDArray[float64]]:
         """
         A, shape (12, 12), and B, shape (12, 6), of the equation of motion at a velocity, an attitude and a wrench.
 
         State [p_n, delta, nu] with R = R_0 exp(S(delta)), R_0 held, so that delta' = omega + 1/2 delta x omega;
         with form="euler" [x y z phi theta psi nu]. nu (6,), attitude (4,) quaternion or (3,) roll, pitch, yaw,
-        tau (6,), current (3,) NED. A = df/dx and B = df/dtau, exact to rounding (dual numbers).
+        tau (6,), current (3,) NED. A = df/dx and B = df/dtau, exact to rounding (dual numbers). depth, that of O below
+        the surface in m, lets the surface count; all of the vehicle is under water without it.
         """
     @staticmethod
     def load(name_or_path: str | PathLike[str]) -> Vehicle:
@@ -743,14 +756,17 @@ class Vehicle:
         """
         Hotel load in W and battery energy in W h; empty when the file has none.
         """
-    def simulate(self, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage_v: ArrayLike | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> Run:
+    def simulate(self, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage_v: ArrayLike | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, surface: SupportsFloat | SupportsIndex | None = None) -> Run:
         """
         The run under commands {actuator: (n,)} in the actuators' own units, held from sample to sample; one number is held
         for the whole run. With `initial` the final_state of a run before, the run goes on as if there were one.
 
         t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
         the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
-        actuators'; voltage_v (n,) or one number, V; max_step_s, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
+        actuators'; voltage_v (n,) or one number, V; max_step_s, s; rho, kg/m3; g, m/s2; surface: where the sea ends, m
+        down (0 where z is the depth), without it all of the vehicle is under water. Runge-Kutta of fourth order.
+
+        Raises DivergenceError, a SimulationError, where the run diverges: when, in which axis, why, and what to do.
         """
     def table_voltages(self, /) -> dict[str, tuple[float, float]]:
         """
@@ -1055,11 +1071,12 @@ def simd_level() -> str:
     The instruction set of the batches: avx512, avx2, sse4.2, neon or fallback.
     """
 
-def simulate_batch(vehicle: Vehicle, coefficients: Mapping[str, ArrayLike], t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage_v: ArrayLike | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, threads: SupportsIndex | None = None) -> Run:
+def simulate_batch(vehicle: Vehicle, coefficients: Mapping[str, ArrayLike], t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage_v: ArrayLike | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, surface: SupportsFloat | SupportsIndex | None = None, threads: SupportsIndex | None = None) -> Run:
     """
     The runs of k candidates, coefficients {name: (k,)}, under the same commands; see Vehicle.simulate.
 
-    Every array of the Run has a leading dimension k. Candidates fly side by side in vector lanes and on
+    Every array of the Run has a leading dimension k. The run of a candidate that diverges is no number from there on.
+    Candidates fly side by side in vector lanes and on
     `threads` threads (all when missing).
     """
 

@@ -87,7 +87,7 @@ def settled(flight: st.Flight) -> NDArray[np.bool_]:
 
 @pytest.mark.parametrize("current", [(0.0, 0.3, 0.0), (0.2, -0.1, 0.0)])
 def test_quantiles_of_the_core_are_those_of_the_log(current: tuple[float, float, float]) -> None:
-    flight = flown(BOX, current)
+    flight = flown(BOX.replace("5.0\n[[legs", "5.0\n[start]\ndepth_m = 5.0\n[[legs", 1), current)
     rows = settled(flight)
     for error in ("cross_track", "vertical"):
         size = np.abs(flight.errors[error][rows])
@@ -268,7 +268,7 @@ def test_starts_and_stops_of_the_actuators_are_counted() -> None:
 
 def test_a_flight_reads_back_as_a_trial_of_its_vehicle() -> None:
     flight = flown()
-    trial = st.Trial.read(flight.table(), name="flight")
+    trial = st.Trial.read(flight.table(), name="flight", surface=0.0)
     assert trial.dt == pytest.approx(flight.period_s)
     assert set(trial.commands) == set(flight.commands)
     np.testing.assert_allclose(trial.nu, flight.nu, atol=1e-9)
@@ -286,7 +286,7 @@ def test_law_the_commands_of_a_flight_replayed_make_the_same_motion() -> None:
     flight = flown()
     start = st.State(flight.position[0], flight.euler[0], flight.nu[0])
     run = flight.vehicle.simulate(
-        flight.t, flight.commands, start, flight.circumstances.current, max_step_s=0.02
+        flight.t, flight.commands, start, flight.circumstances.current, max_step_s=0.02, surface=0.0
     )
     # One chain of actuators and one equation of motion, in the same steps: equal but for rounding.
     np.testing.assert_allclose(run.nu, flight.nu, atol=1e-9)

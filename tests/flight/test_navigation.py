@@ -21,6 +21,8 @@ format = 1
 name = "line"
 speed_m_s = 1.2
 acceptance_radius_m = 4.0
+[start]
+depth_m = 2.0
 [[legs]]
 north_m = 90.0
 east_m = 0.0

@@ -15,11 +15,11 @@ AHEAD = {"SbU": 900.0, "SbL": 900.0, "PU": 1000.0, "PL": 1000.0}
 
 
 def test_law_steps_equal_one_run() -> None:
-    plant = Plant(VEHICLE, current=(0.1, 0.2, 0.0))
+    plant = Plant(VEHICLE, initial=st.State([0.0, 0.0, 5.0]), current=(0.1, 0.2, 0.0))
     for _ in range(100):
         motion = plant.advance(AHEAD, 0.02)
     t = np.linspace(0.0, 2.0, 101)
-    run = VEHICLE.simulate(t, AHEAD, current=(0.1, 0.2, 0.0))
+    run = VEHICLE.simulate(t, AHEAD, st.State([0.0, 0.0, 5.0]), current=(0.1, 0.2, 0.0))
     np.testing.assert_allclose(motion.nu, run.nu[-1], rtol=0, atol=1e-12)
     np.testing.assert_allclose(motion.position, run.position[-1], rtol=0, atol=1e-12)
     assert motion.t_s == pytest.approx(2.0)

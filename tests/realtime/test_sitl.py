@@ -81,7 +81,10 @@ def test_a_peer_in_lock_step_flies_the_vehicle_of_simulate() -> None:
     assert line.endswith(b"}\n")
     told = json.loads(line)
     commands = {f"thruster_{k + 1}": float(AHEAD[k]) for k in range(8)}
-    run = VEHICLE.simulate(np.linspace(0.0, 0.5, 201), commands, voltage_v=np.full(201, 16.0))
+    # It begins afloat, not with its middle in the surface.
+    afloat = st.State(position=[0.0, 0.0, VEHICLE.floating_depth()])
+    t, supply = np.linspace(0.0, 0.5, 201), np.full(201, 16.0)
+    run = VEHICLE.simulate(t, commands, afloat, voltage_v=supply, surface=0.0)
     np.testing.assert_allclose(told["position"], run.position[-1], rtol=0, atol=1e-10)
     np.testing.assert_allclose(told["quaternion"], run.attitude[-1], rtol=0, atol=1e-10)
     np.testing.assert_allclose(told["imu"]["gyro"], run.nu[-1, 3:], rtol=0, atol=1e-10)

@@ -18,6 +18,7 @@ use seatrial::description::{ActuatorDescription, Description};
 use seatrial::fit::inputs::actuator_index;
 use seatrial::flight::acoustics::{Acoustics, MOST_LATENCY, ROW};
 use seatrial::flight::batch::{Case, Cases, Outcome};
+use seatrial::flight::case::SURFACE;
 use seatrial::flight::exceedance::{EDGES, edges};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::{self, Log};
@@ -377,6 +378,7 @@ pub fn fly(
         navigation: fitting.as_ref(),
         acoustics: &acoustics,
         environment: own.with(rho, g).map_err(raised)?,
+        surface: SURFACE,
         voltage: voltage_v,
         substeps: whole_steps(dt / max_step_s),
         periods: whole_steps(max_time_s / dt),

@@ -4,6 +4,7 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use seatrial::Error;
 
+pyo3::import_exception!(seatrial.base.errors, DivergenceError);
 pyo3::import_exception!(seatrial.base.errors, SimulationError);
 pyo3::import_exception!(seatrial.base.errors, VehicleError);
 
@@ -12,6 +13,7 @@ pub fn raised(error: Error) -> PyErr {
     match &error {
         Error::Vehicle { .. } => VehicleError::new_err(error.to_string()),
         Error::Simulation(message) => SimulationError::new_err(message.clone()),
+        Error::Diverged(message) => DivergenceError::new_err(message.clone()),
         Error::Interrupted => PyKeyboardInterrupt::new_err(()),
     }
 }

@@ -25,6 +25,8 @@ fn symbols(all: &[Symbol]) -> Value {
             ("unit".into(), text(&s.unit)),
             ("about".into(), text(&s.about)),
             ("start".into(), Value::Number(s.start)),
+            ("least".into(), Value::Number(s.range[0])),
+            ("most".into(), Value::Number(s.range[1])),
         ])
     };
     Value::List(all.iter().map(symbol).collect())

@@ -23,7 +23,8 @@ use std::sync::Arc;
 /// t (n,), s; commands {actuator: (n,)} in its own unit; voltage_v (n,), V; tau (n, 6), N and N m; current (n, 3),
 /// NED, m/s; actuators {name: (n,)} measured signals that replace the motor; nu and nu_rate on the half-step
 /// grid, (2 substeps (n - 1) + 1, 6), for measured axes; observed and weight (n, 12), SI, in the order u v w p q
-/// r x y z roll pitch yaw, weight 0 = masked; rho, kg/m3; g, m/s2.
+/// r x y z roll pitch yaw, weight 0 = masked; rho, kg/m3; g, m/s2;
+/// surface, m down of the zero of z: all is under water without it.
 #[pyclass(frozen, module = "seatrial")]
 pub struct Record {
     inputs: Inputs,
@@ -32,7 +33,7 @@ pub struct Record {
 #[pymethods]
 impl Record {
     #[new]
-    #[pyo3(signature = (t, commands = None, *, voltage_v = None, tau = None, current = None, actuators = None, nu = None, nu_rate = None, observed = None, weight = None, rho = None, g = None))]
+    #[pyo3(signature = (t, commands = None, *, voltage_v = None, tau = None, current = None, actuators = None, nu = None, nu_rate = None, observed = None, weight = None, rho = None, g = None, surface = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
     fn new(
         t: Numbers,
@@ -47,6 +48,7 @@ impl Record {
         weight: Option<Numbers>,
         rho: Option<f64>,
         g: Option<f64>,
+        surface: Option<f64>,
     ) -> PyResult<Self> {
         let inputs = Inputs {
             actuators: Named::vectors(actuators)?,
@@ -54,7 +56,7 @@ impl Record {
             nu_rate: optional_rows("nu_rate", nu_rate)?,
             observed: optional_rows("observed", observed)?,
             weight: optional_rows("weight", weight)?,
-            ..inputs(t, commands, current, tau, voltage_v, rho, g)?
+            ..inputs(t, commands, current, tau, voltage_v, (rho, g, surface))?
         };
         Ok(Self { inputs })
     }

@@ -279,6 +279,7 @@ pub fn restored_run(
                 signals: samples().map(|i| signals[count * i..count * (i + 1)].to_vec()).collect(),
                 tau: samples().map(|i| std::array::from_fn(|c| tau[6 * i + c])).collect(),
                 motors: motors.next().unwrap_or_default(),
+                unsound: None,
             }
         })
         .collect();
@@ -375,9 +376,9 @@ impl Simulation {
         };
         let tracks = match candidates {
             None if self.record.len * self.substeps <= BRIEF_STEPS => {
-                vec![brief(py, |stop| batch.track(0, stop))?]
+                vec![brief(py, |stop| batch.sound_track(0, stop))?]
             }
-            None => vec![interruptible(py, |stop| batch.track(0, stop))?],
+            None => vec![interruptible(py, |stop| batch.sound_track(0, stop))?],
             Some(candidates) => parallel(py, threads, |stop| batch.tracks(candidates, stop))?,
         };
         let (description, dt, start) = (self.description.clone(), self.record.dt, self.start);
@@ -392,8 +393,7 @@ pub fn inputs(
     current: Option<Numbers>,
     tau: Option<Numbers>,
     voltage_v: Option<Numbers>,
-    rho: Option<f64>,
-    g: Option<f64>,
+    (rho, g, surface): (Option<f64>, Option<f64>, Option<f64>),
 ) -> PyResult<Inputs> {
     let t = t.vector("t")?;
     let n = t.len();
@@ -405,6 +405,7 @@ pub fn inputs(
         voltage: voltage_v.map_or(Ok(Vec::new()), |v| v.held("voltage_v", n))?,
         rho,
         g,
+        surface,
         ..Inputs::default()
     })
 }

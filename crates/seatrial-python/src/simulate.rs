@@ -10,10 +10,11 @@ use seatrial::fit::batch::Candidates;
 
 /// The runs of k candidates, coefficients {name: (k,)}, under the same commands; see Vehicle.simulate.
 ///
-/// Every array of the Run has a leading dimension k. Candidates fly side by side in vector lanes and on
+/// Every array of the Run has a leading dimension k. The run of a candidate that diverges is no number from there on.
+/// Candidates fly side by side in vector lanes and on
 /// `threads` threads (all when missing).
 #[pyfunction]
-#[pyo3(signature = (vehicle, coefficients, t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage_v = None, max_step_s = 0.02, rho = None, g = None, threads = None))]
+#[pyo3(signature = (vehicle, coefficients, t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage_v = None, max_step_s = 0.02, rho = None, g = None, surface = None, threads = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
 pub fn simulate_batch(
     py: Python<'_>,
@@ -29,10 +30,11 @@ pub fn simulate_batch(
     max_step_s: f64,
     rho: Option<f64>,
     g: Option<f64>,
+    surface: Option<f64>,
     threads: Option<Threads>,
 ) -> PyResult<Run> {
     let description = &vehicle.description;
-    let inputs = inputs(t, commands, current, tau, voltage_v, rho, g)?;
+    let inputs = inputs(t, commands, current, tau, voltage_v, (rho, g, surface))?;
     let simulation = Simulation::new(description, &inputs, initial.as_deref(), free, max_step_s)?;
     let mut sought = Vec::new();
     let mut columns: Vec<Vec<f64>> = Vec::new();

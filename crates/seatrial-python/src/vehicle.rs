@@ -31,6 +31,25 @@ fn finite(speed_m_s: f64) -> PyResult<f64> {
     Ok(speed_m_s)
 }
 
+/// Depths of O below the surface, one for each of n points; none where none are given.
+fn depths(depth: Option<Numbers>, n: usize) -> PyResult<Vec<f64>> {
+    let depths = depth.map_or(Ok(Vec::new()), |depth| depth.held("depth", n))?;
+    if depths.len() != n && !depths.is_empty() {
+        return Err(refused(format!("depth: expected {n} numbers or one, found {}", depths.len())));
+    }
+    finite_depths(&depths)?;
+    Ok(depths)
+}
+
+fn finite_depths(depths: &[f64]) -> PyResult<()> {
+    match depths.iter().find(|depth| !depth.is_finite()) {
+        None => Ok(()),
+        Some(wrong) => {
+            Err(refused(format!("depth: expected finite numbers in m below the surface, found {wrong}")))
+        }
+    }
+}
+
 /// A vehicle: hull, mass, coefficients and actuators. Immutable.
 #[pyclass(frozen, module = "seatrial")]
 pub struct Vehicle {
@@ -270,14 +289,16 @@ impl Vehicle {
     ///
     /// nu and tau (n, 6) or (6,); attitude (n, 4) quaternion body to NED or (n, 3) roll, pitch, yaw in
     /// rad; current (3,) or (n, 3), NED, m/s. Returns the shape of nu. The pull of a tether, which goes by the
-    /// place of the vehicle, is left out. Fossen (2011), equation 7.9.
-    #[pyo3(signature = (nu, attitude, tau, current = None))]
+    /// place of the vehicle, is left out. depth, one number or (n,), is that of O below the surface in m; all of the
+    /// vehicle is under water without it. Fossen (2011), equation 7.9.
+    #[pyo3(signature = (nu, attitude, tau, current = None, *, depth = None))]
     fn acceleration(
         &self,
         nu: Numbers,
         attitude: Numbers,
         tau: Numbers,
         current: Option<Numbers>,
+        depth: Option<Numbers>,
     ) -> PyResult<Array> {
         let columns = Self::columns(&nu, &attitude, current.as_ref())?;
         let wrenches = tau.rows::<6>("tau")?;
@@ -288,12 +309,15 @@ impl Vehicle {
                 wrenches.len()
             )));
         }
-        let vehicle = self.nominal();
-        let rows: Vec<Vec6<f64>> = (0..columns.len().max(wrenches.len()))
+        let count = columns.len().max(wrenches.len());
+        let depths = depths(depth, count)?;
+        let vehicle = self.at_surface(!depths.is_empty());
+        let rows: Vec<Vec6<f64>> = (0..count)
             .map(|i| {
                 let (nu, attitude, current) = columns[i % columns.len()];
                 let instant = Instant { tau: wrenches[i % wrenches.len()], current, ..Instant::default() };
-                vehicle.acceleration((None, &rotation(&attitude)), &nu, &instant)
+                let place = depths.get(i).map(|depth| [0.0, 0.0, *depth]);
+                vehicle.acceleration((place.as_ref(), &rotation(&attitude)), &nu, &instant)
             })
             .collect();
         Ok(Array::rows(&rows, nu.is_single() && rows.len() == 1))
@@ -302,20 +326,34 @@ impl Vehicle {
     /// Every term of the equation of motion as force on the vehicle, (n, 6), body frame, N and N m.
     ///
     /// Keys rigid_body (-C_RB nu), added_mass (-C_A nu_r + M_A nu_c'), damping (-D nu_r), lift, restoring
-    /// (-g), and bias where the vehicle has one; their sum + tau = mass_matrix @ acceleration.
-    #[pyo3(signature = (nu, attitude, current = None))]
+    /// (-g), and bias where the vehicle has one; their sum + tau = mass_matrix @ acceleration. depth, one number or
+    /// (n,), is that of O below the surface in m: each term is then that of the part under water, and the mass matrix
+    /// M_RB + submerged share times M_A.
+    #[pyo3(signature = (nu, attitude, current = None, *, depth = None))]
     fn forces(
         &self,
         nu: Numbers,
         attitude: Numbers,
         current: Option<Numbers>,
+        depth: Option<Numbers>,
     ) -> PyResult<BTreeMap<&'static str, Array>> {
         let columns = Self::columns(&nu, &attitude, current.as_ref())?;
-        let vehicle = self.nominal();
-        let rows: Vec<_> = columns
+        let depths = depths(depth, columns.len())?;
+        let vehicle = self.at_surface(!depths.is_empty());
+        let (rows, shares): (Vec<_>, Vec<f64>) = columns
             .iter()
-            .map(|(nu, attitude, current)| vehicle.forces(&rotation(attitude), nu, current.as_ref()))
-            .collect();
+            .enumerate()
+            .map(|(i, (nu, attitude, current))| {
+                let (r, current) = (rotation(attitude), current.as_ref());
+                match (&vehicle.surface, depths.get(i)) {
+                    (Some(surface), Some(&depth)) => {
+                        let (terms, wet) = vehicle.forces_at(surface, depth, (&r, nu), current);
+                        (terms, wet.share)
+                    }
+                    _ => (vehicle.forces(&r, nu, current), 1.0),
+                }
+            })
+            .unzip();
         let single = nu.is_single() && rows.len() == 1;
         let term = |read: fn(&seatrial::model::vehicle::Forces<f64>) -> Vec6<f64>| {
             Array::rows(&rows.iter().map(read).collect::<Vec<_>>(), single)
@@ -328,7 +366,8 @@ impl Vehicle {
             ("restoring", term(|f| f.restoring)),
         ]);
         if let Some(bias) = vehicle.bias {
-            terms.insert("bias", Array::rows(&vec![bias; rows.len()], single));
+            let acting: Vec<Vec6<f64>> = shares.iter().map(|share| bias.map(|x| x * share)).collect();
+            terms.insert("bias", Array::rows(&acting, single));
         }
         Ok(terms)
     }
@@ -337,8 +376,9 @@ impl Vehicle {
     ///
     /// State [p_n, delta, nu] with R = R_0 exp(S(delta)), R_0 held, so that delta' = omega + 1/2 delta x omega;
     /// with form="euler" [x y z phi theta psi nu]. nu (6,), attitude (4,) quaternion or (3,) roll, pitch, yaw,
-    /// tau (6,), current (3,) NED. A = df/dx and B = df/dtau, exact to rounding (dual numbers).
-    #[pyo3(signature = (nu, attitude, tau, current = None, *, form = "rotation"))]
+    /// tau (6,), current (3,) NED. A = df/dx and B = df/dtau, exact to rounding (dual numbers). depth, that of O below
+    /// the surface in m, lets the surface count; all of the vehicle is under water without it.
+    #[pyo3(signature = (nu, attitude, tau, current = None, *, form = "rotation", depth = None))]
     fn linearize(
         &self,
         nu: Numbers,
@@ -346,6 +386,7 @@ impl Vehicle {
         tau: Numbers,
         current: Option<Numbers>,
         form: &str,
+        depth: Option<f64>,
     ) -> PyResult<(Array, Array)> {
         let form = match form {
             "rotation" => Form::Rotation,
@@ -357,11 +398,13 @@ impl Vehicle {
         let [(nu, attitude, current)] = columns[..] else {
             return Err(refused("nu, attitude and current: expected one row each, a tangent has one point"));
         };
+        finite_depths(depth.as_slice())?;
         let vehicle = seatrial::model::vehicle::Vehicle::nominal_in(
             &self.description,
             Dual { value: 0.0, partials: 0.0 },
-        );
-        let tangent = linearize(&vehicle, form, &attitude, &nu, (&tau, current.as_ref()));
+        )
+        .beneath(&self.description, self.description.file.environment.g_m_s2, depth.map(|_| 0.0));
+        let tangent = linearize(&vehicle, form, &attitude, &nu, (&tau, current.as_ref(), depth));
         Ok((Array::rows(&tangent.a, false), Array::rows(&tangent.b, false)))
     }
 
@@ -370,8 +413,11 @@ impl Vehicle {
     ///
     /// t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
     /// the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
-    /// actuators'; voltage_v (n,) or one number, V; max_step_s, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
-    #[pyo3(signature = (t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage_v = None, max_step_s = 0.02, rho = None, g = None))]
+    /// actuators'; voltage_v (n,) or one number, V; max_step_s, s; rho, kg/m3; g, m/s2; surface: where the sea ends, m
+    /// down (0 where z is the depth), without it all of the vehicle is under water. Runge-Kutta of fourth order.
+    ///
+    /// Raises DivergenceError, a SimulationError, where the run diverges: when, in which axis, why, and what to do.
+    #[pyo3(signature = (t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage_v = None, max_step_s = 0.02, rho = None, g = None, surface = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
     fn simulate(
         &self,
@@ -386,9 +432,22 @@ impl Vehicle {
         max_step_s: f64,
         rho: Option<f64>,
         g: Option<f64>,
+        surface: Option<f64>,
     ) -> PyResult<Run> {
-        let inputs = inputs(t, commands, current, tau, voltage_v, rho, g)?;
+        let inputs = inputs(t, commands, current, tau, voltage_v, (rho, g, surface))?;
         Simulation::new(&self.description, &inputs, initial.as_deref(), free, max_step_s)?.run(py, None, None)
+    }
+
+    /// The highest point of the hull over its centre of buoyancy, shape (3,), body frame, m.
+    fn hull_top(&self) -> Array {
+        Array::rows(&[self.description.hull_top()], true)
+    }
+
+    /// Depth of O in m at which the vehicle floats upright and at rest; just under water where it is too heavy to float.
+    #[pyo3(signature = (*, rho = None, g = None))]
+    fn floating_depth(&self, rho: Option<f64>, g: Option<f64>) -> PyResult<f64> {
+        let environment = self.description.file.environment.with(rho, g).map_err(raised)?;
+        Ok(self.description.floating_depth(environment))
     }
 
     /// Itself: nothing of it can change.
@@ -414,6 +473,12 @@ impl Vehicle {
 impl Vehicle {
     fn nominal(&self) -> seatrial::model::vehicle::Vehicle<f64> {
         seatrial::model::vehicle::Vehicle::nominal(&self.description)
+    }
+
+    /// The same beneath a surface at depth 0, where that counts.
+    fn at_surface(&self, counts: bool) -> seatrial::model::vehicle::Vehicle<f64> {
+        let g = self.description.file.environment.g_m_s2;
+        self.nominal().beneath(&self.description, g, counts.then_some(0.0))
     }
 }
 

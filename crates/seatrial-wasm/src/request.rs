@@ -10,6 +10,7 @@ use seatrial::description::Description;
 use seatrial::fit::inputs::actuator_index;
 use seatrial::flight::acoustics::{Acoustics, ROW};
 use seatrial::flight::batch::{Case, Cases};
+use seatrial::flight::case::SURFACE;
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::columns_with;
 use seatrial::flight::reached::{loiter_radius, moments, nearest};
@@ -159,6 +160,7 @@ pub fn fly(text: &str) -> Answer {
         trial: &trial,
         turbulence_times: asked.turbulence_times,
         environment: description.file.environment.with(asked.rho, asked.g).map_err(said)?,
+        surface: SURFACE,
         voltage: asked.voltage,
         substeps: whole_steps(dt / asked.max_step),
         periods: whole_steps(asked.max_time / dt),

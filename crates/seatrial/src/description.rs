@@ -4,7 +4,7 @@
 //! shape of the hull; [`vehicle_file`], the file as users write it, and [`built_in`](mod@built_in), the files that come with the core;
 //! [`placement`], a thruster or fin put in its place; [`values`], the [`Description`] that all of this makes, and
 //! [`bounds`] on its coefficients; [`assembly`], from a description to the [`model`](crate::model) for one number type;
-//! [`reading`], where a file is filled and checked; [`facts`], what reports say of a vehicle.
+//! [`hull`], what of it a surface acts on; [`reading`], where a file is filled and checked; [`facts`], what reports say of a vehicle.
 
 pub mod assembly;
 pub mod bounds;
@@ -12,6 +12,7 @@ pub mod built_in;
 pub mod coefficients;
 pub mod facts;
 pub mod geometry;
+pub mod hull;
 pub mod placement;
 pub mod reading;
 pub mod values;

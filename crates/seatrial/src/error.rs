@@ -17,6 +17,9 @@ pub enum Error {
     /// A simulation that cannot be run as asked.
     #[error("{0}")]
     Simulation(String),
+    /// A simulation that left what a vehicle can do.
+    #[error("{0}")]
+    Diverged(String),
     /// The caller stopped the run.
     #[error("interrupted")]
     Interrupted,

@@ -38,7 +38,9 @@ use crate::control::autopilot::Autopilot;
 use crate::control::navigation::{DEPTH, Navigation, truth};
 use crate::control::safety::Sounded;
 use crate::error::Error;
+use crate::model::integrate::State;
 use crate::model::vehicle::{Instant, Vehicle, hand_on};
+use crate::number::real::Real;
 use aboard::{Aboard, Split};
 pub use case::{Flight, Setting, whole_steps};
 use energy::Energy;
@@ -71,7 +73,7 @@ pub fn fly<T: Split>(
     let mut aboard = flight.navigation.map(|fitting| Aboard::new(flight, fitting, setting));
     let mut motors = Motors::new(vehicle, &limits, h, unit);
     let mut energy = Energy::new(flight.description, unit);
-    let mut state = setting.state;
+    let mut state = launched(vehicle, setting.state, flight.environment.g_m_s2);
     let mut tally = Tally::new(flight, unit, &limits);
     let mut instants: [Instant<T>; 3] = Default::default();
     let mut water = Water::new(flight, setting, dt);
@@ -129,4 +131,16 @@ pub fn fly<T: Split>(
         summary.consistency = filters.consistency();
     }
     Ok(summary)
+}
+
+/// Where a flight really begins: a vehicle that is launched higher than it floats has come to rest before.
+#[inline(always)]
+fn launched<T: Real>(vehicle: &Vehicle<T>, mut state: State<T>, g: f64) -> State<T> {
+    let Some(surface) = &vehicle.surface else { return state };
+    let depth = state.position[2] - surface.level;
+    if T::any(depth.lt(surface.reach)) {
+        let weight = vehicle.restoring.net_weight + vehicle.restoring.displaced * g;
+        state.position[2] = depth.max(surface.afloat(weight)) + surface.level;
+    }
+    state
 }

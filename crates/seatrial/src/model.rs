@@ -1,7 +1,7 @@
 //! The equation of motion, `M ν' + C(ν) ν + D(ν) ν + g(η) = τ`, one term a file.
 //!
 //! In reading order: [`kinematics`] (attitude, rotation, `η' = J(η) ν`); the terms [`rigid_body`], [`added_mass`],
-//! [`damping`], [`cross_flow`], [`tether`], [`lift`] and [`restoring`]; [`current`], the water that moves; [`vehicle`], where they meet the wrench
+//! [`damping`], [`cross_flow`], [`tether`], [`lift`] and [`restoring`]; [`current`], the water that moves, and [`surface`], where it ends; [`vehicle`], where they meet the wrench
 //! of the actuators; [`integrate`], one step of time; [`drive`], the motors over that step; [`linearize`], the
 //! tangent.
 
@@ -16,5 +16,6 @@ pub mod lift;
 pub mod linearize;
 pub mod restoring;
 pub mod rigid_body;
+pub mod surface;
 pub mod tether;
 pub mod vehicle;

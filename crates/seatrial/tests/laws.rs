@@ -11,4 +11,5 @@ mod locked_axes;
 mod motor;
 mod response;
 mod structure;
+mod surface;
 mod tether;

@@ -1,7 +1,8 @@
 """The one tree of errors: a message names file, key or row, what was expected and found, what to do.
 
 Each class is also a subclass of a builtin, so that callers may catch either. The command line turns them all
-into exit code 2. A diverged simulation is a number, never an error.
+into exit code 2. A diverged simulation of one vehicle is a `DivergenceError`; among candidates of a search
+and as the outcome of a flight it is a number.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from difflib import get_close_matches
 
 __all__ = [
     "CampaignError",
+    "DivergenceError",
     "NumericalError",
     "SeatrialError",
     "SimulationError",
@@ -43,6 +45,10 @@ class SimulationError(SeatrialError, RuntimeError):
 
 class NumericalError(SeatrialError, ArithmeticError):
     """A calculation has no finite result: a filter that diverges, a model that no step can follow."""
+
+
+class DivergenceError(SimulationError):
+    """A simulated motion diverged: when, in which axis, the likely cause, and what to do."""
 
 
 def reason(error: Exception) -> str:

@@ -477,6 +477,7 @@ class Campaign:
             rate_hz=source.rate_hz or self.file.rate_hz,
             rho=environment.rho_kg_m3,
             g=environment.g_m_s2,
+            surface=environment.surface_m,
             progress=self.progress,
             **self._options(trial),
         )

@@ -56,10 +56,11 @@ Input = Literal["commands", "tau", "measured"]
 
 
 class Environment(Section):
-    """Water and gravity."""
+    """Water, gravity, and where the water ends."""
 
     rho_kg_m3: Positive | None = None
     g_m_s2: Positive | None = None
+    surface_m: Number | None = None
 
 
 Position = tuple[Number, Number, Number]

@@ -60,6 +60,13 @@ def simulate(
     bottom: Annotated[
         float | None, typer.Option(metavar="DEPTH", help="Depth of the bottom, m, for the Doppler log.")
     ] = None,
+    surface: Annotated[
+        float | None,
+        typer.Option(
+            metavar="Z",
+            help="Where the sea ends, m down: 0 where z_m is the depth. Without it all is under water.",
+        ),
+    ] = None,
     run: Annotated[
         Path | None, typer.Option("--run", help="Beside the sensors' log, write the true run here.")
     ] = None,
@@ -79,7 +86,13 @@ def simulate(
 
     if commands is None:
         given = {"--free": free != "XYZKMN", "--held": held, "--current": current, "--sensors": sensors}
-        _recipe(Path(vehicle), (out, run), seed, given | {"--bottom": bottom}, json=json)
+        _recipe(
+            Path(vehicle),
+            (out, run),
+            seed,
+            given | {"--bottom": bottom, "--surface": surface is not None},
+            json=json,
+        )
         return
     loaded = Vehicle.load(vehicle)
     kind = "run" if sensors is None else "log"
@@ -104,7 +117,7 @@ def simulate(
         fitted = at_sea(fitted)  # sensors of the tether alone are refused: --held was forgotten
     if bottom is not None and fitted is not None and not fitted.keys() & _SEES_BOTTOM:
         raise TrialError(f"--bottom is for a Doppler log; {sensors} has none")
-    trial = Trial.read(commands, align=False)
+    trial = Trial.read(commands, align=False, surface=surface)
     made = SimulatedTrial(loaded, trial, free, held, current, fitted)
     truth = made.frame()
     if fitted is None:

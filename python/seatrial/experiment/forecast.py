@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial._core import Vehicle
-from seatrial.base.errors import VehicleError
+from seatrial.base.errors import DivergenceError, VehicleError
 from seatrial.experiment import manoeuvre
 from seatrial.experiment.combinations import AHEAD, Combination, Thrusters
 from seatrial.experiment.manoeuvre import Manoeuvre, free_decay
@@ -149,16 +149,17 @@ def forecast(
     it needs 99 m x 19 m
     """
     limits = limits or Limits()
-    runs = [
-        simulated(vehicle, manoeuvre, voltage_v=voltage_v),
-        simulated(other, manoeuvre, voltage_v=voltage_v, tilt_deg=START_TILT_DEG),
-    ]
+    try:
+        runs = [
+            simulated(vehicle, manoeuvre, voltage_v=voltage_v),
+            simulated(other, manoeuvre, voltage_v=voltage_v, tilt_deg=START_TILT_DEG),
+        ]
+    except DivergenceError:
+        none = float("nan")
+        return Forecast(none, none, none, none, none, none, none, none, (), "the simulation diverges")
     position = np.array([run.position for run in runs])
     euler = np.rad2deg([run.euler for run in runs])
     nu = np.array([run.nu for run in runs])
-    if not (np.isfinite(position).all() and np.isfinite(nu).all()):
-        none = float("nan")
-        return Forecast(none, none, none, none, none, none, none, none, (), "the simulation diverges")
     hull, clearance = _sizes(vehicle)
     along, across = (float(np.ptp(position[:, :, axis])) + hull for axis in (0, 1))
     start_depth = clearance - float(position[:, :, 2].min())

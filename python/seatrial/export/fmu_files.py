@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -162,9 +161,9 @@ def _places(program: Program, samples: Mapping[str, Array]) -> str:
         "static const double number_starts[N_NUMBERS] = {",
         *(f"    {_literal(one['start'])}," for _, part in kinds for one in part),
         "};",
-        "/* What a parameter may be. */",
+        "/* What a parameter may be: the same ranges as in the files. */",
         "static const double parameter_ranges[N_PARAMETERS + 1u][2] = {",
-        *(f"    {{{', '.join(map(_literal, _range(one['known_as'])))}}}," for one in program.parameters),
+        *(f"    {{{_literal(one['least'])}, {_literal(one['most'])}}}," for one in program.parameters),
         "    {0.0, 0.0}, /* none: C knows no empty table */",
         "};",
         f"static void output_starts({program.prefix}_output *out)",
@@ -184,16 +183,6 @@ def _places(program: Program, samples: Mapping[str, Array]) -> str:
             "};",
         ]
     return "\n".join(lines) + "\n"
-
-
-_POSITIVE = ("m", "I_x", "I_y", "I_z", "K_V", "n_acc", "n_dec")
-"""Coefficients that no vehicle has at zero or below, as its file is refused with them."""
-
-
-def _range(name: str) -> tuple[float, float]:
-    """Smallest and largest value of a parameter: a finite one, above zero where less is no vehicle."""
-    smallest, largest = sys.float_info.min, sys.float_info.max
-    return (smallest if name.rsplit(".", 1)[-1] in _POSITIVE else -largest), largest
 
 
 def _literal(x: float) -> str:

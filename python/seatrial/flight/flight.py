@@ -525,8 +525,8 @@ def _beyond_the_model(flight: Flight) -> list[str]:
     if (height := -metrics["depth_smallest_m"]) > IN_THE_AIR_M:
         found.append(
             f"{flight.vehicle.name} rose to {height:.1f} m above the surface,"
-            f" {_at(flight, metrics['depth_smallest_time_s'])}: the model knows no surface,"
-            " and a real vehicle stays in it."
+            f" {_at(flight, metrics['depth_smallest_time_s'])}: it leapt out of the water, which coefficients"
+            " and loops are not made for."
         )
     return found
 

@@ -392,7 +392,7 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: Vehicle, found: Mappin
             plan.step.search,
         ],
         "segments": [astuple(segment) for segment in data.segments],
-        "environment": [(trial.rho, trial.g) for trial in data.trials],
+        "environment": [(trial.rho, trial.g, trial.surface) for trial in data.trials],
     }
     digest.update(to_json(described).encode())
     for record in data.records:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from seatrial._core import State, Vehicle
 from seatrial.base.arrays import Array
-from seatrial.base.errors import SimulationError
+from seatrial.base.errors import DivergenceError, SimulationError
 from seatrial.base.rotation import from_euler, matrix, to_euler
 
 if TYPE_CHECKING:
@@ -73,13 +73,13 @@ def needs_voltage(vehicle: Vehicle) -> list[str]:
 
 
 class Plant:
-    """A vehicle in water, one step at a time.
+    """A vehicle in the sea, one step at a time; the surface is at depth 0.
 
     Parameters
     ----------
     vehicle : Vehicle
     initial : State, optional
-        Where it begins; at rest in O when omitted.
+        Where it begins; at rest in O when omitted, and afloat where that is higher than it floats.
     current : (3,) array_like, optional
         Velocity of the water, NED, m/s.
     voltage_v : float, optional
@@ -122,7 +122,7 @@ class Plant:
                 f" (--voltage){within}"
             )
         self.vehicle = vehicle
-        self._initial = State() if initial is None else initial
+        self._initial = _launched(vehicle, State() if initial is None else initial)
         self._current = np.asarray(current, float)
         self._arm = np.asarray(imu_position_m, float)
         if self._current.shape != (3,) or self._arm.shape != (3,):
@@ -151,21 +151,28 @@ class Plant:
 
     def advance(self, commands: Mapping[str, float], dt_s: float) -> Motion:
         """Motion `dt_s` later under held commands, each in the unit of its actuator; missing ones are
-        neutral.
+        neutral. A motion that diverges is no number, and stays none until `reset`.
 
         Raises
         ------
         SimulationError
             A command or the step is not usable.
         """
-        run = self.vehicle.simulate(
-            [0.0, dt_s],
-            dict(commands),
-            self._state,
-            current=self._current,
-            voltage_v=self._voltage,
-            max_step_s=self._max_step_s,
-        )
+        try:
+            run = self.vehicle.simulate(
+                [0.0, dt_s],
+                dict(commands),
+                self._state,
+                current=self._current,
+                voltage_v=self._voltage,
+                max_step_s=self._max_step_s,
+                surface=0.0,
+            )
+        except DivergenceError:
+            self._t += dt_s
+            nothing = np.full(6, np.nan)
+            self.motion = replace(self.motion, t_s=self._t, nu=nothing, specific_force=nothing[:3])
+            return self.motion
         self._state = run.final_state
         self._t += dt_s
         self.actuators = {name: float(values[-1]) for name, values in run.actuators.items()}
@@ -175,14 +182,23 @@ class Plant:
     def _motion(self, tau: Array) -> Motion:
         state = self._state
         nu, q = np.asarray(state.nu, float), np.asarray(state.attitude, float)
-        if not (np.isfinite(nu).all() and np.isfinite(q).all()):  # it diverged
-            return Motion(self._t, np.asarray(state.position, float), q, nu, np.full(3, np.nan))
-        rate = np.asarray(self.vehicle.acceleration(nu, q, tau, self._current), float)
+        depth = float(state.position[2])
+        rate = np.asarray(self.vehicle.acceleration(nu, q, tau, self._current, depth=depth), float)
         omega = nu[3:]
         force = rate[:3] + _cross(omega, nu[:3]) - self._gravity * matrix(q)[2]
         if self._arm.any():
             force = force + _cross(rate[3:], self._arm) + _cross(omega, _cross(omega, self._arm))
         return Motion(self._t, np.asarray(state.position, float), q, nu, np.asarray(force))
+
+
+def _launched(vehicle: Vehicle, initial: State) -> State:
+    """Where a flight really begins, as in the core: who is launched higher than it floats is afloat."""
+    position = np.array(initial.position, float)
+    depth = vehicle.floating_depth()
+    if position[2] >= depth:
+        return initial
+    position[2] = depth
+    return State(position, initial.attitude, initial.nu, initial.actuators)
 
 
 def _cross(a: Array, b: Array) -> Array:

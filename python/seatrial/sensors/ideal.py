@@ -172,13 +172,19 @@ class Ideal:
             if kind == "depth":
                 return position[:, 2:]
             if kind == "gps":
-                position[position[:, 2] >= 0.0] = np.nan
+                position[~self._in_the_air(r, t)] = np.nan
             return position[:, :2]
         if kind == "voltage":
             return self._voltage(t)
         if kind == "load_cell":
             return self._at(_tether_force(run, self._conditions), t)
         return self._at(np.stack(list(run.actuators.values()), axis=1), t)
+
+    def _in_the_air(self, r: Array, t: Array) -> NDArray[np.bool_]:
+        """Whether the antenna of a GPS is above the surface; on top of the hull where it has no place."""
+        vehicle = self._conditions.vehicle
+        antenna = r if r.any() or vehicle is None else np.asarray(vehicle.hull_top())
+        return np.asarray(self._position(antenna, t)[:, 2] < 0.0)
 
     def _at(self, values: ArrayLike, t: Array) -> Array:
         """Values of the run's rows (n, k) at the times `t`, (m, k)."""

@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 
 from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import write_table
-from seatrial.base.errors import TrialError, nearest
+from seatrial.base.errors import DivergenceError, TrialError, nearest
 from seatrial.base.toml_file import Name, Number, Positive, Section
 from seatrial.flight.flight import Flight
 from seatrial.sensors.ideal import ON_THE_TETHER, Conditions, at_sea
@@ -241,21 +241,18 @@ class Recipe:
         if self.flight is not None:
             return self.flight
         commands: dict[str, ArrayLike] = {name: held(y, self.every) for name, y in self.commands.items()}
-        run = self.truth.vehicle.simulate(
-            times(self.t, self.every),
-            commands,
-            _state(self.initial),
-            self.current,
-            "" if self.held else "XYZKMN",
-            voltage_v=self._fine_voltage,
-            max_step_s=_STEP_S,
-        )
-        if not np.isfinite(np.asarray(run.nu)).all():
-            raise TrialError(
-                f"{self.path}: the truth vehicle's motion diverges; check current, commands and the truth's"
-                " coefficients"
+        try:
+            return self.truth.vehicle.simulate(
+                times(self.t, self.every),
+                commands,
+                _state(self.initial),
+                self.current,
+                "" if self.held else "XYZKMN",
+                voltage_v=self._fine_voltage,
+                max_step_s=_STEP_S,
             )
-        return run
+        except DivergenceError as error:
+            raise TrialError(f"{self.path}: the truth vehicle: {error}") from None
 
     def table(self, *, run: Run | Flight | None = None, seed: int | None = None) -> pl.DataFrame:
         """What its `sensors` logged, with canonical columns, the commands, and the supply as set.

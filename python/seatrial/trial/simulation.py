@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial._core import State
-from seatrial.base.errors import SimulationError, TrialError, nearest
+from seatrial.base.errors import DivergenceError, TrialError, nearest
 from seatrial.base.report import Report, Section, Table
 from seatrial.sensors.ideal import Conditions
 from seatrial.sensors.log import finer, linear, measure, times
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from seatrial._core import Run, Vehicle
+    from seatrial._core import Vehicle
     from seatrial.sensors.sensor import Sensor
     from seatrial.trial.trial import Trial
 
@@ -61,18 +61,21 @@ class SimulatedTrial:
         if current is None and trial.current is not None:
             self.current = linear(trial.current, self.every)
         self.voltage = None if trial.voltage_v is None else rows_held(trial.voltage_v, self.every)
-        self.run = vehicle.simulate(
-            times(trial.t, self.every),
-            {name: rows_held(values, self.every) for name, values in trial.commands.items()},
-            _start(trial),
-            self.current,
-            "" if held else free,
-            None if trial.tau is None else rows_held(trial.tau, self.every),
-            voltage_v=self.voltage,
-            rho=trial.rho,
-            g=trial.g,
-        )
-        _refuse_diverged(self.run, trial)
+        try:
+            self.run = vehicle.simulate(
+                times(trial.t, self.every),
+                {name: rows_held(values, self.every) for name, values in trial.commands.items()},
+                _start(trial),
+                self.current,
+                "" if held else free,
+                None if trial.tau is None else rows_held(trial.tau, self.every),
+                voltage_v=self.voltage,
+                rho=trial.rho,
+                g=trial.g,
+                surface=trial.surface,
+            )
+        except DivergenceError as error:
+            raise DivergenceError(f"{trial.source}: {error}") from None
 
     def write_log(self, path: Path, seed: int, bottom: float | None, label: str) -> None:
         """Write what the sensors log, and the inputs of the run but for the current."""
@@ -122,10 +125,10 @@ class SimulatedTrial:
         summary = self.summary()
         found = _clipped(self.vehicle, self.trial)
         rise = -summary["smallest depth, m"]
-        if rise > _RISE_M:
+        if rise > _RISE_M and self.trial.surface is None:
             found.append(
-                f"the vehicle rises {rise:.2f} m above the surface, where the model does not hold; start"
-                " deeper, with a column z_m, or command otherwise"
+                f"the vehicle rises {rise:.2f} m above the surface, of which the run knows nothing; state it"
+                " (--surface 0), or start deeper, with a column z_m"
             )
         if self.held and self.sensors and "load_cell" not in self.sensors:
             found.append("the pull of the tied vehicle is not in the log: these sensors have no load_cell")
@@ -209,17 +212,6 @@ def _other_unit(unit: str, largest: float, limit: float) -> str:
 def _start(trial: Trial) -> State:
     """State of the first sample; zero where it was not recorded."""
     return State(trial.position[0], trial.attitude[0], trial.nu[0])
-
-
-def _refuse_diverged(run: Run, trial: Trial) -> None:
-    """Refuse a run that diverged."""
-    good = np.isfinite(np.asarray(run.nu)).all(axis=1) & np.isfinite(np.asarray(run.position)).all(axis=1)
-    if not good.all():
-        t = float(np.asarray(run.t)[int(np.argmin(good))])
-        raise SimulationError(
-            f"{trial.source}: the simulation diverges at {t:.4g} s; check the vehicle (seatrial check), the"
-            " size of the commands and the current"
-        )
 
 
 def _cell(name: str, value: float) -> str:

@@ -103,6 +103,8 @@ class Trial:
         m/s (n, 3); None where not recorded.
     rho, g
         Density in kg/m^3 and gravity in m/s^2 of this trial; None: the vehicle's.
+    surface
+        Where the surface is, m down from the zero of z; None: not known, and all is under water.
     report
         What was found, corrected, masked and derived.
     samples
@@ -135,6 +137,7 @@ class Trial:
     samples: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     states: tuple[Array, Array, Array] | None = None
     silent: Mask | None = None
+    surface: float | None = None
 
     @classmethod
     def read(
@@ -152,6 +155,7 @@ class Trial:
         mixer: Mixer | None = None,
         rho: float | None = None,
         g: float | None = None,
+        surface: float | None = None,
         progress: Callable[[Progress], None] | None = None,
     ) -> Trial:
         """Trial from a log or table in any format of `seatrial.logs`, or from a polars or pandas frame.
@@ -187,6 +191,9 @@ class Trial:
             Makes commands of sticks, radio or servo channels, and a constant supply voltage.
         rho, g
             Density in kg/m^3 and gravity in m/s^2 at this trial.
+        surface
+            Where the surface is, in m down from the zero of z: 0 where z is the depth. Without it the zero
+            may be anywhere, as in a tank's frame, and all of the vehicle is taken to be under water.
         progress
             Called with a `Progress` before each step of the reading.
 
@@ -222,6 +229,11 @@ class Trial:
         for key, value in (("rate_hz", rate_hz), ("rho", rho), ("g", g)):
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise TrialError(f"{file}: {key}: expected a positive number, found {value!r}")
+        if surface is not None and not np.isfinite(surface):
+            raise TrialError(
+                f"{file}: surface: expected its coordinate down in m, 0 where z is the depth, found"
+                f" {surface!r}"
+            )
         t = resampling.common(time, signals, rate_hz, report)
         if len(t) < table.MINIMUM_ROWS:
             raise TrialError(
@@ -244,7 +256,8 @@ class Trial:
             signals = tilt.level(signals, report, remove=level and given.automatic)
         parts = assemble(signals, t, report)
         samples = own_samples(signals, t, parts["silent"])
-        return cls(name=name, source=file, t=t, rho=rho, g=g, report=report, samples=samples, **parts)
+        water = {"rho": rho, "g": g, "surface": surface}
+        return cls(name=name, source=file, t=t, report=report, samples=samples, **water, **parts)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -436,6 +449,7 @@ class Trial:
             weight=self._weights(weight),
             rho=self.rho,
             g=self.g,
+            surface=self.surface,
         )
 
     def _weights(self, weight: Mapping[str, float] | ArrayLike | None) -> Array:

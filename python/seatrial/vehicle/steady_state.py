@@ -8,6 +8,7 @@ and heave are held. Held by ``tests/vehicle/test_performance.py``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
+from seatrial.base.errors import DivergenceError
 from seatrial.vehicle.actuators import NOMINAL_V, can_push, command, largest, settling_s, voltage_for
 from seatrial.vehicle.stability import positive_damping
 
@@ -110,11 +112,15 @@ def steady(
     held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
     state = State(nu=nu)
     for _ in range(_ROUNDS):
-        run = vehicle.simulate(t, held, state, free=free, voltage_v=voltage_for(vehicle, t, voltage_v))
+        try:
+            run = vehicle.simulate(t, held, state, free=free, voltage_v=voltage_for(vehicle, t, voltage_v))
+        except DivergenceError:
+            nothing = np.full(6, np.nan)
+            return Steady(nothing, nothing, dict.fromkeys(commands, math.nan), settled=False)
         last = np.asarray(run.nu)[-len(t) // 10 :]
         signals = {name: float(np.asarray(y)[-1]) for name, y in run.actuators.items()}
-        settled = bool(np.isfinite(last).all() and np.ptp(last, axis=0).max() < _CHANGE)
-        if settled or not np.isfinite(last).all():
+        settled = bool(np.ptp(last, axis=0).max() < _CHANGE)
+        if settled:
             break
         state = State(attitude=run.attitude[-1], nu=last[-1], actuators=dict(signals))
     wrench = np.asarray(run.tau)[-len(last) :]

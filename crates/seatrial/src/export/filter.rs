@@ -336,7 +336,7 @@ impl FilterStep<'_> {
 
 /// A number whose name in C is this.
 fn exactly(name: String) -> Symbol {
-    Symbol { known_as: name.clone(), name, unit: "1".to_owned(), about: String::new(), start: 0.0 }
+    Symbol { known_as: name.clone(), name, ..Symbol::new("", "1", "", 0.0) }
 }
 
 /// What the motors call the signal of an actuator.

@@ -23,10 +23,12 @@ pub struct Symbol {
     pub about: String,
     /// Its value at the start.
     pub start: f64,
+    /// The smallest and the largest value that it may be set to.
+    pub range: [f64; 2],
 }
 
 impl Symbol {
-    /// A number by its name here; characters that C does not know become underscores.
+    /// A number by its name here, of any finite value; characters that C does not know become underscores.
     pub fn new(name: &str, unit: &str, about: &str, start: f64) -> Self {
         let known = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
         let mut identifier: String = name.chars().map(known).collect();
@@ -34,7 +36,7 @@ impl Symbol {
             identifier.insert(0, 'n');
         }
         let (unit, about) = (unit.to_owned(), about.to_owned());
-        Self { name: identifier, known_as: name.to_owned(), unit, about, start }
+        Self { name: identifier, known_as: name.to_owned(), unit, about, start, range: [f64::MIN, f64::MAX] }
     }
 }
 

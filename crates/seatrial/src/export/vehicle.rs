@@ -12,6 +12,7 @@ use crate::description::coefficients as names;
 use crate::description::vehicle_file::Environment;
 use crate::description::{ActuatorDescription, Description, Structure};
 use crate::error::Error;
+use crate::flight::case::SURFACE;
 use crate::flight::faults::Faults;
 use crate::flight::motors::Motors;
 use crate::model::current::Current;
@@ -20,6 +21,7 @@ use crate::model::vehicle::{Instant, Mode, Vehicle};
 use crate::number::memory::Memory;
 use crate::number::real::Real;
 use crate::number::traced::Traced;
+use crate::ranges;
 
 /// The units of the sixteen channels.
 pub const CHANNEL_UNITS: [&str; 16] = [
@@ -92,7 +94,12 @@ impl VehicleStep {
                 let unit = description.layout.unit(i, description.command_unit(i));
                 let unit = if unit.is_empty() { "1".to_owned() } else { unit };
                 let about = description.layout.description(i);
-                Symbol::new(&description.layout.name(i), &unit, &about, description.coefficients[i])
+                let name = description.layout.name(i);
+                let allowed = ranges::coefficient(&name);
+                // Just above what is too small itself.
+                let least = if allowed.open { allowed.least + f64::MIN_POSITIVE } else { allowed.least };
+                let range = [least, allowed.most];
+                Symbol { range, ..Symbol::new(&name, &unit, &about, description.coefficients[i]) }
             })
             .collect();
         let actuators = &description.actuators;
@@ -108,8 +115,10 @@ impl VehicleStep {
             Symbol::new(&format!("current_{axis}"), "m/s", &format!("velocity of the water, {axis}"), 0.0)
         });
         let bottom = Symbol::new("bottom", "m", "depth of the bottom here; infinite for none", f64::INFINITY);
-        let channels = (0..CHANNEL_NAMES.len())
-            .map(|c| Symbol::new(CHANNEL_NAMES[c], CHANNEL_UNITS[c], CHANNEL_ABOUT[c], 0.0));
+        let channels = (0..CHANNEL_NAMES.len()).map(|c| {
+            let start = if c == ALTITUDE { f64::INFINITY } else { 0.0 };
+            Symbol::new(CHANNEL_NAMES[c], CHANNEL_UNITS[c], CHANNEL_ABOUT[c], start)
+        });
         let signals = actuators.iter().map(|a| {
             let about = format!("what {} does, in the unit of its command", a.name);
             Symbol::new(&format!("act_{}", a.name), a.unit.as_str(), &about, a.neutral)
@@ -131,8 +140,11 @@ impl VehicleStep {
     fn parts<T: Real>(&self, description: &Description, values: &[T], unit: T) -> (State<T>, Motors<T>) {
         let vehicle = self.vehicle(description, values);
         let lift = |x: f64| unit.splat(x);
+        let [north, east, depth] = self.start.position;
+        // As in a flight: who is launched higher than it floats is afloat.
+        let depth = depth.max(description.floating_depth(self.environment));
         let state = State {
-            position: self.start.position.map(lift),
+            position: [north, east, depth].map(lift),
             attitude: self.start.attitude.map(lift),
             nu: self.start.nu.map(lift),
         };
@@ -141,7 +153,11 @@ impl VehicleStep {
 
     fn vehicle<T: Real>(&self, description: &Description, values: &[T]) -> Vehicle<T> {
         let structure = Structure::new(description, &[]);
-        Vehicle::new(description, &structure, values, self.environment, [Mode::Free; 6])
+        Vehicle::new(description, &structure, values, self.environment, [Mode::Free; 6]).beneath(
+            description,
+            self.environment.g_m_s2,
+            SURFACE,
+        )
     }
 
     /// Records the step.

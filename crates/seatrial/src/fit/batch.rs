@@ -159,7 +159,8 @@ impl Batch<'_> {
         segment: &Segment,
     ) -> Result<(Track<T>, [T; CHANNELS]), Error> {
         let record = &self.records[segment.record];
-        let vehicle = Vehicle::new(self.description, structure, values, record.environment, self.modes);
+        let vehicle = Vehicle::new(self.description, structure, values, record.environment, self.modes)
+            .beneath(self.description, record.environment.g_m_s2, record.surface);
         let zero = values[0].zero();
         let mut observer = match work.loss {
             Some(loss) => Observer::Criterion(Criterion::new(
@@ -199,6 +200,21 @@ impl Batch<'_> {
         let itself = Candidates { sought: &[], values: &[], count: 1 };
         let work = Work { candidates: itself, loss: None, stop };
         Ok(self.one(&work, &Structure::new(self.description, &[]), 0, s)?.track)
+    }
+
+    /// The same, all of whose numbers are those of a vehicle.
+    ///
+    /// # Errors
+    /// When, in which axis and why the run diverged; [`Error::Interrupted`].
+    pub fn sound_track(&self, s: usize, stop: &AtomicBool) -> Result<Run, Error> {
+        let run = self.track(s, stop)?;
+        match &run.unsound {
+            None => Ok(run),
+            Some(unsound) => {
+                let divergence = self.divergence(s, unsound, stop)?;
+                Err(Error::Diverged(divergence.words(self.description)))
+            }
+        }
     }
 }
 
@@ -263,6 +279,7 @@ fn lane_of<S: Simd>(track: &Track<f64x8<S>>, lane: usize) -> Run {
         signals: track.signals.iter().map(|row| row.iter().map(|x| x[lane]).collect()).collect(),
         tau: track.tau.iter().map(|row| row.map(|x| x[lane])).collect(),
         motors: track.motors.iter().map(memory).collect(),
+        unsound: None,
     }
 }
 

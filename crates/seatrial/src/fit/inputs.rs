@@ -34,6 +34,8 @@ pub struct Inputs {
     pub rho: Option<f64>,
     /// Gravity, m/s²; the vehicle's when missing.
     pub g: Option<f64>,
+    /// Where the surface is, m down of the origin; all is under water when missing.
+    pub surface: Option<f64>,
 }
 
 impl Inputs {
@@ -47,6 +49,11 @@ impl Inputs {
         let dt = uniform_step(&self.t)?;
         finite_rows("tau", &self.tau, &[0, 1, n])?;
         finite_rows("current", &self.current, &[0, 1, n])?;
+        if let Some(level) = self.surface.filter(|level| !level.is_finite()) {
+            return Err(Error::simulation(format!(
+                "surface: expected its coordinate down in m, 0 where depths count from it, found {level}"
+            )));
+        }
         let nodes = 2 * substeps * (n - 1) + 1;
         if replay {
             finite_rows("nu", &self.nu, &[nodes])?;
@@ -64,6 +71,7 @@ impl Inputs {
             observed: self.masked()?,
             weight: self.weight.clone(),
             environment: description.file.environment.with(self.rho, self.g)?,
+            surface: self.surface,
             played: None,
         };
         for (name, values) in &self.commands {

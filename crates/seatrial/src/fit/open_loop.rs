@@ -8,6 +8,7 @@
 
 use crate::error::Error;
 use crate::fit::criterion::Criterion;
+use crate::fit::divergence::is_sound;
 use crate::fit::motors::Motors;
 use crate::fit::observation::Shown;
 use crate::fit::record::{MotorMemory, Record, Segment, Start};
@@ -42,11 +43,22 @@ pub struct Track<T> {
     pub tau: Vec<[T; 6]>,
     /// The motors at the end.
     pub motors: Vec<MotorMemory<T>>,
+    /// Where the run left what a vehicle can do, in any lane.
+    pub unsound: Option<Unsound<T>>,
+}
+
+/// Where a run left what a vehicle can do.
+#[derive(Clone, Debug)]
+pub struct Unsound<T> {
+    /// Steps of the integration from the start of the run.
+    pub steps: usize,
+    /// The state before the last of them.
+    pub last: State<T>,
 }
 
 impl<T> Default for Track<T> {
     fn default() -> Self {
-        Self { states: Vec::new(), signals: Vec::new(), tau: Vec::new(), motors: Vec::new() }
+        Self { states: Vec::new(), signals: Vec::new(), tau: Vec::new(), motors: Vec::new(), unsound: None }
     }
 }
 
@@ -89,8 +101,16 @@ pub fn fly<T: Real>(
                 }
             }
             course.go_on(k, s);
+            let before = state;
             state = step(vehicle, &state, h, &course.instants);
             hand_on(&mut course.instants);
+            if let Observer::Track(track) = observer
+                && track.unsound.is_none()
+                && !is_sound(&state)
+            {
+                let steps = (k - segment.start) * substeps + s + 1;
+                track.unsound = Some(Unsound { steps, last: before });
+            }
         }
     }
     Ok(())
@@ -216,12 +236,13 @@ fn observe<T: Real>(
         Observer::Shown(shown) => shown.add(state),
         Observer::Track(track) => {
             let instant = &course.instants[0];
+            let r = rotation(&state.attitude);
             let nu_r = match &instant.current {
-                Some(current) => current.relative(&rotation(&state.attitude), &state.nu).nu,
+                Some(current) => current.relative(&r, &state.nu).nu,
                 None => state.nu,
             };
             track.states.push(*state);
-            track.tau.push(vehicle.wrench(instant, &nu_r));
+            track.tau.push(vehicle.wrench_at((&state.position, &r), (&state.nu, &nu_r), instant));
             track.signals.push(course.motors.signals.clone());
         }
     }

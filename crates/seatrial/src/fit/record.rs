@@ -34,6 +34,8 @@ pub struct Record {
     pub weight: Vec<[f64; CHANNELS]>,
     /// Water and gravity of the trial.
     pub environment: Environment,
+    /// Where the surface is, m down of the origin of its positions; all is under water where nothing states it.
+    pub surface: Option<f64>,
     /// What the motors do, where that is the same for all candidates ([`Record::play`]).
     pub played: Option<Played>,
 }

@@ -21,7 +21,7 @@ use crate::fit::criterion::{CHANNELS, Criterion, Loss};
 use crate::fit::motors::of_a_motor;
 use crate::fit::observation::{FORCE, INITIALS, NUISANCES, Nuisance, Shown};
 use crate::fit::open_loop::{Observer, fly};
-use crate::fit::record::{Segment, Start};
+use crate::fit::record::{Record, Segment, Start};
 use crate::model::vehicle::{Summed, Vehicle};
 use crate::number::dual::{Dual, Valued};
 use crate::number::lanes::{LANES, level};
@@ -296,7 +296,10 @@ impl Batch<'_> {
     /// The unknowns by eight, those of the same terms together.
     fn groups(&self, point: Point<'_>, unknowns: &[Unknown]) -> Vec<Group> {
         let current = |unknown| matches!(unknown, Unknown::Nuisance(0..3));
+        // At a surface the terms are no sum: the mass that they accelerate changes with the place.
+        let surfaced = self.records.iter().any(|record| record.surface.is_some());
         let of = |&place: &usize| match unknowns[place] {
+            _ if surfaced => Summed::ALL,
             Unknown::Direction(_) => {
                 point.sought.iter().enumerate().fold(Summed::default(), |all, (i, &index)| {
                     if point.along(unknowns[place], i) == 0.0 { all } else { all.and(summed(index)) }
@@ -449,8 +452,9 @@ impl Batch<'_> {
         nuisance: &[T; NUISANCES],
         record: usize,
     ) -> Prepared<T> {
-        let environment = self.records[record].environment;
-        let mut vehicle = Vehicle::new(self.description, &work.structure, values, environment, self.modes);
+        let Record { environment, surface, .. } = self.records[record];
+        let mut vehicle = Vehicle::new(self.description, &work.structure, values, environment, self.modes)
+            .beneath(self.description, environment.g_m_s2, surface);
         let (shows, plain) = (Nuisance::from_row(nuisance), work.plain[record]);
         if !plain {
             vehicle.push(&shows.force);

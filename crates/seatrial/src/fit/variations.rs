@@ -4,7 +4,7 @@
 //! For an unknown θ and the state x with `x' = f(x, θ)`, the derivative `s = ∂x/∂θ` follows `s' = (∂f/∂x) s + ∂f/∂θ`.
 //! Both are taken stage by stage, so that the result is the exact derivative of the numerical flight, as dual numbers
 //! give it, up to rounding. `∂ν'/∂x` is shared: ν' depends on the state through ν, the rotation matrix and, with a
-//! tether, the position, and is differentiated by these in dual numbers. `∂f/∂θ` is summed over the terms alone that
+//! tether or a surface, the position, and is differentiated by these in dual numbers. `∂f/∂θ` is summed over the terms alone that
 //! an unknown stands in, `∂ν'/∂θ = M⁻¹ (∂F/∂θ − (∂M/∂θ) ν')`.
 //!
 //! Source: Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*, section I.14; Griewank & Walther,
@@ -57,8 +57,8 @@ struct Seeds<P> {
     units: Vec<([P; SEEDS], Summed)>,
     /// Unit vectors of seven: the attitude, and a velocity.
     motion: [P; 7],
-    /// Whether the position acts on the motion.
-    tether: bool,
+    /// Whether the position acts on the motion: a tether pulls, or the surface is known.
+    placed: bool,
 }
 
 /// The derivatives by up to eight unknowns along a flight.
@@ -98,20 +98,20 @@ fn partials<P: Real>(state: &State<Dual<P>>) -> [P; 13] {
 
 impl<S: Simd> Seeds<f64x8<S>> {
     /// Those that count: an axis that follows the log does not, and the rotation counts by its last row alone where
-    /// the water stands still and no tether pulls.
-    fn new(simd: S, modes: &[Mode; 6], current: bool, tether: bool) -> Self {
+    /// the water stands still and the position does not act.
+    fn new(simd: S, modes: &[Mode; 6], current: bool, placed: bool) -> Self {
         let counts = |seed: &usize| match seed {
             0..6 => modes[*seed] != Mode::Measured,
-            6..12 => current || tether,
+            6..12 => current || placed,
             12..15 => true,
-            _ => tether,
+            _ => placed,
         };
         let which: Vec<usize> = (0..SEEDS).filter(counts).collect();
         let unit = |is: &dyn Fn(usize) -> bool| f64x8::from_fn(simd, |lane| if is(lane) { 1.0 } else { 0.0 });
-        // In still water, without a tether, the rotation turns weight and buoyancy alone.
+        // In still water, where the position does not act, the rotation turns weight and buoyancy alone.
         let restoring = Summed { restoring: true, ..Summed::default() };
         let of = |some: &[usize]| match some.iter().all(|seed| (12..15).contains(seed)) {
-            true if !current && !tether => restoring,
+            true if !current && !placed => restoring,
             _ => Summed::ALL,
         };
         let units = which
@@ -119,7 +119,7 @@ impl<S: Simd> Seeds<f64x8<S>> {
             .map(|some| (std::array::from_fn(|seed| unit(&|lane| some.get(lane) == Some(&seed))), of(some)));
         let motion = std::array::from_fn(|seed| unit(&|lane| lane == seed));
         let axes = which.iter().copied().filter(|&seed| seed < 6).collect();
-        Self { units: units.collect(), axes, which, motion, tether }
+        Self { units: units.collect(), axes, which, motion, placed }
     }
 }
 
@@ -264,7 +264,7 @@ impl<S: Simd> Tangent<'_, f64x8<S>> {
             if plain.modes[i] == Mode::Free {
                 slope[7 + i] = carried(&row[3..7], &stage.by[1][i], slope[7 + i]);
                 slope[7 + i] = carried(&nu, &stage.by[0][i], slope[7 + i]);
-                if seeds.tether {
+                if seeds.placed {
                     slope[7 + i] = carried(&row[..3], &stage.by[2][i], slope[7 + i]);
                 }
             }
@@ -388,8 +388,11 @@ impl Batch<'_> {
         let mut course = Course::new(&plain.vehicle, record, segment, self.substeps, current, 0.0);
         let mut instants: [Instant<Dual<f64x8<S>>>; 3] = Default::default();
         let flowing = current.is_some() || !record.current.is_empty();
-        let seeds = Seeds::new(simd, &self.modes, flowing, frame.tether.is_some());
-        let inflow = !frame.fins.is_empty() || frame.actuators.iter().any(|a| a.characteristic.has_inflow());
+        let surfaced = frame.surface.is_some();
+        let seeds = Seeds::new(simd, &self.modes, flowing, frame.tether.is_some() || surfaced);
+        let inflow = surfaced
+            || !frame.fins.is_empty()
+            || frame.actuators.iter().any(|a| a.characteristic.has_inflow());
         let mut state = start.state;
         let mut tangents: Vec<Tangent<'_, f64x8<S>>> = Vec::with_capacity(groups.len());
         for ((group, one), start) in groups.iter().zip(prepared).zip(&starts) {

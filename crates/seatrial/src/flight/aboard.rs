@@ -65,12 +65,14 @@ impl<T: Split> Aboard<T> {
         let (model, acoustics) = (flight.model, flight.acoustics);
         let sounded = acoustics.devices.iter().any(Option::is_some);
         let begun = |lane: usize| setting.offsets.as_ref().map(|own| [own[0].part(lane), own[1].part(lane)]);
+        let top = flight.description.hull_top();
         let most = 5 + 2 * acoustics.landmarks.len();
         Self {
             filter: NavigationFilter::new_in(model, fitting.clone(), setting.seed),
             soundings: (0..if sounded { T::PARTS } else { 0 })
                 .map(|lane| {
-                    Soundings::new(acoustics, &fitting.landmarks, (setting.seed.part(lane), begun(lane)))
+                    let own = (setting.seed.part(lane), begun(lane));
+                    Soundings::new(acoustics, &fitting.landmarks, &top, own)
                 })
                 .collect(),
             ages: [setting.seed.splat(f64::INFINITY); CHANNELS],

@@ -3,7 +3,7 @@
 //! A sample is what the filter's own observation shows of the true pose a latency ago, with offset, white noise, digits,
 //! and now and then an outlier: a second, much larger error. Beacons and positioning have a reach. A sonar shows
 //! the echo of a known surface along the shortest way to it in its own plane. A GPS has a fix while its antenna is above
-//! the surface; its offset is that of the fix from which dead reckoning began.
+//! the surface: where its lever arm says, on top of the hull where it says nothing; its offset is that of the fix from which dead reckoning began.
 //!
 //! Tests: `tests/flight/test_acoustics.py`.
 
@@ -132,6 +132,8 @@ pub struct Soundings {
     acoustics: Acoustics,
     /// The channels of each landmark's range and bearing in the filter; none where the filter does not know it.
     marks: Vec<Option<usize>>,
+    /// The antenna of the GPS, body frame, m.
+    antenna: Vec3<f64>,
     seed: Seed<f64>,
     /// Offset of the position that the vehicle began with, north and east, m.
     begun: [f64; 2],
@@ -142,14 +144,17 @@ pub struct Soundings {
 
 impl Soundings {
     /// The devices before their first sample; `known` are the landmarks of the filter, `begun` deviations of the offset of
-    /// the position at the start, where they are given.
+    /// the position at the start, where they are given, and `top` is where a GPS has its antenna unless it says.
     pub fn new(
         acoustics: &Acoustics,
         known: &[(String, Landmark)],
+        top: &Vec3<f64>,
         (seed, begun): (f64, Option<[f64; 2]>),
     ) -> Self {
         let seed = Seed::new(seed);
         let latest = acoustics.devices.iter().flatten().map(|d| d.periods[2]).max().unwrap_or(0);
+        let gps = acoustics.devices.iter().zip(DEVICES).find(|(_, kind)| *kind == GPS);
+        let placed = gps.and_then(|(device, _)| *device).map(|device| device.instrument.arm);
         let place = |name: &String| known.iter().position(|(other, _)| other == name);
         Self {
             marks: acoustics
@@ -158,6 +163,7 @@ impl Soundings {
                 .map(|(name, _)| place(name).map(|k| LANDMARKS + 2 * k))
                 .collect(),
             acoustics: acoustics.clone(),
+            antenna: placed.filter(|arm| *arm != [0.0; 3]).unwrap_or(*top),
             begun: begun.unwrap_or_else(|| [0, 1].map(|c| seed.gaussians(ONCE, c).0)),
             seed,
             past: vec![[0.0; CHANNELS]; (latest + 1).next_power_of_two()],
@@ -203,7 +209,7 @@ impl Soundings {
         let distance =
             |place: &Vec3<f64>| (0..3).map(|i| plain::powi(head[i] - place[i], 2)).sum::<f64>().sqrt();
         match DEVICES[index] {
-            GPS if head[2] < 0.0 => {
+            GPS if at.motion.position[2] + product(&at.rotation(), &self.antenna)[2] < 0.0 => {
                 for axis in 0..2 {
                     let offset = self.begun[axis] * device.instrument.bias;
                     let value = self.wrong(device, head[axis] + offset, (16 + axis, k));

@@ -205,7 +205,8 @@ impl Flight<'_> {
         allocator: AllocatorOf<T>,
     ) -> Result<(Summary<T>, Log<T>), Error> {
         let vehicle =
-            Vehicle::new(self.description, work.structure, values, self.environment, [Mode::Free; 6]);
+            Vehicle::new(self.description, work.structure, values, self.environment, [Mode::Free; 6])
+                .beneath(self.description, self.environment.g_m_s2, self.surface);
         let autopilot = Autopilot::new(self.settings, self.model, self.mission, tunables)?;
         let mut log = Log { values: Vec::new(), rows: 0 };
         let wanted = work.logs.then_some(&mut log);

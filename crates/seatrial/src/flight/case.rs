@@ -14,6 +14,9 @@ use crate::model::integrate::State;
 use crate::number::algebra::Vec3;
 use std::sync::Arc;
 
+/// The surface in the frame of a mission, whose depths count from there.
+pub const SURFACE: Option<f64> = Some(0.0);
+
 /// What all cases of a flight share.
 pub struct Flight<'a> {
     /// The vehicle that flies.
@@ -42,6 +45,8 @@ pub struct Flight<'a> {
     pub turbulence_times: [f64; 2],
     /// Water and gravity.
     pub environment: Environment,
+    /// Where the sea ends, m down of the origin: [`SURFACE`] in the frame of a mission; all is under water without one.
+    pub surface: Option<f64>,
     /// Supply voltage, V; not a number where it does not matter.
     pub voltage: f64,
     /// Steps of the equation of motion per control period.

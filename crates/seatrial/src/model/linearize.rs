@@ -7,7 +7,8 @@
 //!
 //! Inputs are the six components of τ. `A = ∂f/∂x` by dual numbers, one column per evaluation.
 //!
-//! The pull of a tether goes by the place of the vehicle, which is not asked for: it is left out.
+//! The pull of a tether goes by the place of the vehicle, which is not asked for: it is left out. So is the surface,
+//! unless a depth below it is given.
 //!
 //! Source: Fossen (2011), sections 2.2 and 7.5.
 //! Tests: `tests/scalars/tangent.rs` (both forms say the same), `tests/core/test_linearize.py` (finite differences
@@ -38,13 +39,14 @@ pub struct Tangent {
     pub b: [[f64; 6]; 12],
 }
 
-/// The tangent of a vehicle, whose constants have no partials, at an attitude, a velocity `nu` (m/s, rad/s) and a wrench `tau` (N, N m).
+/// The tangent of a vehicle, whose constants have no partials, at an attitude, a velocity `nu` (m/s, rad/s), a wrench `tau`
+/// (N, N m) and, where its surface counts, a depth of O (m).
 pub fn linearize(
     vehicle: &Vehicle<Dual<f64>>,
     form: Form,
     attitude: &Quaternion<f64>,
     nu: &Vec6<f64>,
-    (tau, current): (&Vec6<f64>, Option<&Current<f64>>),
+    (tau, current, depth): (&Vec6<f64>, Option<&Current<f64>>, Option<f64>),
 ) -> Tangent {
     let constant = |value: f64| Dual { value, partials: 0.0 };
     let current = current.map(|c| Current {
@@ -67,7 +69,11 @@ pub fn linearize(
             }
         };
         let instant = Instant { inflow_free: Some(tau), current, ..Instant::default() };
-        let acceleration = vehicle.acceleration((None, &rotation(&attitude)), &nu, &instant);
+        let place = depth.map(|depth| {
+            let at = [0.0, 0.0, depth];
+            std::array::from_fn(|i| Dual { value: at[i], partials: seed(i) })
+        });
+        let acceleration = vehicle.acceleration((place.as_ref(), &rotation(&attitude)), &nu, &instant);
         for i in 0..12 {
             let rate = if i < 6 { kinematics[i] } else { acceleration[i - 6] };
             match column {

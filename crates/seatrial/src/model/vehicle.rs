@@ -20,6 +20,7 @@ use crate::model::damping::Damping;
 use crate::model::lift::Lift;
 use crate::model::restoring::Restoring;
 use crate::model::rigid_body::RigidBody;
+use crate::model::surface::Surface;
 use crate::model::tether::Tether;
 use crate::number::algebra::{Mat3, Mat6, Vec3, Vec6, dot, product, restricted_inverse};
 use crate::number::real::Real;
@@ -54,6 +55,8 @@ pub struct Vehicle<T> {
     pub restoring: Restoring<T>,
     /// Constant wrench in the body frame.
     pub bias: Option<Vec6<T>>,
+    /// Where the sea ends, if it is known; all is under water otherwise.
+    pub surface: Option<Surface<T>>,
     /// Thrusters.
     pub actuators: Vec<Actuator<T>>,
     /// Movable fins, which follow the thrusters in the order of commands and signals.
@@ -217,15 +220,9 @@ impl<T: Real> Vehicle<T> {
             actuators,
             fins,
         } = terms;
-        let mut mass_matrix = added_mass.matrix();
-        let rigid = rigid_body.mass_matrix();
-        for i in 0..6 {
-            for j in 0..6 {
-                mass_matrix[i][j] += rigid[i][j];
-            }
-        }
-        let diagonal =
-            matches!((&rigid_body, &added_mass), (RigidBody::Principal { .. }, AddedMass::Diagonal(_)));
+        let one = added_mass.matrix()[0][0].splat(1.0);
+        let mass_matrix = mass(&rigid_body, &added_mass, one);
+        let diagonal = is_diagonal(&rigid_body, &added_mass);
         Self {
             rigid_body,
             added_mass,
@@ -235,6 +232,7 @@ impl<T: Real> Vehicle<T> {
             lift,
             restoring,
             bias,
+            surface: None,
             actuators,
             fins,
             mass_matrix,
@@ -250,8 +248,8 @@ impl<T: Real> Vehicle<T> {
         self.bias = Some(self.bias.map_or(*wrench, |bias| add(&bias, wrench)));
     }
 
-    /// `ν'` at the rotation `r` (body → NED), the velocity `nu` and what acts at the instant; a tether pulls only where
-    /// the position (NED, m) is told.
+    /// `ν'` at the rotation `r` (body → NED), the velocity `nu` and what acts at the instant; a tether pulls and a surface
+    /// counts only where the position (NED, m) is told.
     #[inline(always)]
     pub fn acceleration(
         &self,
@@ -271,10 +269,9 @@ impl<T: Real> Vehicle<T> {
         nu: &Vec6<T>,
         instant: &Instant<T>,
     ) -> Vec6<T> {
-        let mut f = match &instant.inflow_free {
-            _ if !of.thrust => [nu[0].zero(); 6],
-            Some(wrench) => *wrench,
-            None => self.inflow_free(instant, nu[0].zero()),
+        let mut f = match of.thrust {
+            true => self.still_wrench(instant, nu[0].zero()),
+            false => [nu[0].zero(); 6],
         };
         let mut nu_r = *nu;
         if let Some(current) = &instant.current {
@@ -312,14 +309,36 @@ impl<T: Real> Vehicle<T> {
         if let Some(bias) = self.bias.as_ref().filter(|_| of.bias) {
             f = add(&f, bias);
         }
-        f
+        match position {
+            Some(position) if of == Summed::ALL => self.near_surface((position, r), nu, instant, &f),
+            _ => f,
+        }
     }
 
     /// `ν' = M⁻¹ f` on the free axes, zero on frozen and `nu_rate` on measured ones.
     #[inline(always)]
     pub(crate) fn solve(&self, f: &Vec6<T>, nu_rate: &Vec6<f64>) -> Vec6<T> {
+        self.solved((&self.inverse, &self.mass_matrix), f, nu_rate)
+    }
+
+    /// The same where only a share of the added mass acts.
+    #[inline(always)]
+    pub(super) fn solve_with(&self, share: T, f: &Vec6<T>, nu_rate: &Vec6<f64>) -> Vec6<T> {
+        let matrix = mass(&self.rigid_body, &self.added_mass, share);
+        let diagonal = is_diagonal(&self.rigid_body, &self.added_mass);
+        let inverse = inverse(diagonal, &matrix, &self.modes.map(|mode| mode == Mode::Free));
+        self.solved((&inverse, &matrix), f, nu_rate)
+    }
+
+    #[inline(always)]
+    fn solved(
+        &self,
+        (inverse, mass_matrix): (&Inverse<T>, &Mat6<T>),
+        f: &Vec6<T>,
+        nu_rate: &Vec6<f64>,
+    ) -> Vec6<T> {
         if !self.replayed {
-            return self.inverse.times(f);
+            return inverse.times(f);
         }
         let zero = f[0].zero();
         let mut given = [zero; 6];
@@ -328,12 +347,12 @@ impl<T: Real> Vehicle<T> {
                 given[i] = zero.splat(nu_rate[i]);
             }
         }
-        let share = product(&self.mass_matrix, &given);
+        let share = product(mass_matrix, &given);
         let mut rest = *f;
         for i in 0..6 {
             rest[i] -= share[i];
         }
-        add(&self.inverse.times(&rest), &given)
+        add(&inverse.times(&rest), &given)
     }
 
     /// `M ν'`, N and N m.
@@ -370,6 +389,15 @@ impl<T: Real> Vehicle<T> {
     #[inline(always)]
     pub fn sum_inflow_free(&self, instant: &mut Instant<T>, zero: T) {
         instant.inflow_free = Some(self.inflow_free(instant, zero));
+    }
+
+    /// What [`Vehicle::sum_inflow_free`] sums, from there or anew.
+    #[inline(always)]
+    pub(super) fn still_wrench(&self, instant: &Instant<T>, zero: T) -> Vec6<T> {
+        match &instant.inflow_free {
+            Some(wrench) => *wrench,
+            None => self.inflow_free(instant, zero),
+        }
     }
 
     #[inline(always)]
@@ -449,6 +477,24 @@ impl Vehicle<f64> {
         }
         rate
     }
+}
+
+/// `M_RB` + a share of `M_A`.
+#[inline(always)]
+fn mass<T: Real>(rigid_body: &RigidBody<T>, added_mass: &AddedMass<T>, share: T) -> Mat6<T> {
+    let (mut matrix, added) = (rigid_body.mass_matrix(), added_mass.matrix());
+    for i in 0..6 {
+        for j in 0..6 {
+            matrix[i][j] += added[i][j] * share;
+        }
+    }
+    matrix
+}
+
+/// Whether `M` is diagonal for these.
+#[inline(always)]
+fn is_diagonal<T>(rigid_body: &RigidBody<T>, added_mass: &AddedMass<T>) -> bool {
+    matches!((rigid_body, added_mass), (RigidBody::Principal { .. }, AddedMass::Diagonal(_)))
 }
 
 /// `M⁻¹` on the free axes.

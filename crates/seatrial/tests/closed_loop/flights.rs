@@ -7,6 +7,7 @@ use seatrial::description::Description;
 use seatrial::flight::Flight;
 use seatrial::flight::acoustics::Acoustics;
 use seatrial::flight::batch::{Case, Cases, Outcome};
+use seatrial::flight::case::SURFACE;
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::columns;
 use seatrial::flight::trial::Trial;
@@ -76,6 +77,7 @@ impl Trip {
             feedback: true,
             seabed: self.seabed,
             environment: self.description.file.environment,
+            surface: SURFACE,
             voltage: f64::NAN,
             substeps: self.substeps,
             obstacles: &self.obstacles,

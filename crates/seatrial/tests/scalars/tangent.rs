@@ -27,7 +27,7 @@ struct Point {
 impl Point {
     fn tangent(&self, description: &Description, form: Form) -> Tangent {
         let vehicle = Vehicle::nominal_in(description, Dual { value: 0.0, partials: 0.0 });
-        linearize(&vehicle, form, &self.attitude, &self.nu, (&self.tau, self.current.as_ref()))
+        linearize(&vehicle, form, &self.attitude, &self.nu, (&self.tau, self.current.as_ref(), None))
     }
 
     /// `x'` in plain numbers where state and wrench are `change` away; without `δ'`, which is zero here.
