@@ -27,7 +27,7 @@
 //! whatever part of the hull emerges; water that a free-flooding hull holds counts as its mass; a hull in the air whose
 //! `M_RB` alone is not positive definite keeps its added mass. A tether acts as it does under water.
 //!
-//! Source: Newman, *Marine Hydrodynamics* (1977), sections 4.13 (energy of the fluid) and 6.16 (hydrostatics); the
+//! Source: Newman, *Marine Hydrodynamics* (1977), chapters 4 (energy of the fluid) and 6 (hydrostatics); the
 //! momentum of a body that enters: von Kármán (1929), NACA TN 321. Propeller: see [`propeller_share`].
 //! Tests: `tests/laws/surface.rs` (against clipped volumes, energy, lanes), `tests/flight/test_surface.py`.
 
