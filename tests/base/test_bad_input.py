@@ -253,7 +253,7 @@ def test_a_recipe_is_answered_in_words(here: Path, name: str, old: str, new: str
         (["--free", "xyz"], "--free 'xyz': expected letters of XYZKMN"),
         (["--free", ""], "--free ''"),
         (["--held", "--free", "X"], "--held and --free"),
-        (["--current", "1e9", "0", "0"], "the simulation diverges at 0.1 s"),
+        (["--current", "1e9", "0", "0"], "the motion diverged"),
         (["--out", "./c.csv"], "this is the file of the commands"),
         (["--out", "no/r.csv"], "there is no folder no"),
         (["--sensors", "typical", "--run", "c.csv"], "this is the file of the commands"),

@@ -92,8 +92,9 @@ def test_contact_is_no_success() -> None:
 
 
 def test_a_vehicle_that_leaves_the_water_is_told_when_and_where() -> None:
-    text = HEAD.replace("1.0", "2.0", 1) + LEGS
-    flight = st.fly("remus100", "remus100", st.Mission.from_toml(text))
+    vehicle = Vehicle.load("remus100")
+    cork = vehicle.with_coefficients({"B": 2.0 * vehicle.coefficients()["B"]})
+    flight = st.fly(cork, "remus100", st.Mission.from_toml(HEAD + "[start]\ndepth_m = 12.0\n" + LEGS))
     assert flight.metrics["depth_smallest_m"] < -0.1
     row = flight.position[:, 2].argmin()
     assert flight.metrics["depth_smallest_time_s"] == flight.t[row]

@@ -86,7 +86,8 @@ impl Loop {
     }
 
     fn of(description: Description, period: f64, substeps: usize) -> Self {
-        let vehicle = Vehicle::nominal(&description);
+        let g = description.file.environment.g_m_s2;
+        let vehicle = Vehicle::nominal(&description).beneath(&description, g, Some(0.0));
         let h = period / substeps as f64;
         let motors = Motors::new(&vehicle, &limits(&description), h, 0.0);
         Self { description, h, substeps, vehicle, motors, state: STILL }
@@ -201,8 +202,8 @@ fn scalar_recorded_steps_are_those_of_the_core_along_missions() {
         let mission = if name == "cwolf" || name == "bluerov2-heavy" { TOUR } else { DIVE };
         let worst = flown(name, text, mission, 900, true);
         println!("{name}: {worst:?}");
-        // Rounding of a step; the state begins each step equal.
-        assert!(worst[0] < 1e-12 && worst[1] < 1e-12, "{name}: {worst:?}");
+        // Rounding of a step; the state begins each step equal. At the surface powers of depths cancel in the wet share.
+        assert!(worst[0] < 1e-10 && worst[1] < 1e-12, "{name}: {worst:?}");
     }
 }
 
