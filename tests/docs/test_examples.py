@@ -2,11 +2,14 @@
 
 ``python`` and ``sh`` blocks of a page run one after the other in one namespace; a ``toml`` block that begins
 with its file's name in a comment is written there. What is shown but takes a recording or minutes is a
-``console`` block, of which verbs, options and make targets must exist.
+``console`` block, of which verbs, options and make targets must exist. A ``text`` block behind an example
+that runs quotes its output or a summary that it wrote.
 """
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 import shlex
 import tomllib
@@ -21,9 +24,9 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from seatrial.cli import app
-from tests.docs.pages import NAMES, ROOT, Block, blocks, text
+from tests.docs.pages import NAMES, ROOT, Block, blocks, differing, text
 
-LANGUAGES = {"python", "sh", "console", "toml", "c", "text"}
+LANGUAGES = {"python", "sh", "console", "toml", "c", "csv", "text"}
 TESTS = re.compile(r"\bfn (\w+)\(|^def (test_\w+)\(", re.MULTILINE)
 FILE = re.compile(r"# (\w+\.toml)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -65,19 +68,29 @@ def pages() -> Iterator[Any]:
 
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("name", list(pages()))
-def test_examples_of_the_page_run(name: str) -> None:
+def test_examples_of_the_page_run_and_print_what_it_quotes(name: str) -> None:
     namespace: dict[str, Any] = {"__name__": "__main__"}
+    printed, ran, wrong = io.StringIO(), False, []
     for block in blocks(name):
         if block.language == "python":
-            exec(compile("\n" * (block.line - 1) + block.text, name, "exec"), namespace)
+            with contextlib.redirect_stdout(printed):
+                exec(compile("\n" * (block.line - 1) + block.text, name, "exec"), namespace)
         elif block.language == "sh":
             for line in block.text.splitlines():
                 program, *arguments = shlex.split(line)
                 assert program == "seatrial", f"{name}: {line}"
                 result = CliRunner().invoke(app, arguments)
                 assert result.exit_code == 0, f"{name}: {line}\n{result.output}"
+                printed.write(result.output)
+        elif block.language == "text" and ran:
+            summaries = [path.read_text(encoding="utf-8") for path in Path().rglob("summary.txt")]
+            output = "\n".join([printed.getvalue(), *summaries])
+            wrong += [f"{name}:{block.line}: {line}" for line in differing(block.text, output)]
         elif file := FILE.match(block.text):
             Path(file[1]).write_text(block.text, encoding="utf-8")
+        if block.language in {"python", "sh", "console"}:
+            ran = block.language != "console"
+    assert not wrong, "\n".join(wrong)
 
 
 @pytest.mark.parametrize("name", NAMES)
