@@ -16,7 +16,7 @@ use seatrial::control::autopilot::file::Control;
 use seatrial::control::autopilot::set_point::SET_POINTS;
 use seatrial::control::autopilot::settings::{Settings, built_in, built_in_names};
 use seatrial::control::autopilot::{Autopilot as Engaged, AutopilotState, Thought};
-use seatrial::control::intake::{Intake, Quantity};
+use seatrial::control::intake::Quantity;
 use seatrial::control::navigation::{CHANNEL_NAMES, CHANNELS, GROUP_NAMES, Measurement};
 use seatrial::control::safety::{REACTIONS, WATCH_NAMES};
 use seatrial::description::facts::Value;
@@ -197,7 +197,7 @@ impl Autopilot {
         let allocator =
             Allocator::single(&vehicle.description, autopilot.model(), allocation).map_err(raised)?;
         let state = autopilot.begin(allocator);
-        let memory = Memory { state, intake: Intake::default(), thought: None, clock: Clock::default() };
+        let memory = Memory { state, thought: None, clock: Clock::default() };
         Ok(Helm { autopilot, description: vehicle.description.clone(), memory: Mutex::new(memory) })
     }
 
@@ -276,10 +276,9 @@ fn quantities(measurement: Named) -> PyResult<Vec<(Quantity, f64)>> {
     Named::scalars(Some(measurement))?.into_iter().map(sample).collect()
 }
 
-/// What a helm remembers: the autopilot's state, what was measured, what was thought of it last, and when.
+/// What a helm remembers: the autopilot's state, what was thought last, and when.
 struct Memory {
     state: AutopilotState<f64>,
-    intake: Intake,
     thought: Option<Thought<f64>>,
     clock: Clock,
 }
@@ -287,7 +286,7 @@ struct Memory {
 impl Memory {
     /// What the autopilot goes by: what is believed, once it has begun.
     fn known(&self) -> &Measurement<f64> {
-        if self.thought.is_some() { self.state.screen().believed() } else { self.intake.measured() }
+        if self.thought.is_some() { self.state.screen().believed() } else { self.state.intake().measured() }
     }
 }
 
@@ -405,10 +404,10 @@ impl Helm {
         }
         let samples = quantities(measurement)?;
         let mut memory = self.memory()?;
-        let Memory { state, intake, thought, clock } = &mut *memory;
+        let Memory { state, thought, clock } = &mut *memory;
         let (now, elapsed) = clock.after(time_s, dt_s, self.autopilot.period())?;
         let begun = thought.is_some();
-        let mut next = intake.clone();
+        let mut next = state.intake().clone();
         next.elapse(elapsed);
         for &(of, value) in &samples {
             next.take(of, value);
@@ -427,12 +426,11 @@ impl Helm {
                 )));
             }
         }
-        (*intake, *clock) = (next, now);
-        let known = intake.measured();
-        let ready = begun || self.autopilot.waiting_for(known).next().is_none();
+        (*state.intake_mut(), *clock) = (next, now);
+        let ready = begun || self.autopilot.waiting_for(state.intake().measured()).next().is_none();
         if ready && (!begun || clock.held >= SOONEST * self.autopilot.period()) {
             let around = (set_point.as_ref(), clock.held);
-            *thought = Some(self.autopilot.step_after(state, known, Some(&feedback), around));
+            *thought = Some(self.autopilot.decide(state, Some(&feedback), around));
             clock.held = 0.0;
         }
         let commands = self.description.actuators.iter().zip(&state.signals);
@@ -443,7 +441,7 @@ impl Helm {
     #[getter]
     fn waiting_for(&self) -> PyResult<Vec<&'static str>> {
         let memory = self.memory()?;
-        Ok(self.autopilot.waiting_for(memory.intake.measured()).collect())
+        Ok(self.autopilot.waiting_for(memory.state.intake().measured()).collect())
     }
 
     /// The age in s of every channel that the autopilot uses: the time since its last good sample, inf before the first.
@@ -460,14 +458,14 @@ impl Helm {
     #[getter]
     fn refused(&self) -> PyResult<BTreeMap<&'static str, (u64, String)>> {
         let memory = self.memory()?;
-        let impossible = memory.intake.refused();
+        let impossible = memory.state.intake().refused();
         let mut refused: BTreeMap<_, _> =
-            impossible.map(|wrong| (name_of(wrong.of), (wrong.count, wrong.to_string()))).collect();
+            impossible.map(|wrong| (name_of(wrong.of), (wrong.count as u64, wrong.to_string()))).collect();
         let screen = memory.state.screen();
         for (c, name) in CHANNEL_NAMES.into_iter().enumerate() {
             let (count, frozen) = (screen.refused(c) as u64, screen.frozen_for(c));
             if count > 0 {
-                let shown = memory.intake.measured().channels[c];
+                let shown = memory.state.intake().measured().channels[c];
                 let (_, _, unit) = Quantity::Channel(c).range();
                 let why = if frozen > 0.0 {
                     format!(

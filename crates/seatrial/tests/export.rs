@@ -132,6 +132,21 @@ impl Loop {
     }
 }
 
+/// What a broken sensor or bus may tell: no number, an infinite one, one that cannot be true, an age that is none.
+fn garble(measured: &mut Measurement<f64>, k: usize) {
+    let wild = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e6, -1e300];
+    let began = (300..860).step_by(20).rev().find(|&from| from <= k);
+    measured.battery = 1.0;
+    if let Some(from) = began.filter(|from| k < from + 8) {
+        let turn = (from - 300) / 20;
+        measured.channels[turn % 12] = wild[turn % wild.len()];
+        if turn % 7 == 6 {
+            measured.age[turn % 12] = f64::NAN;
+        }
+        measured.battery = wild[(turn + 3) % wild.len()];
+    }
+}
+
 /// Flies a mission in the core and holds every step of vehicle and autopilot against their programs.
 fn flown(name: &str, text: &str, mission: &str, periods: usize, feedback: bool) -> [f64; 2] {
     let settings = Arc::new(Settings::from_toml(text, name).expect("a valid autopilot"));
@@ -169,6 +184,7 @@ fn flown(name: &str, text: &str, mission: &str, periods: usize, feedback: bool) 
         if (220..260).contains(&k) {
             measured.channels[5] = 0.3;
         }
+        garble(&mut measured, k);
         let shown = world.motors.signals.clone();
         let all = named(&mut pilot, "");
         let commands = world.description.actuators.iter().zip(&shown).map(|(a, &s)| a.command(s));
@@ -180,6 +196,7 @@ fn flown(name: &str, text: &str, mission: &str, periods: usize, feedback: bool) 
         let commands = world.description.actuators.iter().zip(&pilot.signals).map(|(a, &s)| a.command(s));
         let expected: Vec<f64> = commands.chain(row(&thought)).collect();
         let after = named(&mut pilot, "");
+        assert!(results.iter().chain(&next).all(|x| !x.is_nan()), "{name}, period {k}");
         let of_results = apart(&expected, &results);
         let of_state = apart(&picked(&program, &after), &next);
         for (most, at, symbols) in [

@@ -1,6 +1,6 @@
 //! The autopilot: from a measurement to commands, once per control period, in fixed memory.
 //!
-//! `screen → guidance → mode → reference filters → control law → allocation → commands`, watched by [`crate::control::safety`].
+//! `intake → screen → guidance → mode → reference filters → control law → allocation → commands`, watched by [`crate::control::safety`].
 //!
 //! The mode table says which loops and actuators work from which forward speed on (with hysteresis): hover with the
 //! depth by vertical thrusters, cruise with the depth by pitch. While station-keeping the first mode works. The
@@ -13,8 +13,8 @@
 //! [`Autopilot`] and what it remembers; then the steps of a period: `reaction` (guidance, or what stands in for it),
 //! `modes`, `situation` (what the laws are told), `feed_forward`, `wrench` (allocation and back); [`Autopilot::step`] last.
 //!
-//! It must not begin while it waits for a first sample ([`Autopilot::waiting_for`]), and no channel may be
-//! other than a number, the altitude apart. Steps that come early or late, or after a pause, tell the time since the last
+//! It must not begin while it waits for a first sample ([`Autopilot::waiting_for`]). Any number may come as a sample: what
+//! cannot be true is kept out by [`crate::control::intake`]. Steps that come early or late, or after a pause, tell the time since the last
 //! one ([`Autopilot::step_after`]).
 //!
 //! Source: Taubert et al. (2014), figures 16–18 (control loop, line of sight, PID controller), equations 49–54,
@@ -102,11 +102,23 @@ impl<T: Real> Autopilot<T> {
         feedback: Option<&[T]>,
         (set_point, elapsed): (Option<&SetPoint<T>>, f64),
     ) -> Thought<T> {
+        state.intake.take_all(measured, elapsed);
+        self.decide(state, feedback, (set_point, elapsed))
+    }
+
+    /// As [`step_after`](Self::step_after), by the samples that [`AutopilotState::intake_mut`] has taken.
+    #[inline(always)]
+    pub fn decide(
+        &self,
+        state: &mut AutopilotState<T>,
+        feedback: Option<&[T]>,
+        (set_point, elapsed): (Option<&SetPoint<T>>, f64),
+    ) -> Thought<T> {
         let (zero, one, half) = (self.unit, self.unit.splat(1.0), self.unit.splat(0.5));
         let flag = |mask: T::Mask| T::select(mask, one, zero);
         let dt = self.pass(state, elapsed);
         let patience = self.settings.file.safety.frozen_after_s;
-        if let Some(leap) = state.screen.look(measured, (patience, state.speed), elapsed) {
+        if let Some(leap) = state.screen.look(state.intake.measured(), (patience, state.speed), elapsed) {
             state.follow(leap);
         }
         let measured = &{ *state.screen.believed() };

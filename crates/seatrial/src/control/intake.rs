@@ -3,12 +3,18 @@
 //! What is not a number was not measured. A number beyond what any marine vehicle can measure ([`Quantity::range`]) was
 //! not measured either: the channel grows older, and the watch over its age reacts. It is counted, never an error:
 //! garbage must not stop a vehicle under way. Roll and yaw may be unwrapped: beyond one turn they must have come there without a jump.
+//! An age that is not a number, or infinite, brings no sample; the channel then ages by the time that passes.
+//!
+//! The intake is the first part of the autopilot's step, and so of every program that is exported: nothing behind it ever
+//! computes with a value that is not a number, infinite (the altitude apart) or out of range.
 //!
 //! What is possible and still wrong, a jump or a sensor that repeats one value, is found by [`crate::control::screen`].
 //!
-//! Tests: `tests/control/samples.rs`, `tests/core/test_helm_samples.py`.
+//! Tests: `tests/control/samples.rs`, `tests/export.rs`, `tests/core/test_helm_samples.py`.
 
 use crate::control::navigation::{ALTITUDE, CHANNELS, Measurement, YAW};
+use crate::number::algebra::Vec6;
+use crate::number::real::Real;
 use std::f64::consts::PI;
 use std::fmt;
 
@@ -50,7 +56,7 @@ impl Quantity {
         match self {
             Self::Channel(c) => RANGES[c],
             Self::Battery => (0.0, 1.0, ""),
-            Self::Voltage => (f64::MIN_POSITIVE, 1e4, "V"),
+            Self::Voltage => (1e-3, 1e4, "V"),
         }
     }
 
@@ -63,11 +69,20 @@ impl Quantity {
     }
 }
 
+/// The largest force, N, and moment, N m, that a filter may tell of: what no autopilot could answer anyway.
+const LARGEST_FORCE: f64 = 1e6;
+
+/// How far a value may lie outside its range by rounding alone.
+const ROUNDING: f64 = 1e-9;
+
+/// The largest angle that an unwrapped roll or yaw may reach, rad: a thousand turns and more.
+const MOST_TURNED: f64 = 1e4;
+
 /// Samples that were refused because they cannot be true.
 #[derive(Clone, Copy, Debug)]
 pub struct Impossible {
     /// How many.
-    pub count: u64,
+    pub count: f64,
     /// The last of them.
     pub last: f64,
     /// Of what.
@@ -85,70 +100,154 @@ impl fmt::Display for Impossible {
     }
 }
 
+/// Channels, battery and voltage.
+const QUANTITIES: usize = CHANNELS + 2;
+
 /// What has arrived so far.
 #[derive(Clone, Debug)]
-pub struct Intake {
-    measured: Measurement<f64>,
-    refused: [Impossible; CHANNELS + 2],
+pub struct Intake<T> {
+    measured: Measurement<T>,
+    /// For how long no possible reading of the battery has come, s; zero before the first.
+    battery_age: T,
+    battery_known: T,
+    /// How many samples were refused, and the last of them, by [`Quantity::place`].
+    count: [T; QUANTITIES],
+    last: [T; QUANTITIES],
 }
 
-impl Default for Intake {
-    fn default() -> Self {
-        let quantities = (0..CHANNELS).map(Quantity::Channel).chain([Quantity::Battery, Quantity::Voltage]);
-        let mut refused = [Impossible { count: 0, last: f64::NAN, of: Quantity::Battery }; CHANNELS + 2];
-        refused.iter_mut().zip(quantities).for_each(|(place, of)| place.of = of);
-        Self { measured: Measurement::nothing(0.0), refused }
+crate::memory!(Intake: measured, battery_age, battery_known, count, last;);
+
+impl<T: Real> Intake<T> {
+    /// Nothing has arrived.
+    pub fn new(unit: T) -> Self {
+        Self {
+            measured: Measurement::nothing(unit),
+            battery_age: unit.zero(),
+            battery_known: unit.zero(),
+            count: [unit.zero(); QUANTITIES],
+            last: [unit.zero(); QUANTITIES],
+        }
     }
-}
 
-impl Intake {
     /// The last possible samples with their ages.
-    pub fn measured(&self) -> &Measurement<f64> {
+    pub fn measured(&self) -> &Measurement<T> {
         &self.measured
     }
 
+    /// For how long, s, the battery has shown nothing possible although it once did.
+    pub fn battery_age(&self) -> T {
+        self.battery_age
+    }
+
     /// Lets `seconds` pass: everything grows older.
+    #[inline(always)]
     pub fn elapse(&mut self, seconds: f64) {
         for age in &mut self.measured.age {
-            *age += seconds;
+            *age = *age + seconds;
         }
+        self.battery_age += self.battery_known * seconds;
+    }
+
+    /// Takes a whole measurement, `seconds` after the last one: every sample with the age that comes with it.
+    #[inline(always)]
+    pub fn take_all(&mut self, told: &Measurement<T>, seconds: f64) {
+        self.elapse(seconds);
+        for c in 0..CHANNELS {
+            self.take_aged(c, told.channels[c], told.age[c]);
+        }
+        self.take(Quantity::Battery, told.battery);
+        self.take_disturbance(&told.disturbance);
+        self.measured.voltage = told.voltage;
     }
 
     /// Takes a sample of now, or refuses and counts it; what is not a number is no sample.
-    pub fn take(&mut self, of: Quantity, value: f64) {
-        if value.is_nan() {
-            return;
-        }
-        if !self.possible(of, value) {
-            let refused = &mut self.refused[of.place()];
-            (refused.count, refused.last) = (refused.count + 1, value);
-            return;
-        }
+    #[inline(always)]
+    pub fn take(&mut self, of: Quantity, value: T) {
         match of {
-            Quantity::Channel(c) => (self.measured.channels[c], self.measured.age[c]) = (value, 0.0),
-            Quantity::Battery => self.measured.battery = value,
-            Quantity::Voltage => self.measured.voltage = value,
+            Quantity::Channel(c) => self.take_aged(c, value, value.zero()),
+            Quantity::Battery => {
+                let possible = self.possible(of, value);
+                self.measured.battery = T::select(possible, value, self.measured.battery);
+                self.battery_age = T::select(possible, value.zero(), self.battery_age);
+                self.battery_known = T::select(possible, value.splat(1.0), self.battery_known);
+                self.refuse(of, value, (value.zero().lt(value.splat(1.0)), possible));
+            }
+            Quantity::Voltage => {
+                let possible = self.possible(of, value);
+                if T::any(possible) {
+                    self.measured.voltage = value.largest();
+                }
+                self.refuse(of, value, (value.zero().lt(value.splat(1.0)), possible));
+            }
         }
     }
 
-    /// Whether a sample of now can be true.
-    pub fn possible(&self, of: Quantity, value: f64) -> bool {
+    /// Takes a sample of a channel that is `age` seconds old.
+    #[inline(always)]
+    fn take_aged(&mut self, c: usize, value: T, age: T) {
+        let of = Quantity::Channel(c);
+        let possible = self.possible(of, value);
+        let comes = age.lt(age.splat(f64::INFINITY));
+        let taken = T::both(comes, possible);
+        self.measured.channels[c] = T::select(taken, value, self.measured.channels[c]);
+        self.measured.age[c] = T::select(taken, age.max(age.zero()), self.measured.age[c]);
+        self.refuse(of, value, (comes, possible));
+    }
+
+    /// Takes the force that a filter tells of; what is impossible leaves the last one.
+    #[inline(always)]
+    fn take_disturbance(&mut self, told: &Vec6<T>) {
+        for (known, &value) in self.measured.disturbance.iter_mut().zip(told) {
+            let possible = value.abs().lt(value.splat(LARGEST_FORCE));
+            *known = T::select(possible, value, *known);
+        }
+    }
+
+    /// Counts a sample that `comes`, is a number and is not `possible`.
+    #[inline(always)]
+    fn refuse(&mut self, of: Quantity, value: T, (comes, possible): (T::Mask, T::Mask)) {
+        let place = of.place();
+        let number = T::either(value.lt(value.splat(f64::INFINITY)), value.zero().lt(value));
+        let (one, zero) = (value.splat(1.0), value.zero());
+        let refused = T::select(possible, zero, T::select(T::both(comes, number), one, zero));
+        self.count[place] += refused;
+        self.last[place] = T::select(zero.lt(refused), value, self.last[place]);
+    }
+
+    /// Where a sample of now can be true.
+    #[inline(always)]
+    pub fn possible(&self, of: Quantity, value: T) -> T::Mask {
         let (low, high, _) = of.range();
-        let unwrapped = |c: usize| {
-            let (last, age) = (self.measured.channels[c], self.measured.age[c]);
-            // Half a turn, and another for each second in between.
-            age.is_finite() && (value - last).abs() < PI * (1.0 + age) && value.abs() < 1e4
-        };
+        // Not a number and an infinite one are no rounding away from a bound.
+        let beyond = value - value.clamped(value.splat(low), value.splat(high));
+        let within = beyond.abs().lt(value.splat(ROUNDING));
         match of {
             // No bottom within reach is a measurement.
-            Quantity::Channel(ALTITUDE) if value == f64::INFINITY => true,
-            Quantity::Channel(c @ (3 | YAW)) => (low..=high).contains(&value) || unwrapped(c),
-            _ => (low..=high).contains(&value),
+            Quantity::Channel(ALTITUDE) => {
+                let finite = T::select(value.lt(value.splat(f64::INFINITY)), value.splat(1.0), value.zero());
+                let unbounded = T::both(value.zero().lt(value), finite.lt(value.splat(0.5)));
+                T::either(within, unbounded)
+            }
+            Quantity::Channel(c @ (3 | YAW)) => {
+                let (last, age) = (self.measured.channels[c], self.measured.age[c]);
+                // Half a turn, and another for each second in between.
+                let reach = (age + 1.0) * PI;
+                let near = T::both(age.lt(age.splat(f64::INFINITY)), (value - last).abs().lt(reach));
+                T::either(within, T::both(near, value.abs().lt(value.splat(MOST_TURNED))))
+            }
+            _ => within,
         }
     }
+}
 
+impl Intake<f64> {
     /// What was refused, if anything.
-    pub fn refused(&self) -> impl Iterator<Item = &Impossible> {
-        self.refused.iter().filter(|refused| refused.count > 0)
+    pub fn refused(&self) -> impl Iterator<Item = Impossible> {
+        let quantities = (0..CHANNELS).map(Quantity::Channel).chain([Quantity::Battery, Quantity::Voltage]);
+        let of = |of: Quantity| {
+            let (count, last) = (self.count[of.place()], self.last[of.place()]);
+            Impossible { count, last, of }
+        };
+        quantities.map(of).filter(|refused| refused.count > 0.0)
     }
 }

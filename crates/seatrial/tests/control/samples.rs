@@ -130,20 +130,20 @@ fn law_screen_headings_go_the_shorter_way_round() {
 
 #[test]
 fn law_intake_headings_may_be_unwrapped_and_not_in_degrees() {
-    let mut intake = Intake::default();
+    let mut intake = Intake::<f64>::new(0.0);
     let yaw = Quantity::Channel(5);
     for k in 0..1000 {
         intake.elapse(PERIOD);
         intake.take(yaw, 0.05 * f64::from(k));
         assert_eq!(intake.measured().age[5], 0.0, "step {k}");
     }
-    let mut intake = Intake::default();
+    let mut intake = Intake::<f64>::new(0.0);
     for (value, good) in [(270.0, false), (1.0, true), (90.0, false), (f64::NAN, false), (1.1, true)] {
         intake.elapse(PERIOD);
         intake.take(yaw, value);
         assert_eq!(intake.measured().age[5] == 0.0, good, "{value}");
     }
-    assert_eq!(intake.refused().map(|r| (r.count, r.last)).collect::<Vec<_>>(), [(2, 90.0)]);
+    assert_eq!(intake.refused().map(|r| (r.count, r.last)).collect::<Vec<_>>(), [(2.0, 90.0)]);
 }
 
 /// What becomes of a channel for a while.
@@ -198,7 +198,7 @@ properties! {
         let after = [
             table.stale_position, table.stale_depth, table.stale_attitude, table.stale_velocity, table.stale_rates,
         ].map(|stale| stale.after_s);
-        let (mut intake, mut fates) = (Intake::default(), [Fate::Good; CHANNELS]);
+        let (mut intake, mut fates) = (Intake::<f64>::new(0.0), [Fate::Good; CHANNELS]);
         intake.take(Quantity::Voltage, 14.8);
         let mut truth = [0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 20.0, 0.5, 0.0, 0.0];
         let (mut silent, mut steps) = ([0.0; CHANNELS], 0_u32);

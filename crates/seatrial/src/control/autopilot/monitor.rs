@@ -34,6 +34,9 @@ pub struct Monitor<T> {
     rest: f64,
 }
 
+/// A measured signal beyond this multiple of the largest one is none: no motor turns twice as fast as it can.
+const READABLE: f64 = 2.0;
+
 /// Every motor has reached its target after so long, s.
 const SETTLED_S: f64 = 60.0;
 
@@ -78,11 +81,12 @@ impl<T: Real> Monitor<T> {
         }
     }
 
-    /// Compares measured signals with the expected ones; what is not a number was not measured.
+    /// Compares measured signals with the expected ones; what is not a number, or far beyond the largest signal, was not
+    /// measured.
     #[inline(always)]
     pub fn compare(&mut self, signals: &[T], table: &ActuatorWatch, dt: f64) {
         for (i, &signal) in signals.iter().enumerate() {
-            let told = signal.abs().lt(signal.splat(f64::INFINITY));
+            let told = signal.abs().lt(signal.splat(READABLE * self.largest[i]));
             self.shown[i] = T::select(told, signal, self.shown[i]);
             if !self.largest[i].is_finite() {
                 continue;
@@ -91,6 +95,7 @@ impl<T: Real> Monitor<T> {
             let away = zero
                 .splat(table.deviation * self.largest[i])
                 .lt((signal - self.drive.states[i].signal).abs());
+            let away = T::both(told, away);
             self.off[i] = T::select(away, self.off[i] + dt, zero);
             let lost = zero.splat(table.after_s).lt(self.off[i]);
             self.any |= T::any(lost);

@@ -9,6 +9,7 @@ use crate::actuator::motor::Limits;
 use crate::control::allocation::Allocator;
 use crate::control::control_law::{HEADING, HEAVE, PITCH, SWAY};
 use crate::control::guidance::{Guidance, Progress};
+use crate::control::intake::Intake;
 use crate::control::lqr::{Lqr, LqrState};
 use crate::control::pid::{Pid, PidState};
 use crate::control::reference_filter::Reference;
@@ -61,6 +62,7 @@ pub struct AutopilotState<T> {
     pub(super) late: f64,
     /// Time over which this step integrates and moves limited values, s.
     pub(super) dt: f64,
+    pub(super) intake: Intake<T>,
     pub(super) screen: Screen<T>,
     pub(super) progress: Progress<T>,
     /// Per mode above the first, 1 while its speed is reached.
@@ -94,11 +96,21 @@ pub struct AutopilotState<T> {
 }
 
 crate::memory!(AutopilotState:
-    count, screen, progress, reached, active, references, pid, lqr, rates, speed, depth, surfaced, achieved, alert,
+    count, intake, screen, progress, reached, active, references, pid, lqr, rates, speed, depth, surfaced, achieved, alert,
     pitch, heading, allocator, monitor, approach;
     late, dt, usable, signals, dither, sounded);
 
 impl<T: Real> AutopilotState<T> {
+    /// What has arrived, and what of it was possible.
+    pub fn intake(&self) -> &Intake<T> {
+        &self.intake
+    }
+
+    /// Where samples are put that come one by one, for [`Autopilot::decide`].
+    pub fn intake_mut(&mut self) -> &mut Intake<T> {
+        &mut self.intake
+    }
+
     /// Which samples are believed.
     pub fn screen(&self) -> &Screen<T> {
         &self.screen
@@ -182,6 +194,7 @@ impl<T: Real> Autopilot<T> {
             count: unit,
             late: 0.0,
             dt: self.settings.file.period_s,
+            intake: Intake::new(unit),
             screen: Screen::new(unit),
             progress: self.guidance.begin(&self.mission.start, &self.mission.waypoints),
             reached: vec![unit; self.settings.modes.len() - 1],
