@@ -18,7 +18,9 @@ __all__ = [
     "SimulationError",
     "TrialError",
     "VehicleError",
+    "foreign",
     "nearest",
+    "printable",
     "reason",
 ]
 
@@ -81,3 +83,15 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if close:
         return f'; did you mean "{folded[close[0]]}"?'
     return "; known: " + ", ".join(names)
+
+
+def printable(name: str, longest: int = 60) -> str:
+    """A name from a file as it may be shown: no control characters, not too long."""
+    plain = name if name.isprintable() else repr(name)[1:-1]
+    return plain if len(plain) <= longest else plain[: longest - 3] + "..."
+
+
+def foreign(error: BaseException) -> str:
+    """What a package says that a damaged file upset; it may quote the file at any length."""
+    words = printable(" ".join(str(error).split()), 200)
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__

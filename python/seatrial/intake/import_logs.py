@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.blas_threads import one_blas_thread
-from seatrial.base.errors import TrialError
+from seatrial.base.errors import TrialError, printable
 from seatrial.base.folder_lock import only_user
 from seatrial.intake.consistency import Consistency, Series, consistency, convention_of
 from seatrial.intake.consistency_trials import series_of
@@ -32,10 +32,9 @@ from seatrial.intake.recordings import (
     recordings,
     table_of,
 )
-from seatrial.intake.survey import Survey, survey
+from seatrial.intake.survey import Survey, importing, survey
 from seatrial.intake.trial_windows import moved, moves
 from seatrial.intake.vehicle_draft import VehicleDraft, draft_vehicle, matched, thruster_signs, turned
-from seatrial.logs.log import printable
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.readers import Recording as ReadTable
 from seatrial.trial.recording import recording
@@ -88,11 +87,11 @@ def import_logs(
     """
     logs = [paths] if isinstance(paths, str | Path) else [*paths]
     if out is None:
-        with one_blas_thread():
+        with importing(logs), one_blas_thread():
             return _imported_logs(logs, None, map, vehicle, progress)
     folder = Path(out)
     refuse_foreign(folder, force)
-    with only_user(folder), one_blas_thread():
+    with importing(logs), only_user(folder), one_blas_thread():
         refuse_foreign(folder, force)  # another import may have ended meanwhile
         return _imported_logs(logs, folder, map, vehicle, progress)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.channels import CHANNELS
+from seatrial.base.errors import printable
 from seatrial.base.report import Report, Section, Table
 from seatrial.intake.consistency import Consistency
 from seatrial.intake.consistency_trials import proposals
@@ -17,7 +18,6 @@ from seatrial.intake.map_file import Column
 from seatrial.intake.survey import Survey
 from seatrial.intake.vehicle_draft import opposed
 from seatrial.logs.join import SPLIT
-from seatrial.logs.log import printable
 from seatrial.trial.assembly import JUMPED, MOSTLY_MASKED, UNCOMMANDED
 from seatrial.trial.defects import ABOVE
 

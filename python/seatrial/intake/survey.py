@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from os.path import realpath
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from seatrial.base.errors import TrialError
+from seatrial.base.budget import Budget, guarded, size_of
+from seatrial.base.errors import TrialError, printable
 from seatrial.base.report import Report, Section, Table
 from seatrial.logs.formats import FORMATS, open_log
 from seatrial.logs.gravity import by_gravity
-from seatrial.logs.log import Event, Field, Log, Share, Topic, printable
+from seatrial.logs.log import Event, Field, Log, Share, Topic
 from seatrial.logs.recognise import ESTIMATED, FEWEST, Proposal, named_but_empty, propose, unknown_unit
 from seatrial.logs.units import KNOWN_UNITS
 
-__all__ = ["Survey", "SurveyedLog", "Unused", "chosen", "survey"]
+__all__ = ["Survey", "SurveyedLog", "Unused", "chosen", "importing", "survey"]
 
 _VECTORS = (
     ("x_m", "y_m"),
@@ -237,6 +239,23 @@ class Survey:
         )
 
 
+_IMPORT = Budget(cpu_s=120.0, cpu_s_per_mb=100.0, memory_mb=700.0, memory_mb_per_mb=25.0)
+"""What an import may cost beside the reading of its logs, which has budgets of its own: alignment,
+corrections and manoeuvres took 8 s per MB of the tests' recordings at most."""
+
+
+def importing(paths: Iterable[str | Path]) -> AbstractContextManager[None]:
+    """What holds an import of some logs to its budget, and makes one sentence of all that it raises."""
+    files = [Path(path) for path in paths]
+    return guarded(
+        ", ".join(printable(file.name) for file in files[:6]),
+        "the import",
+        "list the fields with seatrial import LOG, leave out those that hold no measurements: write map.toml",
+        size=sum(map(size_of, files)),
+        budget=_IMPORT,
+    )
+
+
 def survey(paths: Iterable[str | Path], share: Callable[[float, str], None] | None = None) -> Survey:
     """Survey of some logs: a pass over each.
 
@@ -266,7 +285,8 @@ def survey(paths: Iterable[str | Path], share: Callable[[float, str], None] | No
             if share is not None:
                 share((k + done) / len(files), f"survey of {path.name}")
 
-        logs.append(_surveyed(path, part))
+        with importing([path]):
+            logs.append(_surveyed(path, part))
     return Survey(tuple(logs))
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.logs.log import printable
+from seatrial.base.errors import printable
 
 if TYPE_CHECKING:
     import polars as pl

@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import TrialError, reason
+from seatrial.base.errors import TrialError, printable, reason
 from seatrial.logs.clock import Counter32, TimeColumn, after, scale_of, seconds, time_column, time_fields
 from seatrial.logs.formats import DAMAGED, unpacked
 from seatrial.logs.layout import GROUPED, Layout, cells_of, layout_of
-from seatrial.logs.log import Chunk, Log, Share, printable, stem_of
+from seatrial.logs.log import Chunk, Log, Share, stem_of
 
 if TYPE_CHECKING:
     import polars as pl

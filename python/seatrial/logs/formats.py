@@ -9,12 +9,14 @@ from __future__ import annotations
 import gzip
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from seatrial.base.budget import Budget
 from seatrial.base.errors import TrialError, nearest, reason
+from seatrial.logs.log import reading
 
 if TYPE_CHECKING:
     from seatrial.logs.log import Log
@@ -27,24 +29,35 @@ DAMAGED = (OSError, EOFError, zlib.error)
 
 @dataclass(frozen=True)
 class Format:
-    """A format of logs: the module that reads it, its file endings, how its files begin, what it is."""
+    """A format of logs: the module that reads it, its file endings, how its files begin, what it is.
+
+    ``cpu_s_per_mb`` is the processor time that an honest file may take per MB and pass, s: some five times
+    the 2.3 (MAVLink), 0.9 (MCAP, ROS bags, chunks packed several times), 0.5 (IMC), 0.2 (MOOS, text of
+    DataFlash) and 0.05 s/MB (tables, arrays) that were measured.
+    """
 
     module: str
     endings: tuple[str, ...]
     magic: tuple[bytes, ...]
     description: str
+    cpu_s_per_mb: float = 0.2
+
+    @property
+    def budget(self) -> Budget:
+        """What reading a file of this format may cost."""
+        return Budget(cpu_s_per_mb=self.cpu_s_per_mb)
 
 
 FORMATS: dict[str, Format] = {
-    "dataflash": Format("dataflash", (".bin",), (b"\xa3\x95", b"FMT, "), "ArduPilot DataFlash log"),
-    "mavlink": Format("mavlink", (".tlog",), (), "MAVLink telemetry log"),
-    "ulog": Format("ulog", (".ulg", ".ulog"), (b"ULog\x01\x12\x35",), "PX4 ULog"),
-    "rosbag": Format("rosbag", (".bag", ".db3"), (b"#ROSBAG V", b"SQLite format 3"), "ROS bag"),
-    "mcap": Format("mcap", (".mcap",), (b"\x89MCAP",), "MCAP"),
+    "dataflash": Format("dataflash", (".bin",), (b"\xa3\x95", b"FMT, "), "ArduPilot DataFlash log", 1.0),
+    "mavlink": Format("mavlink", (".tlog",), (), "MAVLink telemetry log", 15.0),
+    "ulog": Format("ulog", (".ulg", ".ulog"), (b"ULog\x01\x12\x35",), "PX4 ULog", 0.3),
+    "rosbag": Format("rosbag", (".bag", ".db3"), (b"#ROSBAG V", b"SQLite format 3"), "ROS bag", 5.0),
+    "mcap": Format("mcap", (".mcap",), (b"\x89MCAP",), "MCAP", 5.0),
     "matlab": Format("matlab", (".mat",), (b"MATLAB ", b"\x89HDF\r\n"), "MATLAB file"),
-    "moos": Format("moos", (".alog",), (b"%%",), "MOOS alog"),
-    "imc": Format("imc", (".lsf", ".lsf.gz"), (b"\x54\xfe", b"\xfe\x54"), "IMC log of DUNE (LSF)"),
-    "parquet": Format("parquet", (".parquet", ".pq"), (b"PAR1",), "Apache Parquet"),
+    "moos": Format("moos", (".alog",), (b"%%",), "MOOS alog", 1.0),
+    "imc": Format("imc", (".lsf", ".lsf.gz"), (b"\x54\xfe", b"\xfe\x54"), "IMC log of DUNE (LSF)", 3.0),
+    "parquet": Format("parquet", (".parquet", ".pq"), (b"PAR1",), "Apache Parquet", 0.3),
     "csv": Format("delimited", (".csv", ".tsv", ".txt", ".dat", ".csv.gz"), (), "table of text"),
 }
 """Formats by name."""
@@ -53,6 +66,8 @@ _BINARY = ("dataflash", "mavlink", "ulog", "rosbag", "mcap", "matlab", "imc", "p
 _TEXT = frozenset(b"\t\n\r") | frozenset(range(32, 127))  # a binary log with another name is no such text
 
 _HEAD = 512
+_PART = 65_536  # bytes that are unpacked at a time
+_PACKED = 10.0  # times as long is what gzip packed
 
 
 def format_of(path: Path) -> str:
@@ -117,9 +132,14 @@ def open_log(path: str | Path, reader: str | Callable[[Path], Log] | None = None
     if reader is not None and reader not in FORMATS:
         raise TrialError(f'{path}: unknown reader "{reader}"{nearest(reader, FORMATS)}')
     name = format_of(path) if reader is None else reader
-    module = import_module(f"seatrial.logs.{FORMATS[name].module}")
-    log: Log = module.open_log(path)
-    return log
+    entry = FORMATS[name]
+    budget = entry.budget
+    if not path.is_dir() and is_packed(path):
+        budget = replace(budget, cpu_s_per_mb=_PACKED * budget.cpu_s_per_mb)
+    with reading(path, entry.description, budget):
+        log: Log = import_module(f"seatrial.logs.{entry.module}").open_log(path)
+        log.budget = budget
+        return log
 
 
 def extra(package: str, path: Path) -> Any:
@@ -140,16 +160,41 @@ def extra(package: str, path: Path) -> Any:
 
 
 class _Unpacked:
-    """A stream packed with gzip that gives all that is before the damage."""
+    """A stream packed with gzip: all that is before the damage, and no more than honest text unpacks to."""
 
     def __init__(self, path: Path) -> None:
+        self._path = path
         self._file = path.open("rb")
         self._stream = gzip.GzipFile(fileobj=self._file)
         self.tell = self._file.tell
+        self._given = 0  # bytes so far
+        self._failed: Exception | None = None
 
-    def read(self, size: int = -1) -> bytes:
-        """At most `size` bytes, as many as one read of the file gives."""
-        return self._stream.read1(min(size, 65_536) if size > 0 else 65_536)
+    def read(self, size: int) -> bytes:
+        """`size` bytes, fewer at the end or before the damage.
+
+        Raises
+        ------
+        TrialError
+            What was read so far unpacks to more than any log.
+        """
+        if self._failed is not None:
+            raise self._failed
+        content = bytearray()
+        try:
+            while len(content) < size and (part := self._stream.read1(min(size - len(content), _PART))):
+                content += part
+        except DAMAGED as error:
+            if not content:
+                raise
+            self._failed = error
+        self._given += len(content)
+        if self._given > Budget().stream_of(packed := self.tell()):
+            raise TrialError(
+                f"{self._path}: its first {packed:,} bytes unpack to {self._given:,}; no log is packed more"
+                f" than {Budget().unpacked_ratio:g} times: it is made to fill the memory, fetch it again"
+            )
+        return bytes(content)
 
     def __enter__(self) -> Self:
         return self
@@ -159,11 +204,15 @@ class _Unpacked:
         self._file.close()
 
 
+def is_packed(path: Path) -> bool:
+    """Whether gzip packed a file."""
+    with path.open("rb") as stream:
+        return stream.read(2) == b"\x1f\x8b"
+
+
 def unpacked(path: Path) -> Any:
     """A binary stream of a file, unpacked where gzip packed it; its `tell` is the place in the file."""
-    with path.open("rb") as stream:
-        packed = stream.read(2) == b"\x1f\x8b"
-    return _Unpacked(path) if packed else path.open("rb")
+    return _Unpacked(path) if is_packed(path) else path.open("rb")
 
 
 def _head(path: Path) -> bytes:

@@ -27,6 +27,7 @@ __all__ = ["open_log"]
 
 _HEADER, _FOOTER = 20, 2
 _SYNC = 0xFE54
+_MARK = re.compile(rb"\x54\xfe|\xfe\x54")
 _FIRST = 1_000_000_000  # messages that an estimate of the own state counts for: only a vehicle has one
 _APART_S = 1.0  # two systems that keep time differ by less, transmission included
 _MOST_SOURCES = 100
@@ -154,8 +155,11 @@ class _Lsf(Log):
                 while len(data) - begin >= _HEADER + _FOOTER:
                     order = _order(data, begin)
                     if order is None:
-                        begin += 1
-                        skipped += 1
+                        following = _MARK.search(data, begin + 1)
+                        # The last byte may be the first of a mark.
+                        beyond = following.start() if following else len(data) - 1
+                        skipped += beyond - begin
+                        begin = beyond
                         continue
                     _, kind, length, stamp, source, entity = struct.unpack_from(order + "HHHdHB", data, begin)
                     end = begin + _HEADER + length + _FOOTER

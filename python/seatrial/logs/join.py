@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import TrialError
-from seatrial.logs.log import Log, Samples, Share, printable
+from seatrial.base.errors import TrialError, printable
+from seatrial.logs.log import Log, Samples, Share
 from seatrial.logs.stamps import spread_bursts, strays
 
 if TYPE_CHECKING:

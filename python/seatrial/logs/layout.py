@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.base.errors import TrialError, reason
+from seatrial.base.errors import TrialError, printable, reason
 from seatrial.logs.clock import stated_unit, time_fields
 from seatrial.logs.formats import DAMAGED, unpacked
-from seatrial.logs.log import MOST_FIELDS, printable
+from seatrial.logs.log import MOST_FIELDS
 from seatrial.logs.units import is_unit, no_unit, unit_of
 
 __all__ = ["GROUPED", "Layout", "cells_of", "encoding_of", "layout_of"]

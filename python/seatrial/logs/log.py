@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -22,9 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import TrialError, nearest
+from seatrial.base.budget import Budget, guarded, size_of
+from seatrial.base.errors import TrialError, nearest, printable
 
-__all__ = ["Chunk", "Event", "Field", "Log", "Samples", "Share", "Topic", "listed"]
+__all__ = ["Chunk", "Event", "Field", "Log", "Samples", "Share", "Topic", "listed", "reading"]
 
 CHUNK_ROWS = 65_536
 """Most rows of a chunk: bounds the memory, not what a log may hold."""
@@ -33,8 +35,8 @@ Share = Callable[[float], None]
 """Called with the share of the file that was read, 0 to 1."""
 
 _MOST_NOTES = 200
-MOST_TOPICS, MOST_FIELDS = 10_000, 100_000
-"""A log with more is damaged or hostile."""
+MOST_TOPICS, MOST_FIELDS = 10_000, 10_000
+"""A log with more is damaged or hostile: a PX4 log has some 3,000 fields."""
 
 
 class Chunk(NamedTuple):
@@ -166,6 +168,8 @@ class Log(ABC):
         Unix time of stamp zero, s; None where the log does not say. Logs with an epoch share a clock.
     parameters
         Parameters of the vehicle that the log carries, by name.
+    budget
+        What reading it may cost.
     """
 
     path: Path
@@ -179,6 +183,7 @@ class Log(ABC):
     words: dict[tuple[str, str], str] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     of_file: set[str] = field(default_factory=set)
+    budget: Budget = field(default_factory=Budget)
 
     @property
     @abstractmethod
@@ -200,14 +205,23 @@ class Log(ABC):
         return []
 
     def topics(self, share: Share | None = None) -> list[Topic]:
-        """What every topic and field holds, from one pass over the log."""
-        wanted = {topic: tuple(fields) for topic, fields in self.fields.items()}
-        surveys = {topic: _Survey(fields) for topic, fields in wanted.items()}
-        for chunk in self.chunks(wanted, share):
-            surveys[chunk.topic].add(chunk)
-        found = [
-            survey.topic(name, self.fields[name]) for name, survey in surveys.items() if survey.samples > 0
-        ]
+        """What every topic and field holds, from one pass over the log.
+
+        Raises
+        ------
+        TrialError
+            If the file cannot be read any more.
+        """
+        with self.guarded():
+            wanted = {topic: tuple(fields) for topic, fields in self.fields.items()}
+            surveys = {topic: _Survey(fields) for topic, fields in wanted.items()}
+            for chunk in self.chunks(wanted, share):
+                surveys[chunk.topic].add(chunk)
+            found = [
+                survey.topic(name, self.fields[name])
+                for name, survey in surveys.items()
+                if survey.samples > 0
+            ]
         return [
             replace(topic, kind=self.kinds.get(topic.name, ""), of_file=topic.name in self.of_file)
             for topic in found
@@ -228,16 +242,21 @@ class Log(ABC):
                 if name not in self.fields[topic]:
                     near = nearest(name, self.fields[topic])
                     raise TrialError(f'{self.path}: topic "{topic}" has no field "{name}"{near}')
-        parts: dict[str, list[Chunk]] = {topic: [] for topic in wanted}
-        for chunk in self.chunks(wanted, share):
-            parts[chunk.topic].append(chunk)
-        result = {}
-        for topic, chunks in parts.items():
-            names = wanted[topic]
-            t = np.concatenate([chunk.t for chunk in chunks]) if chunks else np.empty(0)
-            values = np.concatenate([c.values for c in chunks]) if chunks else np.empty((0, len(names)))
-            result[topic] = Samples(t, {name: values[:, k] for k, name in enumerate(names)})
+        with self.guarded():
+            parts: dict[str, list[Chunk]] = {topic: [] for topic in wanted}
+            for chunk in self.chunks(wanted, share):
+                parts[chunk.topic].append(chunk)
+            result = {}
+            for topic, chunks in parts.items():
+                names = wanted[topic]
+                t = np.concatenate([chunk.t for chunk in chunks]) if chunks else np.empty(0)
+                values = np.concatenate([c.values for c in chunks]) if chunks else np.empty((0, len(names)))
+                result[topic] = Samples(t, {name: values[:, k] for k, name in enumerate(names)})
         return result
+
+    def guarded(self) -> AbstractContextManager[None]:
+        """What holds a block that reads the log to its budget, and makes one sentence of what it raises."""
+        return reading(self.path, self.format, self.budget)
 
     def note(self, text: str) -> None:
         """Keep a note, once; of very many only the first."""
@@ -337,6 +356,12 @@ class _Survey:
         )
 
 
+def reading(path: Path, format: str, budget: Budget) -> AbstractContextManager[None]:
+    """What holds the reading of a file of a format to its budget."""
+    remedy = "fetch or write the file again; if it is another format, name its reader"
+    return guarded(path, f"reading it as {format}", remedy, size=size_of(path), budget=budget)
+
+
 _MOST = 12
 
 
@@ -346,17 +371,6 @@ def listed(names: Sequence[str]) -> str:
     return shown + (f" and {len(names) - _MOST} more" if len(names) > _MOST else "")
 
 
-def printable(name: str, longest: int = 60) -> str:
-    """A name from a file as it may be shown: no control characters, not too long."""
-    plain = name if name.isprintable() else repr(name)[1:-1]
-    return plain if len(plain) <= longest else plain[: longest - 3] + "..."
-
-
 def stem_of(path: Path) -> str:
     """Name of a file without its ending as text; bytes that are not UTF-8 are replaced."""
     return path.stem.encode(errors="surrogateescape").decode(errors="replace")
-
-
-def foreign(error: Exception) -> str:
-    """What a package says that a damaged file upset; it may quote the file at any length."""
-    return f"{type(error).__name__}: {printable(str(error), 200)}"

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.budget import Budget, claim
 from seatrial.base.errors import TrialError
 from seatrial.logs.clock import Counter32, TimeScale, rises, scale_of, time_fields
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share, foreign, stem_of
+from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share, stem_of
 from seatrial.logs.matlab5 import arrays
 from seatrial.logs.rows import LONGEST_ARRAY
 
@@ -27,8 +28,6 @@ __all__ = ["open_log"]
 
 _FEWEST = 3  # samples of a signal
 _DEEPEST = 8
-_MOST_BYTES = 100_000_000
-"""Of a data set, beyond 200 times what it takes in the file: more is a header that lies."""
 
 
 def open_log(path: Path) -> Log:
@@ -123,16 +122,8 @@ def _is_hdf(path: Path) -> bool:
 
 def _hdf_arrays(path: Path, log: Log) -> Iterator[tuple[str, str, Array]]:
     h5py = extra("h5py", path)
-    try:
-        with h5py.File(path, "r") as file:
-            yield from _walk_hdf("", file, h5py, log, 0)
-    except TrialError:
-        raise
-    except Exception as error:  # a damaged file may raise anything in h5py
-        raise TrialError(
-            f"{path}: not readable as a MATLAB 7.3 file, which cannot be read in part"
-            f" ({foreign(error)}); save or copy it again"
-        ) from None
+    with h5py.File(path, "r") as file:
+        yield from _walk_hdf("", file, h5py, log, 0)
 
 
 def _walk_hdf(
@@ -153,9 +144,10 @@ def _walk_hdf(
         elif value.attrs.get("MATLAB_class", b"") in (b"char", b"cell", b"function_handle"):
             continue
         elif value.dtype.kind in "biuf" and value.ndim in (1, 2) and value.size >= _FEWEST:
-            if value.size * 8 > 200 * path_size(value) + _MOST_BYTES:
+            if value.size * 8 > Budget().unpacked_of(path_size(value)):
                 log.note(f"{inner}: {value.size} values promised, more than the file can hold; left out")
                 continue
+            claim(value.size * (8 + value.dtype.itemsize))
             cells = np.asarray(value[()], float)
             yield structure, name, np.squeeze(cells.T) if cells.ndim == 2 else cells
 

@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import TrialError
-from seatrial.logs.log import Log, printable
+from seatrial.base.budget import Budget, claim
+from seatrial.base.errors import TrialError, printable
+from seatrial.logs.log import Log
 
 __all__ = ["arrays"]
 
@@ -28,8 +29,7 @@ _MATRIX, _PACKED = 14, 15
 _STRUCTURE, _OBJECTS = 2, (3, 16, 17)
 _NUMERIC = range(6, 16)
 _DEEPEST = 8
-_MOST_BYTES = 100_000_000
-"""Of an unpacked variable, beyond 200 times its packed size: more is a file made to fill the memory."""
+_PART = 1 << 22  # bytes that are unpacked at a time
 
 
 class _Damaged(Exception):
@@ -93,14 +93,22 @@ def _element(data: memoryview, at: int, order: str) -> _Element:
 
 def _variable(element: _Element, order: str, log: Log) -> Iterator[tuple[str, str, Array]]:
     if element.kind == _PACKED:
-        most = 200 * len(element.content) + _MOST_BYTES
-        unpacker = zlib.decompressobj()
-        content = memoryview(unpacker.decompress(element.content, most))
-        if unpacker.unconsumed_tail:
-            raise _Damaged(f"more than {most:,} bytes packed into {len(element.content):,}")
-        element = _element(content, 0, order)
+        element = _element(memoryview(_unpacked(element.content)), 0, order)
     if element.kind == _MATRIX:
         yield from _matrix("", None, element.content, order, log, 0)
+
+
+def _unpacked(content: memoryview) -> bytearray:
+    """A packed element, piece by piece, so that a budget can end it."""
+    most = Budget().unpacked_of(len(content))
+    unpacker = zlib.decompressobj()
+    whole = bytearray(unpacker.decompress(content, _PART))
+    while unpacker.unconsumed_tail:
+        if len(whole) > most:
+            raise _Damaged(f"more than {most:,} bytes packed into {len(content):,}")
+        claim(len(whole) // 4 + _PART)  # an array of bytes grows by an eighth, and is copied
+        whole += unpacker.decompress(unpacker.unconsumed_tail, _PART)
+    return whole
 
 
 def _matrix(
@@ -139,6 +147,7 @@ def _matrix(
         code = _NUMBERS.get(values.kind)
         if code is None or len(values.content) != sizes[0] * sizes[1] * np.dtype(code).itemsize:
             raise _Damaged("the numbers do not fill the shape")
+        claim(16 * sizes[0] * sizes[1])
         cells = np.frombuffer(values.content, np.dtype(order + code)).astype(float)
         matrix = cells.reshape(sizes, order="F")
         yield structure, name, matrix.ravel() if 1 in sizes else matrix

@@ -17,6 +17,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from seatrial.base.budget import Budget, claim
 from seatrial.logs.formats import extra
 from seatrial.logs.log import Log
 from seatrial.logs.messages import Bag, Message, learnt
@@ -28,7 +29,6 @@ _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _LAST = 2, 3, 4, 5, 6, 15
 _PACKINGS = (b"\4\0\0\0zstd", b"\3\0\0\0lz4")
 _BEFORE_PACKING = _TAG_BYTES + 28  # bytes of a chunk's record before the name of its packing
 _RELEASED = 1 << 26  # bytes after which the pages of the file are given back
-_MOST_UNPACKED = 100_000_000  # bytes of a chunk, beyond 100 times what it takes in the file
 
 
 def open_log(path: Path) -> Log:
@@ -123,8 +123,9 @@ class _Mcap(Bag):
         try:
             if kind == _CHUNK:
                 chunk = kinds.Chunk.read(source)
-                if chunk.compression and chunk.uncompressed_size > 100 * len(content) + _MOST_UNPACKED:
+                if chunk.compression and chunk.uncompressed_size > Budget().unpacked_of(len(content)):
                     return [], len(content)
+                claim(2 * chunk.uncompressed_size)
                 inner = extra("mcap.stream_reader", self.path).get_chunk_data_stream(chunk)[0].read(-1)
                 return self._inner(inner, len(content))
             if kind == _MESSAGE:

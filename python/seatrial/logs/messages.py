@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from seatrial.base.errors import TrialError
+from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import NEAR_S
-from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share, printable
+from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share
 from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
 
 __all__ = ["Bag", "Message", "learnt"]

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import TrialError
+from seatrial.base.budget import claim
+from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import (
     Counter32,
     TimeColumn,
@@ -27,7 +28,7 @@ from seatrial.logs.clock import (
     time_column,
     time_fields,
 )  # fmt: skip
-from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share, printable, stem_of
+from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share, stem_of
 
 if TYPE_CHECKING:
     import polars as pl
@@ -174,6 +175,7 @@ class _Parquet(Log):
         if clock is not None:
             needed += [name for name in (clock.name, clock.rest) if name and name not in needed]
         rows = self._height
+        claim(8 * rows * len(needed))
         for begin in range(0, rows, CHUNK_ROWS):
             part = self._part(begin, min(CHUNK_ROWS, rows - begin), needed)
             values = [_numbers(part[name]) for name in names]

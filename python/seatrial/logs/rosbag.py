@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from seatrial.base.errors import TrialError
+from seatrial.base.errors import TrialError, foreign
 from seatrial.logs.formats import extra
-from seatrial.logs.log import Log, foreign
+from seatrial.logs.log import Log
 from seatrial.logs.messages import Bag, Message, learnt
 from seatrial.logs.rosbag1 import open_cut
 

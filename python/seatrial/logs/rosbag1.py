@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from seatrial.base.budget import claim
 from seatrial.logs.formats import extra
 from seatrial.logs.messages import Bag, Message, learnt
 
@@ -158,6 +159,7 @@ def _unpacked(header: dict[str, bytes], data: bytes) -> Iterator[tuple[dict[str,
     if size > _LARGEST_CHUNK:
         raise _Damaged("a chunk of impossible size")
     packing = header.get("compression", b"none")
+    claim(2 * size)
     try:
         if packing == b"bz2":
             import bz2

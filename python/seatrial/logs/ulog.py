@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.base.errors import TrialError
+from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import Counter32
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Event, Log, Share, foreign, printable
+from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Event, Log, Share
 
 __all__ = ["open_log"]
 
@@ -163,15 +163,9 @@ class _ULog(Log):
 
     def _parse(self, names: Sequence[str]) -> Any:
         package = extra("pyulog", self.path)
-        said = io.StringIO()
-        try:
-            with contextlib.redirect_stdout(said):
-                source = str(self.path) if self._copy is None else self._copy.name
-                return package.ULog(source, list(names), True)
-        except Exception as error:  # a damaged header may raise anything in pyulog
-            raise TrialError(
-                f"{self.path}: not readable as a ULog ({foreign(error)}); fetch the file again"
-            ) from None
+        with contextlib.redirect_stdout(io.StringIO()):
+            source = str(self.path) if self._copy is None else self._copy.name
+            return package.ULog(source, list(names), True)
 
 
 def _topic(data: Any) -> str:

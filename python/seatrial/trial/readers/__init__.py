@@ -18,6 +18,7 @@ from seatrial.base.errors import TrialError, nearest
 from seatrial.base.file_names import no_file
 from seatrial.base.forked import before_table
 from seatrial.logs.formats import FORMATS as LOGS
+from seatrial.logs.log import reading
 
 if TYPE_CHECKING:
     import polars as pl
@@ -106,9 +107,12 @@ def read_table(source: Any, reader: str | Reader | None = None, columns: Iterabl
 
         return Recording(log.read(path, reader=name, columns=tuple(columns)), str(path))
     module = import_module(f"seatrial.trial.readers.{name}")
-    if name != "csv":
+    if name == "generated":  # a flight, as long as the recipe says
         return Recording(module.read(path), str(path))
-    return Recording(module.read(path), str(path), module.units(path), module.twice(path))
+    with reading(path, LOGS[name].description, LOGS[name].budget):
+        if name == "parquet":
+            return Recording(module.read(path), str(path))
+        return Recording(module.read(path), str(path), module.units(path), module.twice(path))
 
 
 def _name_of(path: Path, reader: str | None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from seatrial.base.budget import claim
 from seatrial.base.errors import TrialError
 
 if TYPE_CHECKING:
@@ -24,7 +25,9 @@ def read(path: Path) -> pl.DataFrame:
     import polars as pl
 
     try:
-        return pl.read_parquet(path, glob=False)
+        table = pl.scan_parquet(path, glob=False)
+        claim(8 * len(table.collect_schema()) * table.select(pl.len()).collect().item())
+        return table.collect()
     except (pl.exceptions.PolarsError, OSError) as error:
         reason = str(error).splitlines()[0]
         raise TrialError(f"{path}: not readable as Parquet ({reason}); is it another format?") from None
