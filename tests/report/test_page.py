@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
+import struct
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -211,6 +214,77 @@ def test_facts_that_no_run_wrote_are_bad_input(tmp_path: Path, facts: str, words
         RunFolder.read(tmp_path)
     (tmp_path / "run.json").write_text('{"kind": "tuning"}')
     assert "Run directory" in write_page([tmp_path], tmp_path / "a.html").read_text()
+
+
+def _link(target: str) -> Callable[[Path], object]:
+    return lambda path: path.symlink_to(target)
+
+
+def _bytes(content: bytes) -> Callable[[Path], object]:
+    return lambda path: path.write_bytes(content)
+
+
+def _picture(width: int, height: int) -> Callable[[Path], object]:
+    return _bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + struct.pack(">II", width, height) + bytes(20))
+
+
+@pytest.mark.parametrize(
+    ("name", "made", "words"),
+    [
+        ("figures/z.svg", _link("/dev/zero"), "found a link to /dev/zero"),
+        ("figures/z.png", _link("/etc/hostname"), "found a link to /etc/hostname"),
+        ("figures/z.svg", os.mkfifo, "found a device, a pipe or a folder"),
+        ("figures/z.svg", _link("z.svg"), "cannot be read"),
+        ("figures/z.svg", _link("nowhere"), "cannot be read"),
+        ("figures/z.svg", _bytes(b"\xff\xfe\0" * 100), "expected an SVG in UTF-8"),
+        ("figures/z.svg", _bytes(b"<svg>" + b"<!--" * 1_000_000), "a comment in it has no end"),
+        ("figures/z.svg", _bytes(b"<svg>" + b"<metadata>" * 1_000_000), "the metadata in it has no end"),
+        ("figures/z.svg", _bytes(b" " * (16 * 2**20 + 1)), "expected at most 16 MiB, found more"),
+        ("figures/z.png", _picture(30_000, 30_000), "found 30,000 by 30,000"),
+        ("z.toml", _link("/etc/hostname"), "found a link to /etc/hostname"),
+        ("z.toml", _link("/dev/zero"), "found a link to /dev/zero"),
+        ("z.toml", os.mkfifo, "found a device, a pipe or a folder"),
+        ("report.json", _link("/dev/zero"), "found a link to /dev/zero"),
+        ("report.json", os.mkfifo, "found a device, a pipe or a folder"),
+        ("report.json", _bytes(b"[" * 1_000_000), "nested too deeply"),
+        ("report.json", _bytes(b'{"title": "a", "sections": 3}'), "expected a report as seatrial writes it"),
+        ("flight.json", _bytes(b"[]"), "expected a JSON object"),
+    ],
+)
+def test_a_foreign_run_gives_only_regular_files_of_its_own_and_of_bounded_size(
+    run: Path, tmp_path: Path, name: str, made: Callable[[Path], object], words: str
+) -> None:
+    """No link out of the folder reaches a page, nothing that never ends is read, no text is read twice."""
+    foreign = shutil.copytree(run, tmp_path / "foreign")
+    place = foreign / name
+    place.unlink(missing_ok=True)
+    made(place)
+    with pytest.raises(SeatrialError, match=words) as caught:
+        write_page([foreign], tmp_path / "a.html")
+    assert str(place) in str(caught.value)
+    assert not (tmp_path / "a.html").exists()
+
+
+@pytest.mark.parametrize("inside", [b"1" * 300_000, b" " * 300_000, b" M" * 150_000, b"1.2" * 100_000])
+def test_law_the_time_of_a_figure_is_in_proportion_to_its_length(
+    run: Path, tmp_path: Path, inside: bytes
+) -> None:
+    """Quadratic work would take hours: 10^10 steps at least."""
+    foreign = shutil.copytree(run, tmp_path / "foreign")
+    (foreign / "figures" / "z.svg").write_bytes(b'<svg><path d="' + inside + b'"/><!-- a --></svg>')
+    assert "data:image/svg+xml" in write_page([foreign], tmp_path / "a.html").read_text()
+
+
+def test_a_link_to_another_file_of_the_run_and_a_folder_named_like_a_figure_are_left_alone(
+    run: Path, tmp_path: Path
+) -> None:
+    foreign = shutil.copytree(run, tmp_path / "foreign")
+    (foreign / "figures" / "again.svg").symlink_to("errors.svg")
+    (foreign / "figures" / "folder.svg").mkdir()
+    (foreign / "folder.toml").mkdir()
+    page = write_page([foreign], tmp_path / "a.html").read_text()
+    assert 'alt="Again"' in page
+    assert files_of_page(tmp_path / "a.html").keys() == {"vehicle.toml", "autopilot.toml", "mission.toml"}
 
 
 def test_what_is_no_page_or_no_run_is_bad_input(written: Path, run: Path, tmp_path: Path) -> None:

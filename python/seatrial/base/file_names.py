@@ -5,6 +5,8 @@ Held by ``tests/base/test_hostile_paths.py``.
 
 from __future__ import annotations
 
+import os
+import stat
 from collections.abc import Container, Mapping, Sequence
 from itertools import count
 from pathlib import Path
@@ -12,7 +14,7 @@ from tempfile import TemporaryFile
 
 from seatrial.base.errors import SeatrialError, reason
 
-__all__ = ["LONGEST_NAME", "check_place", "file_name", "free_name", "no_file"]
+__all__ = ["LONGEST_NAME", "check_place", "content_inside", "file_name", "free_name", "no_file"]
 
 LONGEST_NAME = 80
 """Bytes of a name; file systems take 255, and endings are appended."""
@@ -121,3 +123,39 @@ def no_file(path: Path) -> str | None:
         return f"there is no file {path}"
     what = "a folder" if path.is_dir() else "a device, a pipe or a socket"
     return f"{path} is {what}, not a file"
+
+
+def content_inside(folder: Path, path: Path, *, most: int) -> bytes:
+    """Content of a regular file of at most `most` bytes that lies in a folder which somebody else made.
+
+    A link may lead to another file of the folder. What a page takes from a folder goes to whom it is sent, so
+    no link leads out of it; a device or a pipe would never end.
+
+    Raises
+    ------
+    SeatrialError
+        It is none, is larger, lies elsewhere, or cannot be read.
+    """
+    try:
+        place = path.resolve(strict=True)
+        if not place.is_relative_to(folder.resolve()):
+            raise SeatrialError(
+                f"{path}: expected a file in the folder itself, found a link to {place}; put the file there,"
+                " or remove the link"
+            )
+        # Without waiting for who writes into a pipe.
+        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
+        with os.fdopen(os.open(place, flags), "rb") as stream:
+            if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+                raise SeatrialError(
+                    f"{path}: expected a file, found a device, a pipe or a folder; remove it from {folder}"
+                )
+            content = stream.read(most + 1)
+    except (OSError, RuntimeError) as error:  # a link that leads back to itself is the latter
+        raise SeatrialError(f"{path}: cannot be read ({reason(error)})") from None
+    if len(content) > most:
+        raise SeatrialError(
+            f"{path}: expected at most {most / 2**20:.3g} MiB, found more; this is none of the files that"
+            " seatrial writes: remove it"
+        )
+    return content

@@ -19,6 +19,7 @@ from seatrial.base.arrays import Array, runs
 from seatrial.base.atomic_write import parquet, write_atomic
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import SeatrialError, TrialError, reason
+from seatrial.base.file_names import content_inside
 from seatrial.base.run import belongs_to_run, from_json, to_json
 from seatrial.intake.manoeuvres import manoeuvres
 from seatrial.report.page.run_folder import RunFolder
@@ -37,6 +38,8 @@ TRIALS_FILE = "trials.parquet"
 _MANOEUVRES = "manoeuvres.json"
 
 _MOST = 1500
+
+_LARGEST = 2**30  # bytes of the table of all trials: some 30 million samples
 
 _STEPS = 65000  # of 16 bits, without the one that stands for "none"
 
@@ -124,8 +127,8 @@ def _units(run: RunFolder) -> dict[str, str]:
 def _done(place: Path) -> Mapping[str, Any]:
     """Manoeuvres by trial; none where no file tells them."""
     try:
-        found = from_json(place.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = from_json(content_inside(place.parent, place, most=_LARGEST).decode())
+    except (SeatrialError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
 
@@ -134,8 +137,8 @@ def _read(place: Path) -> pl.DataFrame:
     import polars as pl
 
     try:
-        return pl.read_parquet(place)
-    except (OSError, pl.exceptions.PolarsError) as error:
+        return pl.read_parquet(content_inside(place.parent, place, most=_LARGEST))
+    except pl.exceptions.PolarsError as error:
         raise SeatrialError(f"{place}: expected a Parquet table, found none ({error})") from None
 
 

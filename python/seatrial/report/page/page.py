@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import write_atomic
+from seatrial.base.budget import Budget, guarded
 from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.file_names import file_name, free_name
 from seatrial.base.run import sha256, to_json, version
@@ -33,6 +34,9 @@ __all__ = ["LARGEST_BYTES", "check_place", "page", "write_page"]
 
 LARGEST_BYTES = 8_000_000
 """Bytes of a page that mail still takes; a larger one is written all the same and named by the command."""
+
+_PAGE = Budget(cpu_s=120.0, memory_mb=2_000.0)
+"""What a page may cost: a run that others made may hold anything. One of ten runs takes some seconds."""
 
 _FIGURES = {
     "vehicle": "The vehicle in three views, its centres, and its actuators with arrows of positive force",
@@ -69,7 +73,7 @@ _LONG_PATH = re.compile(r' d="([^"]{300,})"')
 
 _PLACE = re.compile(r'( [xy]="-?\d+\.\d\d)\d+')
 
-_DIGITS = re.compile(r"(\d+\.\d)\d+")
+_DIGITS = re.compile(r"(?<!\d)(\d+\.\d)\d+")  # from the first digit on: else a long number is read often
 
 
 def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
@@ -133,8 +137,11 @@ def write_page(folders: Sequence[str | Path | RunFolder], out: str | Path, *, ti
         A folder is no run directory, or the page cannot be written.
     """
     target = check_place(out)
-    runs = [one if isinstance(one, RunFolder) else RunFolder.read(one) for one in folders]
-    text = page(runs, title=title)
+    names = ", ".join(str(one.name if isinstance(one, RunFolder) else one) for one in folders)
+    remedy = "the folder holds what seatrial does not write: repeat the run"
+    with guarded(names, "the page", remedy, budget=_PAGE, refusal=SeatrialError):
+        runs = [one if isinstance(one, RunFolder) else RunFolder.read(one) for one in folders]
+        text = page(runs, title=title)
     try:
         write_atomic(target, text.encode())
     except OSError as error:
@@ -281,9 +288,11 @@ def _source(figure: Figure) -> str:
     if figure.ending == "png":
         return "data:image/png;base64," + base64.b64encode(_few_colours(figure.content)).decode()
     begin = max(figure.content.find(b"<svg"), 0)
-    text = _LONG_PATH.sub(_shortened, _PLACE.sub(r"\1", figure.content[begin:].decode()))
-    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r"\s+", " ", text).replace("> <", "><")
+    # Blanks first: a pattern that begins with any number of them reads a long run of them as often.
+    text = re.sub(r"\s+", " ", figure.content[begin:].decode())
+    text = _LONG_PATH.sub(_shortened, _PLACE.sub(r"\1", text))
+    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text)
+    text = re.sub(r" +", " ", text).replace("> <", "><")
     for sign, code in (("%", "%25"), ("#", "%23"), ('"', "'")):
         text = text.replace(sign, code)
     return "data:image/svg+xml," + text
@@ -294,10 +303,10 @@ def _few_colours(png: bytes) -> bytes:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(io.BytesIO(png)) as image:
+        with Image.open(io.BytesIO(png), formats=["PNG"]) as image:
             content = io.BytesIO()
             image.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(content, "png", optimize=True)
-    except (OSError, UnidentifiedImageError, ValueError):  # shown as it is, or not at all
+    except (OSError, UnidentifiedImageError, ValueError, SyntaxError):  # shown as it is, or not at all
         return png
     return min(content.getvalue(), png, key=len)
 

@@ -5,12 +5,14 @@ Held by ``tests/report/test_page.py``.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from seatrial.base.errors import SeatrialError, reason
+from seatrial.base.errors import SeatrialError
+from seatrial.base.file_names import content_inside
 from seatrial.base.report import REPORT_FILE, Report, Section
 from seatrial.base.run import RUN_FILE, from_json
 
@@ -42,6 +44,12 @@ _LARGEST_SVG = 150_000
 
 _LARGEST_FILE = 2**20
 """Bytes of an input file that a page carries."""
+
+_LARGEST_FIGURE, _LARGEST_FIGURES = 16 * 2**20, 64 * 2**20
+"""Bytes of a figure, and of all: seatrial draws some hundred kilobytes, and a browser shows no more."""
+
+_LARGEST_JSON = 256 * 2**20
+"""Bytes of a result: ten thousand missions take some 20 MB."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +119,7 @@ class RunFolder:
             name=path.resolve().name,
             facts=facts,
             report=_report(path, facts),
-            results=_read_json(results) if results.is_file() else {},
+            results=_read_json(results) if results != path and os.path.lexists(results) else {},
             files=_inputs(path),
             figures=figures_of(path),
             path=path,
@@ -136,47 +144,86 @@ def figures_of(folder: Path) -> tuple[Figure, ...]:
     best: dict[str, Path] = {}
     for place in (folder / "figures", folder):
         for ending in ("svg", "png"):
-            for path in sorted(place.glob(f"*.{ending}"), key=lambda one: (one.stat().st_mtime, one.name)):
+            drawn = [path for path in place.glob(f"*.{ending}") if not path.is_dir()]
+            for path in sorted(drawn, key=_drawn_at):
                 known = best.setdefault(path.stem, path)
-                if known.stat().st_size > _LARGEST_SVG and path.stat().st_size < 0.7 * known.stat().st_size:
+                size, other = known.lstat().st_size, path.lstat().st_size
+                if size > _LARGEST_SVG and other < 0.7 * size:
                     best[path.stem] = path
-    ordered = sorted(best.values(), key=lambda one: (one.stat().st_mtime, one.name))
+    figures, left = [], _LARGEST_FIGURES
+    for path in sorted(best.values(), key=_drawn_at):
+        content = content_inside(folder, path, most=min(_LARGEST_FIGURE, left))
+        left -= len(content)
+        if (why := refused(content, path.suffix[1:])) is not None:
+            raise SeatrialError(f"{path}: {why}; remove this figure, or repeat the run")
+        figures.append(Figure(path.stem, path.suffix[1:], content))
+    return tuple(figures)
+
+
+def _drawn_at(path: Path) -> tuple[float, str]:
+    return path.lstat().st_mtime, path.name
+
+
+_MOST_PIXELS = 50_000_000
+"""Of a picture: 50 times what a screen shows."""
+
+
+def refused(content: bytes, ending: str) -> str | None:
+    """Why a figure is none that a page shows; None for one that is.
+
+    Examples
+    --------
+    >>> refused(b"<svg><!-- begun", "svg")
+    'a comment in it has no end'
+    """
+    if ending == "png" and not content.startswith(b"\x89PNG"):  # shown as it is: no browser reads it
+        return None
+    if ending == "png":  # width and height stand first
+        width, height = (int.from_bytes(content[at : at + 4], "big") for at in (16, 20))
+        if width * height > _MOST_PIXELS:
+            return f"expected a picture of at most {_MOST_PIXELS:,} pixels, found {width:,} by {height:,}"
+        return None
     try:
-        return tuple(Figure(path.stem, path.suffix[1:], path.read_bytes()) for path in ordered)
-    except OSError as error:
-        raise SeatrialError(f"{folder}: a figure cannot be read ({reason(error)})") from None
+        text = content.decode()
+    except UnicodeDecodeError:
+        return "expected an SVG in UTF-8, found other bytes"
+    for begin, end, what in (("<!--", "-->", "a comment"), ("<metadata>", "</metadata>", "the metadata")):
+        if text.rfind(begin) > text.rfind(end):
+            return f"{what} in it has no end"
+    return None
 
 
 def _inputs(folder: Path) -> dict[str, str]:
-    found = [path for name in INPUTS if (path := folder / name).is_file()]
+    found = [path for name in INPUTS if os.path.lexists(path := folder / name)]
     more = [*sorted((folder / "missions").glob("*.toml")), *sorted(folder.glob("*.toml"))]
     files: dict[str, str] = {}
     for path in [*found, *(path for path in more if path not in found)]:
-        try:
-            if path.stat().st_size <= _LARGEST_FILE:
-                files[path.relative_to(folder).as_posix()] = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise SeatrialError(f"{path}: cannot be read ({reason(error)})") from None
+        if not path.is_dir() and path.lstat().st_size <= _LARGEST_FILE:
+            files[path.relative_to(folder).as_posix()] = _text(folder, path, _LARGEST_FILE)
     return files
+
+
+def _text(folder: Path, path: Path, most: int) -> str:
+    try:
+        return content_inside(folder, path, most=most).decode()
+    except UnicodeDecodeError:
+        raise SeatrialError(f"{path}: cannot be read (not a text file in UTF-8)") from None
 
 
 def _report(folder: Path, facts: Mapping[str, Any]) -> Report:
     """Report of a run; of one from before reports were kept as data, the three lines of its summary."""
     path = folder / REPORT_FILE
-    if path.is_file():
+    if os.path.lexists(path):
         try:
             return Report.of_dict(_read_json(path))
         except (KeyError, TypeError, ValueError) as error:
             raise SeatrialError(
                 f"{path}: expected a report as seatrial writes it, found {error!r}; repeat the run"
             ) from None
-    try:
-        lines = (folder / "summary.txt").read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise SeatrialError(
-            f"{folder}: expected {REPORT_FILE} or summary.txt, found neither ({reason(error)}); repeat the"
-            " run"
-        ) from None
+    summary = folder / "summary.txt"
+    if not os.path.lexists(summary):
+        raise SeatrialError(f"{folder}: expected {REPORT_FILE} or summary.txt, found neither; repeat the run")
+    lines = _text(folder, summary, _LARGEST_FILE).splitlines()
     first, worst, next_step = (*(line.partition(": ")[2] for line in lines[:3]), "", "", "")[:3]
     outcome, _, good = first.partition(". ")
     return Report(
@@ -220,8 +267,8 @@ def _facts(path: Path) -> dict[str, Any]:
 
 def _read_json(path: Path) -> dict[str, Any]:
     try:
-        found = from_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        found = from_json(_text(path.parent, path, _LARGEST_JSON))
+    except ValueError as error:
         raise SeatrialError(f"{path}: expected JSON, found none ({error}); repeat the run") from None
     if not isinstance(found, dict):
         raise SeatrialError(f"{path}: expected a JSON object, found {type(found).__name__}; repeat the run")
