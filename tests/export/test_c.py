@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shutil
@@ -16,8 +17,9 @@ import seatrial as st
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.control_design import lqr_autopilot
-from seatrial.export.c_code import identifier
+from seatrial.export.c_code import identifier, recorded
 from seatrial.export.compiler import ran
+from seatrial.export.names import refused_names
 
 HERE = Path(__file__).parent
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
@@ -349,6 +351,40 @@ def test_what_cannot_be_exported_is_refused_with_what_to_do(tmp_path: Path) -> N
     with pytest.raises(st.VehicleError, match="pseudo-inverse"):
         st.export_c("cwolf", st.Autopilot.from_toml(text), mission=tmp_path / "dive.toml", out=tmp_path)
     assert not list(tmp_path.glob("*.c"))
+
+
+def _renamed(*names: str) -> st.Vehicle:
+    """The built-in vehicle whose first actuators have other names, and which has a hostile name itself."""
+    vehicle = st.Vehicle.load("cwolf")
+    text = vehicle.to_toml().replace(f"name = {json.dumps(vehicle.name)}", 'name = "*/ int x; /*"', 1)
+    for old, new in zip(vehicle.actuators, names, strict=False):
+        text = text.replace(json.dumps(old), json.dumps(new, ensure_ascii=False))
+    return st.Vehicle.from_toml(text)
+
+
+def test_names_that_c_can_hold_give_files_that_compile(tmp_path: Path) -> None:
+    needs("gcc")
+    program = recorded(_renamed("é", "a-b", "two words", "2", "none", "u", "A" * 300), name="odd").vehicle
+    (tmp_path / "odd_vehicle.h").write_text(program.header)
+    (tmp_path / "odd_vehicle.c").write_text(program.source)
+    done = ran(["gcc", *STRICT, "-fsyntax-only", "odd_vehicle.c"], folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (("a-b", "a_b"), '"a-b.*" and "a_b.*" are both a_b'),
+        (("é", "ü"), "are both n_"),
+        (("/*",), "no comment of C may hold"),
+        (("a*/b",), "no comment of C may hold"),
+        (("a\u202eb",), "no comment of C may hold"),
+    ],
+)
+def test_names_that_collide_or_are_none_in_c_are_refused_by_name(names: tuple[str, ...], words: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        recorded(_renamed(*names), name="odd")
+    assert refused_names([{"name": "int", "known_as": "int", "about": ""}]) == 'the name "int" is a word of C'
 
 
 def test_files_name_numbers_with_their_units(exported: st.CExport) -> None:

@@ -19,6 +19,7 @@ from seatrial.base.atomic_write import whole_folder, write_atomic
 from seatrial.base.errors import SimulationError, reason
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.toml_file import loaded
+from seatrial.export.names import commented, refused_names
 from seatrial.export.repeated import folded
 from seatrial.flight.checks import checked_step, checked_supply
 from seatrial.flight.mission import Mission, Route
@@ -307,7 +308,7 @@ def recorded(
         step_s = pilot.period_s / substeps
         route = Route.of(plan)
         begin |= {"position": route.start, "attitude": [0.0, 0.0, route.heading]}
-    about = [f"{flown.name}: one step of {step_s:g} s.", *_origin()]
+    about = [f"{commented(flown.name)}: one step of {step_s:g} s.", *_origin()]
     program = _program(
         f"{stem}_vehicle",
         vehicle_c(flown, f"{stem}_vehicle", about, step_s, **begin, voltage_v=supply, rho=rho, g=g),
@@ -317,7 +318,8 @@ def recorded(
     believed = flown if model is None else loaded(Vehicle, model, "model")
     if pilot is not None and plan is not None:
         about = [
-            f"Autopilot of {believed.name} on the mission {plan.name}: one step of {pilot.period_s:g} s.",
+            f"Autopilot of {commented(believed.name)} on the mission {commented(plan.name)}: one step of"
+            f" {pilot.period_s:g} s.",
             *_origin(),
         ]
         facts = autopilot_c(
@@ -382,7 +384,11 @@ def identifier(name: str, *, given: bool) -> str:
 
 
 def _program(prefix: str, facts: Mapping[str, Any], step_s: float) -> Program:
-    return Program(prefix=prefix, step_s=step_s, **facts)
+    program = Program(prefix=prefix, step_s=step_s, **facts)
+    for numbers in (program.parameters, program.state, program.inputs, program.outputs):
+        if (wrong := refused_names(numbers)) is not None:
+            raise SimulationError(f"export: {wrong}: rename the actuator in the vehicle file")
+    return program
 
 
 def _folded(program: Program) -> Program:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial._core import Vehicle, filter_c
 from seatrial.base.errors import SimulationError
+from seatrial.export.names import commented
 from seatrial.flight.mission import Mission, Route
 from seatrial.flight.navigation import NavigationFilter, checked_navigation, filter_of
 from seatrial.flight.sensor_channels import sensors_of
@@ -80,7 +81,7 @@ def recorded_filter(
     start: dict[str, Any] = {}
     if mission is not None and not isinstance(asked, NavigationFilter):
         start["start"] = Route.of(mission).start
-    about = [f"Navigation filter of {filter.vehicle.name}: one period of {period_s:g} s.", *origin]
+    about = [f"Navigation filter of {commented(filter.vehicle.name)}: one period of {period_s:g} s.", *origin]
     facts = filter_c(
         filter.core, prefix, about, period_s=period_s, autopilot=told, voltage_v=voltage_v, **start
     )
