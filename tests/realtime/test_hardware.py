@@ -5,6 +5,8 @@ anew.
 from __future__ import annotations
 
 import math
+import select
+import socket
 import struct
 import zlib
 from collections import deque
@@ -14,7 +16,7 @@ import numpy as np
 import pytest
 
 from seatrial.base.errors import SimulationError
-from seatrial.realtime.hardware import Hardware, command_packet
+from seatrial.realtime.hardware import Hardware, command_packet, udp_hardware
 from seatrial.realtime.plant import Motion
 
 PEER = ("192.168.2.2", 14660)
@@ -171,6 +173,62 @@ def test_a_stranger_cannot_steer_and_a_flood_does_not_stop_the_loop() -> None:
     wire.incoming.extend((b"flood", PEER) for _ in range(10_000))
     wire.tick()
     assert len(wire.incoming) == 10_000 - 256
+
+
+def _bound(host: str = "127.0.0.1") -> socket.socket:
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    link.bind((host, 0))
+    link.settimeout(2.0)
+    return link
+
+
+def test_over_udp_only_the_address_that_was_given_steers() -> None:
+    """A stranger who speaks before the hardware, after it, and after its silence moves nothing."""
+    with _bound() as board, _bound() as stranger:
+        now = [10.0]
+        hardware, link = udp_hardware(board.getsockname(), ("a",), {"a": 0.0}, watchdog_s=0.5)
+        hardware.clock = lambda: now[0]
+        with link:
+            own = link.getsockname()
+            assert own[0] == "127.0.0.1"
+
+            def steered(sender: socket.socket, value: float, sequence: int) -> float:
+                sender.sendto(command_packet([value], sequence, 1), own)
+                select.select([link], [], [], 2.0)
+                return hardware.exchange(MOTION)["a"]
+
+            assert steered(stranger, 9.0, 1) == 0.0
+            assert board.recvfrom(2048)[1] == own
+            assert steered(board, 1.0, 1) == 1.0
+            assert steered(stranger, 9.0, 2) == 1.0
+            now[0] += 1.0
+            assert steered(stranger, 9.0, 3) == 0.0
+            assert steered(board, 2.0, 4) == 2.0
+        assert hardware.facts().ignored == {"stranger": 3}
+
+
+def test_the_link_leaves_the_machine_for_a_peer_elsewhere_or_says_that_no_network_leads_there() -> None:
+    """192.0.2.1 is an address for documentation (RFC 5737): nothing is sent to it here."""
+    try:
+        _, link = udp_hardware(("192.0.2.1", 14660), ("a",), {"a": 0.0})
+    except SimulationError as error:
+        assert "cannot open the link" in str(error)  # noqa: PT017 - a machine without a network
+        return
+    with link:
+        assert not link.getsockname()[0].startswith("127.")
+
+
+def test_packets_that_the_system_does_not_send_are_counted_and_told() -> None:
+    def broken(data: bytes) -> None:
+        raise OSError(101, "Network is unreachable")
+
+    hardware = Hardware(("a",), {"a": 0.0}, broken, lambda: None)
+    for _ in range(3):
+        assert hardware.exchange(MOTION) == {"a": 0.0}
+    facts = hardware.facts()
+    assert facts.unsent == {"Network is unreachable": 3}
+    assert "3 were not sent: Network is unreachable" in facts.sentence()
+    assert facts.to_dict()["unsent"] == {"Network is unreachable": 3}
 
 
 def test_numbers_of_the_link_are_checked() -> None:

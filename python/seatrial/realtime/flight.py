@@ -209,7 +209,7 @@ def fly_realtime(
     live_port: int | None = None,
     record: str | Path | None = None,
     hardware: tuple[str, int] | Hardware | None = None,
-    hardware_from: tuple[str, int] = ("127.0.0.1", 0),
+    hardware_from: tuple[str, int] | None = None,
     watchdog_s: float = 0.5,
     ready: Callable[[int | None], None] | None = None,
 ) -> RealtimeFlight:
@@ -242,7 +242,7 @@ def fly_realtime(
     hardware : (str, int) or Hardware, optional
         UDP address of autopilot hardware that steers instead.
     hardware_from : (str, int), optional
-        Own address of that link; only this machine when omitted.
+        Own address of that link; when omitted the one from which this machine reaches the hardware.
     watchdog_s : float, optional
         Time without a good packet of the hardware after which the actuators rest, s.
     ready : callable, optional

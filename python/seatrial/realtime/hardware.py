@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.base.errors import SimulationError
+from seatrial.base.errors import SimulationError, reason
 from seatrial.base.report import Table
 from seatrial.realtime.plant import Motion
 
@@ -127,6 +127,8 @@ class HardwareFacts:
     ----------
     sent, taken
         Packets to the hardware, and good ones from it.
+    unsent
+        Packets that the system did not take, by why; they count as sent.
     lost
         Numbers that were missing between good packets.
     ignored
@@ -146,17 +148,24 @@ class HardwareFacts:
     expired: int
     neutral_periods: int
     round_trip_s: tuple[float, ...]
+    unsent: Mapping[str, int] = field(default_factory=dict)
 
     def sentence(self) -> str:
         """What went over the link, in a sentence."""
+        lost = "".join(f"; {count} were not sent: {why}" for why, count in sorted(self.unsent.items()))
         if not self.taken:
-            return f"{self.sent} packets were sent, no good one came back: the actuators rested at neutral"
+            strangers = self.ignored.get("stranger", 0)
+            others = f"; {strangers} came from another address than the hardware's" if strangers else ""
+            return (
+                f"{self.sent} packets were sent, no good one came back: the actuators rested at"
+                f" neutral{lost}{others}"
+            )
         trips = np.array(self.round_trip_s) if self.round_trip_s else np.zeros(1)
         return (
             f"{self.sent} packets sent, {self.taken} taken, {self.lost} lost; round trip"
             f" {1e3 * float(np.median(trips)):.2f} ms in the middle, {1e3 * float(trips.max()):.2f} ms at"
             " most;"
-            f" the watchdog expired {self.expired} times"
+            f" the watchdog expired {self.expired} times{lost}"
         )
 
     def table(self) -> Table:
@@ -172,6 +181,7 @@ class HardwareFacts:
             "taken": self.taken,
             "lost": self.lost,
             "ignored": dict(self.ignored),
+            "unsent": dict(self.unsent),
             "expired": self.expired,
             "neutral_periods": self.neutral_periods,
             "round_trip_s": {
@@ -197,6 +207,8 @@ class Hardware:
         Time without a good packet after which the actuators rest.
     clock
         Monotonic time, s.
+    peer
+        The only sender that is obeyed; when omitted the first that sends a good packet, until it is silent.
     """
 
     actuators: Sequence[str]
@@ -205,10 +217,12 @@ class Hardware:
     receive: Callable[[], tuple[bytes, Any] | None]
     watchdog_s: float = 0.5
     clock: Callable[[], float] = time.monotonic
+    peer: Any = None
     _sequence: int = field(default=0, init=False)
     _last: int | None = field(default=None, init=False)
     _heard: float | None = field(default=None, init=False)
-    _peer: Any = field(default=None, init=False)
+    _heard_from: Any = field(default=None, init=False)
+    _unsent: Counter[str] = field(default_factory=Counter, init=False)
     _commands: dict[str, float] = field(default_factory=dict, init=False)
     _sent_at: dict[int, float] = field(default_factory=dict, init=False)
     _ignored: Counter[str] = field(default_factory=Counter, init=False)
@@ -247,7 +261,10 @@ class Hardware:
         self._sent_at[self._sequence] = now
         if len(self._sent_at) > 2 * _MOST_PER_PERIOD:
             del self._sent_at[next(iter(self._sent_at))]
-        self.send(sensor_packet(motion, self._sequence, flags=WATCHDOG_FLAG * expired, **shown))
+        try:
+            self.send(sensor_packet(motion, self._sequence, flags=WATCHDOG_FLAG * expired, **shown))
+        except OSError as error:  # the flight goes on by the clock: the watchdog rests the actuators
+            self._unsent[reason(error)] += 1
         return dict(self.neutral) if expired else dict(self._commands)
 
     def facts(self) -> HardwareFacts:
@@ -260,11 +277,13 @@ class Hardware:
             self._expired,
             self._neutral_periods,
             tuple(self._trips),
+            dict(self._unsent),
         )
 
     def _take(self, data: bytes, sender: Any, now: float) -> None:
         silent = self._heard is None or now - self._heard > self.watchdog_s
-        if self._peer is not None and sender != self._peer and not silent:
+        obeyed = self.peer if self.peer is not None else None if silent else self._heard_from
+        if obeyed is not None and sender != obeyed:
             self._ignored["stranger"] += 1
             return
         found = _parse(data, len(self.actuators))
@@ -280,7 +299,7 @@ class Hardware:
                 return
             if step <= 0x7FFFFFFF:
                 self._lost += step - 1
-        self._last, self._heard, self._peer = found.sequence, now, sender
+        self._last, self._heard, self._heard_from = found.sequence, now, sender
         self._taken += 1
         sent = self._sent_at.pop(found.acknowledged, None)
         if sent is not None:
@@ -293,39 +312,47 @@ def udp_hardware(
     actuators: Sequence[str],
     neutral: Mapping[str, float],
     *,
-    listen_on: tuple[str, int] = ("127.0.0.1", 0),
+    listen_on: tuple[str, int] | None = None,
     watchdog_s: float = 0.5,
 ) -> tuple[Hardware, socket.socket]:
-    """Hardware at a UDP address, and the socket, which the caller closes.
+    """Hardware at a UDP address, which alone is obeyed, and the socket, which the caller closes.
+
+    Own address is `listen_on`; when omitted the one from which this machine reaches the peer, which is
+    loopback for a peer on this machine.
 
     Raises
     ------
     SimulationError
-        An address is not to be had.
+        An address is not to be had, or no network leads to the peer.
     """
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        link.bind(listen_on)
         address = socket.getaddrinfo(peer[0], peer[1], socket.AF_INET, socket.SOCK_DGRAM)[0][4]
+        link.bind((_own_address(address), 0) if listen_on is None else listen_on)
     except (OSError, OverflowError) as error:
         link.close()
         raise SimulationError(
-            f"hardware at {peer[0]}:{peer[1]}: cannot open the link ({error}); check the address"
+            f"hardware at {peer[0]}:{peer[1]}: cannot open the link ({error}); check the address and the"
+            " network"
         ) from None
     link.setblocking(False)
 
     def send(data: bytes) -> None:
-        try:
-            link.sendto(data, address)
-        except OSError:
-            return  # nobody listens there yet: the watchdog tells
+        link.sendto(data, address)
 
     def receive() -> tuple[bytes, Any] | None:
         try:
             return link.recvfrom(_LARGEST)
         except BlockingIOError:
             return None
-        except OSError:  # the port of the peer is closed
+        except ConnectionError:  # the port of the peer is closed: it may come back, and the watchdog tells
             return None
 
-    return Hardware(actuators, neutral, send, receive, watchdog_s), link
+    return Hardware(actuators, neutral, send, receive, watchdog_s, peer=address), link
+
+
+def _own_address(peer: Any) -> str:
+    """Address of this machine on the network that leads to a peer; nothing is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as route:
+        route.connect(peer)
+        return str(route.getsockname()[0])
