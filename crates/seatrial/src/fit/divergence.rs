@@ -4,7 +4,7 @@
 //! by flying the same run again in shorter steps: what stays sound there was the integration, everything else the
 //! vehicle.
 //!
-//! Tests: `tests/laws/integration.rs`, `tests/core/test_divergence.py`.
+//! Tests: `tests/laws/integration.rs`, `tests/flight/test_surface.py`.
 
 use crate::description::Description;
 use crate::description::coefficients::{FORCES, linear, quadratic};
