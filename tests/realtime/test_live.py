@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import struct
 from pathlib import Path
 from typing import Any
@@ -98,6 +99,30 @@ def test_a_websocket_client_sees_the_topics_and_their_messages() -> None:
     }
     plots = json.loads(seen[list(topics).index("/flight")])
     assert plots["depth_m"] == 1.0
+
+
+def _answer(live: Live, origin: str) -> bytes:
+    """First line of the answer to a browser's request from a page of an origin."""
+    request = (
+        "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+        f"Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n{origin}\r\n"
+    )
+    with socket.create_connection(("127.0.0.1", live.port or 0), timeout=10.0) as link:
+        link.sendall(request.encode())
+        return link.recv(4096).partition(b"\r\n")[0]
+
+
+def test_pages_of_other_origins_are_refused_unless_told() -> None:
+    with Live(VEHICLE, port=0, origins=["https://lab.example.org"]) as live:
+        for origin in ("https://evil.example", "null", "https://127.0.0.1.evil.example", "https://["):
+            assert _answer(live, f"Origin: {origin}\r\n") == b"HTTP/1.1 403 Forbidden", origin
+        for origin in ("https://lab.example.org", "http://localhost:8080", "https://app.foxglove.dev"):
+            assert _answer(live, f"Origin: {origin}\r\n").startswith(b"HTTP/1.1 101 "), origin
+        assert _answer(live, "").startswith(b"HTTP/1.1 101 ")
+        port = live.port or 0
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", port), timeout=1.0)
 
 
 def test_files_and_ports_that_cannot_be_had_are_refused(tmp_path: Path) -> None:

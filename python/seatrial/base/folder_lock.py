@@ -45,7 +45,7 @@ def only_user(folder: str | Path) -> Iterator[None]:
     finally:
         unlock(*held)
         for above in reversed(made):
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError):  # it holds the run, or what others put there
                 above.rmdir()
 
 
@@ -98,7 +98,7 @@ def _is_file(descriptor: int, file: Path) -> bool:
 def unlock(descriptor: int, file: Path, process: int) -> None:
     """Free what `lock` gave."""
     if os.getpid() == process:  # a forked child ends without giving its parent's lock free
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):  # gone already: the lock is that of the open file, not of its name
             file.unlink()
         os.close(descriptor)
 

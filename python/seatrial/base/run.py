@@ -179,7 +179,7 @@ class RunDirectory:
         for folder in (self.workspace, self.path):
             try:
                 kept = from_json((folder / name).read_text(encoding="utf-8"))
-            except (OSError, ValueError):
+            except (OSError, ValueError):  # not kept, or not whole: the part is computed again
                 continue
             if isinstance(kept, dict) and kept.get("inputs") == inputs:
                 if folder == self.path:
@@ -214,7 +214,7 @@ class RunDirectory:
         for folder in (self.workspace, self.path):
             try:
                 content = (folder / name).read_bytes()
-            except OSError:
+            except OSError:  # not kept, or not to be read: the part is computed again
                 continue
             if sha256(content) == expected:
                 if folder == self.path:
@@ -286,14 +286,14 @@ class RunDirectory:
         """Give the folder free. Kept parts stay; a workspace without any is removed."""
         if self._release is not None and self._release.alive:
             for name in self._temporary:
-                with contextlib.suppress(OSError):
+                with contextlib.suppress(OSError):  # a leftover in a hidden folder: the next run sweeps it
                     remove(self.workspace / name)
             for folder in (self.workspace / _PARTS, self.workspace):
                 with contextlib.suppress(OSError):  # what else lies there stays
                     folder.rmdir()
         self._unlock()
         for folder in reversed(self._made):
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError):  # it holds the run, or what others put there
                 folder.rmdir()
         self._made = []
 
@@ -332,7 +332,7 @@ class RunDirectory:
             self.path.rename(former)
         try:
             self.workspace.rename(self.path)
-        except OSError:
+        except OSError:  # said by who called; the former run is back in its place
             if former.exists():
                 former.rename(self.path)
             raise
@@ -524,7 +524,7 @@ def _facts_in(folder: Path) -> dict[str, Any]:
     """Content of the ``run.json`` of a folder; empty where there is none that can be read."""
     try:
         found = from_json((folder / RUN_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError):  # no run of ours: who asks refuses the folder
         return {}
     return found if isinstance(found, dict) else {}
 
@@ -546,7 +546,7 @@ def _carry_foreign(source: Path, target: Path) -> set[str]:
             continue
         try:
             os.link(old, new, follow_symlinks=False)
-        except OSError:
+        except OSError:  # a file system without hard links; a copy that fails is said
             shutil.copy2(old, new, follow_symlinks=False)
     return carried
 

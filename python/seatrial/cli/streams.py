@@ -69,7 +69,7 @@ def _takes(stream: TextIO) -> bool:
     """Whether a stream takes what is printed."""
     try:
         stream.flush()
-    except (OSError, ValueError):
+    except (OSError, ValueError):  # full, closed, or its reader is gone: the answer to the question
         return False
     return True
 
@@ -78,7 +78,7 @@ def still() -> None:
     """Let the interpreter end without a word about streams that take no more."""
     for stream in (sys.stdout, sys.stderr):
         if not _takes(stream):
-            with contextlib.suppress(OSError, ValueError):
+            with contextlib.suppress(OSError, ValueError):  # there is no stream left on which to say it
                 nowhere = os.open(os.devnull, os.O_WRONLY)
                 os.dup2(nowhere, stream.fileno())
                 os.close(nowhere)
@@ -112,7 +112,7 @@ def note(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
     except BrokenPipeError:
         raise
-    except OSError:
+    except OSError:  # there is no other stream on which to say it
         still()
 
 

@@ -81,7 +81,7 @@ def ran(
             told, errors = process.communicate(timeout=limit_s)
         except BaseException:
             # The session first: what it leaves behind would hold the pipes that the end waits for.
-            with suppress(OSError):
+            with suppress(OSError):  # it has ended, and with it the session
                 os.killpg(process.pid, signal.SIGKILL)
             process.kill()
             raise

@@ -241,7 +241,7 @@ def _plain(value: Any) -> Any:
 def _hashes(folder: Path) -> dict[str, str]:
     try:
         found = from_json((folder / _OWN).read_text(encoding="utf-8"))["written"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError):  # then every file counts as edited, and is kept
         return {}
     return found if isinstance(found, dict) else {}
 

@@ -442,7 +442,7 @@ def _serve(link: socket.socket, loop: _Loop, idle_s: float, max_frames: int | No
                 last = now
                 try:
                     link.sendto(reply, sender)
-                except OSError:
+                except OSError:  # counted, and told with the packets that were passed over
                     loop.link.ignored["unreachable"] += 1
             elif now - last >= idle_s:
                 return "idle", now - begun

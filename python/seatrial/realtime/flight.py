@@ -8,7 +8,7 @@ motion is that of `seatrial.fly` to rounding. Held by ``tests/realtime/test_real
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -207,6 +207,7 @@ def fly_realtime(
     feedback: bool = True,
     live_host: str = "127.0.0.1",
     live_port: int | None = None,
+    live_origins: Sequence[str] = (),
     record: str | Path | None = None,
     hardware: tuple[str, int] | Hardware | None = None,
     hardware_from: tuple[str, int] | None = None,
@@ -237,6 +238,8 @@ def fly_realtime(
         Whether the autopilot sees what its actuators do.
     live_host, live_port : str, int, optional
         Address of the WebSocket for Foxglove; none without a port.
+    live_origins : sequence of str, optional
+        Origins of web pages that may watch, beside Foxglove's own and those of this machine.
     record : str or Path, optional
         MCAP file to write.
     hardware : (str, int) or Hardware, optional
@@ -280,7 +283,7 @@ def fly_realtime(
     try:
         if live_port is not None or record is not None:
             path = None if record is None else Path(record)
-            live = Live(flown, host=live_host, port=live_port, record=path)
+            live = Live(flown, host=live_host, port=live_port, record=path, origins=live_origins)
         if ready is not None:
             ready(None if live is None else live.port)
         loop = _Flight(plant, helm, shown, hardware, live, neutral, (voltage_v, feedback))

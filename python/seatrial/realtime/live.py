@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -17,6 +17,7 @@ from typing import Any, Self
 from seatrial._core import Vehicle
 from seatrial.base.errors import SimulationError, reason
 from seatrial.base.frames import attitude_to_ned
+from seatrial.realtime.origin import Gate, hidden_address
 from seatrial.realtime.plant import Motion
 
 __all__ = ["Live"]
@@ -40,6 +41,8 @@ class Live:
         Of the WebSocket; no server without a port. 0 takes a free one.
     record : Path, optional
         MCAP file to write.
+    origins : sequence of str, optional
+        Origins of web pages that may watch, beside Foxglove's own and those of this machine.
     track_every : int, optional
         Samples from one message with the track to the next.
 
@@ -56,6 +59,7 @@ class Live:
         host: str = "127.0.0.1",
         port: int | None = None,
         record: Path | None = None,
+        origins: Sequence[str] = (),
         track_every: int = 10,
     ) -> None:
         try:
@@ -67,15 +71,18 @@ class Live:
             ) from None
         self._messages: Any = messages
         self._context = foxglove.Context()
-        self._writer = self._server = None
+        self._writer = self._server = self._gate = None
         if record is not None and record.exists():
             raise SimulationError(f"{record}: is there already; choose another name")
         if port is not None:
             try:
+                hidden = hidden_address()
                 self._server = foxglove.start_server(
-                    name=f"seatrial {vehicle.name}", host=host, port=port, context=self._context
+                    name=f"seatrial {vehicle.name}", host=hidden, port=0, context=self._context
                 )
+                self._gate = Gate(host, port, (hidden, int(self._server.port)), origins)
             except (OSError, RuntimeError, OverflowError) as error:
+                self.close()
                 raise SimulationError(
                     f"{host}:{port}: cannot listen ({error}); end what listens there or choose another port"
                 ) from None
@@ -111,7 +118,7 @@ class Live:
     @property
     def port(self) -> int | None:
         """Port of the WebSocket; None without a server."""
-        return None if self._server is None else int(self._server.port)
+        return None if self._gate is None else self._gate.port
 
     def show(self, motion: Motion, numbers: Mapping[str, Any]) -> None:
         """Show a motion, and numbers by name for plots, nested ones by group."""
@@ -141,6 +148,9 @@ class Live:
 
     def close(self) -> None:
         """Stop the server and finish the recording."""
+        if self._gate is not None:
+            self._gate.close()
+            self._gate = None
         if self._server is not None:
             self._server.stop()
             self._server = None

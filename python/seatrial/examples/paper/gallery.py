@@ -157,7 +157,7 @@ def _clear(page: Path, *, keep: set[str]) -> None:
     """Remove the figures of an earlier gallery that its page names and this one did not replace."""
     try:
         named = set(_NAMED.findall(page.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError):
+    except (OSError, UnicodeDecodeError):  # no gallery of ours was there before
         return
     for name in named - keep:
         (page.parent / name).unlink(missing_ok=True)
