@@ -80,7 +80,7 @@ def survives(path: Path) -> str | None:
     return f"{path.name}: took {taken:.0f} s" if taken > _SLOW_S else None
 
 
-def _peak_mib(*, reset: bool = False) -> int:
+def peak_mib(*, reset: bool = False) -> int:
     """Most memory that was resident, MiB, since it was last reset; 0 where the system does not say."""
     try:
         if reset:
@@ -101,9 +101,9 @@ def _cases(logs: list[Path], folder: Path, seed: int, seconds: float, told: Conn
         path = folder / source.name
         path.write_bytes(mutated(source.read_bytes(), rng))
         told.send((seed, path))
-        before = _peak_mib(reset=True)
+        before = peak_mib(reset=True)
         complaint = survives(path)
-        peak = _peak_mib()
+        peak = peak_mib()
         if complaint is None and peak - before > _MOST_MIB:
             complaint = f"{path.name}: {before} MiB before, {peak} MiB at most"
         told.send((complaint, peak))

@@ -1,0 +1,134 @@
+"""Logs as strangers make them: an import ends in a project or in one sentence of ours, and warns nobody.
+
+The files come from `tests.logs.strangers`: of every format, with odd names, stamps, values, types and counts,
+half of them injured in their bytes.
+"""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+import struct
+import traceback
+import warnings
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from seatrial.base.errors import SeatrialError, TrialError
+from seatrial.intake.import_logs import import_logs
+from seatrial.intake.survey import survey
+from seatrial.logs.formats import open_log, unpacked
+from tests.logs import log_files
+from tests.logs.fuzz import peak_mib
+from tests.logs.strangers import WRITERS, written
+
+MOST_MIB = 1024
+"""Growth of the process that no file of less than 1 MB may cause."""
+
+LONGEST = 2000
+"""Letters of a sentence; it may name every file and topic."""
+
+
+def wrong(path: Path, project: Path | None) -> tuple[str, str]:
+    """How the import of a file ended ("project", "refused"), and what is wrong with that; "" if nothing is.
+
+    Without `project` the file is only surveyed.
+    """
+    before = peak_mib(reset=True)
+    ended, found = "project", ""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            if project is None:
+                survey([path])
+            else:
+                import_logs(path, out=project)
+    except SeatrialError as error:
+        ended = "refused"
+        sentence = str(error)
+        if len(sentence) > LONGEST or not sentence.replace("\n", "").isprintable():
+            found = f"a sentence not fit to show: {sentence[:300]!r}"
+        elif error.__cause__ is not None and not isinstance(error.__cause__, SeatrialError | OSError):
+            ended = f"wrapped {type(error.__cause__).__name__}"
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        found = traceback.format_exc()
+    grown = peak_mib() - before
+    if not found and grown > MOST_MIB:
+        found = f"{grown} MiB of memory"
+    return ended, found
+
+
+@pytest.mark.parametrize("format", WRITERS)
+def test_law_an_import_ends_in_a_project_or_in_one_sentence(format: str, tmp_path: Path) -> None:
+    for seed in range(3):
+        (tmp_path / str(seed)).mkdir()
+        path = written(tmp_path / str(seed), format, seed)
+        assert wrong(path, tmp_path / f"project{seed}" if seed == 2 else None)[1] == "", path
+
+
+@pytest.mark.long  # 5,005 files
+def test_law_five_thousand_files_of_strangers(tmp_path: Path) -> None:
+    ends: Counter[tuple[str, str]] = Counter()
+    for seed in range(1000, 1385):
+        for format in WRITERS:
+            folder = tmp_path / "file"
+            folder.mkdir()
+            path = written(folder, format, seed)
+            ended, found = wrong(path, tmp_path / "project" if seed % 4 == 0 else None)
+            assert found == "", f"{format} {seed}: {found}"
+            ends[format, ended] += 1
+            shutil.rmtree(folder)
+            shutil.rmtree(tmp_path / "project", ignore_errors=True)
+    print(*(f"{format:15} {ended:20} {count:5}" for (format, ended), count in sorted(ends.items())), sep="\n")
+    assert ends.total() >= 5000
+
+
+def test_a_file_that_gzip_packed_a_thousand_times_is_refused_before_it_fills_the_memory(
+    tmp_path: Path,
+) -> None:
+    bomb, honest = tmp_path / "bomb.csv.gz", tmp_path / "honest.csv.gz"
+    bomb.write_bytes(gzip.compress(b"1,1\n" * 16_000_000))
+    rows = b"".join(b"%d,1.000000,0.000000,0.000000\n" % k for k in range(1_200_000))
+    honest.write_bytes(gzip.compress(rows, 1))
+
+    def length(path: Path) -> int:
+        with unpacked(path) as stream:
+            return sum(map(len, iter(lambda: stream.read(1 << 20), b"")))
+
+    assert length(honest) == len(rows) > 40_000_000
+    with pytest.raises(TrialError, match=r"bomb\.csv\.gz: its first .* bytes unpack to .* no log is packed"):
+        length(bomb)
+
+
+def test_junk_between_the_packets_of_imc_is_passed_over_in_one_step(tmp_path: Path) -> None:
+    pytest.importorskip("imcpy")
+    path = log_files.lsf(tmp_path)
+    content = path.read_bytes()
+    path.write_bytes(bytes(3_000_000) + content + b"\x54" + bytes(2_000_000))
+    topics = {topic.name: topic.samples for topic in open_log(path).topics()}
+    assert topics["EstimatedState"] == len(log_files.T)
+
+
+def test_types_of_a_ulog_within_one_another_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("pyulog")
+
+    def frame(kind: str, body: bytes) -> bytes:
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    nested = [frame("F", f"n{k}:n{k + 1} a;n{k + 1} b;".encode()) for k in range(14)]
+    frames = [
+        b"ULog\x01\x12\x35\x01" + bytes(8),
+        frame("B", bytes(40)),
+        *nested,
+        frame("F", b"n14:uint8_t x;"),
+    ]
+    frames += [frame("F", b"nav:uint64_t timestamp;n0 q;"), frame("A", struct.pack("<BH", 0, 7) + b"nav")]
+    frames += [frame("D", struct.pack("<HQ", 7, k) + bytes(1 << 14)) for k in range(5)]
+    path = tmp_path / "nested.ulg"
+    path.write_bytes(b"".join(frames))
+    with pytest.raises(TrialError, match="expected at most 10,000"):
+        open_log(path)
