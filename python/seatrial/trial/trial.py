@@ -256,8 +256,17 @@ class Trial:
             signals = tilt.level(signals, report, remove=level and given.automatic)
         parts = assemble(signals, t, report)
         samples = own_samples(signals, t, parts["silent"])
-        water = {"rho": rho, "g": g, "surface": surface}
-        return cls(name=name, source=file, t=t, report=report, samples=samples, **water, **parts)
+        return cls(
+            name=name,
+            source=file,
+            t=t,
+            report=report,
+            samples=samples,
+            rho=rho,
+            g=g,
+            surface=surface,
+            **parts,
+        )
 
     def __len__(self) -> int:
         return len(self.t)
