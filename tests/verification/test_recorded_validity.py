@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 import seatrial as st
+from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import SimulationError, TrialError
+from seatrial.trial.trial import Trial
 from seatrial.verification.mission_log.judge_log import state_inside
 from seatrial.verification.mission_log.restarts import restarts
 from seatrial.verification.mission_log.spread import (
@@ -23,7 +26,7 @@ from seatrial.verification.mission_log.spread import (
 )
 from seatrial.verification.mission_log.validity import validity
 from seatrial.verification.mission_log.verify_log import verify_log
-from tests.verification.recorded_logs import fitted, log
+from tests.verification.recorded_logs import MISSION, fitted, log
 
 WEAK = (("SbU.gain", 0.8),)
 
@@ -248,3 +251,19 @@ def test_a_channel_whose_stated_error_swallows_its_signal_cannot_judge() -> None
     assert verdict.outcome == "not judged"
     assert "could not have refuted the model on every controlled axis: on X, Z, M, N" in verdict.reason
     assert "None of 3 channels can judge" in verdict.summary()
+
+
+def test_a_flight_that_begins_afloat_is_predicted_at_its_surface(tmp_path: Path) -> None:
+    """Under water the true vehicle would push up where the log floats, and be called wrong."""
+    st.fly("cwolf", "cwolf", MISSION).save(tmp_path / "run")
+    flown = st.MissionLog.read(tmp_path / "run").trial
+    assert flown.channel("z")[0] < 0.5
+    assert flown.surface == log(100).trial.surface == 0.0
+
+    def missed(trial: Trial) -> float:
+        """Largest error of heave in ten seconds of the true vehicle from where it floats, m/s."""
+        first = restarts(st.Vehicle.load("cwolf"), trial, stop_s=trial.t[0] + 10.5).residual[0]
+        return float(np.abs(first[:, CHANNELS.index("w")]).max())
+
+    # Perfect sensors: what is left is the start of a window, smoothed from samples.
+    assert missed(flown) < 0.3 * missed(replace(flown, surface=None))

@@ -137,6 +137,7 @@ def _read(campaign: Campaign, path: Path) -> MissionLog:
         corrections=file.corrections,
         rho=file.environment.rho_kg_m3,
         g=file.environment.g_m_s2,
+        surface=file.environment.surface_m,
         progress=campaign.progress,
     )
 

@@ -1,11 +1,11 @@
 """The log of a mission: what the sensors told as a trial, and beside it set points, errors and legs.
 
 A log that `seatrial fly` wrote holds the true motion under the canonical names and what the autopilot was
-told as ``measured.…``. No sea trial knows the truth, so it is read by what was told. Logs of other origin
-are read as any trial is; their columns ``desired.speed_m_s``, ``desired.lateral_m_s``,
-``desired.heading_deg``, ``desired.pitch_deg``, ``desired.depth_m``, ``error.cross_track_m``,
-``error.vertical_m``, ``leg``, ``distance_m``, ``reaction``, ``power_w``, ``energy_wh``, ``altitude_m`` are
-taken where they are there.
+told as ``measured.…``. No sea trial knows the truth, so it is read by what was told, and its model floats at
+the surface as the flight did. Logs of other origin are read as any trial is; their columns
+``desired.speed_m_s``, ``desired.lateral_m_s``, ``desired.heading_deg``, ``desired.pitch_deg``,
+``desired.depth_m``, ``error.cross_track_m``, ``error.vertical_m``, ``leg``, ``distance_m``, ``reaction``,
+``power_w``, ``energy_wh``, ``altitude_m`` are taken where they are there.
 
 A reference is thinned to the rate of the log before its errors are taken: commands between two samples are
 not known and count as held, smoothed states err more, and so a model that holds misses a slow log further
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 __all__ = ["MissionLog", "offsets_of", "thinned"]
+
+_FLOWN_SURFACE_M = 0.0  # flights have the sea's surface at depth 0 (docs/theory/surface.md)
 
 _BESIDE = {
     "desired.speed_m_s": ("speed", 1.0),
@@ -128,10 +130,13 @@ class MissionLog:
                     " give the log's file"
                 )
             name = name or folder.name
+            options.setdefault("surface", _FLOWN_SURFACE_M)
         read = read_table(source, options.pop("reader", None), columns_of(columns))
         table, file = read.table, read.file
         told = {c.removeprefix(_MEASURED): c for c in table.columns if c.startswith(_MEASURED)}
         told.pop("altitude_m", None)
+        if told:  # the table of a flight
+            options.setdefault("surface", _FLOWN_SURFACE_M)
         mapped: dict[str, Any] = dict(told) | dict(columns or {})
         if told and any(column in table.columns for column in told):
             table = table.drop([column for column in told if column in table.columns])
