@@ -253,17 +253,17 @@ def test_a_channel_whose_stated_error_swallows_its_signal_cannot_judge() -> None
     assert "None of 3 channels can judge" in verdict.summary()
 
 
-def test_a_flight_that_begins_afloat_is_predicted_at_its_surface(tmp_path: Path) -> None:
-    """Under water the true vehicle would push up where the log floats, and be called wrong."""
+def test_a_flight_that_begins_afloat_is_judged_from_where_it_is_under_water(tmp_path: Path) -> None:
+    """A model that knows no surface would push up where the log floats, and be called wrong."""
     st.fly("cwolf", "cwolf", MISSION).save(tmp_path / "run")
     flown = st.MissionLog.read(tmp_path / "run").trial
     assert flown.channel("z")[0] < 0.5
     assert flown.surface == log(100).trial.surface == 0.0
 
     def missed(trial: Trial) -> float:
-        """Largest error of heave in ten seconds of the true vehicle from where it floats, m/s."""
-        first = restarts(st.Vehicle.load("cwolf"), trial, stop_s=trial.t[0] + 10.5).residual[0]
-        return float(np.abs(first[:, CHANNELS.index("w")]).max())
+        """Largest error of heave of the true vehicle in the first half minute, m/s."""
+        shown = restarts(st.Vehicle.load("cwolf"), trial, stop_s=trial.t[0] + 30.0).residual
+        return float(max(np.abs(one[:, CHANNELS.index("w")]).max() for one in shown))
 
     # Perfect sensors: what is left is the start of a window, smoothed from samples.
     assert missed(flown) < 0.3 * missed(replace(flown, surface=None))

@@ -1,8 +1,8 @@
 """The log of a mission: what the sensors told as a trial, and beside it set points, errors and legs.
 
 A log that `seatrial fly` wrote holds the true motion under the canonical names and what the autopilot was
-told as ``measured.…``. No sea trial knows the truth, so it is read by what was told, and its model floats at
-the surface as the flight did. Logs of other origin are read as any trial is; their columns
+told as ``measured.…``. No sea trial knows the truth, so it is read by what was told, and the
+surface of the flight is known. Logs of other origin are read as any trial is; their columns
 ``desired.speed_m_s``, ``desired.lateral_m_s``, ``desired.heading_deg``, ``desired.pitch_deg``,
 ``desired.depth_m``, ``error.cross_track_m``, ``error.vertical_m``, ``leg``, ``distance_m``, ``reaction``,
 ``power_w``, ``energy_wh``, ``altitude_m`` are taken where they are there.

@@ -40,6 +40,8 @@ FEWEST = 8
 _SUBSTEP_S = 0.05
 """Longest step of the integration; the rates of vehicles of a metre and more stay well below its inverse."""
 
+_FEWEST_S = 10.0  # under water that are worth leaving the rest out for: a window
+
 _STEEP = math.radians(70.0)
 """Pitch beyond which roll and yaw do not count."""
 
@@ -198,6 +200,7 @@ def restarts(
     """
     chosen = input or default_input(vehicle, trial)
     check_usable(trial, ahead_s)
+    trial = under_water(trial, vehicle)
     spans, _, _ = windows(trial, ahead_s, start_s=start_s, stop_s=stop_s)
     # The last window may be a stump of a few samples, which tells nothing.
     full = max(last - first for first, last in spans)
@@ -216,6 +219,25 @@ def restarts(
     )
     shown = tuple(window.simulated for window in found)
     return PredictedLog(replay, shown, tuple(replay.errors_of(shown)))
+
+
+def under_water(trial: Trial, vehicle: Vehicle) -> Trial:
+    """The trial without the samples at which the hull reaches the surface, where that is known.
+
+    What a changed vehicle does there is far from linear in the change: a lighter one than the log's, that
+    floats, rises no further. The rest needs no surface. Of a log that is afloat throughout all samples stay.
+    """
+    if trial.surface is None:
+        return trial
+    depth = trial.observed[:, 8] - trial.surface
+    pitch = np.nan_to_num(trial.observed[:, 10])
+    # The top of the hull, half a hull of room for thrusters that draw air, and the end that the pitch lifts.
+    measures, top = vehicle.geometry(), -float(vehicle.hull_top()[2])
+    reach = 2.0 * top + 0.5 * measures.get("length", 0.0) * np.abs(np.sin(pitch))
+    wet = ~(depth < reach)
+    if wet.sum() * trial.dt < _FEWEST_S:
+        return trial
+    return replace(trial, valid=trial.valid & wet[:, None], surface=None)
 
 
 def check_usable(trial: Trial, ahead_s: float) -> None:
