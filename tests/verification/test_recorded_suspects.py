@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from seatrial.verification.mission_log.candidates import Suspect, candidates, pa
 from seatrial.verification.mission_log.restarts import restarts
 from seatrial.verification.mission_log.spread import Spread, spread_of_reference
 from seatrial.verification.mission_log.suspects import suspects
-from tests.verification.recorded_logs import fitted, log
+from tests.verification.recorded_logs import MISSION, fitted, log
 
 
 def found(changes: dict[str, float]) -> tuple[Suspect, ...]:
@@ -57,7 +58,10 @@ def test_lost_buoyancy_cannot_be_told_from_weight() -> None:
 
 def test_a_thrust_that_no_command_tells_names_its_actuator() -> None:
     """A vertical thruster pushes in pulses while the log has it at rest: no gain explains that."""
-    model, trial = fitted().vehicle, log(6).trial
+    # From 2 m down: the model has no surface, and commands that dive a floating vehicle move it otherwise.
+    begins = re.sub(r"(?m)^depth_m = \S+", "depth_m = 2.0", MISSION.to_toml(), count=1)  # of [start]
+    flown_log = st.fly("cwolf", "cwolf", st.Mission.from_toml(begins), sensors="typical", seed=6).table()
+    model, trial = fitted().vehicle, st.MissionLog.read(flown_log).trial
     pulses = np.where(np.sin(0.31 * trial.t) > 0.6, 300.0, 0.0)
     flown = model.simulate(
         trial.t, trial.commands | {"VTB": pulses}, initial=st.State(*trial.state(10)), max_step_s=0.05
