@@ -26,7 +26,22 @@ __all__ = [
 
 
 class SeatrialError(Exception):
-    """Base of every error that seatrial raises on purpose."""
+    r"""Base of every error that seatrial raises on purpose.
+
+    Its message may quote names from a stranger's file: signs that a terminal would obey are spelt out.
+
+    Examples
+    --------
+    >>> str(SeatrialError("topic \x1b[2J\u202eabc: no time"))
+    'topic \\x1b[2J\\u202eabc: no time'
+    """
+
+    def __str__(self) -> str:
+        """The message in signs that can be shown."""
+        text = super().__str__()
+        if text.replace("\n", "").isprintable():
+            return text
+        return "".join(sign if sign.isprintable() or sign == "\n" else repr(sign)[1:-1] for sign in text)
 
 
 class VehicleError(SeatrialError, ValueError):
