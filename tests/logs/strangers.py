@@ -454,7 +454,8 @@ _EXTREMES = (0, 1, 0x7F, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 2**63 - 1
 def written(folder: Path, format: str, seed: int) -> Path:
     """File of a format, made from a seed; half of them injured in their bytes."""
     rng = np.random.default_rng([seed, sorted(WRITERS).index(format)])
-    path = WRITERS[format](folder, rng)
+    with np.errstate(all="ignore"):  # values as large as the type holds
+        path = WRITERS[format](folder, rng)
     if rng.random() < 0.5 and path.is_file():
         content = bytearray(path.read_bytes())
         if rng.random() < 0.5 and len(content) > 16:  # a length, a count or an offset
