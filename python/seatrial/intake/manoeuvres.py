@@ -243,7 +243,9 @@ def _clean(y: Array, dt: float) -> Array:
     """Drive without spikes of a sample or two, as dropped packets leave them."""
     from scipy.ndimage import median_filter
 
-    return np.asarray(median_filter(y, 2 * max(1, round(0.25 / dt)) + 1, mode="nearest"))
+    # No wider than the series: stamps a microsecond apart would make a window of half a million samples.
+    half = min(max(1, round(0.25 / dt)), len(y))
+    return np.asarray(median_filter(y, 2 * half + 1, mode="nearest"))
 
 
 @dataclass(frozen=True, eq=False)
