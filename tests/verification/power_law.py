@@ -1,8 +1,8 @@
 """The law of `verify --log`: vehicles with one changed group of coefficients, judged by the unchanged.
 
 ``python -m tests.verification.power_law [VEHICLE ...]`` prints the table of docs/validation.md: per vehicle,
-axis and group the verdict for the group times 1/4, 1/2, 2 and 4, and how often the true model is called
-valid.
+axis and group the verdict for the group times 1/4, 1/2, 2 and 4 and the error of the model over that of the
+vehicle itself, and how often the true model is called valid.
 
 REMUS 100 and CWolf fly a weave of headings and depths under their autopilots. An autopilot of a BlueROV2
 Heavy holds roll and pitch at zero, so that no mission of it tells how they answer: its thrusters are driven
@@ -12,8 +12,8 @@ by random steps in open loop.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from seatrial.sensors.sensor import load_sensors
 from seatrial.verification.mission_log.judge_log import settled, state_inside
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
 from seatrial.verification.mission_log.power import CoefficientGroup, Power, coefficient_groups, group_power
-from seatrial.verification.mission_log.restarts import restarts
+from seatrial.verification.mission_log.restarts import PredictedLog, restarts
 from seatrial.verification.mission_log.spread import spread_of_noise
 from seatrial.verification.mission_log.validity import LEVEL, validity
 from seatrial.verification.mission_log.verdict import ModelState
@@ -35,6 +35,8 @@ VEHICLES = ("cwolf", "remus100", "bluerov2-heavy")
 FACTORS = (0.25, 0.5, 2.0, 4.0)
 
 TRUE = 20
+
+SEED = 11
 
 _SUPPLY_V = 16.0
 
@@ -91,25 +93,62 @@ _LOGGED = ("dvl", "gyro", "attitude", "depth")
 
 
 def judged(name: str, changes: Mapping[str, float], seed: int) -> tuple[ModelState, str, Power]:
-    """State of the unchanged vehicle's model on a log of the changed one, why, and the power of the log.
+    """State of the unchanged vehicle's model on a log of the changed one, why, and the power of the log."""
+    return _judged(name, restarts(st.Vehicle.load(name), log_of(name, changes, seed).trial))
 
-    As `seatrial.verify_log` decides it, without the search for suspects, which takes most of its time.
-    """
+
+def _judged(name: str, windows: PredictedLog) -> tuple[ModelState, str, Power]:
+    """As `seatrial.verify_log` decides it, without the search for suspects, which takes most of its time."""
     known = Fitted.of(name)
-    windows = restarts(known.vehicle, log_of(name, changes, seed).trial)
     offsets = offsets_of("typical", known.vehicle)
     within = validity(windows, spread_of_noise(windows), offsets=offsets)
     power = group_power(known, windows, offsets=offsets, level=LEVEL, water=False)
     within = settled(within, power)
     if within.failing:
-        return "re-identify", "; ".join(one.sentence() for one in within.failing), power
+        return "re-identify", "; ".join(channel.sentence() for channel in within.failing), power
     return *state_inside(within, power), power
 
 
-def changed(name: str, group: CoefficientGroup, factor: float, seed: int = 11) -> ModelState:
+def changed(name: str, group: CoefficientGroup, factor: float, seed: int = SEED) -> ModelState:
     """State of the model on a log of the vehicle with a group of coefficients times a factor."""
     values = st.Vehicle.load(name).coefficients()
-    return judged(name, {one: factor * values[one] for one in group.names}, seed)[0]
+    return judged(name, {member: factor * values[member] for member in group.names}, seed)[0]
+
+
+@dataclass(frozen=True)
+class LawRow:
+    """Verdict on a group times a factor, and the largest error of the model over that of the vehicle itself.
+
+    ``excess`` is of all channels, root mean square over windows of ten seconds.
+    """
+
+    group: CoefficientGroup
+    factor: float
+    state: ModelState
+    excess: float
+
+    @property
+    def row(self) -> str:
+        """Cell of the table: the verdict in a word, and the excess."""
+        return f"{self.group.words} x{self.factor:g}: {_WORDS[self.state]} {self.excess:.2f}"
+
+
+def law(name: str, seed: int) -> Iterator[LawRow]:
+    """A row per group and factor."""
+    model = st.Vehicle.load(name)
+    values = model.coefficients()
+    for group in coefficient_groups(model, actuators=False):
+        for factor in FACTORS:
+            changes = {member: factor * values[member] for member in group.names}
+            trial = log_of(name, changes, seed).trial
+            windows = restarts(model, trial)
+            ours, own = (
+                np.sqrt(np.mean(np.concatenate(log.residual) ** 2, axis=0))
+                for log in (windows, restarts(model.with_coefficients(changes), trial))
+            )
+            seen = own > 0.0
+            state = _judged(name, windows)[0]
+            yield LawRow(group, factor, state, float((ours[seen] / own[seen]).max()))
 
 
 _WORDS = {
@@ -131,9 +170,10 @@ def main() -> None:
             if state != "model still valid":
                 print(f"  {state}: {reason}")
         print("| axis | group | 1/4 | 1/2 | 2 | 4 |\n|---|---|---|---|---|---|")
-        for group in coefficient_groups(st.Vehicle.load(name), actuators=False):
-            row = [_WORDS[changed(name, group, factor)] for factor in FACTORS]
-            print(f"| {group.axis} | {group.kind} | {' | '.join(row)} |", flush=True)
+        rows = list(law(name, SEED))
+        for k in range(0, len(rows), len(FACTORS)):
+            cells = [f"{_WORDS[part.state]} {part.excess:.3g}" for part in rows[k : k + len(FACTORS)]]
+            print(f"| {rows[k].group.axis} | {rows[k].group.kind} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from seatrial.trial.verdict import blind, judge_trial
 from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
 from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
-from seatrial.verification.mission_log.power import UNEXPLAINED, Power, group_power
+from seatrial.verification.mission_log.power import GROWN, UNEXPLAINED, Power, group_power
 from seatrial.verification.mission_log.restarts import PredictedLog, restarts
 from seatrial.verification.mission_log.spread import (
     Spread,
@@ -36,6 +36,7 @@ from seatrial.verification.mission_log.spread import (
     spread_of_reference,
 )
 from seatrial.verification.mission_log.suspects import current_words, in_current, suspects
+from seatrial.verification.mission_log.unknowns import HORIZON_S
 from seatrial.verification.mission_log.validity import FEWEST_WINDOWS, LEVEL, Validity, validity
 from seatrial.verification.mission_log.verdict import JudgedRequirement, LogVerdict, ModelState
 
@@ -121,7 +122,14 @@ def judge_model(
 
     def power_on(log: PredictedLog) -> Power:
         return group_power(
-            known, log, offsets=offsets, level=level, stated=stated, hidden=hidden, water=water
+            known,
+            log,
+            offsets=offsets,
+            level=level,
+            stated=stated,
+            hidden=hidden,
+            water=water,
+            lacking=reference is not None,
         )
 
     judged, power = validity(windows, spread, draws=drawn, offsets=offsets, level=level), power_on(windows)
@@ -188,8 +196,8 @@ def settled(judged: Validity, power: Power) -> Validity:
     quickly errs by more, which grows until the next restart; `power` fits each start and does not err by it.
     """
     channels = {
-        name: one if power.doubts(name) else replace(one, fails=False)
-        for name, one in judged.channels.items()
+        name: channel if power.doubts(name) else replace(channel, fails=False)
+        for name, channel in judged.channels.items()
     }
     return replace(judged, channels=channels)
 
@@ -214,11 +222,15 @@ def state_inside(judged: Validity, power: Power) -> tuple[ModelState, str]:
             f" it: {'; '.join(doubtful[:3])}. Fly longer, or give longer references."
         )
     if unexplained := power.unexplained:
-        listed = ", ".join(f"{name} ({power.left[name]:.2g} times)" for name in unexplained)
+        listed = ", ".join(
+            f"{name} ({power.left[name]:.2g} times the noise, {power.grown[name]:.2g} times its pieces)"
+            for name in unexplained
+        )
         return "not judged", (
             "The model misses this log by more than the noise of the sensors and the stated intervals explain"
-            f" (more than {UNEXPLAINED:g} times the noise within seconds after a restart), and no change of"
-            f" one group of coefficients accounts for it: {listed}."
+            f" (an error of more than {UNEXPLAINED:g} times the noise, or {GROWN:g} times larger in whole"
+            f" windows than in pieces of {HORIZON_S:g} s), and no change of one group of coefficients"
+            f" accounts for it: {listed}."
         )
     if unjudged := power.unjudged:
         return "not judged", (

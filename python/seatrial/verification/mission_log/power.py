@@ -2,38 +2,25 @@
 
 A channel inside its band speaks for a model only where the log could have refuted it. The coefficients of an
 axis form three groups (added mass; damping; lift and couplings), the actuators one per group of them. Each is
-tried as a factor ``1 + theta`` on all its members. Predictions restarted every `HORIZON_S` leave, per window,
+tried as a factor ``1 + theta`` on all its members, beside all other unknowns of the log with their stated
+sizes (`seatrial.verification.mission_log.unknowns`), in the judged windows whole and in pieces of
+`unknowns.HORIZON_S`: a push shows within seconds, the damping of a slow mode after many.
 
-    r = J_theta theta + J_n n + J_0 x_0 + e,
+Least squares with the priors of the unknowns (Schur complements, window by window) give theta, a score test
+of each group. Its variance is that of the jackknife over windows or, where larger, that of white noise, with
+Satterthwaite's degrees of freedom, as in `seatrial.statistics.score_test`. With Student's t, sigma the
+deviation of theta, and a level shared by G groups (Holm) and, within a group, by whole windows and pieces, in
+each by all C channels together and by each of them alone,
 
-J exact derivatives, x_0 the error of the state at the restart, n what all windows share, e the noise of the
-sensors. All but theta are unknowns with a stated size:
-
-| unknown | standard deviation |
-|---|---|
-| noise e | measured less smoothed, per channel: no model has a part in it; and an error that is stated |
-| state at a restart x_0 | that of the noise; smoothing makes it no worse |
-| offset of each sensor | as stated by the sensors |
-| delay of each group of sensors | `DELAY_S` |
-| steady current, where the log tells none | `CURRENT_M_S` |
-| coefficients | their covariance |
-
-so that neither the errors of the model nor those of a reference widen what is tolerated. Gauss-Newton steps
-find the unknowns that explain the log best with the model as it is (`_linearised`); there, least squares with
-these priors (Schur complements, window by window) give theta, a score test of each group. Its variance is
-that of the jackknife over windows or, where larger, that of white noise, with Satterthwaite's degrees of
-freedom, as in `seatrial.statistics.score_test`. With Student's t, sigma the deviation of theta, and a level
-shared by G groups (Holm) and, within a group, by all C channels together and by each of them alone,
-
-    refuted:            |theta| > t(level / 4 G C) sigma   and   the factor is beyond `MATERIAL`,
-    shown with 95 %:    |theta| >= max(t(level / 4 G C) sigma, material) + t(5 %) sigma.
+    refuted:            |theta| > t(level / 8 G C) sigma   and   the factor is beyond `MATERIAL`,
+    shown with 95 %:    |theta| >= max(t(level / 8 G C) sigma, material) + t(5 %) sigma.
 
 The second, of a channel alone, is the smallest change that this channel would have shown. An axis is judged
-where a channel would have shown a group of it halved and doubled (`SHOWN`). What no group explains shows as
-an error beyond `UNEXPLAINED` times the noise.
+where a channel would have shown a group of it halved and doubled (`SHOWN`).
 
-Windows are short because a prediction is linear in its start only for so long: a hovering vehicle that rolls
-leaves it within seconds.
+What no group explains shows in the error that is left at the best unknowns: beyond `UNEXPLAINED` times the
+noise, or, since the noise is known roughly and white noise is no larger in a longer window, beyond `GROWN`
+times as large in whole windows as in pieces.
 
 Source: Rao (1948), Proc. Camb. Phil. Soc. 44:50 (score test); Kuensch (1989), Ann. Stat. 17:1217 (jackknife
 of blocks); Satterthwaite (1946), Biometrics Bulletin 2:110.
@@ -45,25 +32,30 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial._core import initial_names, nuisance_names
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
-from seatrial.base.errors import SeatrialError
-from seatrial.base.rotation import shorter
 from seatrial.statistics.multiple_testing import holm
 from seatrial.vehicle.actuators import actuator_groups
-from seatrial.verification.mission_log.restarts import FEWEST, PredictedLog, restarts
-from seatrial.verification.mission_log.spread import INITIAL_PLACES
+from seatrial.verification.mission_log.unknowns import (
+    FEWEST_WINDOWS,
+    Point,
+    Unknowns,
+    explained_best,
+    pieces,
+    sensor_noise,
+    swept,
+    with_prior,
+)
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.identification.fitted import Fitted
-    from seatrial.trial.trial import Trial
+    from seatrial.verification.mission_log.restarts import PredictedLog
 
 __all__ = [
     "MATERIAL",
@@ -74,12 +66,7 @@ __all__ = [
     "Shown",
     "coefficient_groups",
     "group_power",
-    "sensor_noise",
 ]
-
-HORIZON_S = 2.0
-"""Length of a window, s: long enough for a drag to move a speed by many times its noise, short enough for the
-linear start of a vehicle that leaves its attitude within seconds."""
 
 MATERIAL = 1.25
 """Least factor, or its inverse, that refutes: the best model of a class that lacks something of the vehicle
@@ -92,31 +79,16 @@ UNEXPLAINED = 2.0
 EXPLAINED = 1.5
 """Error over noise up to which a channel is explained: true models of three vehicles leave 1.0 to 1.3."""
 
+GROWN = 1.25
+"""Error of whole windows over that of their pieces beyond which it is no noise: true models of three vehicles
+leave 0.95 to 1.1."""
+
 SHOWN = 2.0
 """A channel speaks for a group where the group doubled and halved would both have shown: gain margins of 6 dB
 forgive a factor of two in a loop and no more."""
 
 POWER = 0.95
 
-DELAY_S = 0.15
-"""Delay that an import may have left in a sensor: a Doppler log's ping, processing and line take 0.12 s."""
-
-CURRENT_M_S = 1.0
-"""Of a steady current that the log does not tell: a strong tidal stream."""
-
-_MOST_WINDOWS = 150
-"""Of a longer log evenly spaced ones: time grows with their number, sigma falls with its root alone."""
-
-_FEWEST_WINDOWS = 6
-
-_ROUNDS = 3
-
-_UNTOLD = np.repeat([0.5, 0.2, 1e-9, 0.1], 3)
-"""Of the start in a channel that no sensor tells, m/s, rad/s, m and rad: the smoothed log has zero there, or
-what it makes of other channels. A position is told by nothing and acts on nothing."""
-
-_DELAYED = ((0, 1, 2), (3, 4, 5), (6, 7), (8,), (9, 10, 11))
-"""Channels that one instrument tells."""
 
 _ADDED = re.compile(r"[XYZKMN]_[uvwpqr]dot")
 _OWN = {axis: re.compile(rf"{axis}_({own})\1?") for axis, own in zip("XYZKMN", "uvwpqr", strict=True)}
@@ -143,8 +115,8 @@ def coefficient_groups(vehicle: Vehicle, *, actuators: bool = True) -> tuple[Coe
     Examples
     --------
     >>> import seatrial as st
-    >>> found = coefficient_groups(st.Vehicle.load("cwolf"))
-    >>> [one.names for one in found if one.axis == "M"]
+    >>> groups = coefficient_groups(st.Vehicle.load("cwolf"))
+    >>> [group.names for group in groups if group.axis == "M"]
     [('M_qdot',), ('M_q', 'M_qq'), ('M_uq', 'M_uw')]
     """
     values = vehicle.coefficients()
@@ -160,15 +132,15 @@ def coefficient_groups(vehicle: Vehicle, *, actuators: bool = True) -> tuple[Coe
         elif _ANY.fullmatch(name):
             own = _OWN[axis].fullmatch(name)
             sorted_in[axis, "damping" if own else "lift and couplings"].append(name)
-    found = [CoefficientGroup(*key, tuple(names)) for key, names in sorted_in.items() if names]
+    groups = [CoefficientGroup(*key, tuple(names)) for key, names in sorted_in.items() if names]
     if actuators:
         facts = vehicle.actuator_info()
         for group, members in actuator_groups(vehicle).items():
-            gains = tuple(f"{one}.gain" for one in members if values.get(f"{one}.gain"))
-            fins = all(facts[one]["kind"] == "fin" for one in members)
+            gains = tuple(f"{name}.gain" for name in members if values.get(f"{name}.gain"))
+            fins = all(facts[name]["kind"] == "fin" for name in members)
             if gains:
-                found.append(CoefficientGroup("", f"{'lift' if fins else 'thrust'} of {group}", gains))
-    return tuple(found)
+                groups.append(CoefficientGroup("", f"{'lift' if fins else 'thrust'} of {group}", gains))
+    return tuple(groups)
 
 
 @dataclass(frozen=True)
@@ -180,6 +152,11 @@ class Shown:
 
     down: float | None
     up: float | None
+
+    @property
+    def size(self) -> float:
+        """Factor up, for the order; infinite where no factor of one side would have shown."""
+        return np.inf if self.up is None or self.down is None else self.up
 
     @property
     def enough(self) -> bool:
@@ -218,13 +195,13 @@ class GroupTest:
     @property
     def best(self) -> str:
         """Channel that shows the smallest change; empty where none would have shown one of both sides."""
-        able = [name for name, one in self.by_channel.items() if one.down is not None]
-        return min(able, key=lambda name: self.by_channel[name].up or np.inf, default="")
+        able = [name for name, shown in self.by_channel.items() if shown.down is not None]
+        return min(able, key=lambda name: self.by_channel[name].size, default="")
 
     @property
     def enough(self) -> bool:
         """Whether a channel would have shown the group halved and doubled."""
-        return any(one.enough for one in self.by_channel.values())
+        return any(shown.enough for shown in self.by_channel.values())
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""
@@ -237,7 +214,7 @@ class GroupTest:
             "p": self.p,
             "refuted": self.refuted,
             "against": list(self.against),
-            "shown": {name: {"down": one.down, "up": one.up} for name, one in self.by_channel.items()},
+            "shown": {name: {"down": shown.down, "up": shown.up} for name, shown in self.by_channel.items()},
         }
 
 
@@ -255,42 +232,45 @@ class Power:
         How many restarts it rests on.
     left
         Error of each channel over what noise, start and stated intervals explain: about one.
+    grown
+        The same in whole windows over that in their pieces: about one.
     """
 
     tests: tuple[GroupTest, ...]
     controlled: str
     windows: int
     left: Mapping[str, float]
+    grown: Mapping[str, float]
 
     @property
     def refuted(self) -> tuple[GroupTest, ...]:
         """Groups that the log refutes, the surest first."""
-        refuted = (one for one in self.tests if one.refuted)
-        return tuple(sorted(refuted, key=lambda one: -abs(one.factor - 1.0) / one.sigma))
+        refuted = (test for test in self.tests if test.refuted)
+        return tuple(sorted(refuted, key=lambda test: -abs(test.factor - 1.0) / test.sigma))
 
     @property
     def unexplained(self) -> tuple[str, ...]:
-        """Channels whose error is far beyond the noise, the farthest first."""
-        return tuple(
-            sorted((name for name, x in self.left.items() if x > UNEXPLAINED), key=lambda c: -self.left[c])
-        )
+        """Channels whose error is far beyond the noise, or grows from piece to window, the farthest first."""
+        beyond = (name for name, x in self.left.items() if x > UNEXPLAINED or self.grown[name] > GROWN)
+        return tuple(sorted(beyond, key=lambda name: -self.left[name]))
 
     def doubts(self, channel: str) -> bool:
         """Whether a share outside the band that is hardly chance is left to doubt the model by.
 
         Not where the channel could have refuted the model and its error is that of its noise.
         """
-        return not self.shown_in(channel) or self.left.get(channel, np.inf) > EXPLAINED
+        explained = self.left.get(channel, np.inf) <= EXPLAINED and self.grown.get(channel, np.inf) <= GROWN
+        return not self.shown_in(channel) or not explained
 
     def shown_in(self, channel: str) -> tuple[GroupTest, ...]:
         """Groups of which a channel would have shown the half and the double, the best shown first."""
-        shown = [one for one in self.tests if channel in one.by_channel and one.by_channel[channel].enough]
-        return tuple(sorted(shown, key=lambda one: one.by_channel[channel].up or 0.0))
+        able = [t for t in self.tests if channel in t.by_channel and t.by_channel[channel].enough]
+        return tuple(sorted(able, key=lambda test: test.by_channel[channel].size))
 
     @property
     def unjudged(self) -> str:
         """Letters of the controlled axes of which no channel would have shown a group halved and doubled."""
-        judged = {one.group.axis for one in self.tests if one.enough}
+        judged = {test.group.axis for test in self.tests if test.enough}
         return "".join(axis for axis in self.controlled if axis not in judged)
 
     def to_dict(self) -> dict[str, Any]:
@@ -300,33 +280,9 @@ class Power:
             "unjudged_axes": list(self.unjudged),
             "windows": self.windows,
             "left": dict(self.left),
-            "groups": [one.to_dict() for one in self.tests],
+            "grown": dict(self.grown),
+            "groups": [test.to_dict() for test in self.tests],
         }
-
-
-def sensor_noise(trial: Trial) -> Array:
-    """Noise (12,) of the sensors, SI, by the smoothed log and by third differences; infinite without any."""
-    from scipy.spatial.transform import Rotation
-
-    position, attitude, nu = trial.state(np.arange(len(trial)))
-    angles = Rotation.from_quat(attitude, scalar_first=True).as_euler("ZYX")[:, ::-1]
-    away = trial.observed - np.concatenate([nu, position, angles], axis=1)
-    away[:, 9:] = shorter(np.nan_to_num(away[:, 9:]))
-    found = np.full(len(CHANNELS), np.inf)
-    steps = np.diff(trial.observed, axis=0)
-    steps[:, 9:] = shorter(np.nan_to_num(steps[:, 9:]))
-    third = np.diff(steps, n=2, axis=0)
-    for c in range(len(CHANNELS)):
-        good = trial.valid[:, c]
-        # A channel that never changes is a column of a model in fewer axes, and no reading of a sensor.
-        if not good.any() or np.ptp(trial.observed[good, c]) == 0.0:
-            continue
-        whole = good[:-3] & good[1:-2] & good[2:-1] & good[3:]
-        # A smoother may follow the noise; third differences of white noise have 20 times its variance.
-        differed = np.mean(third[whole, c] ** 2) / 20.0 if whole.any() else 0.0
-        # Samples without noise have that of their last digit, which is not nothing.
-        found[c] = max(float(np.sqrt(max(np.mean(away[good, c] ** 2), differed))), 1e-6)
-    return found
 
 
 def group_power(
@@ -338,6 +294,7 @@ def group_power(
     stated: Mapping[str, float] | None = None,
     hidden: str = "",
     water: bool = True,
+    lacking: bool = False,
 ) -> Power:
     """Power and tests of the coefficient groups on the part of a log that is judged.
 
@@ -357,236 +314,72 @@ def group_power(
         Letters of the axes whose channels tell nothing.
     water : bool, optional
         Whether the current is unknown: not logged, or fitted to this log.
+    lacking : bool, optional
+        Whether references tell what a valid model lacks. Within a piece it errs no more than the noise, and
+        what that grows to in a whole window they tell. Without any, noise alone explains a whole window.
 
     Raises
     ------
     TrialError
         No window can start.
     """
-    short = _short_windows(log).without(hidden)
+    whole, cut, first = pieces(log.without(hidden))
     controlled = "".join(log.vehicle.controllable) or "XYZKMN"
     groups = coefficient_groups(log.vehicle, actuators=log.input != "tau")
-    count = len(short.spans)
-    if count < _FEWEST_WINDOWS or not groups or not all(np.isfinite(one).all() for one in short.predicted):
-        return Power((), controlled, count, {})
-    noise = np.hypot(sensor_noise(short.trial), [(stated or {}).get(name, 0.0) for name in CHANNELS])
-    told = short.channels if stated is None else [name for name in short.channels if name in stated]
-    used = [c for c in range(len(CHANNELS)) if CHANNELS[c] in told and np.isfinite(noise[c])]
-    if not used:
-        return Power((), controlled, count, {})
-    at, products = _linearised(_Unknowns(known, short, groups, noise, offsets, water=water), used)
-    if not np.isfinite(products).all():
-        return Power((), controlled, count, {})
-    together = _estimates(products.sum(axis=1), at, len(groups))
-    alone = [_estimates(products[:, k], at, len(groups)) for k in range(len(used))]
+    nothing = Power((), controlled, len(whole.spans), {}, {})
+    if len(whole.spans) < FEWEST_WINDOWS or not groups:
+        return nothing
+    noise = np.hypot(sensor_noise(log.trial), [(stated or {}).get(name, 0.0) for name in CHANNELS])
+    judging = whole.channels if stated is None else [name for name in whole.channels if name in stated]
+    used = [c for c in range(len(CHANNELS)) if CHANNELS[c] in judging and np.isfinite(noise[c])]
+    if not used or not all(np.isfinite(shown).all() for shown in (*whole.predicted, *cut.predicted)):
+        return nothing
+    members = [group.names for group in groups]
+    in_pieces, in_whole = (
+        Unknowns(known, part, members, noise, offsets, water=water) for part in (cut, whole)
+    )
+    at, products = explained_best(in_pieces, used, in_pieces.measured)
+    fits = [(cut, at, products), (whole, *explained_best(in_whole, used, Point(at.start[first], at.shared)))]
+    fits = [fit for fit in fits if np.isfinite(fit[2]).all()]
+    if not fits:
+        return nothing
     names = [CHANNELS[c] for c in used]
-    # Half of the level for all channels together, half for each of them alone.
-    least = np.minimum(2.0 * together.p, 2.0 * len(used) * np.min([one.p for one in alone], axis=0))
-    adjusted = holm(np.minimum(least, 1.0).tolist())
-    own = level / (2.0 * len(used) * len(groups))
+    evidence = [_Evidence.of(at, products, len(groups)) for _, at, products in fits]
+    tests = _tests(groups, names, evidence, level)
+    left = [
+        np.sqrt(products[:, :, -1, -1].sum(axis=0) / sum(mask[:, used].sum(axis=0) for mask in part.counted))
+        for part, _, products in fits
+    ]
+    grown = left[1] / np.maximum(left[0], 1e-9) if len(left) > 1 else np.full(len(used), np.inf)
+    if lacking or stated is not None:
+        left, grown = left[:1], np.ones(len(used))
+    beyond = dict(zip(names, np.max(left, axis=0).tolist(), strict=True))
+    return Power(tests, controlled, len(whole.spans), beyond, dict(zip(names, grown.tolist(), strict=True)))
+
+
+def _tests(
+    groups: Sequence[CoefficientGroup], names: Sequence[str], evidence: Sequence[_Evidence], level: float
+) -> tuple[GroupTest, ...]:
+    """A test per group from the evidence of pieces and of whole windows."""
+    adjusted = holm(np.minimum(np.min([part.p for part in evidence], axis=0) * len(evidence), 1.0).tolist())
+    own = level / (2.0 * len(names) * len(groups) * len(evidence))
     tests = []
     for g, group in enumerate(groups):
-        surest = min([together, *alone], key=lambda one: one.p[g])
+        surest = min((estimate for part in evidence for estimate in part.all), key=lambda e: e.p[g])
         refuted = bool(adjusted[g] < level and _material(surest.theta[g]))
-        against = [one.p[g] < own and _material(one.theta[g]) for one in alone]
-        tests.append(
-            GroupTest(
-                group,
-                1.0 + float(surest.theta[g]),
-                float(surest.sigma[g]),
-                float(adjusted[g]),
-                refuted,
-                {name: _smallest(one, g, own) for name, one in zip(names, alone, strict=True)},
-                tuple(name for name, here in zip(names, against, strict=True) if here and refuted),
-            )
-        )
-    samples = sum(mask[:, used].sum(axis=0) for mask in short.counted)
-    left = np.sqrt(products[:, :, -1, -1].sum(axis=0) / samples)
-    return Power(tuple(tests), controlled, count, dict(zip(names, left.tolist(), strict=True)))
+        shown, against = {}, []
+        for k, name in enumerate(names):
+            alone = [part.alone[k] for part in evidence]
+            shown[name] = min((_smallest(estimate, g, own) for estimate in alone), key=lambda s: s.size)
+            if refuted and any(estimate.refutes(g, own) for estimate in alone):
+                against.append(name)
+        factor, sigma = 1.0 + float(surest.theta[g]), float(surest.sigma[g])
+        tests.append(GroupTest(group, factor, sigma, float(adjusted[g]), refuted, shown, tuple(against)))
+    return tuple(tests)
 
 
 def _material(theta: float) -> bool:
     return not 1.0 / MATERIAL <= 1.0 + theta <= MATERIAL
-
-
-def _short_windows(log: PredictedLog) -> PredictedLog:
-    """The same part of the log, restarted every `HORIZON_S`; evenly spaced ones of many."""
-    trial = log.trial
-    short = restarts(
-        log.vehicle,
-        trial,
-        ahead_s=max(HORIZON_S, FEWEST * trial.dt),
-        start_s=float(trial.t[log.spans[0][0]]),
-        stop_s=float(trial.t[log.spans[-1][1] - 1]) + 0.5 * trial.dt,
-        input=log.input,
-    )
-    count = len(short.spans)
-    if count <= _MOST_WINDOWS:
-        return short
-    kept = np.unique(np.linspace(0, count - 1, _MOST_WINDOWS).astype(int))
-    return PredictedLog(
-        replace(short.replay, segments=tuple(short.replay.segments[k] for k in kept)),
-        tuple(short.predicted[k] for k in kept),
-        tuple(short.residual[k] for k in kept),
-    )
-
-
-@dataclass(frozen=True)
-class _Point:
-    """Where the predictions are linear: values of the unknowns, in units of their standard deviations.
-
-    ``start`` (windows, 12) of the channels at each restart; ``shared`` (k,) of what all windows share.
-    """
-
-    start: Array
-    shared: Array
-
-
-class _Unknowns:
-    """A log's residuals and derivatives by all unknowns, each scaled to a prior of one."""
-
-    def __init__(
-        self,
-        known: Fitted,
-        log: PredictedLog,
-        groups: Sequence[CoefficientGroup],
-        noise: Array,
-        offsets: Mapping[str, float],
-        *,
-        water: bool,
-    ) -> None:
-        self.log, self.groups = log, groups
-        self.noise = np.where(np.isfinite(noise), noise, 1.0)
-        self.scale = np.where(np.isfinite(noise), noise, _UNTOLD)
-        self.offsets = np.array([offsets.get(channel, 0.0) for channel in CHANNELS])
-        self.root = _root(known.covariance)
-        values = log.vehicle.coefficients()
-        directions = [{name: values[name] for name in one.names} for one in groups]
-        directions += [{name: 1.0} for name in known.names]
-        names = tuple(sorted({name for one in directions for name in one}))
-        self.replay = replace(log.replay, names=names)
-        self.values = np.array([values.get(name, 0.0) for name in names])
-        self.rows = np.array([[one.get(name, 0.0) for name in names] for one in directions])
-        self.water = ["current_north", "current_east"] if water else []
-        self.edges = np.cumsum([0, *(len(one) for one in (groups, known.names, self.water)), 12, 12, 12])
-        self.rates = np.stack([_rates(log, w) for w in range(len(log.spans))])
-        self.shared = len(CHANNELS) + len(_DELAYED) + len(self.water) + len(known.names)
-        self.delays = np.zeros((len(CHANNELS), len(_DELAYED)))
-        for k, own in enumerate(_DELAYED):
-            self.delays[list(own), k] = DELAY_S
-
-    @property
-    def measured(self) -> _Point:
-        """The smoothed starts, and nothing in the sensors or the water."""
-        return _Point(np.zeros((len(self.log.spans), len(CHANNELS))), np.zeros(self.shared))
-
-    def products(self, at: _Point) -> Array:
-        """Products (windows, 12, k, k) of start, shared unknowns, groups and residual in units of noise."""
-        offset, delay, water, values = self._split(at.shared)
-        nuisance = dict.fromkeys(nuisance_names(), 0.0)
-        nuisance |= {f"bias_{name}": float(x) for name, x in zip(CHANNELS, offset, strict=True)}
-        nuisance |= {f"latency_{name}": float(x) for name, x in zip(CHANNELS, delay, strict=True)}
-        nuisance |= dict(zip(self.water, water.tolist(), strict=True))
-        # What a sensor reads too late is wrong at the restart too; the core does the same with its bias.
-        start = at.start * self.scale + delay * self.rates
-        found = self.replay.sensitivities(
-            self.values + values @ self.rows[len(self.groups) :],
-            self.rows,
-            nuisances=[*self.water, *(f"{kind}_{name}" for kind in ("latency", "bias") for name in CHANNELS)],
-            initials=initial_names(),
-            nuisance=np.array([list(nuisance.values())]),
-            initial=start[:, list(INITIAL_PLACES)],
-        )
-        place = np.argsort(INITIAL_PLACES)  # of each channel among the initial conditions
-        products = []
-        for w, (residual, slopes) in enumerate(found):
-            by_group, by_name, by_water, by_delay, by_bias, by_start = (
-                slopes[:, :, a:b] for a, b in zip(self.edges[:-1], self.edges[1:], strict=True)
-            )
-            by_start = by_start[:, :, place]
-            columns = np.concatenate(
-                [
-                    by_start * self.scale,
-                    by_bias * self.offsets,
-                    (by_delay + by_start * self.rates[w]) @ self.delays,
-                    CURRENT_M_S * by_water,
-                    by_name @ self.root,
-                    by_group,
-                    residual[:, :, None],
-                ],
-                axis=2,
-            )
-            columns = columns / self.noise[:, None]
-            by_channel = columns.transpose(1, 0, 2)
-            products.append(by_channel.transpose(0, 2, 1) @ by_channel)
-        return np.array(products)
-
-    def fitted(self, at: _Point, products: Array) -> _Point:
-        """The unknowns that explain the log best with the model as it is, to first order about a point."""
-        starts = len(CHANNELS)
-        own = _with_prior(products, at.start)
-        reduced = _swept(own, starts).sum(axis=0)
-        total = _with_prior(reduced[None], at.shared[None])[0]
-        last, count = total.shape[0] - 1, self.shared
-        step = np.linalg.solve(total[:count, :count] + np.eye(count), total[:count, last])
-        pull = own[:, :starts, -1] - own[:, :starts, starts : starts + count] @ step
-        moved = np.linalg.solve(own[:, :starts, :starts] + np.eye(starts), pull[:, :, None])[:, :, 0]
-        return _Point(at.start + moved, at.shared + step)
-
-    def cost(self, at: _Point, products: Array) -> float:
-        """Sum of squares of residual and priors."""
-        return float(products[:, -1, -1].sum() + (at.start**2).sum() + (at.shared**2).sum())
-
-    def _split(self, shared: Array) -> tuple[Array, Array, Array, Array]:
-        parts = np.split(shared, np.cumsum([len(CHANNELS), len(_DELAYED), len(self.water)]))
-        return (parts[0] * self.offsets, self.delays @ parts[1], CURRENT_M_S * parts[2], self.root @ parts[3])
-
-
-def _with_prior(products: Array, values: Array) -> Array:
-    """Products whose first unknowns have moved to values (b, k): their prior pulls them back to zero."""
-    count = values.shape[1]
-    found = products.copy()
-    found[:, :count, -1] -= values
-    found[:, -1, :count] -= values
-    found[:, -1, -1] += (values**2).sum(axis=1)
-    return found
-
-
-def _linearised(unknowns: _Unknowns, used: Sequence[int]) -> tuple[_Point, Array]:
-    """Point where the model explains the log best, and the products (windows, used, k, k) there.
-
-    At the smoothed start a vehicle that never rolled rolls by the noise and the offset of its sensor, and
-    that motion would show what the log does not.
-    """
-    at = unknowns.measured
-    products = unknowns.products(at)[:, used]
-    least = unknowns.cost(at, products.sum(axis=1))
-    for _ in range(_ROUNDS):
-        tried = unknowns.fitted(at, products.sum(axis=1))
-        try:
-            there = unknowns.products(tried)[:, used]
-        except SeatrialError:  # no vehicle has such coefficients
-            break
-        cost = unknowns.cost(tried, there.sum(axis=1))
-        if not (np.isfinite(there).all() and cost < least):
-            break
-        at, products, gained, least = tried, there, least - cost, cost
-        if gained < 0.01 * least:
-            break
-    return at, products
-
-
-def _rates(log: PredictedLog, w: int) -> Array:
-    """Rates (12,) of the channels at the restart of a window, SI, as the smoothed log has them."""
-    trial, start = log.trial, log.spans[w][0]
-    nu, rate = trial.smooth_nu(trial.t[start])
-    moved = (log.predicted[w][1, 6:9] - log.predicted[w][0, 6:9]) / trial.dt
-    return np.concatenate([rate, moved, nu[3:]])  # initial attitudes are small turns about the body axes
-
-
-def _root(covariance: Array) -> Array:
-    values, vectors = np.linalg.eigh(covariance) if len(covariance) else (np.zeros(0), np.zeros((0, 0)))
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -598,16 +391,20 @@ class _Estimates:
     freedom: Array
     p: Array
 
+    def refutes(self, g: int, level: float) -> bool:
+        """Whether this alone says that a group is off by a material factor."""
+        return bool(self.p[g] < level and _material(self.theta[g]))
 
-def _estimates(products: Array, at: _Point, groups: int) -> _Estimates:
+
+def _estimates(products: Array, at: Point, groups: int) -> _Estimates:
     """Estimates from the products (windows, k, k) of one channel, or of several together."""
     from scipy.stats import t as student
 
-    own = _swept(_with_prior(products, at.start), len(CHANNELS))  # the start of each window is its own
+    own = swept(with_prior(products, at.start), len(CHANNELS))  # the start of each window is its own
     total = own.sum(axis=0)
     shared = len(at.shared)
-    full = _swept(_with_prior(total[None], at.shared[None]), shared)[0]
-    without = _swept(_with_prior(total - own, at.shared[None]), shared)  # jackknife: all windows but one
+    full = swept(with_prior(total[None], at.shared[None]), shared)[0]
+    without = swept(with_prior(total - own, at.shared[None]), shared)  # jackknife: all windows but one
     square, pull = np.diag(full)[:-1], full[:-1, -1]
     squares = np.diagonal(without, axis1=1, axis2=2)[:, :-1]
     # What the unknowns explain nearly whole is not told.
@@ -625,13 +422,26 @@ def _estimates(products: Array, at: _Point, groups: int) -> _Estimates:
     return _Estimates(theta, sigma, freedom, p)
 
 
-def _swept(products: Array, first: int) -> Array:
-    """Products (b, k, k) of what follows the first unknowns, whose prior is one, once these are fitted."""
-    if not first:
-        return products
-    normal = products[:, :first, :first] + np.eye(first)
-    cross = products[:, :first, first:]
-    return np.asarray(products[:, first:, first:] - cross.transpose(0, 2, 1) @ np.linalg.solve(normal, cross))
+@dataclass(frozen=True)
+class _Evidence:
+    """Estimates of all channels together and of each alone; p (G,) of no change by any of them."""
+
+    together: _Estimates
+    alone: tuple[_Estimates, ...]
+    p: Array
+
+    @classmethod
+    def of(cls, at: Point, products: Array, groups: int) -> _Evidence:
+        together = _estimates(products.sum(axis=1), at, groups)
+        alone = tuple(_estimates(products[:, k], at, groups) for k in range(products.shape[1]))
+        # Half of the level for all channels together, half for each of them alone.
+        least = np.min([estimate.p for estimate in alone], axis=0)
+        return cls(together, alone, np.minimum(2.0 * together.p, 2.0 * len(alone) * least))
+
+    @property
+    def all(self) -> tuple[_Estimates, ...]:
+        """All of them."""
+        return (self.together, *self.alone)
 
 
 def _smallest(of: _Estimates, g: int, level: float) -> Shown:
