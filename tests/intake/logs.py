@@ -8,7 +8,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.rotation import from_euler, matrix
-from seatrial.intake.consistency import Series
+from seatrial.trial.kinematic_series import Series
 
 
 @dataclass

@@ -11,7 +11,9 @@ from scipy.signal import lfilter
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import from_euler, matrix
-from seatrial.intake.consistency import Consistency, Correction, Series, consistency
+from seatrial.intake.consistency import consistency
+from seatrial.intake.consistency_result import Consistency, Correction
+from seatrial.trial.kinematic_series import Series
 from tests.intake.logs import Errors, log
 
 

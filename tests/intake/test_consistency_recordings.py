@@ -14,7 +14,9 @@ import pytest
 
 from seatrial.base.arrays import Array
 from seatrial.base.rotation import to_euler
-from seatrial.intake.consistency import Consistency, Correction, Series, consistency
+from seatrial.intake.consistency import consistency
+from seatrial.intake.consistency_result import Consistency, Correction
+from seatrial.trial.kinematic_series import Series
 
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent"))
 FIELD, BELUGA = DATA / "field_torpedo", DATA / "beluga"

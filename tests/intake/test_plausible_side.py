@@ -9,8 +9,9 @@ import polars as pl
 import pytest
 
 from seatrial.base.arrays import Array
-from seatrial.intake.consistency import Series, consistency
+from seatrial.intake.consistency import consistency
 from seatrial.intake.import_logs import import_logs
+from seatrial.trial.kinematic_series import Series
 from seatrial.trial.trial import Trial
 from tests.intake.logs import log
 

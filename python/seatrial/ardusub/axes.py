@@ -36,18 +36,6 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
 
-__all__ = [
-    "AMPLE",
-    "AXES_OF_LOOPS",
-    "SOUGHT",
-    "AxisVerdict",
-    "MarginModel",
-    "Margins",
-    "axis_verdicts",
-    "loop_law",
-    "margins_of",
-]
-
 SOUGHT: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "roll": {
         "ATC_ANG_RLL_P": (3.0, 12.0), "ATC_RAT_RLL_P": (0.02, 0.3), "ATC_RAT_RLL_I": (0.005, 0.5),

@@ -17,8 +17,6 @@ from seatrial.ardusub.quantity import LIMITS, Found, Impossible, Quantity
 from seatrial.base.arrays import Array
 from seatrial.logs.log import Log
 
-__all__ = ["FEWEST", "Comparison", "Rows"]
-
 NEAR_S = 0.004
 """Rows of two controllers belong together where their stamps are so near, s."""
 

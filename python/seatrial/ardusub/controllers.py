@@ -19,8 +19,6 @@ from seatrial.ardusub.comparison import Comparison, Rows
 from seatrial.ardusub.quantity import LIMITS, Found
 from seatrial.base.arrays import Array
 
-__all__ = ["Controllers"]
-
 _AXES = ("roll", "pitch", "yaw")
 
 _LETTERS = ("R", "P", "Y")

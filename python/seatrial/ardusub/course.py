@@ -20,8 +20,6 @@ from seatrial.base.errors import TrialError
 from seatrial.base.rotation import from_euler, matrix
 from seatrial.logs.log import Log
 
-__all__ = ["CHANNELS", "ROW_S", "Course", "logged_courses", "rows_of", "still_targets"]
-
 CHANNELS: Mapping[str, tuple[str, str]] = {
     "roll": ("deg", "attitude"),
     "pitch": ("deg", "attitude"),

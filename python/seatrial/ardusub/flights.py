@@ -21,8 +21,6 @@ from seatrial.base.errors import TrialError, nearest
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Cases", "Rig", "check_rig", "fly_course", "known_parameters"]
-
 NOISE = (0.002, 0.005)
 """Standard deviation of gyro (rad/s) and velocity (m/s) that the controllers see."""
 

@@ -44,8 +44,6 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
 
-__all__ = ["tune_log"]
-
 Say = Callable[[float, str], None]
 
 _MISSIONS, _SEARCHED = 1000, 64

@@ -29,8 +29,6 @@ from seatrial.base.report import Column, Report, Section, Table, listed
 from seatrial.base.run import RunResult, run_facts, sha256, to_json
 from seatrial.logs.formats import open_log
 
-__all__ = ["Replay", "replay"]
-
 
 @dataclass(frozen=True, eq=False)
 class Replay(RunResult):

@@ -17,8 +17,6 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.logs.log import Log, Samples
 
-__all__ = ["CONTROLS", "Modes"]
-
 _ATTITUDE = frozenset({"attitude"})
 _DEPTH = _ATTITUDE | {"depth"}
 _PLACE = _DEPTH | {"place"}

@@ -22,8 +22,6 @@ from seatrial.ardusub.modes import CONTROLS
 from seatrial.ardusub.quantity import LIMITS, Found, Quantity
 from seatrial.base.arrays import Array
 
-__all__ = ["replay_motors", "replay_sticks"]
-
 _OUTPUTS = 14  # columns of RCOU
 
 _MOTORS = 8

@@ -18,18 +18,6 @@ from pathlib import Path
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import TrialError, reason
 
-__all__ = [
-    "GENERATIONS",
-    "Change",
-    "ParameterFile",
-    "changes",
-    "changes_text",
-    "generation",
-    "in_metres",
-    "of_generation",
-    "write_changes",
-]
-
 GENERATIONS: Mapping[str, tuple[str, ...]] = {
     "3.5": (
         "POS_Z_P",

@@ -13,8 +13,6 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 
-__all__ = ["LIMITS", "LONGEST_S", "Found", "Impossible", "Quantity"]
-
 LIMITS = {"term": 0.01, "pulse": 2.0}
 """Share of a term, and microseconds of a pulse, within which a replay counts as right."""
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.identification.fitted import Fitted
 
-__all__ = ["ACCEPTED_OUTSIDE", "Envelope", "Reflight", "Share", "refly"]
-
 ACCEPTED_OUTSIDE = 0.1
 """Share of the held-out rows outside an envelope of 95 % that still counts as inside."""
 

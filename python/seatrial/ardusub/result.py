@@ -21,8 +21,6 @@ from seatrial.ardusub.tuning import Missions, Spread, Tuned
 from seatrial.base.report import Column, Report, Section, Table, listed
 from seatrial.base.run import RunResult, to_json
 
-__all__ = ["LogTuning", "by_chance"]
-
 _CHANCE = 1.645  # standard errors of a mean
 _STEEP = 2.0  # times the recorded value, beyond which a change is made in two steps
 _NO_WORSE = 1.05  # violation after over before up to which a loop that nothing changed is no worse

@@ -26,8 +26,6 @@ from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Table
 from seatrial.trial.mixer import FRAME_NAMES, FRAMES
 
-__all__ = ["Channel", "ChannelMap", "map_channels", "map_parameters"]
-
 _MOTOR_FUNCTIONS = {33 + k: k + 1 for k in range(8)} | {82 + k: k + 9 for k in range(4)}
 
 _NEUTRAL_US, _LOWEST_US, _HIGHEST_US = 1500.0, 1100.0, 1900.0

@@ -28,22 +28,6 @@ from seatrial.campaign.corridor import Corridor
 if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
 
-__all__ = [
-    "SIZES_DEG",
-    "STEPS",
-    "Missions",
-    "Spread",
-    "Step",
-    "Tuned",
-    "corridors_of",
-    "draw_cases",
-    "fly_missions",
-    "rise_of",
-    "slew_of",
-    "step_courses",
-    "tune_parameters",
-]
-
 STEPS = ("yaw", "depth", "north")
 """Channels that step, one after the other."""
 

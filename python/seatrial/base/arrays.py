@@ -7,8 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Mask", "runs"]
-
 Array = NDArray[np.float64]
 
 Mask = NDArray[np.bool_]

@@ -21,8 +21,6 @@ from seatrial.base.forked import before_table
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["make_folders", "parquet", "remove", "whole_folder", "write_atomic", "write_table"]
-
 
 def write_atomic(path: Path, content: bytes | Callable[[Path], None], *, new: bool = False) -> None:
     """Write a file whole or not at all.

@@ -28,8 +28,6 @@ import numpy as np
 
 from seatrial.base.errors import SeatrialError, TrialError, foreign, reason
 
-__all__ = ["Budget", "claim", "guarded", "size_of"]
-
 _MB = 1e6
 
 _LOOK_S = 0.02

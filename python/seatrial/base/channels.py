@@ -12,18 +12,6 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.rotation import shorter
 
-__all__ = [
-    "ANGLES",
-    "AXES",
-    "CHANNELS",
-    "DEGREE",
-    "MOTIONS",
-    "VELOCITIES",
-    "deviations",
-    "difference",
-    "readable",
-]
-
 CHANNELS = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "roll", "pitch", "yaw")
 """Order of the channels wherever an array has twelve columns: m/s, rad/s, m, rad."""
 

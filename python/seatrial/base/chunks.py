@@ -42,8 +42,6 @@ from seatrial.base.run import RunDirectory, sha256, version
 if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
 
-__all__ = ["RECORDS", "Answer", "Chunk", "Done", "Format", "Shared", "as_it_is", "run_chunks"]
-
 V = TypeVar("V")
 
 RECORDS = "chunks.json"

@@ -17,8 +17,6 @@ from typing import Any
 from seatrial.base.errors import TrialError, nearest, reason
 from seatrial.base.run import sha256
 
-__all__ = ["DATA_SETS", "VARIABLE", "DataFile", "DataSet", "data_folder", "get"]
-
 VARIABLE = "SEATRIAL_DATA"
 
 

@@ -10,20 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-__all__ = [
-    "CampaignError",
-    "DivergenceError",
-    "NumericalError",
-    "SeatrialError",
-    "SimulationError",
-    "TrialError",
-    "VehicleError",
-    "foreign",
-    "nearest",
-    "printable",
-    "reason",
-]
-
 
 class SeatrialError(Exception):
     r"""Base of every error that seatrial raises on purpose.

@@ -15,8 +15,6 @@ from typing import Literal, TypeVar
 
 from seatrial.base.errors import CampaignError, SimulationError, TrialError, VehicleError
 
-__all__ = ["Fallback", "Fallbacks", "is_numerical"]
-
 T = TypeVar("T")
 
 Kind = Literal["numerical", "refused"]

@@ -14,8 +14,6 @@ from tempfile import TemporaryFile
 
 from seatrial.base.errors import SeatrialError, reason
 
-__all__ = ["LONGEST_NAME", "check_place", "content_inside", "file_name", "free_name", "no_file"]
-
 LONGEST_NAME = 80
 """Bytes of a name; file systems take 255, and endings are appended."""
 

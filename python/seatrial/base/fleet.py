@@ -24,8 +24,6 @@ from typing import Any
 
 from seatrial.base.errors import SeatrialError
 
-__all__ = ["Fleet", "Workers", "fleet_of", "threads_of"]
-
 LOCAL = "local"
 
 _CONNECT_S = 10.0

@@ -19,8 +19,6 @@ from pathlib import Path
 from seatrial.base.atomic_write import make_folders
 from seatrial.base.errors import SeatrialError
 
-__all__ = ["absolute", "lock", "only_user", "refusal", "refuse_name", "unlock"]
-
 _LONGEST = 240  # file systems take 255 bytes, and ".partial" is appended
 
 

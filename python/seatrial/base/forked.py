@@ -11,8 +11,6 @@ import os
 
 from seatrial.base.errors import SeatrialError
 
-__all__ = ["before_table"]
-
 _worked: int | None = None
 
 

@@ -25,8 +25,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import product
 
-__all__ = ["FARTHEST_M", "LocalFrame", "attitude_to_ned", "body_matrix", "earth_matrix"]
-
 _Z_UP = np.diag([1.0, -1.0, -1.0])
 
 _ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
-__all__ = ["front"]
-
 
 def front(room: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """Module-level ``__getattr__`` (PEP 562) of a room.

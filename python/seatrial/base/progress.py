@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Self
 
-__all__ = ["Clock", "Progress", "Step", "Watch", "part_of"]
-
 
 class Clock:
     """Time since some work began.

@@ -13,17 +13,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = [
-    "ANY",
-    "KEYS",
-    "LONGEST_LIST",
-    "UNITS",
-    "Range",
-    "number_complaints",
-    "range_of",
-    "text_complaints",
-]
-
 LONGEST_LIST = 2_000
 """Most entries of a list or a table."""
 

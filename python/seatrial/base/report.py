@@ -11,8 +11,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-__all__ = ["REPORT_FILE", "Column", "Report", "Section", "Table", "appended", "listed", "text_table"]
-
 REPORT_FILE = "report.json"
 """Name of the report as plain data in a run directory; a page is rendered from it."""
 

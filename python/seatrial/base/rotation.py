@@ -12,18 +12,6 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
 
-__all__ = [
-    "angle_between",
-    "body_rates",
-    "conjugate",
-    "continuous",
-    "from_euler",
-    "matrix",
-    "product",
-    "shorter",
-    "to_euler",
-]
-
 
 def product(a: ArrayLike, b: ArrayLike) -> Array:
     """Hamilton product a (x) b of quaternions, shape (n, 4) or (4,)."""

@@ -58,22 +58,6 @@ from seatrial.base.file_names import file_name
 from seatrial.base.folder_lock import absolute, lock, refusal, refuse_name, unlock
 from seatrial.base.progress import Clock
 
-__all__ = [
-    "RUN_FILE",
-    "Content",
-    "Kind",
-    "RunDirectory",
-    "RunResult",
-    "belongs_to_run",
-    "check_writable",
-    "from_json",
-    "part_file",
-    "run_facts",
-    "sha256",
-    "to_json",
-    "version",
-]
-
 Content = str | bytes | Callable[[Path], None]
 """What stands in a file, or what writes it to a path: for a table that memory may not hold."""
 

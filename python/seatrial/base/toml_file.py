@@ -25,27 +25,6 @@ from seatrial.base.data_sets import VARIABLE, data_folder
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, VehicleError, nearest
 from seatrial.base.ranges import number_complaints, text_complaints
 
-__all__ = [
-    "CAMPAIGN",
-    "VEHICLE",
-    "Count",
-    "FolderName",
-    "Interval",
-    "Name",
-    "NotNegative",
-    "Number",
-    "Positive",
-    "Section",
-    "checked",
-    "file_kind",
-    "file_path",
-    "is_path",
-    "loaded",
-    "tables",
-    "text_of",
-    "twice",
-]
-
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]

@@ -7,8 +7,6 @@ from typing import Any
 
 from seatrial.base.errors import TrialError
 
-__all__ = ["ACTUATOR_UNITS", "factor", "known"]
-
 ACTUATOR_UNITS = ("rpm", "us", "N", "rad")
 """What a command may be: revolutions, pulse width, force or angle, told apart by dimension."""
 

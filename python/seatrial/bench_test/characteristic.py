@@ -39,17 +39,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_estimate import MotorEstimate
     from seatrial.bench_test.pulls import PullPoints
 
-__all__ = [
-    "SIDES",
-    "DirectionFit",
-    "UnitFit",
-    "actuator_ratios",
-    "curve_warnings",
-    "fit_unit",
-    "motor_warnings",
-    "pull_warnings",
-]
-
 SIDES = {"ahead": 1.0, "astern": -1.0}
 
 _EXPONENT_SHARE, _EXPONENT_ERROR = 0.05, 0.03

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
     from seatrial._core import Vehicle
 
-__all__ = ["BenchTable", "Unit", "listed", "read_bench_table", "unit_of"]
-
 _LOADS = ("load.X_n", "load.Y_n", "load.Z_n")
 
 _SINGLE = "load_n"

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_estimate import MotorEstimate
     from seatrial.bench_test.motor_model import StepRecord
 
-__all__ = ["bench", "fingerprint", "vehicle_of"]
-
 
 def _read_steps(
     steps: Steps,

@@ -22,8 +22,6 @@ from seatrial.base.toml_file import (
     twice,
 )
 
-__all__ = ["SENSES", "BenchFile", "Pull", "Regression", "Steps", "parse"]
-
 SENSES = {
     "ahead": ("X", 1.0),
     "astern": ("X", -1.0),

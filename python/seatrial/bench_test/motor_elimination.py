@@ -44,8 +44,6 @@ from seatrial.bench_test.motor_fit import (
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise, Plateau, Statics, starts
 
-__all__ = ["Reduced", "bracket", "eliminated", "readings"]
-
 _MOST = 24
 
 _FIRST = NAMES.index("n_min_ahead")

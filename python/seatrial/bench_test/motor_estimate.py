@@ -23,15 +23,6 @@ from seatrial.bench_test.motor_fit import MotorUncertainty
 from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise
 
-__all__ = [
-    "MotorEstimate",
-    "MotorFitness",
-    "MotorParameter",
-    "WrittenMotor",
-    "compare_actuators",
-    "compare_directions",
-]
-
 
 @dataclass(frozen=True)
 class MotorParameter:

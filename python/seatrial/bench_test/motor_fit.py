@@ -37,21 +37,6 @@ from seatrial.statistics.blocks import whitened
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.statistics.uncertainty import covariance
 
-__all__ = [
-    "NORMAL",
-    "Fit",
-    "Loss",
-    "MotorUncertainty",
-    "Problem",
-    "Reason",
-    "fit",
-    "reachable",
-    "spread",
-    "uncertainty",
-    "unseen_rates",
-    "wide",
-]
-
 Loss = Literal["huber", "soft_l1", "none"]
 
 _STEP = 1e-4  # of a coordinate's natural size

@@ -47,8 +47,6 @@ from seatrial.bench_test.motor_plateaus import (
 )
 from seatrial.bench_test.motor_table import written_motor
 
-__all__ = ["identify_motor", "recommended_steps"]
-
 _LOSSES = ("huber", "soft_l1", "none")
 
 

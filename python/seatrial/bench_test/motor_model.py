@@ -26,8 +26,6 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 
-__all__ = ["NAMES", "RECIPROCAL", "SIDES", "MotorModel", "StepRecord", "symbol"]
-
 Pair = tuple[float, float]
 
 SIDES = ("ahead", "astern")

@@ -26,19 +26,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
 
-__all__ = [
-    "Noise",
-    "Plateau",
-    "Statics",
-    "limited",
-    "noise_of",
-    "plateaus",
-    "starts",
-    "starts_in_motion",
-    "statics",
-    "transitions",
-]
-
 _LEAST = 3  # samples of a plateau, which is the second half of a held command
 
 _AGREE = 0.005  # part of a level within which a gain agrees; noise adds to it

@@ -20,8 +20,6 @@ import numpy as np
 from seatrial.bench_test.motor_estimate import Directions, MotorParameter, WrittenMotor
 from seatrial.bench_test.motor_model import SIDES, MotorModel, StepRecord
 
-__all__ = ["written_motor"]
-
 Keys = dict[str, float | str]
 
 _KEYS = {"n_max_ahead": "maximum_ahead", "n_max_astern": "maximum_astern", "n_min_ahead": "minimum_ahead"}

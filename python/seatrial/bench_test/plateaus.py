@@ -25,8 +25,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
 
-__all__ = ["Plateau", "held", "plateaus", "rows_as_plateaus", "standard_error"]
-
 _LEAST_SAMPLES = 5
 """Fewer steady samples of the load are too few for a mean."""
 

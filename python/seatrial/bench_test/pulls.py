@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.columns import Unit
     from seatrial.bench_test.file import Pull
 
-__all__ = ["Points", "PullPoints", "distance", "read_pull", "settled"]
-
 _STEP_S = 0.05
 
 

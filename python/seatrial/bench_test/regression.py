@@ -43,22 +43,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 
-__all__ = [
-    "Candidate",
-    "LeastSquares",
-    "Term",
-    "candidates",
-    "coefficient_name",
-    "design",
-    "lack_of_fit",
-    "least_squares",
-    "outliers",
-    "paper_b",
-    "r_squared",
-    "recommended",
-    "terms_of",
-]
-
 Term = tuple[int, ...]
 
 _LEVEL = 0.95

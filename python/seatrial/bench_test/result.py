@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_model import StepRecord
     from seatrial.bench_test.pulls import PullPoints
 
-__all__ = ["WRITE", "BenchTest", "share"]
-
 WRITE = (
     "write the results into the vehicle file (seatrial bench FILE --in-place, or --write FILE), then"
     " run seatrial check on it"

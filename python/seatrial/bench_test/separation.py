@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.columns import Unit
     from seatrial.bench_test.plateaus import Plateau
 
-__all__ = ["Separated", "force_per_newton", "separate"]
-
 _ALIKE = 0.1
 
 _LEAST_FACTOR = 0.05

@@ -25,8 +25,6 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 
-__all__ = ["ThrustTable", "dead_band", "from_points", "from_surface", "levels"]
-
 _LEVEL_GAP = 0.1
 
 _MOST_LEVELS = 25

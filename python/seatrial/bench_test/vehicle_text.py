@@ -25,8 +25,6 @@ from seatrial.bench_test.characteristic import SIDES, DirectionFit, UnitFit
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["PER_MINUTE", "write_results"]
-
 _KEPT = ("p2", "alpha2", "diameter_m", "wake", "thrust_deduction", "q1", "q2", "power_w_s3")
 """Keys that no bollard test measures."""
 

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from seatrial.trial.recording import Recording
     from seatrial.trial.trial import Trial
 
-__all__ = ["Campaign", "input_hashes"]
-
 
 class Campaign:
     """A checked campaign: vehicle, trials (read when first asked for), stages in the order of their run.

@@ -22,8 +22,6 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 
-__all__ = ["RISEN", "Corridor"]
-
 RISEN = 0.9
 """Share of the step at which a response has risen."""
 

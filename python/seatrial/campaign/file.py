@@ -35,23 +35,6 @@ from seatrial.campaign.verification_table import VerificationTable
 from seatrial.trial.corrections import parse_corrections
 from seatrial.trial.instability import SEGMENT_S
 
-__all__ = [
-    "Anchor",
-    "Axes",
-    "Ballast",
-    "Bollard",
-    "CampaignFile",
-    "Coefficient",
-    "DryMass",
-    "Environment",
-    "Input",
-    "Polish",
-    "Stage",
-    "TrialSource",
-    "in_order",
-    "parse",
-]
-
 Input = Literal["commands", "tau", "measured"]
 
 

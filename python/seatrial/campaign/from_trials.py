@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.bench_test.result import BenchTest
 
-__all__ = ["Bounds", "Trials", "campaign_from_trials"]
-
 Trials = Trial | str | Path | Sequence[Trial | str | Path] | Mapping[str, Trial | str | Path]
 """A trial or several: trials that were read, or files with canonical columns."""
 

@@ -12,8 +12,6 @@ from pydantic import Field, model_validator
 from seatrial.base.toml_file import Name, NotNegative, Number, Positive, Section
 from seatrial.trial.mixer import WRENCH, Mixer, Output, Stick
 
-__all__ = ["MixerTable"]
-
 
 class StickTable(Section):
     """A channel: its column, value at rest and at the ends."""

@@ -23,17 +23,6 @@ from seatrial.vehicle.actuators import actuator_groups
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "OF_AN_AXIS",
-    "STRIPS",
-    "Parameter",
-    "axes_of",
-    "coefficient_names",
-    "coefficients",
-    "expansion_matrix",
-    "parameters",
-]
-
 OF_AN_AXIS = re.compile(rf"([{AXES}])_(0|[{VELOCITIES}]dot|[{VELOCITIES}]{{1,2}})")
 """A coefficient of a force: the force's letter, and what it is proportional to."""
 

@@ -11,8 +11,6 @@ from pydantic import Field
 
 from seatrial.base.toml_file import Count, Positive, Section
 
-__all__ = ["Budget"]
-
 
 class Budget(Section):
     """Limits of a search. What is absent is chosen from the number of its parameters."""

@@ -17,22 +17,6 @@ from seatrial.base.toml_file import Interval, Name, NotNegative, Number, Positiv
 from seatrial.campaign.corridor import Corridor
 from seatrial.campaign.search_budget import Budget
 
-__all__ = [
-    "ACCEPTED_GAIN_DB",
-    "ACCEPTED_PHASE_DEG",
-    "ACCEPTED_SENSITIVITY",
-    "BESIDE",
-    "LOOPS",
-    "Beside",
-    "LeastMargins",
-    "LoopTable",
-    "Loops",
-    "Margins",
-    "TuningTable",
-    "Weights",
-    "default_steps",
-]
-
 
 @dataclass(frozen=True)
 class Loop:

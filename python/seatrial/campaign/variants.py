@@ -18,15 +18,6 @@ from seatrial.campaign.parameters import STRIPS, Parameter
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "LockedAxes",
-    "with_locked_axes",
-    "with_start_values",
-    "with_strips",
-    "without_coefficients",
-    "without_trial",
-]
-
 LockedAxes = Literal["frozen", "measured"]
 
 _MODES = ("frozen", "measured")

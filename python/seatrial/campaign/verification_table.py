@@ -50,22 +50,6 @@ from seatrial.base.toml_file import (
     twice,
 )
 
-__all__ = [
-    "Between",
-    "Current",
-    "DistributionTable",
-    "FaultTable",
-    "MissionTable",
-    "Obstacle",
-    "OutageTable",
-    "RequirementTable",
-    "Seabed",
-    "Start",
-    "VerificationTable",
-    "Waves",
-    "parse_verification",
-]
-
 
 class DistributionTable(Section):
     """One distribution by its name."""

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.check.autopilot_margins import AutopilotMargins
 
-__all__ = ["AutopilotCheck", "GainRow", "ModeRow", "check_autopilot", "safety_sentences"]
-
 _REACTIONS = {
     "continue": "the mission goes on",
     "hold": "keep station",

@@ -20,8 +20,6 @@ from seatrial.control_design.operating_points import reachable_points
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-__all__ = ["AutopilotMargins", "margins_on", "weak_points"]
-
 _MANY = 100.0  # a gain margin beyond it is no limit
 
 _TYPICAL = "typical"

@@ -22,8 +22,6 @@ from seatrial.vehicle.turning import turning_radius
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-__all__ = ["on_vehicle"]
-
 _RANK = 1e-2  # of the largest singular value: what cannot be used in practice
 
 _LOITER = 1.2  # of the tightest circle: room for control

@@ -19,11 +19,8 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.estimation.inputs import InputJudgement
     from seatrial.estimation.scale import ScaleReport
-    from seatrial.intake.consistency import Consistency
+    from seatrial.intake.consistency_result import Consistency
     from seatrial.trial.signals import RecordingReport
-
-__all__ = ["CampaignCheck", "StageOutline", "check_campaign"]
-
 
 _MOST_PROPOSALS = 6  # more are among the details
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["USUAL_M_S", "FlownCheck", "flown_sentences", "flown_table", "fly_beforehand"]
-
 USUAL_M_S = 0.3
 """Current of the check where none is given, m/s."""
 

@@ -19,8 +19,6 @@ from seatrial.base.report import Table
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
 
-__all__ = ["LegRow", "Way", "clearance", "fence_sentences", "leg_rows", "legs_table", "ways"]
-
 
 @dataclass(frozen=True)
 class Way:

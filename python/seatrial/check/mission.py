@@ -30,16 +30,6 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.sensors.sensor import Sensor
 
-__all__ = [
-    "Energy",
-    "MissionCheck",
-    "autopilot_warnings",
-    "check_mission",
-    "duration",
-    "energy_sentences",
-    "vehicle_warnings",
-]
-
 _LEFT = 0.2  # share of the battery that a careful person brings home
 
 

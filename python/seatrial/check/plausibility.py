@@ -20,9 +20,6 @@ from seatrial.vehicle.stability import positive_damping
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["implausible", "unused_rows"]
-
-
 _LIGHTEST, _HEAVIEST = 950.0, 1300.0  # kg/m3: hot water, the Dead Sea
 
 _INERTIAS = ("I_x", "I_y", "I_z")

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot
     from seatrial.flight.mission import Mission
 
-__all__ = ["beyond", "corners", "turn_sentences"]
-
 _TURNS = np.deg2rad(1.0)  # a smaller change of course is no corner
 
 _SEEN_M = 0.5  # a deviation that nobody needs to hear of

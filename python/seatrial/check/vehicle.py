@@ -39,8 +39,6 @@ from seatrial.vehicle.turning import FinTurn, fin_turn, rudders
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["VehicleCheck", "check_vehicle", "stability_sentences"]
-
 _GROWS = 1e-3  # 1/s; what grows more slowly than in ten minutes is as good as stable
 
 _SLENDER = 3.0  # length over the larger of diameter and height

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from seatrial.ardusub.log_replay import Replay
     from seatrial.ardusub.result import LogTuning
 
-__all__ = ["ardusub"]
-
 
 def ardusub(
     log: Annotated[Path, typer.Argument(help="DataFlash log of ArduSub, .BIN.")],

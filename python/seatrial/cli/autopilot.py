@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.check.autopilot import AutopilotCheck
 
-__all__ = ["autopilot"]
-
 _CRUISE = 0.6  # of the largest speed that is asked for: where the authority is told for vehicles under way
 
 

@@ -15,8 +15,6 @@ from seatrial.cli.report import Page, reported
 if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
 
-__all__ = ["bench"]
-
 
 def bench(
     bench_file: Annotated[Path, typer.Argument(help="Bench file: pulls, steps and how they are fitted.")],

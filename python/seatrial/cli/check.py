@@ -20,8 +20,6 @@ from seatrial.vehicle.actuators import NOMINAL_V
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["check"]
-
 _ADVICE = {
     "a bench file": "evaluate it with seatrial bench {}",
     "the recipe of a generated trial": "check the campaign that names it",

@@ -29,27 +29,6 @@ if TYPE_CHECKING:
     from seatrial.base.progress import Progress as State
     from seatrial.base.report import Report
 
-__all__ = [
-    "Dask",
-    "ExitCodes",
-    "Figures",
-    "Json",
-    "Pdf",
-    "Threads",
-    "Verbose",
-    "answer",
-    "check_axes",
-    "formats",
-    "list_figures",
-    "long_work",
-    "output",
-    "print_json",
-    "reading_progress",
-    "say",
-    "search_progress",
-    "workers",
-]
-
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all tables and remarks.")]

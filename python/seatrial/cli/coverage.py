@@ -9,8 +9,6 @@ import typer
 
 from seatrial.cli.console import Dask, Json, Threads, Verbose
 
-__all__ = ["coverage"]
-
 
 def coverage(
     campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML) whose trials are all generated.")],

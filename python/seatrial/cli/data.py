@@ -11,8 +11,6 @@ from seatrial.cli.console import Json
 if TYPE_CHECKING:
     from seatrial.base.data_sets import DataFile
 
-__all__ = ["data"]
-
 
 def data(
     action: Annotated[

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
 
-__all__ = ["Chain", "demo", "demonstrate"]
-
 _FOLDERS = ("cwolf", "cwolf-tuned", "cwolf-verified", "beluga")
 
 

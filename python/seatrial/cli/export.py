@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from seatrial.export.c_code import CExport
     from seatrial.export.fmu import FmuExport
 
-__all__ = ["export"]
-
 _ENDINGS = {
     "sdf": (".sdf", ".world", ".xml"),
     "uuv": (".urdf", ".xacro", ".xml"),

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
     from seatrial.flight.seeds import Seeds
 
-__all__ = ["draw_flight", "fly"]
-
 _WATCHDOG_S = 0.5
 
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from seatrial.identification.leave_one_out import LeaveOneOut
     from seatrial.identification.restarts_result import Restarts
 
-__all__ = ["draw", "identify", "run_identification"]
-
 
 def identify(
     campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML).")],

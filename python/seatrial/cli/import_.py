@@ -12,8 +12,6 @@ from seatrial.cli.console import Figures, Json, Pdf, Verbose
 if TYPE_CHECKING:
     from seatrial.intake.imported import Imported
 
-__all__ = ["import_"]
-
 
 def import_(
     logs: Annotated[

@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["EXAMPLES", "new"]
-
 EXAMPLES = Path(__file__).parent.parent / "examples"
 """Example projects that come with the package."""
 

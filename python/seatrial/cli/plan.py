@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from seatrial.experiment.plan_result import Plan
     from seatrial.report.page.run_folder import RunFolder
 
-__all__ = ["plan"]
-
 SENSORS, CURRENT_M_S = "dvl,gyro,attitude,depth", 0.1  # those of `Instruments.on_board`
 
 

@@ -7,8 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-__all__ = ["Hardware", "LivePort", "Realtime", "Record", "Speed", "Watchdog", "fly_by_the_clock"]
-
 Realtime = Annotated[
     bool, typer.Option("--realtime", help="Fly by the clock: paced, with measured jitter and overruns.")
 ]

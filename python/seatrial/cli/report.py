@@ -11,8 +11,6 @@ import typer
 if TYPE_CHECKING:
     from seatrial.report.page.run_folder import RunFolder
 
-__all__ = ["Page", "report", "reported"]
-
 
 def _place(given: Path | None) -> Path | None:
     """The page to be, refused at once where it cannot be written."""

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from seatrial.trial.score import Score
     from seatrial.trial.trial import Trial
 
-__all__ = ["read_trials", "score"]
-
 
 def score(
     vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle.")],

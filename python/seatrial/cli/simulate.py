@@ -15,8 +15,6 @@ from seatrial.cli.console import Json
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["simulate"]
-
 _ENDINGS = (".csv", ".parquet")
 
 _SEES_BOTTOM = {"dvl", "dvl_water"}

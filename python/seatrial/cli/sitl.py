@@ -9,8 +9,6 @@ import typer
 
 from seatrial.cli.console import Json, Verbose
 
-__all__ = ["sitl"]
-
 
 def sitl(
     vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle to simulate.")],

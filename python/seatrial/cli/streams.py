@@ -18,8 +18,6 @@ import unicodedata
 from collections.abc import Iterator
 from typing import TextIO
 
-__all__ = ["BAD_INPUT", "INTERRUPTED", "complain", "exit_code", "note", "printing", "ready", "still"]
-
 BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 _SPELT = {

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
 
-__all__ = ["draw", "fitted_source", "tune", "tuned"]
-
 
 def tune(
     campaign: Annotated[

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.verification import Verification
 
-__all__ = ["draw", "gains_source", "verified", "verify"]
-
 
 def verify(
     campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML) with a table verification.")],

@@ -12,8 +12,6 @@ from seatrial.base.errors import CampaignError
 if TYPE_CHECKING:
     from seatrial.verification.campaign import VerifiedCampaign
 
-__all__ = ["verify_boundary"]
-
 
 def verify_boundary(
     prepared: VerifiedCampaign,

@@ -18,8 +18,6 @@ from seatrial.cli.report import reported
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["refuse_beside", "verify_log", "write_beside"]
-
 
 def refuse_beside(given: Mapping[str, Any]) -> None:
     """Refuse options that ask for flights, by name, where a log is judged."""

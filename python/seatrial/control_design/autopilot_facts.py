@@ -19,8 +19,6 @@ from seatrial.base.errors import CampaignError
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-__all__ = ["AutopilotFacts", "AutopilotMode", "autopilot_facts", "mode_at", "refuse_other_laws"]
-
 
 @dataclass(frozen=True)
 class AutopilotMode:

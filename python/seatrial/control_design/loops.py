@@ -24,22 +24,6 @@ from seatrial.vehicle.stability import neutral_fins
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "INTEGRATED",
-    "STATES",
-    "Plant",
-    "Sampled",
-    "closed",
-    "feedback",
-    "plant",
-    "reference_drive",
-    "responses",
-    "restoring_law",
-    "sampled",
-    "step_response",
-    "with_law",
-]
-
 Complex = NDArray[np.complex128]
 
 

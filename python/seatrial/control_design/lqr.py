@@ -40,8 +40,6 @@ from seatrial.vehicle.authority import LOOPS, ROWS, delays, reach
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["LqrGains", "Tolerances", "design_lqr", "lqr_autopilot", "lqr_tables"]
-
 MOTION = 0.05
 """Motion in m/s and rad/s that is designed for: over a smaller one no gain holds REMUS with the margins."""
 

@@ -50,8 +50,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["MarginConstraint", "PointMargins"]
-
 Complex = NDArray[np.complex128]
 
 Gains = Mapping[str, ArrayLike]

@@ -47,16 +47,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.sensors.sensor import Sensor
 
-__all__ = [
-    "SENSITIVITY_NOTE",
-    "MarginRow",
-    "ReportedMargins",
-    "autopilot_margins",
-    "margin_table",
-    "report_margins",
-    "sound_speeds",
-]
-
 SENSITIVITY_NOTE = (
     "Sensitivity: how much the loop enlarges a disturbance at worst,"
     f" accepted up to {ACCEPTED_SENSITIVITY:g}."

@@ -31,23 +31,6 @@ from seatrial.base.arrays import Array
 from seatrial.campaign.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 from seatrial.control_design.loops import Sampled, closed, feedback, responses
 
-__all__ = [
-    "LawMargins",
-    "LoopMargins",
-    "decibel",
-    "disk_margin",
-    "frequencies",
-    "law_margins",
-    "least_margins",
-    "least_of",
-    "loop_margins",
-    "neutral_radius",
-    "open_each",
-    "refined_margins",
-    "small",
-    "spectral_radius",
-]
-
 Complex = NDArray[np.complex128]
 
 _FREQUENCIES = 400

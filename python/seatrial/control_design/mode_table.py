@@ -23,8 +23,6 @@ from seatrial.vehicle.steady_state import drivers, steady, unbounded
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["CRUISE", "POINTS", "Mode", "breakpoint_speeds", "flies", "mode_table", "mode_trim", "top_speeds"]
-
 POINTS = 6
 """Number of breakpoints, that of the core."""
 

@@ -37,16 +37,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.sensors.sensor import Sensor
 
-__all__ = [
-    "ModeLoop",
-    "measurement_delays",
-    "mode_law",
-    "mode_loop",
-    "operating_points",
-    "reachable_points",
-    "reachable_speeds",
-]
-
 _READ = {
     "surge": ("dvl",),
     "sway": ("dvl",),

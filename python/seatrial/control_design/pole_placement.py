@@ -27,19 +27,6 @@ from seatrial.base.errors import VehicleError
 from seatrial.control_design.loops import INTEGRATED, STATES
 from seatrial.vehicle.authority import LOOPS
 
-__all__ = [
-    "USUAL_ERROR",
-    "USUAL_SHARE",
-    "Axis",
-    "LoopGain",
-    "bandwidth",
-    "kind",
-    "law",
-    "loop_gain",
-    "physical_gains",
-    "three_digits",
-]
-
 USUAL_ERROR = {"heave": 2.0, "roll": np.deg2rad(30.0), "pitch": np.deg2rad(30.0), "heading": np.deg2rad(40.0)}
 """Error of a position loop, m or rad, that may just ask for the largest demand."""
 

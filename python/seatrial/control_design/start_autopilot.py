@@ -24,8 +24,6 @@ from seatrial.vehicle.authority import LOOPS, ROWS
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["LAWS", "autopilot_text", "commented", "start_autopilot"]
-
 _START_SHARE, _STOP_SHARE = 2.0, 0.2  # of the minimum revolutions
 
 _OWN_WORK = 0.05  # cost of thrusters that do not drive, against those that do

@@ -52,8 +52,6 @@ from seatrial.vehicle.steady_state import drivers
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["LoopStart", "StartGains", "start_gains"]
-
 _SHARED, _ALONE = 0.5, 0.8  # share of the reach for a row whose actuators also drive ahead, and for another
 
 _REFERENCE = {"position": 5.0, "speed": 2.0}  # natural frequency of the reference filter over the bandwidth

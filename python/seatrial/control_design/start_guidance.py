@@ -45,27 +45,6 @@ from seatrial.vehicle.turning import turning_radius
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-__all__ = [
-    "CLOSEST",
-    "CROSSINGS",
-    "CRUISE_LEG",
-    "INTEGRAL_SHARES",
-    "LEAST_LENGTHS",
-    "PATH_RAD_S",
-    "following_delay",
-    "guidance",
-    "heavy",
-    "least_lookahead",
-    "least_lookahead_of",
-    "lookahead",
-    "lookahead_of",
-    "lookahead_share",
-    "path_loop",
-    "safety",
-    "steady_speed",
-    "without_substitute",
-]
-
 CROSSINGS = 2.0
 """Lookahead distance over speed and delay."""
 

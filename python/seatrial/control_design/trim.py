@@ -21,8 +21,6 @@ from seatrial.vehicle.stability import neutral_fins
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Trim", "level", "trim"]
-
 _LARGEST = np.deg2rad(25.0)  # beyond it, the model and straight flight are not what they claim to be
 
 _BALANCED = 1e-6  # of the mass times 1 m/s^2

@@ -20,25 +20,6 @@ from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
 from seatrial.base.report import listed
 from seatrial.campaign.parameters import STRIPS, axes_of
 
-__all__ = [
-    "BOTH_WAYS",
-    "INCLINE",
-    "PITCH_DECAY",
-    "ROLL_DECAY",
-    "WEIGH",
-    "Role",
-    "absorbed",
-    "anchor",
-    "axis",
-    "inseparable",
-    "manoeuvre",
-    "role",
-    "scaled",
-    "strayed",
-    "strips_twice",
-    "unexcited",
-]
-
 ROLL_DECAY = "record a free decay in roll (heel the vehicle by hand by 20 to 30 deg, motors stopped, let go)"
 
 PITCH_DECAY = "record a free decay in pitch (trim it by hand by 10 to 20 deg, motors stopped, let go)"

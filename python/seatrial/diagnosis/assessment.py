@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["Assessment", "assess", "conditioning"]
-
 _PART = 40  # segments that tell before a search what all of them will
 
 _FAR = 3.0  # prior standard deviations from which a nuisance parameter is doubtful

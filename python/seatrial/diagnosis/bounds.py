@@ -26,8 +26,6 @@ from seatrial.estimation.specification import matters
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.uncertainty import Uncertainty
 
-__all__ = ["ContradictedBounds", "contradicted_bounds"]
-
 _CONTRADICTED, _MOVED = 3.0, 2.0
 """Deviations beyond a bound, and deviations that another coefficient moves."""
 

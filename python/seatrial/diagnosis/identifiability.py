@@ -35,17 +35,6 @@ from seatrial.diagnosis.weak_combination import ABSENT, WEAK, Group, weak_groups
 from seatrial.statistics.information import correlation, covariance, eliminate, inflation, singular
 from seatrial.statistics.linearisation import Linearisation, Unknown
 
-__all__ = [
-    "ILL_CONDITIONED",
-    "ROUNDING",
-    "Identifiability",
-    "Judgement",
-    "Undetermined",
-    "judge",
-    "undetermined",
-    "warnings_before",
-]
-
 ROUNDING = 1e3
 """Standard deviation over natural size from which rounding speaks, not the data."""
 

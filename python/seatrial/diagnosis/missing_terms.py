@@ -35,21 +35,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.estimation.joint import Joint
 
-__all__ = [
-    "Candidate",
-    "Suggestion",
-    "candidates",
-    "columns_of",
-    "fitted_places",
-    "independent_blocks",
-    "members",
-    "missing_terms",
-    "signal_of",
-    "strongest",
-    "trial_forces",
-    "worded",
-]
-
 _AT_ONCE = 3e7
 """Derivatives that are held at once."""
 

@@ -36,8 +36,6 @@ from seatrial.statistics.score_test import score_tests
 if TYPE_CHECKING:
     pass
 
-__all__ = ["Refitted", "campaign_line", "refitted", "suggested_bounds"]
-
 _SIGMAS = 4.0
 
 

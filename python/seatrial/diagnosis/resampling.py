@@ -26,8 +26,6 @@ from seatrial.statistics.blocks import BlockLength, determined, whitened
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.uncertainty import Uncertainty
 
-__all__ = ["Bootstrap", "Profile", "Refit", "bootstrap", "profile"]
-
 Refit = Callable[[Mapping[str, float]], float]
 
 

@@ -46,8 +46,6 @@ from seatrial.statistics.score_test import ScoreTests, score_tests
 if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint
 
-__all__ = ["ResidualAnalysis", "Tried", "analyse", "analyse_joint", "tried_terms"]
-
 _EXCESS = 1.5
 
 _UNLIKELY = 0.01

@@ -18,8 +18,6 @@ from seatrial.base.arrays import Array
 from seatrial.statistics.blocks import autocorrelation
 from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["LONGEST_S", "Autocorrelation", "autocorrelations", "block_length", "block_numbers"]
-
 LONGEST_S = 10.0
 """Longest lag of an autocorrelation, s."""
 

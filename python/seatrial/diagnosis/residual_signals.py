@@ -25,15 +25,6 @@ from seatrial.statistics.score_test import ScoreTests, SingleTests, false_discov
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = [
-    "LAGS_S",
-    "FollowedSignal",
-    "followed_signals",
-    "motion_signals",
-    "recorded_signals",
-    "with_predicted_velocity",
-]
-
 LAGS_S = (0.0, 2.0, 10.0, math.inf)
 """Lags tried, s: 0 is the signal itself, infinity its integral."""
 

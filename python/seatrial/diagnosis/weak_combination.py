@@ -24,8 +24,6 @@ from seatrial.base.arrays import Array
 from seatrial.diagnosis.advice import Role, anchor
 from seatrial.statistics.information import NULL, covariance, eliminate, regression
 
-__all__ = ["ABSENT", "WEAK", "Group", "weak_groups"]
-
 ABSENT = 1.0
 """Standard deviation over natural size from which a coefficient is not identifiable: its sign is a guess."""
 

@@ -32,8 +32,6 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.estimation.prediction_errors import Errors
 
-__all__ = ["Answers", "answers"]
-
 _OUTLIER = 4.0
 """Deviations beyond which a command's innovation is a jump of the set point and no answer to the state."""
 

@@ -20,8 +20,6 @@ from seatrial.base.channels import AXES, CHANNELS
 from seatrial.estimation.descent import Slopes
 from seatrial.estimation.problem import Problem, StageData
 
-__all__ = ["Criterion", "velocity_noise", "with_initial_velocities"]
-
 
 class Criterion:
     """Costs ``(k,)`` of candidates ``(k, m)`` over the segments of a stage.

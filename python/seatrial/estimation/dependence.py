@@ -13,8 +13,6 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 
-__all__ = ["WEAK", "Combination", "Dependence", "dependence"]
-
 WEAK = 0.05
 """Relative singular value below which a combination counts as not driven.
 

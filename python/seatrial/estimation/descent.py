@@ -21,8 +21,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.progress import Watch
 from seatrial.estimation.search import Ledger, Objective, Optimum
 
-__all__ = ["DESCENT_ROUNDS", "Slopes", "descend"]
-
 DESCENT_ROUNDS = 15
 """Budget of steps; three to six are usual."""
 

@@ -26,8 +26,6 @@ from seatrial.estimation.joint import Joint
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
-__all__ = ["INITIALS", "GaussNewton", "ran_away"]
-
 INITIALS: tuple[str, ...] = tuple(initial_names())
 """Initial conditions of a segment in the core's order."""
 

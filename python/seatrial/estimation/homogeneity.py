@@ -26,18 +26,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
 
-__all__ = [
-    "STATIC",
-    "THRUST",
-    "Held",
-    "Homogeneity",
-    "homogeneity",
-    "homogeneous_direction",
-    "ratios",
-    "scaled",
-    "thrust_factors",
-]
-
 _CENTRES = frozenset(f"{axis}_{centre}" for axis in "xyz" for centre in "gb")
 
 _CURVE = (

@@ -44,8 +44,6 @@ from seatrial.trial.linear_predictor import foretold
 from seatrial.trial.trial import Trial
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
-__all__ = ["Innovations", "Outcome"]
-
 _FIRST, _EACH = (10, 10, 30), 8
 """Evaluations of the likelihood of the noises before the first round, and in each; the motion follows."""
 

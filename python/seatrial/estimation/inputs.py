@@ -35,18 +35,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
 
-__all__ = [
-    "Drive",
-    "GainOption",
-    "InputJudgement",
-    "centred",
-    "judge_inputs",
-    "offered",
-    "per_axis",
-    "per_group",
-    "trained",
-]
-
 _USED = 0.1
 """A direction with less than this share of the impulse tells no gain of its own: a tenth of the data."""
 

@@ -26,8 +26,6 @@ from seatrial.base.channels import AXES
 from seatrial.estimation.prediction_errors import Errors
 from seatrial.trial.record import Record
 
-__all__ = ["driven", "drivers", "instrumented", "lag_s"]
-
 _LAGS = 4
 
 _OF_A_WAVE, _LAG_S = 0.125, 0.7

@@ -37,18 +37,6 @@ from seatrial.trial.trial import Trial
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
-__all__ = [
-    "ANGLE_SD",
-    "NAMES",
-    "PLACE_SD",
-    "VELOCITY_NOISES",
-    "Joint",
-    "Nuisance",
-    "joint_stage",
-    "nuisances",
-    "rows",
-]
-
 NAMES: tuple[str, ...] = tuple(nuisance_names())
 """Names in the core's order."""
 

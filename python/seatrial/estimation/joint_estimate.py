@@ -37,8 +37,6 @@ from seatrial.estimation.method import Method
 from seatrial.estimation.specification import Horizon, LogAlone, OtherDamping, horizons, log_alone
 from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["Polished", "linearise", "polish", "with_horizons"]
-
 _CLOSE = 0.1
 """A round that gains less than this many units of twice the log-likelihood ends the polish: a step of a third
 of a standard deviation in all unknowns together."""

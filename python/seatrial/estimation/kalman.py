@@ -49,8 +49,6 @@ from seatrial.trial.unexplained import BROAD, peak, spectra
 if TYPE_CHECKING:
     from seatrial._core import LinearModel
 
-__all__ = ["Filters", "begin", "shaped", "wave_frequency"]
-
 _T = TypeVar("_T")
 
 SLOW_S = 30.0

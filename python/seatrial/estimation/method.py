@@ -22,8 +22,6 @@ from seatrial.trial.instability import runs_away
 from seatrial.trial.verdict import REPLAYED, Verdict, best
 from seatrial.trial.waves import waves
 
-__all__ = ["ByItself", "Method", "method_of"]
-
 Method = Literal["output", "innovations"]
 
 

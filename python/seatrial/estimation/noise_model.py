@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 
 from seatrial.base.arrays import Array
 
-__all__ = ["NoiseModel"]
-
 
 @dataclass(frozen=True)
 class NoiseModel:

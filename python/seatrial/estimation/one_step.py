@@ -29,8 +29,6 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.step import RATE_LIMIT
 from seatrial.trial.record import Record, Replay
 
-__all__ = ["Motion", "OneStep", "Span"]
-
 _ANGLES = ("roll", "pitch", "yaw")
 _SLOWER = 1.5
 """A sensor with longer intervals than so many rows of the time base is slower than it."""

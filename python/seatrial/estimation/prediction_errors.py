@@ -21,8 +21,6 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import Span
 
-__all__ = ["BLOCK_S", "Errors", "GaussNewtonStep", "PredictionErrorCriterion"]
-
 BLOCK_S = 20.0
 """Length of the blocks of time over which sums are taken for standard deviations, s."""
 

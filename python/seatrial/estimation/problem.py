@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.trial import Trial
 
-__all__ = ["Problem", "StageData", "cut", "unfit_trials"]
-
 
 @dataclass(frozen=True)
 class StageData:

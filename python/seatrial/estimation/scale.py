@@ -37,19 +37,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
 
-__all__ = [
-    "MOTIONS",
-    "Factor",
-    "Implied",
-    "ScaleReport",
-    "added_mass_factor",
-    "ballast_factor",
-    "bollard_factor",
-    "dry_mass_factor",
-    "implied",
-    "judge_scale",
-]
-
 MOTIONS = {"X": "surge", "Y": "sway", "Z": "heave"}
 
 

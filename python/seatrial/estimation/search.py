@@ -30,21 +30,6 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Array
 from seatrial.base.progress import Step, Watch
 
-__all__ = [
-    "DIVERGED",
-    "LANES",
-    "Ledger",
-    "Objective",
-    "Optimum",
-    "batch_size",
-    "evolve",
-    "join",
-    "minimize",
-    "refine",
-    "refine_rounds",
-    "simplexes_abreast",
-]
-
 Objective = Callable[[Array], ArrayLike]
 
 LANES = 8

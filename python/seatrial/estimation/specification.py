@@ -28,8 +28,6 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import Span
 from seatrial.estimation.prediction_errors import Errors
 
-__all__ = ["Horizon", "LogAlone", "OtherDamping", "horizons", "log_alone", "matters", "other_damping"]
-
 _APART, _MATTERS = 3.0, 0.05  # standard deviations of a difference, and part of the estimate
 
 _PART_OF = 0.5

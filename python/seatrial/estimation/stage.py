@@ -37,19 +37,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
 
-__all__ = [
-    "COARSE",
-    "StagePlan",
-    "StageResult",
-    "frozen_motion",
-    "frozen_sentences",
-    "plan",
-    "refitted_stage",
-    "run_stage",
-    "search_start",
-    "start_cost",
-]
-
 _TOLERANCE = 1e-4
 
 _PROBED = 1024

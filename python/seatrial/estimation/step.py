@@ -34,8 +34,6 @@ from seatrial.campaign.parameters import Parameter
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["RATE_LIMIT", "SEARCH_RATE_LIMIT", "SLOPE_RATE_LIMIT", "StageStep", "around", "stage_step"]
-
 RATE_LIMIT = 0.25
 """Largest h|lambda|."""
 

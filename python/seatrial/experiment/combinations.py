@@ -25,8 +25,6 @@ from seatrial.vehicle.authority import commanded_rows
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["AHEAD", "Combination", "Thrusters"]
-
 AHEAD = {"slow": 0.12, "half": 0.35, "full": 0.75}
 """Thrust ahead as a share of the largest, by the engine telegraph's words."""
 

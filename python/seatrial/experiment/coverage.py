@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.truth import Truth
 
-__all__ = ["coverage"]
-
 
 def coverage(
     campaign: Campaign,

@@ -18,8 +18,6 @@ from seatrial.base.run import RunResult, to_json
 from seatrial.experiment.generated_trials import unmodelled
 from seatrial.experiment.repetition import Held, Repetition
 
-__all__ = ["Coverage", "CoverageRow", "rows"]
-
 LEVEL = 0.95
 """Probability with which an interval promises to hold the truth."""
 

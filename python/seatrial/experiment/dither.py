@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
     from seatrial.trial.verdict import Verdict
 
-__all__ = ["DEVIATION", "Dither", "dithers"]
-
 DEVIATION = 0.05
 """Relative standard deviation of the gain that a dither is to reach."""
 

@@ -46,17 +46,6 @@ if TYPE_CHECKING:
     from seatrial.experiment.manoeuvre import Manoeuvre
     from seatrial.statistics.linearisation import Linearisation
 
-__all__ = [
-    "NOISE",
-    "Instruments",
-    "information",
-    "of_campaign",
-    "of_vehicle",
-    "prior_information",
-    "recorded_information",
-    "seen_by",
-]
-
 NOISE = {"dvl": 0.01, "gyro": 0.2, "attitude": 0.5, "depth": 0.02}
 """Instruments and the standard deviation of their noise, m/s, deg/s, deg and m, unless others are given."""
 

@@ -29,8 +29,6 @@ from seatrial.vehicle.stability import statics
 if TYPE_CHECKING:
     from seatrial._core import Run
 
-__all__ = ["Forecast", "Limits", "Proposal", "forecast", "proposals", "simulated", "uneven"]
-
 UNEVEN = 0.03
 """How much the sides of the uneven vehicle push more and less, of their thrust."""
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint
     from seatrial.flight.flight import Flight
 
-__all__ = ["GeneratedTrials", "unmodelled"]
-
 _SAME = 1e-9
 
 _CURRENT = ("current_north", "current_east", "current_down")

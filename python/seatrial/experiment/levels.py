@@ -18,15 +18,6 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import VehicleError
 
-__all__ = [
-    "coast_down_levels",
-    "multisine_levels",
-    "spiral_levels",
-    "staircase_levels",
-    "times",
-    "zigzag_levels",
-]
-
 RATE_HZ = 10.0
 """Samples of commands per second."""
 

@@ -40,22 +40,6 @@ from seatrial.vehicle.actuators import voltage_for
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = [
-    "SETTLE_S",
-    "TURN_BACK_S",
-    "Kind",
-    "Manoeuvre",
-    "Start",
-    "coast_down",
-    "dive",
-    "free_decay",
-    "multisine",
-    "spiral",
-    "staircase",
-    "steady_speed",
-    "zigzag",
-]
-
 TURN_BACK_S, SETTLE_S = 30.0, 15.0
 """Pauses before a manoeuvre is repeated: after one that travels, after one that stays in place."""
 

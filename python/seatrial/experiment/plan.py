@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["plan"]
-
 _LEAST_SHARE, _LARGEST_SHARE = 0.1, 1.0
 
 _ALIKE = 1.01  # of trials that are as good within a per cent, the one that needs the least area

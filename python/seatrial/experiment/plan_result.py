@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from seatrial.experiment.forecast import Forecast
     from seatrial.experiment.manoeuvre import Manoeuvre
 
-__all__ = ["Change", "Plan", "Ranked"]
-
 _SHEET_ROWS = 8
 
 _ZERO = 0.01

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.base.progress import Step
 
-__all__ = ["Held", "Repetition", "hold_at_wrong_values", "run_repetition"]
-
 _AWAY = 0.25  # of the width of the bounds
 
 _COST_95 = 1.92  # half the 95 % quantile of chi-squared with one degree of freedom

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["CExport", "Program", "Programs", "export_c", "recorded"]
-
 
 @dataclass(frozen=True)
 class Program:

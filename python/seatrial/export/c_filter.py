@@ -19,8 +19,6 @@ from seatrial.flight.sensor_channels import sensors_of
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["recorded_filter"]
-
 _PERIOD_S = 0.1
 """Period of a filter without autopilot that was not made by hand, s: that of `NavigationFilter`."""
 

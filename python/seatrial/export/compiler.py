@@ -19,8 +19,6 @@ from pathlib import Path
 
 from seatrial.base.errors import SimulationError
 
-__all__ = ["c_compiler", "platform", "ran", "shared_library"]
-
 _LIMIT_S = 600.0  # a unit is built in half a minute
 
 _OPTIONS: Sequence[str] = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted
 
-__all__ = ["FmuExport", "export_fmu"]
-
 Version = Literal["2.0", "3.0"]
 
 _MOST_SAMPLES = 1000  # parameter sets in a unit: each is a row of its source

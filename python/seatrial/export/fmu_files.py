@@ -18,8 +18,6 @@ from xml.etree import ElementTree as Xml
 from seatrial.base.arrays import Array
 from seatrial.export.c_code import Program
 
-__all__ = ["BuildFiles", "base_units", "described"]
-
 
 @dataclass(frozen=True)
 class BuildFiles:

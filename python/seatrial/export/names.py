@@ -12,8 +12,6 @@ from typing import Any
 
 from seatrial.base.errors import printable
 
-__all__ = ["commented", "refused_names"]
-
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int
 long register restrict return short signed sizeof static struct switch typedef union unsigned void

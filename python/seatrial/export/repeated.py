@@ -17,8 +17,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-__all__ = ["folded"]
-
 _STATEMENT = re.compile(r"    const (real|_Bool) (t\d+) = (.*);")
 _READ = re.compile(
     r"\b[gx]\d+(?:\.o\d+)?\b|\bt\d+\b|\bR\([^()]*\)|\bGUARD\([^()]*\)|\b[a-z]+->\w+(?:\[\d+\])?"

@@ -49,8 +49,6 @@ from seatrial.sensors.sensor import KINDS
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["TURBULENCE_TIMES_S", "Cases", "Circumstances", "Shared"]
-
 TURBULENCE_TIMES_S = (60.0, 2.0)
 """Correlation time of a turbulent current, and the time in which eddies average out along the hull, s."""
 

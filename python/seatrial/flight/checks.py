@@ -20,30 +20,6 @@ from seatrial.flight.mission import Route
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-__all__ = [
-    "Corridor",
-    "checked_bottom",
-    "checked_columns",
-    "checked_corridors",
-    "checked_failures",
-    "checked_list",
-    "checked_obstacles",
-    "checked_rows",
-    "checked_seabed",
-    "checked_seed",
-    "checked_set_points",
-    "checked_step",
-    "checked_supply",
-    "checked_times",
-    "checked_triple",
-    "checked_turbulence",
-    "checked_vector",
-    "is_number",
-    "longest",
-    "positive",
-    "within",
-]
-
 _LARGEST_SEED = 2**53
 
 _FASTEST_WATER_M_S = 15.0  # the fastest tidal streams run at 10 m/s

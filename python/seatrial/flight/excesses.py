@@ -21,23 +21,6 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Array, Mask
 from seatrial.flight.metrics import OFF_PROMISE
 
-__all__ = [
-    "IN_THE_AIR_M",
-    "KINDS",
-    "OFF_LIMIT_M",
-    "STEEP_DEG",
-    "Excess",
-    "broken_in",
-    "excesses",
-    "promise_counts",
-    "sentences",
-    "too_deep",
-    "too_low",
-    "too_near",
-    "touched",
-    "unkept",
-]
-
 IN_THE_AIR_M = 0.1
 """Height above the surface, m, from which a vehicle has left the water: less is a wave."""
 

@@ -19,8 +19,6 @@ from seatrial.flight.sensor_channels import GROUP_OF_KIND
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Fault", "Outage", "fault_rows", "outage_rows"]
-
 _FAULT = re.compile(r"(?P<actuator>[^@=]+)@(?P<time>[^=]+)(?:=(?P<value>.+))?")
 
 _OUTAGE = re.compile(r"(?P<what>[^@=]+)@(?P<times>.+)")

@@ -27,19 +27,6 @@ from seatrial.flight.watches import source
 if TYPE_CHECKING:
     from seatrial.flight.log import FlightLog
 
-__all__ = [
-    "Finding",
-    "broken_limits",
-    "injected",
-    "missed_waypoint",
-    "not_reached",
-    "off_course",
-    "outside",
-    "overrun",
-    "position_remedy",
-    "where",
-]
-
 _WINDOW_S = 5.0  # over which the steepness of a path is told
 
 _STEEPER, _LAGGING = 1.05, 1.25  # of a slope over what guidance allows, and over what was flown

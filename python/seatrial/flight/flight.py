@@ -58,8 +58,6 @@ if TYPE_CHECKING:
     from seatrial.flight.cases import Cases
     from seatrial.flight.payload import Samples
 
-__all__ = ["Alert", "Flight"]
-
 
 @dataclass(frozen=True, eq=False)
 class Flight(FlightLog):

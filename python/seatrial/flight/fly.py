@@ -34,8 +34,6 @@ from seatrial.flight.sea import SeaState
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["fly", "fly_batch"]
-
 
 def fly(
     vehicle: Vehicle | str | Path,

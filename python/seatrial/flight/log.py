@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from seatrial.flight.cases import Circumstances
     from seatrial.flight.mission import Mission, Route
 
-__all__ = ["FlightLog", "log_fields"]
-
 Numbers = NDArray[np.int64]
 
 _ABORT = 3  # level of the reaction from which on no loop is at work

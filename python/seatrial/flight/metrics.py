@@ -40,28 +40,6 @@ from seatrial.flight.mission import Route
 if TYPE_CHECKING:
     from seatrial.flight.log import FlightLog
 
-__all__ = [
-    "CODED",
-    "DIVERGED",
-    "OFF_PROMISE",
-    "ActuatorUse",
-    "Leg",
-    "Loop",
-    "actuators_of",
-    "differs",
-    "ending_of",
-    "in_metric_units",
-    "legs_of",
-    "loops_of",
-    "metrics_of",
-    "quantile",
-    "reserve",
-    "saturated",
-    "switches",
-    "true_vertical",
-    "unmet",
-]
-
 DIVERGED = "diverged"
 
 OFF_PROMISE = 0.1

@@ -33,8 +33,6 @@ from seatrial.vehicle.authority import LOOPS, ROWS, delays, thrusts
 if TYPE_CHECKING:
     from seatrial.base.arrays import Array
 
-__all__ = ["ANOTHER", "made_for", "mismatch", "started_for", "tuned_for"]
-
 ANOTHER = (
     "make one for this vehicle (seatrial autopilot VEHICLE), or hold the file against it (seatrial check"
     " AUTOPILOT --vehicle VEHICLE)"

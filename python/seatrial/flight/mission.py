@@ -31,8 +31,6 @@ from seatrial.base.toml_file import tables, text_of
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["Mission", "Route", "Stop"]
-
 PLACE = {"latitude_deg": 90.0, "longitude_deg": 180.0}
 """Keys of a geographic place, with the largest magnitude of each."""
 

@@ -25,8 +25,6 @@ from seatrial.flight.sea import SeaState
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.sensors.sensor import KINDS, Sensor
 
-__all__ = ["ACOUSTICS", "Beacon", "NavigationFilter", "Pen", "Wall", "checked_navigation", "filter_of"]
-
 ACOUSTICS = ("usbl", "altitude", "range", "bearing")
 """Kinds of sensors that only a navigation filter reads; a bearing in degrees, as any angle of a sensor."""
 

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
     from seatrial.flight.log import FlightLog
 
-__all__ = ["Payload", "Samples", "StopSamples", "Value", "sampled"]
-
 Rows = NDArray[np.intp]
 
 

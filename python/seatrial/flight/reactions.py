@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from seatrial.flight.log import FlightLog
 
-__all__ = ["Alert", "ascent", "called_for"]
-
 _SANK_M = 0.1  # below where the reaction began: less is the way on of a hull under way
 
 _RISING_M_S, _LATELY_S = 0.02, 10.0  # slower it does not come up; time over which that is told

@@ -17,8 +17,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.flight.checks import within
 
-__all__ = ["CALM", "LIMITS", "SeaState", "checked_seas", "sea_rows", "steepest_period"]
-
 CALM = (0.0, 8.0, 0.0, 0.0, 3.3)
 """The core's row for no waves."""
 

@@ -21,8 +21,6 @@ from seatrial.flight.tables import spread_table
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-__all__ = ["Seeds", "fly_seeds"]
-
 
 @dataclass(frozen=True, eq=False)
 class Seeds:

@@ -37,8 +37,6 @@ from seatrial.sensors.sensor import KINDS, Sensor, load_sensors, one_each
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["CHANNELS_OF_GROUP", "GROUP_OF_KIND", "SensorChannels", "perfect", "sensor_channels", "sensors_of"]
-
 GROUP_OF_KIND = {
     "position": "position",
     "gps": "position",

@@ -14,8 +14,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.report import Column, Table
 from seatrial.flight.metrics import Leg, Loop, differs
 
-__all__ = ["legs_table", "loops_table", "metrics_table", "spread_table"]
-
 _METRICS = {
     "duration_s": ("duration", "s", 1),
     "distance_m": ("distance over ground", "m", 1),

@@ -16,8 +16,6 @@ from seatrial.flight.sensor_channels import CHANNELS_OF_GROUP, GROUP_OF_KIND
 if TYPE_CHECKING:
     from seatrial.flight.log import FlightLog
 
-__all__ = ["GROUPS", "cause", "group", "patience", "reaction_key", "remedy", "silence", "source"]
-
 _SILENT_S = 1.5
 """A sensor is silent where it shows nothing new for so long, s: longer than the periods of common sensors."""
 

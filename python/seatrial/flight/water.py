@@ -26,8 +26,6 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
 
-__all__ = ["CHANNELS", "SLOWEST_M_S", "Plume", "Profile", "conductivity", "density", "properties"]
-
 CHANNELS = {
     "nitrate_mg_l": "mg/L",
     "density_kg_m3": "kg/m3",

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.identification.estimate import Estimate
 
-__all__ = ["AGREE", "implausible_masses", "mass_in_words", "masses_of", "plausible_masses"]
-
 AGREE = 0.3
 """Relative deviation up to which apparent masses agree: of drawn vehicles, and of the vehicle file."""
 

@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.score import Score
 
-__all__ = ["Choice", "choose", "with_or_without_presumed"]
-
 _SHARE = 0.2
 """Part of every trial, at its end, that judges where the campaign holds nothing out."""
 

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.preparation import Preparation
 
-__all__ = ["Conclusion", "concluded", "jointly", "scored", "staged"]
-
 _STAGES = "the result of the stages"
 
 _CHECK = (

@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.assessment import Assessment
     from seatrial.estimation.scale import ScaleReport
 
-__all__ = ["CoefficientCovariance", "coefficient_covariance", "widened"]
-
 _UNIFORM = 1.0 / 12.0  # variance of a number somewhere in an interval of length one
 
 _NONE = 1e-5  # singular value, over the largest, that is rounding: the root of the information's 1e-11

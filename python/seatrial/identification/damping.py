@@ -31,8 +31,6 @@ from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.specification import other_damping
 
-__all__ = ["likelier_by", "quadratic_or_strips"]
-
 _LIKELIER = 10.0
 """Log-likelihood of all held-out data from which the other damping is the result."""
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.diagnosis.assessment import Assessment
 
-__all__ = ["Estimate", "Tally", "derived", "distinct", "estimates", "plus_minus", "tally"]
-
 
 @dataclass(frozen=True)
 class Estimate:

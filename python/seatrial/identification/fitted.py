@@ -34,8 +34,6 @@ from seatrial.vehicle.passivity import PossibleCoefficients
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Drawn", "Fitted"]
-
 RESULT = "identification.json"
 
 _CAUSE = 1  # stream of the coefficients

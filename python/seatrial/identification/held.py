@@ -30,18 +30,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.statistics.uncertainty import Uncertainty
 
-__all__ = [
-    "SHARE",
-    "Conditional",
-    "Held",
-    "comment",
-    "conditional",
-    "hold_untold",
-    "joint_estimate_of",
-    "sentences",
-]
-
-
 SHARE = 0.2
 """Error of a held value whose effect is told."""
 

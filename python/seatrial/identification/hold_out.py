@@ -30,18 +30,6 @@ from seatrial.trial.verdict import blind
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "AHEAD_S",
-    "POOLED",
-    "PartScores",
-    "Restarts",
-    "freed",
-    "left_out_score",
-    "likelihood_gain",
-    "part_scores",
-    "replayed",
-]
-
 AHEAD_S = 10.0
 """How far ahead a result is judged, s, unless its vehicle runs away."""
 

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from seatrial.estimation.scale import ScaleReport
     from seatrial.trial.score import Score
 
-__all__ = ["Identification", "advice", "report"]
-
 _NEAR_ONE = 0.985
 
 

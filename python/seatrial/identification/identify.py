@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
     from seatrial.trial.trial import Input
 
-__all__ = ["StageOrder", "identify", "run_identification"]
-
 
 @overload
 def identify(

@@ -47,8 +47,6 @@ from seatrial.trial.score import score_text
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["LeaveOneOut", "LeftOut", "leave_one_out"]
-
 _SHARED = 0.1  # ratio below which a deviation is not that of the trials
 
 _SCATTER = 3.0

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
 
-__all__ = ["FilterNoise", "filter_noise", "residual_noise", "with_model_error"]
-
 _NEAR_S, _FAR_S = 1.0, 3.0
 """Lags between which the memory of the force is read: beyond what the smoothing of the velocities joins."""
 

@@ -24,8 +24,6 @@ from seatrial.vehicle.actuators import actuator_groups, drivers
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["Preparation", "identifiable", "prepare", "without_commandless"]
-
 
 @dataclass(frozen=True)
 class Preparation:

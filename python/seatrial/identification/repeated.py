@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.trial import Trial
 
-__all__ = ["repeated_sentences"]
-
 _SAME = 0.49  # of the longer interval: samples this close in time are the same
 
 

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from seatrial.base.fleet import Workers
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["restarts", "search_start", "start_values"]
-
 Stages = tuple[StageResult, ...]
 
 

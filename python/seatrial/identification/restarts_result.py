@@ -31,8 +31,6 @@ from seatrial.base.run import RunResult, to_json
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
 
-__all__ = ["COST_TOLERANCE", "Restarts", "StageRestarts"]
-
 Verdict = Literal["same optimum", "flat direction", "several optima"]
 
 COST_TOLERANCE = 1e-3

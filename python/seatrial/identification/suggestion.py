@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from seatrial.base.progress import Progress
     from seatrial.identification.identification import Identification
 
-__all__ = ["HoldOutChange", "follow", "followed_text", "hold_out_change", "try_suggestion"]
-
 LEAST_CHANGE = 0.02
 """Differences of R2 below this mean nothing."""
 

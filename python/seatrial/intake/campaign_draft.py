@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from seatrial.intake.consistency_result import Correction, SlowCurrent
     from seatrial.trial.trial import Trial
 
-__all__ = ["DraftedTrial", "campaign_text", "free_axes", "line"]
-
 _SEEN = 0.5  # share of valid samples that a channel needs
 
 _LEAST_ANGLE = 0.035  # rad: a roll or pitch that spreads less tells nothing of what rights the vehicle

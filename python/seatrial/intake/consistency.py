@@ -34,8 +34,6 @@ from seatrial.trial.kinematic_series import INPUTS, Series, checked
 from seatrial.trial.kinematics import Channels
 from seatrial.trial.tilt import certain_tilt
 
-__all__ = ["Consistency", "Correction", "Series", "SlowCurrent", "consistency", "convention_of"]
-
 _FEWEST = 50  # samples of a channel that can be compared
 
 _MOST_PITCH, _MOST_ROLL = 1.7, 3.3  # rad: more are degrees

@@ -25,8 +25,6 @@ from seatrial.intake.consistency_result import SlowCurrent
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
 from seatrial.trial.kinematics import Channels, earth_velocity
 
-__all__ = ["slow_current"]
-
 _PART_S, _MOST_PARTS = 2.0, 10_000  # samples are averaged over so long, longer in a log of many hours
 
 _KNOT_S, _MOST_KNOTS = 60.0, 120  # the current runs linearly between knots, further apart in such a log

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 
 from seatrial.trial.kinematic_series import Series
 
-__all__ = ["missing"]
-
 
 def missing(series: Mapping[str, Series]) -> tuple[str, ...]:
     """Sentences on channels that are not recorded.

@@ -11,8 +11,6 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.report import Report, Section, Table
 
-__all__ = ["UNTOLD", "Consistency", "Correction", "SlowCurrent", "current_sentence"]
-
 UNTOLD = "hardly any motion: whether the channels agree cannot be told"
 """What is said of a recording without motion."""
 

@@ -30,8 +30,6 @@ from seatrial.trial.kinematic_fit import Curve, Fit, Grid, Parameter, fitted, ro
 from seatrial.trial.kinematic_series import Series
 from seatrial.trial.kinematics import Channels, RatesResidual, VelocityResidual, earth_velocity, pose_velocity
 
-__all__ = ["Found", "force_found", "rates_found", "velocity_found"]
-
 _SAME_CLOCK_S, _OTHER_CLOCK_S = 1.5, 60.0  # delays are searched within
 
 _LEAST_S = 0.015  # delays

@@ -10,8 +10,9 @@ import numpy as np
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import from_euler, product, to_euler
-from seatrial.intake.consistency import Consistency, Correction, Series, SlowCurrent, consistency
-from seatrial.intake.consistency_result import current_sentence
+from seatrial.intake.consistency import consistency
+from seatrial.intake.consistency_result import Consistency, Correction, SlowCurrent, current_sentence
+from seatrial.trial.kinematic_series import Series
 from seatrial.trial.own_samples import own_samples
 from seatrial.trial.sensor_position import to_origin
 from seatrial.trial.signals import RecordingReport
@@ -19,20 +20,6 @@ from seatrial.trial.signals import RecordingReport
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.recording import Recording
-
-__all__ = [
-    "LATE",
-    "LateVelocity",
-    "Proposal",
-    "accepted",
-    "common",
-    "consistency_of_trial",
-    "late_velocity",
-    "mean",
-    "proposals",
-    "series_of",
-]
-
 
 _DIFFERENT = 4.0  # deviations that trials are apart whose corrections are not one
 

@@ -14,8 +14,6 @@ from seatrial.trial.kinematic_fit import Fit
 from seatrial.trial.kinematic_series import INPUTS
 from seatrial.trial.kinematics import Channels
 
-__all__ = ["contradiction_of", "corrections_of", "list_sentence", "offset_sentence"]
-
 _CERTAIN = 5.0
 
 _LEAST_S = 0.015

@@ -22,18 +22,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = [
-    "BANDS_HZ",
-    "Contact",
-    "Excess",
-    "Excitation",
-    "Saturation",
-    "contacts",
-    "excesses",
-    "excitation",
-    "saturation",
-]
-
 BANDS_HZ = ((0.0, 0.05), (0.05, 0.2), (0.2, 1.0), (1.0, np.inf))
 """Drift and speed, manoeuvres, quick steps and waves, vibration and noise."""
 

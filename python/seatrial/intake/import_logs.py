@@ -17,7 +17,8 @@ import numpy as np
 from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import TrialError, printable
 from seatrial.base.folder_lock import only_user
-from seatrial.intake.consistency import Consistency, Series, consistency, convention_of
+from seatrial.intake.consistency import consistency, convention_of
+from seatrial.intake.consistency_result import Consistency
 from seatrial.intake.consistency_trials import series_of
 from seatrial.intake.imported import Imported, ImportedTrial
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
@@ -36,14 +37,13 @@ from seatrial.intake.survey import Survey, importing, survey
 from seatrial.intake.trial_windows import moved, moves
 from seatrial.intake.vehicle_draft import VehicleDraft, draft_vehicle, matched, thruster_signs, turned
 from seatrial.trial.columns import GROUPS
+from seatrial.trial.kinematic_series import Series
 from seatrial.trial.readers import Recording as ReadTable
 from seatrial.trial.recording import recording
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
-
-__all__ = ["import_logs"]
 
 _NEAR = 0.08  # of a trial's length: a change of mode or its end this near to a proposed hold-out counts
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import printable
 from seatrial.base.report import Report, Section, Table
-from seatrial.intake.consistency import Consistency
+from seatrial.intake.consistency_result import Consistency
 from seatrial.intake.consistency_trials import proposals
 from seatrial.intake.kind_of_data import KindOfData
 from seatrial.intake.map_file import Column
@@ -24,8 +24,6 @@ from seatrial.trial.defects import ABOVE
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
-
-__all__ = ["Imported", "ImportedTrial"]
 
 _SHOWN = 10  # problems; the others are details
 

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["KindOfData", "kind_of_data"]
-
 
 @dataclass(frozen=True)
 class KindOfData:

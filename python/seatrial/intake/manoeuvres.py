@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["Drive", "Kind", "Manoeuvre", "counted", "drives", "manoeuvres"]
-
 Kind = Literal[
     "step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run", "station-keeping", "rest"
 ]

@@ -20,8 +20,6 @@ from seatrial.base.toml_file import Name, Number, Section, checked, tables, text
 from seatrial.logs.join import Clock
 from seatrial.trial.columns import GROUPS, check_canonical, source_of
 
-__all__ = ["CONVERSIONS", "Column", "ImportMap", "MapFile", "MapTrial", "load_map", "parse_map"]
-
 CONVERSIONS = {
     "latitude": "x_m",
     "longitude": "y_m",

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from seatrial.intake.imported import Imported
     from seatrial.intake.recordings import Recorded, Recording
 
-__all__ = ["clocks_proposed", "delays_given", "edited", "map_text", "refuse_foreign", "write_project"]
-
 _OWN = "import.json"
 
 

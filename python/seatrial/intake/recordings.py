@@ -32,9 +32,6 @@ from seatrial.trial.table import signals
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["MANY", "Recorded", "Recording", "proposed_columns", "rate_of_long", "recordings", "table_of"]
-
-
 _SURFACE_PA = (8e4, 1.1e5)  # pressures of the air at the surface
 
 _AIR_PA = 101_325.0  # standard atmosphere

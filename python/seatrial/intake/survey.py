@@ -23,8 +23,6 @@ from seatrial.logs.log import Event, Field, Log, Share, Topic
 from seatrial.logs.recognise import ESTIMATED, FEWEST, Proposal, named_but_empty, propose, unknown_unit
 from seatrial.logs.units import KNOWN_UNITS
 
-__all__ = ["Survey", "SurveyedLog", "Unused", "chosen", "importing", "survey"]
-
 _VECTORS = (
     ("x_m", "y_m"),
     ("z_m",),

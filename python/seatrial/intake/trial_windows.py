@@ -22,8 +22,6 @@ from seatrial.intake.manoeuvres import Manoeuvre
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["TrialWindows", "moved", "moves", "windows"]
-
 _SHARES = (0.2, 0.225, 0.25, 0.275, 0.3, 0.325, 0.35)
 _USUAL = 0.25
 _STARTS = 61

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["VehicleDraft", "draft_vehicle", "matched", "opposed", "thruster_signs", "turned"]
-
 _BUILT_IN = {2: "bluerov2-heavy"}
 
 _HEAVY_MOTORS = 8

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["WIRED", "Wiring", "each_wrench", "thrusts", "wiring"]
-
 WIRED = "wiring: "
 """How a sentence on actuators that contradict the vehicle file begins."""
 

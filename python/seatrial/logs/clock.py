@@ -21,11 +21,6 @@ from seatrial.base.errors import printable
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = [
-    "NEAR_S", "Counter32", "TimeColumn", "TimeScale", "after", "clock_times", "is_time", "rises", "scale_of",
-    "stated_unit", "time_column", "time_fields",
-]  # fmt: skip
-
 _COUNTS, _END = 2.0**32, 0.01
 """Values of a counter of 32 bits, and the share of them at either end within which it may begin again: in
 microseconds 43 s, longer than any gap that a sample should bridge."""

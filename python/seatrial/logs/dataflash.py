@@ -33,8 +33,6 @@ from seatrial.logs.clock import Counter32
 from seatrial.logs.formats import extra
 from seatrial.logs.log import CHUNK_ROWS, Chunk, Event, Log, Share
 
-__all__ = ["open_log"]
-
 _CODES = {
     "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8",
     "f": "<f4", "d": "<f8", "g": "<f2", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4",

@@ -28,8 +28,6 @@ from seatrial.logs.log import Chunk, Log, Share, stem_of
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Table", "open_log", "shared_name", "stripped"]
-
 _BLOCK_BYTES = 8_388_608
 _LONGEST_LINE = 4_194_304
 _QUOTED = re.compile('"[^"]*"')

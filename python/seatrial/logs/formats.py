@@ -21,8 +21,6 @@ from seatrial.logs.log import reading
 if TYPE_CHECKING:
     from seatrial.logs.log import Log
 
-__all__ = ["DAMAGED", "FORMATS", "Format", "extra", "format_of", "open_log", "unpacked"]
-
 DAMAGED = (OSError, EOFError, zlib.error)
 """What reading a file raises that is damaged or packed and cut short."""
 

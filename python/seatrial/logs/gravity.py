@@ -16,8 +16,6 @@ from dataclasses import replace
 from seatrial.logs.log import Field, Topic
 from seatrial.logs.recognise import Proposal
 
-__all__ = ["by_gravity", "points_down"]
-
 _VERTICAL = re.compile(
     r"(.*\.)?(linear_acceleration\.z|accel(eration)?\.z|AccZ|zacc|accelerometer_m_s2\[2\])", re.IGNORECASE
 )

@@ -23,8 +23,6 @@ from seatrial.logs.formats import DAMAGED, extra, unpacked
 from seatrial.logs.log import Chunk, Event, Log, Share
 from seatrial.logs.rows import Gathered, number
 
-__all__ = ["open_log"]
-
 _HEADER, _FOOTER = 20, 2
 _SYNC = 0xFE54
 _MARK = re.compile(rb"\x54\xfe|\xfe\x54")

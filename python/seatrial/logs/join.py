@@ -23,8 +23,6 @@ from seatrial.logs.stamps import spread_bursts, strays
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["SPLIT", "Clock", "Joined", "Wanted", "find_field", "join"]
-
 SPLIT = "split the file to use the others"
 """What to do about recordings that stand behind one another in a file."""
 

@@ -22,8 +22,6 @@ from seatrial.logs.formats import DAMAGED, unpacked
 from seatrial.logs.log import MOST_FIELDS
 from seatrial.logs.units import is_unit, no_unit, unit_of
 
-__all__ = ["GROUPED", "Layout", "cells_of", "encoding_of", "layout_of"]
-
 _HEAD_BYTES = 262_144
 _HEAD_ROWS = 200
 _MOST_LINES = 8  # of a name in quotes

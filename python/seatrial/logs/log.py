@@ -26,8 +26,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.budget import Budget, guarded, size_of
 from seatrial.base.errors import TrialError, nearest, printable
 
-__all__ = ["Chunk", "Event", "Field", "Log", "Samples", "Share", "Topic", "listed", "reading"]
-
 CHUNK_ROWS = 65_536
 """Most rows of a chunk: bounds the memory, not what a log may hold."""
 

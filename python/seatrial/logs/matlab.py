@@ -24,8 +24,6 @@ from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share, stem_o
 from seatrial.logs.matlab5 import arrays
 from seatrial.logs.rows import LONGEST_ARRAY
 
-__all__ = ["open_log"]
-
 _FEWEST = 3  # samples of a signal
 _DEEPEST = 8
 

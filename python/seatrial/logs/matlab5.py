@@ -21,8 +21,6 @@ from seatrial.base.budget import Budget, claim
 from seatrial.base.errors import TrialError, printable
 from seatrial.logs.log import Log
 
-__all__ = ["arrays"]
-
 _HEADER = 128
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _MATRIX, _PACKED = 14, 15

@@ -23,8 +23,6 @@ from seatrial.logs.log import MOST_TOPICS, Chunk, Event, Log, Share
 from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
 from seatrial.logs.senders import SenderClocks
 
-__all__ = ["open_log"]
-
 _STAMP_BYTES = 8
 _AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
 _GROUND = 255  # the usual system number of a ground station

@@ -22,8 +22,6 @@ from seatrial.logs.formats import extra
 from seatrial.logs.log import Log
 from seatrial.logs.messages import Bag, Message, learnt
 
-__all__ = ["open_log"]
-
 _MAGIC_BYTES, _TAG_BYTES = 8, 9
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _LAST = 2, 3, 4, 5, 6, 15
 _PACKINGS = (b"\4\0\0\0zstd", b"\3\0\0\0lz4")

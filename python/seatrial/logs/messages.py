@@ -23,8 +23,6 @@ from seatrial.logs.clock import NEAR_S
 from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share
 from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
 
-__all__ = ["Bag", "Message", "learnt"]
-
 _LOOK_AT = 3  # messages of a topic from which its fields are learnt
 _TIMED = 50  # messages of a topic with stamps of its own that tell its clock
 _LATE_S, _AWAY_S = 1.0, 10.0

@@ -16,8 +16,6 @@ from seatrial.base.errors import TrialError
 from seatrial.logs.log import MOST_TOPICS, Chunk, Event, Log, Share
 from seatrial.logs.rows import Gathered
 
-__all__ = ["open_log"]
-
 _PAIR = re.compile(r"([A-Za-z_]\w{0,63})=([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?=,|$)")
 _MODES = ("MODE", "DEPLOY", "IVPHELM_STATE")
 _LONGEST_LINE = 65_536

@@ -13,8 +13,6 @@ import itertools
 import re
 from collections.abc import Iterable
 
-__all__ = ["actuator_of", "quantity_of", "words_of"]
-
 
 def words_of(name: str) -> list[str]:
     """Words of a path in lower case: between separators and at changes of case.

@@ -33,8 +33,6 @@ from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share, stem_of
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["open_log"]
-
 
 def open_log(path: Path) -> Log:
     """Log of a Parquet file: one topic, called by the file's stem.

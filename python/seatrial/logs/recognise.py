@@ -20,18 +20,7 @@ from dataclasses import dataclass, replace
 
 from seatrial.logs.log import Field, Topic
 from seatrial.logs.names import actuator_of, quantity_of, words_of
-from seatrial.logs.units import (
-    KNOWN_UNITS,
-    PRESSURES,
-    canonical_of,
-    fits,
-    misfit_of,
-    no_unit,
-    suffix_of,
-    unit_of,
-)
-
-__all__ = ["ESTIMATED", "FEWEST", "KNOWN_UNITS", "Proposal", "named_but_empty", "propose", "unknown_unit"]
+from seatrial.logs.units import PRESSURES, canonical_of, fits, misfit_of, no_unit, suffix_of, unit_of
 
 
 @dataclass(frozen=True)

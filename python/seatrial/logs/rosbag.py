@@ -18,8 +18,6 @@ from seatrial.logs.log import Log
 from seatrial.logs.messages import Bag, Message, learnt
 from seatrial.logs.rosbag1 import open_cut
 
-__all__ = ["open_log"]
-
 
 def open_log(path: Path) -> Log:
     """Bag.

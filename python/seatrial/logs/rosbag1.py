@@ -18,8 +18,6 @@ from seatrial.base.budget import claim
 from seatrial.logs.formats import extra
 from seatrial.logs.messages import Bag, Message, learnt
 
-__all__ = ["open_cut"]
-
 _MAGIC = b"#ROSBAG V2.0\n"
 
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7

@@ -9,8 +9,6 @@ import numpy as np
 
 from seatrial.logs.log import CHUNK_ROWS, Chunk
 
-__all__ = ["LONGEST_ARRAY", "Gathered", "number"]
-
 LONGEST_ARRAY = 36
 """Longer arrays are images, point clouds or spectra: no channels of a trial. A covariance has 36."""
 

@@ -18,8 +18,6 @@ from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["SenderClocks"]
-
 _SHARED_S = 2.0
 """Origins of message types that differ by less are one: no link holds every message of a type for longer."""
 

@@ -15,8 +15,6 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask, runs
 
-__all__ = ["Spread", "base_step", "spread_bursts", "strays", "usual_interval"]
-
 _LONG, _SHORT = 0.85, 0.2  # quantiles of the intervals
 
 _IRREGULAR = 1.5  # ratio of the long to the short interval above which the median is no common interval

@@ -9,11 +9,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = [
-    "KNOWN_UNITS", "PRESSURES", "canonical_of", "fits", "is_unit", "misfit_of", "no_unit", "suffix_of",
-    "unit_of",
-]  # fmt: skip
-
 _STATED = {
     "m/s": "m/s", "mm/s": "mm/s", "cm/s": "cm/s", "km/h": "km/h", "kmh": "km/h", "kph": "km/h", "mps": "m/s",
     "knot": "knot", "ft/s": "ft/s", "mph": "mph", "rad": "rad", "deg": "deg", "mrad": "mrad",

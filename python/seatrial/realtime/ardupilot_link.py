@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["PORT", "SitlSession", "listen", "sitl"]
-
 PORT = 9002
 
 LOOPBACK = "127.0.0.1"

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from seatrial._core import Helm
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["RealtimeFlight", "fly_realtime"]
-
 _CHANNELS = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
 
 _FASTEST = 1000.0

@@ -35,8 +35,6 @@ from seatrial.base.errors import SimulationError, reason
 from seatrial.base.report import Table
 from seatrial.realtime.plant import Motion
 
-__all__ = ["COMMAND_MAGIC", "SENSOR_MAGIC", "Hardware", "HardwareFacts", "command_packet", "sensor_packet"]
-
 SENSOR_MAGIC, COMMAND_MAGIC = 0x31535453, 0x31435453
 
 VERSION = 1

@@ -20,8 +20,6 @@ from seatrial.base.frames import attitude_to_ned
 from seatrial.realtime.origin import Gate, hidden_address
 from seatrial.realtime.plant import Motion
 
-__all__ = ["Live"]
-
 _EARTH, _BODY = "earth", "vehicle"
 
 _TRACK_POINTS = 2000

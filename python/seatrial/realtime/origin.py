@@ -15,8 +15,6 @@ import threading
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
-__all__ = ["OWN_ORIGINS", "Gate", "allowed", "hidden_address"]
-
 OWN_ORIGINS = ("https://app.foxglove.dev", "https://app.foxglove.com", "file://")
 """Foxglove in a browser and on the desktop."""
 

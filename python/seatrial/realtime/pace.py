@@ -18,8 +18,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.base.report import Table
 
-__all__ = ["Pacer", "Timing"]
-
 _SPIN_S = 2e-4
 """The last of a wait is spent looking at the clock: sleeping is only that exact."""
 

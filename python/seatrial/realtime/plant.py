@@ -28,8 +28,6 @@ from seatrial.base.rotation import from_euler, matrix, to_euler
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["Motion", "Plant", "Shown", "needs_voltage"]
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:

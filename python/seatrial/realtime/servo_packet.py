@@ -20,8 +20,6 @@ from typing import Any
 
 from seatrial.realtime.plant import Motion
 
-__all__ = ["MAGIC_16", "MAGIC_32", "ServoPacket", "answer"]
-
 MAGIC_16, MAGIC_32 = 18458, 29569
 
 _HEAD = struct.Struct("<HHI")

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
     from seatrial.base.report import Report, Table
 
-__all__ = ["rich_table", "show"]
-
 _LONGEST_WORD = 11
 """Characters of a word that every column has room for; a longer one may go on in the next line."""
 

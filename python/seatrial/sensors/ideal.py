@@ -32,8 +32,6 @@ from seatrial.sensors.sensor import KINDS, Sensor
 if TYPE_CHECKING:
     from seatrial._core import Run, Vehicle
 
-__all__ = ["ON_THE_TETHER", "Conditions", "Ideal", "Motion", "at_sea"]
-
 
 @dataclass(frozen=True, eq=False)
 class Conditions:

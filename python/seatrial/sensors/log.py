@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 
     from seatrial._core import Run
 
-__all__ = ["asynchronous", "biases", "finer", "held", "linear", "measure", "silent", "times"]
-
 
 def silent(sensor: Sensor, t: Array, random: np.random.Generator) -> NDArray[np.bool_]:
     """Samples (m,) at the rising times `t` (m,), s, that a sensor's drop-outs swallow."""

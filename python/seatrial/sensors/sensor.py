@@ -22,8 +22,6 @@ from seatrial.base.toml_file import Section, checked, tables, text_of
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["KINDS", "TYPICAL", "Sensor", "SensorFile", "load_sensors", "one_each", "parse_sensors", "read_as"]
-
 
 @dataclass(frozen=True)
 class Kind:

@@ -20,8 +20,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import MOTIONS
 from seatrial.base.errors import VehicleError
 
-__all__ = ["FLIP", "Body", "body_of", "contradictions"]
-
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 """Signs between forward-left-up and forward-right-down."""
 

@@ -20,8 +20,6 @@ from seatrial.simulators.markup import parse, read_bytes
 from seatrial.simulators.readers import KINDS, read
 from seatrial.simulators.writers import WRITERS
 
-__all__ = ["ENDINGS", "ExportedModel", "ImportedModel", "export_model", "import_model", "write_text"]
-
 ENDINGS = (".sdf", ".urdf", ".xacro", ".scn", ".world", ".xml")
 """Endings of files that are models and no logs."""
 

@@ -18,8 +18,6 @@ from xml.parsers import expat
 
 from seatrial.base.errors import VehicleError, reason
 
-__all__ = ["Element", "expanded", "local", "numbers", "parse", "read_bytes"]
-
 Element = ElementTree.Element
 
 _LARGEST = 5_000_000  # bytes: models are some ten thousand

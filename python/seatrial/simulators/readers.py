@@ -29,8 +29,6 @@ from seatrial.base.rotation import from_euler, matrix
 from seatrial.simulators.body import FLIP, Body
 from seatrial.simulators.markup import Element, children, expanded, local, numbers
 
-__all__ = ["KINDS", "Read", "kind_of", "read"]
-
 KINDS = {"sdf": "gz-sim", "uuv": "uuv_simulator", "stonefish": "Stonefish"}
 
 _FORCES, _VELOCITIES = "xyzkmn", "UVWPQR"

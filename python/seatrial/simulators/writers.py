@@ -14,8 +14,6 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.simulators.body import FLIP, Body
 
-__all__ = ["WRITERS", "write_sdf", "write_stonefish", "write_uuv"]
-
 _FORCES, _VELOCITIES, _ADDED = "xyzkmn", "UVWPQR", "xyzpqr"
 
 _FLIP3 = np.diag([1.0, -1.0, -1.0])

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 
-__all__ = ["lag_one_correlation", "variance_inflation"]
-
 
 def lag_one_correlation(residuals: Array, *, most: float, together: NDArray[np.bool_] | None = None) -> float:
     """Correlation r of neighbouring residuals (n,) about their mean, from 0 to `most`.

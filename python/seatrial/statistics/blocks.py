@@ -30,17 +30,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.statistics.linearisation import Linearisation, Piece
 
-__all__ = [
-    "BlockLength",
-    "autocorrelation",
-    "block_length",
-    "blocks",
-    "determined",
-    "divided",
-    "views",
-    "whitened",
-]
-
 _LONGER = 1.25
 
 _SHORTEST = 1.3

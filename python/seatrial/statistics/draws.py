@@ -18,8 +18,6 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 
-__all__ = ["checked_numbers", "generator", "uniforms"]
-
 _HALF_STEP = 2.0**-54  # NumPy's uniforms are multiples of 2^-53, 0 among them, whose quantile may be infinite
 
 

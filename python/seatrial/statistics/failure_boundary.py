@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 
-__all__ = ["BoundarySurface", "Crossing", "Place", "places_to_fly", "start_places", "surface_of"]
-
 _PER_AXIS = {1: 201, 2: 33}
 
 _START = {1: 9, 2: 5}

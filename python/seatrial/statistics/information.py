@@ -27,18 +27,6 @@ from seatrial.base.arrays import Array
 from seatrial.statistics.blocks import block_length, determined, information_of
 from seatrial.statistics.linearisation import Linearisation
 
-__all__ = [
-    "NULL",
-    "InformationCriteria",
-    "correlation",
-    "covariance",
-    "eliminate",
-    "inflation",
-    "information_criteria",
-    "regression",
-    "singular",
-]
-
 NULL = 1e-14
 """Eigenvalue of an information matrix with unit diagonal that is rounding.
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 
-__all__ = ["Linearisation", "Piece", "Unknown"]
-
 
 @dataclass(frozen=True)
 class Unknown:

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 
-__all__ = ["circular_correlation", "holm", "mann_whitney", "spearman", "uniform_scores"]
-
 _EXACT = 20_000  # pairs up to which the exact distribution is cheap
 
 

@@ -31,16 +31,6 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
 
-__all__ = [
-    "FailureProbability",
-    "Verdict",
-    "clopper_pearson",
-    "further_runs",
-    "runs_needed",
-    "share",
-    "wilson",
-]
-
 Verdict = Literal["held", "failed", "undecided"]
 
 _NODES = 400

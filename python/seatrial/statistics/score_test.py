@@ -25,8 +25,6 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["ScoreTests", "SingleTests", "false_discovery", "score_tests", "single_tests", "unexplained"]
-
 _ALIKE = 1e-6
 """A candidate of which less than this is left after projection is collinear with the fitted columns."""
 

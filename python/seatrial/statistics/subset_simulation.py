@@ -38,8 +38,6 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 
-__all__ = ["Importance", "Level", "Population", "RareEvent", "importance", "population", "rare_event"]
-
 Level = Callable[[Array, Array], Array]
 """Level (k,) of samples (k, d), standard normal, and seeds (k,) from 0 to 1: zero or less where they fail."""
 

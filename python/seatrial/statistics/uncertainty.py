@@ -48,8 +48,6 @@ from seatrial.base.arrays import Array
 from seatrial.statistics.blocks import BlockLength, Whitened, views
 from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["Uncertainty", "bound_reached", "covariance"]
-
 _AT_BOUND = 0.005
 
 _ALONE = 0.7

@@ -44,8 +44,6 @@ from seatrial.trial.own_samples import own_samples
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["align"]
-
 _LARGEST_S = 1.0
 """Latencies are searched within plus and minus this."""
 

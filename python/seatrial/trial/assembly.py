@@ -23,8 +23,6 @@ from seatrial.trial.resampling import GAP, angles, held, linear, silences
 from seatrial.trial.signals import RecordingReport, Signal
 from seatrial.trial.smoothing import spline
 
-__all__ = ["assemble", "water_current"]
-
 _PART_S = 60.0
 
 _FEWEST = 50  # samples that know both velocities

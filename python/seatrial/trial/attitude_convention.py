@@ -24,8 +24,6 @@ from seatrial.trial.kinematic_axes import LEAST_MOTION, band
 from seatrial.trial.kinematic_fit import Grid
 from seatrial.trial.kinematics import Channels, differences, rotation_rates
 
-__all__ = ["AttitudeConvention", "as_convention", "attitude_convention"]
-
 _EXPLAINED, _FAILS = 0.8, 0.4  # share of the motion that the right convention explains, and a wrong one
 
 _CLEARLY = 2.0  # times as much must another convention leave unexplained

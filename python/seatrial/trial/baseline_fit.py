@@ -30,8 +30,6 @@ from seatrial.trial.windows import windows
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["fit_baselines"]
-
 _AHEAD_S = 10.0
 _MOST_SAMPLES = 4000  # of an axis in the search of T and d, evenly taken from all windows
 _LONGEST_LAG_S, _LONGEST_DEAD_TIME_S = 60.0, 3.0

@@ -35,19 +35,6 @@ from seatrial.trial.windows import Window, channel_errors
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "ANGLES",
-    "BASELINES",
-    "FORCES",
-    "Baselines",
-    "Driven",
-    "FirstOrder",
-    "Linear",
-    "exogenous",
-    "lagged",
-    "not_beaten",
-]
-
 BASELINES = ("hold last", "mean", "first order", "linear")
 """Names of the baselines, the simplest first."""
 

@@ -40,8 +40,6 @@ from seatrial.trial.windows import Window, channel_errors
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["Band", "Unpredictable", "bands", "ceiling", "judging", "unpredictable"]
-
 _NORMAL = 1.4826  # deviation of a normal distribution over its median absolute value
 
 _ORDERS = (2, 3, 4, 5)  # of the differences

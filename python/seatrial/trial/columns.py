@@ -17,18 +17,6 @@ from seatrial.base.errors import TrialError, nearest
 from seatrial.base.units import ACTUATOR_UNITS, known
 from seatrial.logs.units import canonical_of, misfit_of
 
-__all__ = [
-    "CANONICAL",
-    "GROUPS",
-    "Group",
-    "Source",
-    "check_canonical",
-    "columns_of",
-    "mapped",
-    "parse",
-    "source_of",
-]
-
 
 @dataclass(frozen=True)
 class Group:

@@ -33,8 +33,6 @@ from seatrial.trial.windows import Window
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["SMALL", "Comparison", "Difference", "Overall", "compare", "sentence"]
-
 Verdict = Literal["better", "worse", "mixed", "not told apart", "too few windows", "diverged"]
 
 

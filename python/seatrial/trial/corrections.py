@@ -22,8 +22,6 @@ from seatrial.base.rotation import from_euler, matrix, product
 from seatrial.trial.signals import RecordingReport, Signal
 from seatrial.trial.tilt import Tilt, turned_upright
 
-__all__ = ["KEYS", "Corrections", "corrected", "merged", "parse_corrections"]
-
 CHANNELS_OF = {
     "velocity": ("u", "v", "w"),
     "water_velocity": ("u_water", "v_water", "w_water"),

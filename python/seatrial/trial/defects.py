@@ -26,8 +26,6 @@ from seatrial.base.rotation import angle_between, conjugate, continuous, product
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["ABOVE", "mark", "report_height", "stuck"]
-
 _MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rates")
 
 _TRUSTED_AFTER_S = 5.0

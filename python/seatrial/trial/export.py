@@ -29,8 +29,6 @@ from seatrial.logs.formats import extra
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["ENDINGS", "export", "unit_of"]
-
 ENDINGS = (".mcap", ".csv", ".parquet")
 
 _UNITS = {

@@ -28,8 +28,6 @@ from seatrial.trial.mixer import WRENCH
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["LEAST_S", "Feedback", "explained", "feedback", "unforetold"]
-
 _CLOSED = 0.2  # part of the variance that measurements explain of what the past does not
 _LAGS = 6
 _SETTLED = 150  # means, at most a tenth of the log: a transient at the start is no loop

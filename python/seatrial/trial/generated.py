@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
     from seatrial._core import Run, State, Vehicle
 
-__all__ = ["Recipe", "files_of", "motion_table", "write_generated"]
-
 _STEP_S = 0.01
 
 _MOST_ROWS = 1e7

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["SEGMENT_S", "judged_s", "runs_away"]
-
 SEGMENT_S = 20.0
 """Length of a simulated segment of the joint estimate, s, unless a campaign says otherwise."""
 

@@ -21,24 +21,6 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
 from seatrial.trial.kinematic_fit import Grid
 
-__all__ = [
-    "LEAST_MOTION",
-    "UNITS",
-    "Assignment",
-    "Follows",
-    "alone",
-    "assigned",
-    "at_end",
-    "band",
-    "follows",
-    "implausible_side",
-    "lagged",
-    "pressure_of",
-    "rivals",
-    "shifted",
-    "unit_of",
-]
-
 UNITS: Mapping[str, Mapping[str, float]] = {
     "velocity": {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6, "knot": 1852.0 / 3600.0, "ft/s": 0.3048},
     "rates": {"deg/s": DEGREE, "mrad/s": 1e-3, "rpm": np.pi / 30.0},

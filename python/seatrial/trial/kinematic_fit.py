@@ -19,8 +19,6 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.trial.kinematic_series import Series
 
-__all__ = ["Curve", "Fit", "Grid", "Parameter", "fitted", "robust_rms"]
-
 _GAP = 4.5  # median intervals: a longer distance between samples is not bridged
 
 _ORDER = 6  # of the autoregression that takes out the residual's memory

@@ -10,8 +10,6 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, nearest
 
-__all__ = ["CHANNEL_GROUPS", "INPUTS", "Series", "checked"]
-
 CHANNEL_GROUPS = {
     "position": ("x", "y"),
     "depth": ("z",),

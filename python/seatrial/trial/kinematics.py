@@ -20,17 +20,6 @@ from seatrial.base.rotation import conjugate, continuous, from_euler, matrix, pr
 from seatrial.trial.kinematic_fit import Curve, Grid
 from seatrial.trial.kinematic_series import CHANNEL_GROUPS, INPUTS
 
-__all__ = [
-    "Channels",
-    "RatesResidual",
-    "VelocityResidual",
-    "attitude_rates",
-    "differences",
-    "earth_velocity",
-    "pose_velocity",
-    "rotation_rates",
-]
-
 Values = Mapping[str, float]
 
 _ANGLES = CHANNEL_GROUPS["attitude"]

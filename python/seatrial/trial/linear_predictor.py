@@ -19,8 +19,6 @@ from seatrial.base.arrays import Array, Mask
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["foretold"]
-
 _SIGNALS = ("u", "v", "w", "p", "q", "r", "z", "roll", "pitch")
 _APART_S, _LAGS = 0.2, 10
 _RIDGE = 1e-4

@@ -24,8 +24,6 @@ from seatrial.trial.table import numbers
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["FRAMES", "FRAME_NAMES", "WRENCH", "Mixer", "Output", "Stick"]
-
 _STICKS = ("roll", "pitch", "yaw", "throttle", "forward", "lateral")
 
 _YAW_AHEAD = {"1": (0, 0, -1, 0, 1, 0), "2": (0, 0, 1, 0, 1, 0)}

@@ -15,9 +15,6 @@ from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.rotation import to_euler
 from seatrial.trial.signals import Signal
 
-__all__ = ["own_samples"]
-
-
 _TICK = 1e-6  # two stamps closer than this share of an interval are the same
 
 

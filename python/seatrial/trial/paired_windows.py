@@ -33,8 +33,6 @@ from seatrial.trial.ceiling import judging
 from seatrial.trial.score import Score
 from seatrial.trial.windows import channel_errors
 
-__all__ = ["LEAST_WINDOWS", "PairedWindows", "log_errors", "ratio", "typical", "window_sums"]
-
 Interval = tuple[float, float]
 
 LEAST_WINDOWS = 6

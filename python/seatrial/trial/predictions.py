@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
     from seatrial.trial.trial import Trial
 
-__all__ = ["Predictions", "is_table"]
-
 _TIMES = ("t", "time", "timestamp")
 _GAP = 1.5  # times the usual interval
 _TRIAL = "trial"

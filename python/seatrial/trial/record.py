@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from seatrial._core import OpenLoop, Vehicle
     from seatrial._core import Record as CoreRecord
 
-__all__ = ["Record", "Replay", "Segment", "cut_spans", "restarted"]
-
 
 @dataclass(frozen=True, eq=False)
 class Record:

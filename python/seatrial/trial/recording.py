@@ -18,8 +18,6 @@ from seatrial.trial.sensor_position import parse_positions
 from seatrial.trial.signals import RecordingReport, Signal
 from seatrial.trial.unit_changes import report_unit_changes
 
-__all__ = ["Recording", "recording"]
-
 _TELLING_ROWS = 2000
 """Rows whose times tell their unit."""
 

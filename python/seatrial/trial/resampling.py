@@ -27,18 +27,6 @@ from seatrial.base.rotation import continuous
 from seatrial.logs.stamps import Spread, base_step, spread_bursts, usual_interval
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = [
-    "GAP",
-    "angles",
-    "common",
-    "evenly_stamped",
-    "held",
-    "instruments",
-    "linear",
-    "silences",
-    "together",
-]
-
 GAP = 1.9
 """Longest distance between neighbours that is no gap, in usual intervals: one lost sample is a gap."""
 

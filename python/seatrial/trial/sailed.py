@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, State, Vehicle
     from seatrial.flight.flight import Flight
 
-__all__ = ["DITHER", "Current", "Sailed", "SailedTable", "WavesTable", "read_dither"]
-
 DITHER = "dither."
 """Columns of a dither, before the actuator's name."""
 

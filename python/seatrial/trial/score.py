@@ -37,22 +37,6 @@ from seatrial.trial.windows import Window, channel_errors, predict, windows
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "BLIND",
-    "LIMITS",
-    "REPLAYED",
-    "ChannelScore",
-    "Score",
-    "baseline_table",
-    "covered",
-    "kind",
-    "limit_text",
-    "limits_of",
-    "pooled",
-    "score",
-    "score_text",
-]
-
 REPLAYED = "replayed"
 """What a table shows in place of the R2 of a channel whose axis follows the recording."""
 

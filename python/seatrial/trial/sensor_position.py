@@ -18,8 +18,6 @@ from seatrial.base.rotation import matrix
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["parse_positions", "refuse_far", "to_origin"]
-
 _FAR = 2.0  # of the hull's length; nothing is carried that far out
 
 _SENSORS = ("velocity", "position", "depth")

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask, runs
 
-__all__ = ["NO_SAMPLE", "NO_SAMPLE_WORDS", "Sentinel", "sentinels"]
-
 NO_SAMPLE = "stand for no sample"
 """What is said of a number that is a code."""
 

@@ -11,8 +11,6 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.logs.stamps import usual_interval
 
-__all__ = ["RecordingReport", "Signal"]
-
 
 @dataclass(frozen=True)
 class Signal:

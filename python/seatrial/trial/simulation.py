@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
     from seatrial.trial.trial import Trial
 
-__all__ = ["SimulatedTrial"]
-
 _DECIMALS = {"s": 1, "m": 2, "m/s": 3, "deg": 1}
 
 _RISE_M = 0.05  # of the origin above the surface: less is rounding and the swell of a start at depth 0

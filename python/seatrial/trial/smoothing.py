@@ -20,8 +20,6 @@ from seatrial.base.arrays import Array, Mask
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-__all__ = ["smooth", "spline"]
-
 _CAUTION = 1.4  # factor on the effective degrees of freedom
 
 _FILL_WEIGHT = 1e-3  # weight of a straight bridge over masked samples: it bounds the swing over a long gap

@@ -20,8 +20,6 @@ from seatrial.trial.signals import RecordingReport, Signal
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["MINIMUM_ROWS", "numbers", "signals", "time_base"]
-
 MINIMUM_ROWS = 10
 """Fewer samples are too short for derivatives."""
 

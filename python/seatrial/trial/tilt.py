@@ -22,8 +22,6 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import matrix, product
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["LARGEST", "certain_tilt", "level", "tilt", "turned_upright"]
-
 LARGEST = 10.0 * DEGREE
 """More is no tilt of a frame but another frame: it is reported and left."""
 

@@ -41,9 +41,6 @@ if TYPE_CHECKING:
 
     from seatrial._core import Record
 
-__all__ = ["Input", "Trial"]
-
-
 Input = Literal["commands", "measured", "tau"]
 
 _INPUT_COLUMNS = {

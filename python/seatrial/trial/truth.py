@@ -20,8 +20,6 @@ from seatrial.sensors.sensor import Sensor, SensorFile, parse_sensors, read_as
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Truth", "TruthFile"]
-
 
 class TruthFile(SensorFile):
     """A truth vehicle: factors on, or values instead of, coefficients, and its sensors.

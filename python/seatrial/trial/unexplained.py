@@ -26,8 +26,6 @@ from seatrial.base.channels import VELOCITIES
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["BROAD", "Spectra", "peak", "spectra", "unexplained"]
-
 BROAD = 2.0
 """Least prominence of waves on what nothing explains; calm water and basins show at most 1.6."""
 

@@ -30,8 +30,6 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.rotation import to_euler
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["report_unit_changes"]
-
 _LENGTHS = {1000.0: ("m", "mm"), 100.0: ("m", "cm"), 3.28084: ("m", "ft")}
 
 _SPEEDS = {

@@ -41,19 +41,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = [
-    "NOTHING",
-    "REPLAYED",
-    "TOLD",
-    "Verdict",
-    "best",
-    "blind",
-    "judge",
-    "judge_trial",
-    "pushed_by",
-    "untold",
-]
-
 TOLD = 0.45
 """Share of the velocity's variance from which the exogenous command tells the vehicle.
 

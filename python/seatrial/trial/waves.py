@@ -23,8 +23,6 @@ from seatrial.trial.unexplained import BROAD, Spectra, peak, spectra, unexplaine
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["Waves", "commanded", "waves"]
-
 _LINE, _LINE_IN_ALL = 20.0, 8.0
 """Least prominence of waves on the motion itself, of one or two translations and of all three.
 

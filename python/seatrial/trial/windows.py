@@ -25,8 +25,6 @@ from seatrial.trial.trial import Input, Trial
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Window", "channel_errors", "default_input", "predict", "windows"]
-
 _CONVERGED = 5e-3  # change by halving the step, in standard deviations of the simulated velocity
 
 _MOST_SUBSTEPS = 64

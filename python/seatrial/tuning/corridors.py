@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.tuning.step_trial import Rig
 
-__all__ = ["StartMetrics", "default_corridor", "start_metrics", "steps_above_noise"]
-
 _SEEDS = (11, 12)
 
 _UNSOUND = 1.0  # overshoot as a share of the step from which a response is no response

@@ -25,8 +25,6 @@ from seatrial.base.errors import SimulationError
 if TYPE_CHECKING:
     from seatrial.campaign.corridor import Corridor
 
-__all__ = ["StepMetrics", "criterion", "normalised", "step_metrics", "time_weighted_error", "violations"]
-
 _BEGUN, _RISES_FROM, _RISEN = 0.05, 0.1, 0.9
 
 _END = 0.1  # last share of a record, over which a steady error is averaged

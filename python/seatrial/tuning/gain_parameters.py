@@ -17,8 +17,6 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 
-__all__ = ["GAINS", "GainParameters", "Parameter", "excited_points"]
-
 GAINS = ("K_P", "K_I", "K_D")
 
 _LEAST_WIDTH = 0.005  # of a factor on either side, where gains at both bounds leave it none

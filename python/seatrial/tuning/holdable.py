@@ -23,8 +23,6 @@ from seatrial.tuning.gain_parameters import GainParameters
 if TYPE_CHECKING:
     from seatrial.control_design.margin_constraint import MarginConstraint
 
-__all__ = ["beyond_gains"]
-
 _POPULATION, _GENERATIONS, _TOLERANCE = 32, 100, 1e-2
 
 

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.tuning_table import LoopTable
     from seatrial.tuning.scope import TuningScope
 
-__all__ = ["apart", "steps_of", "thinned", "tried_speeds", "usual_speeds"]
-
 MOST = 3
 """Speeds per loop, at most."""
 

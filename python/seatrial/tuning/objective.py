@@ -47,20 +47,6 @@ from seatrial.tuning.step_trial import RIDES_ON, LoopTrials, Rig, Samples
 if TYPE_CHECKING:
     from seatrial.control_design.margin_constraint import MarginConstraint
 
-__all__ = [
-    "HEADROOM",
-    "LACKING",
-    "OUTSIDE",
-    "STEADY",
-    "Flown",
-    "Objective",
-    "Still",
-    "Terms",
-    "robust",
-    "roughness",
-    "violated",
-]
-
 Gains = Mapping[str, ArrayLike]
 
 _NEIGHBOURS = 3

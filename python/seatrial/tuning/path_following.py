@@ -44,8 +44,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot
     from seatrial.tuning.scope import TuningScope
 
-__all__ = ["GUIDANCE", "PathNumbers", "course_lookahead", "path_trials", "path_work_s", "search_paths"]
-
 GUIDANCE = {
     "depth": ("guidance.lookahead_vertical_m", "guidance.integral_gain_vertical_m_s"),
     "cross_track": ("guidance.lookahead_m", "guidance.integral_gain_m_s"),

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.corridor import Corridor
     from seatrial.tuning.plan import Group, TuningPlan
 
-__all__ = ["Performance", "Responses", "StepPerformance", "assess", "assess_without_noise", "why_outside"]
-
 _SHOWN = 9  # samples whose responses are kept for figures
 
 

@@ -27,8 +27,6 @@ from seatrial.tuning.step_trial import CHANNELS, PATHS, RIDES_ON, LoopTrials
 if TYPE_CHECKING:
     from seatrial.control_design.margin_constraint import MarginConstraint
 
-__all__ = ["Group", "TuningPlan"]
-
 GROUPS = (("heave",), ("heading", "cross_track"), ("surge",), ("sway",), ("pitch", "depth"))
 """Loops and paths that are searched together, in the order of the search: what holds the hull level first."""
 

@@ -33,8 +33,6 @@ from seatrial.tuning.objective import LACKING, OUTSIDE, Flown, Objective, Still
 if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
 
-__all__ = ["FEW", "Elsewhere", "Fly", "Here", "Race"]
-
 FEW = 4
 """Samples up to which a search meets all of them."""
 

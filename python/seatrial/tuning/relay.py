@@ -43,8 +43,6 @@ from seatrial.tuning.relay_trial import RelayTrial, Sensors, commanded_rows, rel
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.authority import LOOPS, reach
 
-__all__ = ["RULES", "SHARES", "PidGains", "RelayPoint", "RelayTuning", "pid_gains", "relay_autopilot"]
-
 RULES: dict[str, dict[str, tuple[float, float, float]]] = {
     "tyreus-luyben": {"PI": (1.0 / 3.2, 2.2, 0.0), "PID": (1.0 / 2.2, 2.2, 1.0 / 6.3)},
     "ziegler-nichols": {"PI": (0.45, 1.0 / 1.2, 0.0), "PID": (0.6, 0.5, 0.125)},

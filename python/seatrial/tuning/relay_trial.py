@@ -63,22 +63,6 @@ from seatrial.vehicle.authority import LOOPS, ROWS, reach
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
 
-__all__ = [
-    "LEAST_CYCLES",
-    "UNITS",
-    "Cycle",
-    "RelayTrial",
-    "Trace",
-    "at_crossover",
-    "commanded_rows",
-    "crossover_lead_s",
-    "doubt",
-    "relay_cycle",
-    "relay_trial",
-    "scatters",
-    "straight",
-]
-
 LEAST_CYCLES = 5
 """Cycles that must be seen."""
 

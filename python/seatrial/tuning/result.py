@@ -44,8 +44,6 @@ if TYPE_CHECKING:
     from seatrial.tuning.plan import TuningPlan
     from seatrial.tuning.relay import RelayTuning
 
-__all__ = ["Tuning", "report", "sentences", "tuned_autopilot", "without_table"]
-
 _DIGITS = 4
 
 _NAMES = {"deg": "phase margin", "dB": "gain margin", "dB down": "gain margin", "s": "delay margin"}

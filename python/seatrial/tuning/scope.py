@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.identification.fitted import Fitted
 
-__all__ = ["TuningScope", "slowest_level_m_s"]
-
 _CURRENT = 0.05  # of the top speed
 
 _OWN_DRAWS = 1_000_003  # beside the seed: a verification's missions are other draws

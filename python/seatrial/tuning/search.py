@@ -39,19 +39,6 @@ if TYPE_CHECKING:
     from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
     from seatrial.tuning.plan import Group, TuningPlan
 
-__all__ = [
-    "GENERATIONS",
-    "GUIDANCE_SEARCH",
-    "ROUNDING",
-    "ROUNDS",
-    "GroupResult",
-    "Standing",
-    "revert_gains",
-    "search_group",
-    "search_margins",
-    "standing",
-]
-
 GUIDANCE_SEARCH = "guidance"
 """Name of the result that holds the numbers of guidance for the tuned loops."""
 

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Flights, Vehicle
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["CHANNELS", "DEPTH_M", "PATHS", "RIDES_ON", "LoopTrials", "Rig", "Samples"]
-
 CHANNELS = {
     "surge": ("speed", "u"),
     "sway": ("lateral", "v"),

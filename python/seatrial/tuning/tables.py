@@ -16,20 +16,6 @@ from seatrial.vehicle.authority import LOOPS
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
 
-__all__ = [
-    "COMPARISON_TITLE",
-    "GAIN_HEAD",
-    "TRIAL_HEAD",
-    "comparison_head",
-    "comparison_rows",
-    "gain_rows",
-    "named_step",
-    "on_another_vehicle",
-    "outside",
-    "seconds",
-    "trial_rows",
-]
-
 TRIAL_HEAD = ("loop", "m/s", "step", "outside", "worst", "held", "rise", "over", "settled")
 
 GAIN_HEAD = ("gain", "unit", "m/s", "start", "tuned")

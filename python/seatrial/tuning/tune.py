@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from seatrial.base.fleet import Workers
     from seatrial.identification.identification import Identification
 
-__all__ = ["plan_of", "tune"]
-
 
 @overload
 def tune(

@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["TuningRun", "WorkLeft"]
-
 _PACE = 1.0 / 60_000.0  # s per s of flight before anything was measured: about two cores
 
 _BEGUN = 0.02  # of all work, that the first guess of the pace counts as

@@ -20,21 +20,6 @@ from seatrial.base.channels import AXES
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "NOMINAL_V",
-    "Push",
-    "actuator_groups",
-    "beyond_tables",
-    "bollard",
-    "can_push",
-    "command",
-    "drivers",
-    "largest",
-    "pushes",
-    "settling_s",
-    "voltage_for",
-]
-
 NOMINAL_V = 14.8
 """Supply voltage at which tables of thrust are read: four lithium cells."""
 

@@ -22,20 +22,6 @@ from seatrial.vehicle.stability import statics
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "LOOPS",
-    "ROWS",
-    "Delay",
-    "advised_rows",
-    "authority_in_words",
-    "commandable",
-    "commanded_rows",
-    "delays",
-    "mixing",
-    "reach",
-    "thrusts",
-]
-
 ROWS = AXES
 """Rows of the wrench."""
 

@@ -28,8 +28,6 @@ from seatrial.base.errors import VehicleError
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["PossibleCoefficients"]
-
 _DIAGONAL = [(row, speed) for row, speed in zip(AXES, VELOCITIES, strict=True)]
 
 _POSITIVE = ("gain", "astern_ratio", "p1_ahead", "p1_astern")

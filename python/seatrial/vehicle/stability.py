@@ -20,8 +20,6 @@ from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Statics", "damping_gain", "growth", "neutral_fins", "positive_damping", "statics"]
-
 _SMALL = 1e-5
 
 _LEVEL = (0.0, 0.0, 0.0)

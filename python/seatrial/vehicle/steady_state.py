@@ -26,27 +26,6 @@ if TYPE_CHECKING:
 
     from seatrial._core import Vehicle
 
-__all__ = [
-    "KNOT_M_S",
-    "TURN_KINDS",
-    "TURN_SHARES",
-    "Speed",
-    "Turn",
-    "cruise",
-    "drivers",
-    "farthest",
-    "round_speeds_kn",
-    "speeds",
-    "steady",
-    "top_speed",
-    "turn_commands",
-    "turn_kinds",
-    "turning_senses",
-    "turns",
-    "unbounded",
-    "without_pull",
-]
-
 _PULL = "k_tether"
 
 _ROUND_S, _SAMPLE_S = 240.0, 0.25

@@ -21,8 +21,6 @@ from seatrial.vehicle.steady_state import drivers, steady, without_pull
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["FinTurn", "fin_turn", "rudders", "turning_radius"]
-
 _SHARE = 0.5
 
 _STEERS = 0.5  # a fin steers if this share of its moment is about z

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["FailureBoundary", "RequirementBoundary", "failure_boundary", "run_boundary"]
-
 _ROWS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the second variable, in the table
 
 

@@ -38,16 +38,6 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-__all__ = [
-    "VARIABLES",
-    "BoundarySurvey",
-    "BoundaryVariable",
-    "boundary_failures",
-    "coefficients_at",
-    "flights_at",
-    "variables_of",
-]
-
 VARIABLES: Mapping[str, str] = {
     "current_speed_m_s": "speed of the mean current",
     "current_direction_deg": "where the current goes, degrees from north over east",

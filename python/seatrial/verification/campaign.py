@@ -47,17 +47,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.campaign.verification_table import Between, Current, DistributionTable, Waves
 
-__all__ = [
-    "VerifiedCampaign",
-    "autopilot_of",
-    "campaign_of",
-    "check_table",
-    "requirement_of",
-    "sensors_of_table",
-    "under",
-    "verified_campaign",
-]
-
 _PERFECT = "perfect"
 
 _STRONGEST_M_S = 5.0  # turbulence, as of a single flight

@@ -44,8 +44,6 @@ from seatrial.statistics.multiple_testing import (
 from seatrial.statistics.proportions import share
 from seatrial.verification.failure_rates import Groups, grouped
 
-__all__ = ["Cause", "Influence", "find_causes", "find_causes_of_all", "odds"]
-
 Kind = Literal["number", "direction", "category"]
 
 Where = Literal["", "both ends", "middle"]

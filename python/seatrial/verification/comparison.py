@@ -23,8 +23,6 @@ from seatrial.statistics.proportions import FailureProbability
 from seatrial.verification.flown_missions import FlownMissions
 from seatrial.verification.requirement import Requirement
 
-__all__ = ["AutopilotComparison", "FlownAutopilot", "PairedRequirement", "compared", "mcnemar"]
-
 LEVEL = 0.05
 
 _METRICS = (

@@ -50,16 +50,6 @@ from seatrial.verification.failure_draws import (
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
 
-__all__ = [
-    "COMMON_WIDTH",
-    "SEED_COLUMN",
-    "Draws",
-    "composed",
-    "draw_missions",
-    "missions_of_the_table",
-    "scattered",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Draws:

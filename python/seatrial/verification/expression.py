@@ -20,20 +20,6 @@ from typing import Literal
 
 from seatrial.base.errors import CampaignError, nearest
 
-__all__ = [
-    "CALLS",
-    "KNOWN",
-    "PERCEIVED",
-    "Kind",
-    "Metric",
-    "check",
-    "names_in",
-    "parse",
-    "unit_of",
-    "unknown_metric",
-    "unreadable",
-]
-
 _EXAMPLE = "cross_track_p95_m <= 1.0"
 
 _MOST_NEAR, _AS_NEAR = 3, 0.03

@@ -19,8 +19,6 @@ from seatrial.vehicle.actuators import actuator_groups
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["FAULT_WIDTH", "OUTAGE_WIDTH", "FaultRow", "OutageRow", "fault_draws", "outage_draws", "targets"]
-
 FaultRow = tuple[int, str, float, float]
 
 OutageRow = tuple[int, int, float, float]

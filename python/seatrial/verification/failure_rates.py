@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Groups", "grouped"]
-
 _FIFTHS = 5
 
 _SECTORS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")

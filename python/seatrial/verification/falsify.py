@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from seatrial.verification.draws import Draws
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["WITHIN", "Falsification", "FalsifiedRequirement", "falsify", "run_falsification"]
-
 WITHIN = 3.0
 """Standard deviations of every draw within which is searched."""
 

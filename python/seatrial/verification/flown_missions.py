@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from seatrial._core import Flights
 
-__all__ = ["COUNTED", "KEPT", "WORDS", "FlownMissions", "metrics_for_requirements"]
-
 Values = NDArray[Any]
 
 KEPT = ("numbers", "mission", "seeds", "perceived_counts", "true_counts")

@@ -32,16 +32,6 @@ if TYPE_CHECKING:
     from seatrial.verification.draws import Draws
     from seatrial.verification.missions import CampaignFlights
 
-__all__ = [
-    "JudgedRequirement",
-    "WorstMission",
-    "beyond_the_vehicle",
-    "check_energy",
-    "judged",
-    "metrics_without_value",
-    "perceived_and_true",
-]
-
 
 @dataclass(frozen=True)
 class WorstMission:

@@ -30,8 +30,6 @@ from datetime import datetime
 from typing import Literal
 from xml.etree import ElementTree
 
-__all__ = ["JUnitCase", "junit_xml"]
-
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 has no way to write: most control characters, halves of surrogate pairs."""
 

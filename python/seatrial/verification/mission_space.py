@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["MissionSpace"]
-
 _BATCH = 512
 
 

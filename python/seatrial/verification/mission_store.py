@@ -20,8 +20,6 @@ from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.forked import before_table
 from seatrial.verification.flown_missions import COUNTED, FlownMissions
 
-__all__ = ["IN_MEMORY", "MissionStore"]
-
 IN_MEMORY = 16_384
 """Missions from which those that are there go to a file."""
 

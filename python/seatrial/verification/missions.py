@@ -51,8 +51,6 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["CHUNK", "CampaignFlights", "Series", "fly_series"]
-
 _LARGEST_STEP_S = 0.02
 
 _OF_THE_WATER = 64  # draws from which a filter is told of the water

@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["rare_failures", "rare_population", "run_rare"]
-
 _POPULATIONS, _CHECKED = 4, 1000
 
 _CAUSE = 5  # stream of these random numbers; 1 to 4 are those of the draws

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["SIZE", "RareFailures", "RareRequirement"]
-
 SIZE = 500
 """Missions of a level."""
 

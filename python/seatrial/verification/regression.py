@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["FlownCase", "case_text", "check_cases", "draws_of", "fly_cases"]
-
 
 @dataclass(frozen=True)
 class FlownCase:

@@ -43,8 +43,6 @@ from seatrial.verification.expression import KNOWN, Metric, check, names_in, par
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
 
-__all__ = ["Circle", "Judgement", "Requirement", "default_requirements", "named", "obstacles"]
-
 Values = NDArray[Any]
 
 _T = TypeVar("_T")

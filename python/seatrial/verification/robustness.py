@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["robustness", "unusable"]
-
 _FINITE = 0.9
 
 

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
     from seatrial.flight.mission import Mission
 
-__all__ = ["WITHOUT_FILE", "Verification", "input_files", "reserve"]
-
 
 @dataclass(frozen=True, eq=False)
 class Verification(RunResult):

@@ -38,9 +38,6 @@ if TYPE_CHECKING:
     from seatrial.verification.flown_missions import FlownMissions
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["run_verification", "verify"]
-
-
 _SHARE, _LEAST = 10, 200  # of the missions, a tenth and at least so many, fly with other autopilots too
 
 _TOLD = 8192  # missions whose draws are looked at for notes

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from seatrial.examples.paper.gallery import PaperGallery
     from seatrial.identification.identification import Identification
 
-__all__ = ["app", "gallery"]
-
 
 def gallery(
     target: Annotated[

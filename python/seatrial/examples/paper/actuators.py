@@ -49,8 +49,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.examples.paper.diagram import Block
 
-__all__ = ["actuator_diagram", "rate_limiting", "settled", "static_transfer"]
-
 _LANE_IN, _BOX_IN, _HEAD_IN, _FOOT_IN = 1.16, 0.86, 0.3, 0.12
 
 _FIRST_X, _GAP_IN, _BAR_IN = 0.8, 0.15, 0.13

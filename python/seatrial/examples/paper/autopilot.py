@@ -50,16 +50,6 @@ if TYPE_CHECKING:
     from seatrial.examples.paper.diagram import Block
     from seatrial.flight.flight import Flight
 
-__all__ = [
-    "Sight",
-    "autopilot_plates",
-    "control_structure",
-    "demonstration",
-    "flight_plates",
-    "guidance_geometry",
-    "sight",
-]
-
 _HEIGHT_IN, _LOOP_IN = 5.3, 2.76
 
 _MINUS = "\N{MINUS SIGN}"

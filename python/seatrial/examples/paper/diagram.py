@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
-__all__ = ["Block", "bar", "block", "connect", "dot", "page", "summing", "words"]
-
 INK, PALE, ABSENT = "#262626", "#F3F6F8", "#8A9299"
 
 HEAD_PT, LINE_PT, SMALLEST_PT = 7.5, 6.5, 4.5

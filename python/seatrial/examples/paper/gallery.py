@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
     from seatrial.identification.identification import Identification
 
-__all__ = ["FORMATS", "PaperFigure", "PaperGallery", "check_formats", "draw_gallery", "paper_figures"]
-
 FORMATS = ("png", "pdf", "svg")
 """Formats in which figures can be written; PDF and SVG are vectors, PNG has 300 dots per inch."""
 

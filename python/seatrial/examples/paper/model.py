@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from seatrial.estimation.stage import StageResult
     from seatrial.examples.paper.diagram import Block
 
-__all__ = ["columns_of_stages", "model_diagram", "optimisation_diagram", "terms"]
-
 _ROW_IN, _GAP_IN, _BOTTOM_IN, _TOP_IN = 0.56, 0.36, 0.08, 0.6
 
 _MOST = 8

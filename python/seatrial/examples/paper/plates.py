@@ -26,21 +26,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
 
-__all__ = [
-    "PAPER_FIGURES",
-    "Plate",
-    "bench_plates",
-    "campaign_plates",
-    "cited",
-    "is_generated",
-    "modes_of",
-    "no_campaign",
-    "not_drawn",
-    "thrust_plates",
-    "vehicle_plates",
-]
-
-
 _SUBJECTS = """
 outline; model; actuators; static behaviour; rate limits; step response; surge test; stern propeller; vertical
 thruster; directions of thrust; optimisation; stage; stage; stage; stage; control loop; line of sight; PID

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
 
-__all__ = ["tuning_plates", "without_tuning"]
-
 _PAPER = (19, 20)
 
 

@@ -19,8 +19,6 @@ from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.file_names import no_file
 from seatrial.base.run import from_json, sha256
 
-__all__ = ["ELEMENT", "files_of_page", "script_json", "unpack"]
-
 ELEMENT = "seatrial-files"
 """The id of the script element."""
 

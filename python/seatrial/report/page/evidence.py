@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
     from seatrial.identification.identification import Identification
 
-__all__ = ["TRIALS_FILE", "evidence", "packed", "save_trials"]
-
 TRIALS_FILE = "trials.parquet"
 
 _MANOEUVRES = "manoeuvres.json"

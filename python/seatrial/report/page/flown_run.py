@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.flight.mission import Mission
 
-__all__ = ["FIGURE_ROWS", "FlownRun", "judgement", "toml_lines"]
-
 FIGURE_ROWS = (
     ("duration", "duration, s"),
     ("distance", "distance, m"),

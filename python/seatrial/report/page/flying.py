@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from seatrial.flight.cases import Cases
     from seatrial.flight.mission import Mission
 
-__all__ = ["core", "request_lines", "setups"]
-
 _CORE = "core.wasm.gz"
 
 _SAMPLES = ("cage_survey", "lawnmower", "hover")

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["glossary"]
-
 _ALWAYS = ""
 
 _TERMS: tuple[tuple[str, str, str], ...] = (

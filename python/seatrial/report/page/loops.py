@@ -20,8 +20,6 @@ from seatrial.report.page.evidence import packed
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-__all__ = ["open_loops"]
-
 _KEYS = ("K_P", "K_I", "K_D")
 
 _NOTHING = 1e-9

@@ -30,8 +30,6 @@ from seatrial.report.page.tables import baselines, intervals
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["LARGEST_BYTES", "check_place", "page", "write_page"]
-
 LARGEST_BYTES = 8_000_000
 """Bytes of a page that mail still takes; a larger one is written all the same and named by the command."""
 

@@ -16,8 +16,6 @@ from seatrial.base.file_names import content_inside
 from seatrial.base.report import REPORT_FILE, Report, Section
 from seatrial.base.run import RUN_FILE, from_json
 
-__all__ = ["Figure", "RunFolder"]
-
 INPUTS = ("vehicle.toml", "autopilot.toml", "mission.toml", "campaign.toml", "bench.toml", "tuning.toml")
 """Files of a run that a page carries as they are, beside those in ``missions/`` and others that end so."""
 

@@ -12,8 +12,6 @@ import numpy as np
 from seatrial.base.report import Column, Table
 from seatrial.report.page.run_folder import RunFolder
 
-__all__ = ["baselines", "intervals"]
-
 _STRONG = 0.3
 """Size of a correlation from which on it is named."""
 

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from seatrial.ardusub.quantity import Quantity
     from seatrial.ardusub.result import LogTuning
 
-__all__ = ["envelope_figure", "replay_figure", "replay_gallery", "steps_figure", "tuning_gallery"]
-
 _UNMET = 3  # checks that are not met and are shown beside the usual ones
 
 _SHOWN = ("rate wanted", "output", "acceleration wanted", "throttle", "motor 1", "motor 6")

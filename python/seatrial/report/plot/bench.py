@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_estimate import MotorEstimate
     from seatrial.bench_test.result import BenchTest
 
-__all__ = ["bollard_test", "motor_step"]
-
 _POINTS = 201
 
 _NAMED = 6

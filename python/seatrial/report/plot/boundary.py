@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
     from seatrial.verification.boundary import FailureBoundary, RequirementBoundary
 
-__all__ = ["boundary_figure", "boundary_gallery"]
-
 _SAFE, _UNSAFE = "#CFE3F2", "#F4D3BE"
 
 

@@ -43,17 +43,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.corridor import Corridor
     from seatrial.tuning.plan import TuningPlan
 
-__all__ = [
-    "Course",
-    "InCorridor",
-    "SetPointStep",
-    "corridor_figure",
-    "course_of_set_points",
-    "speed_steps",
-    "step_responses",
-    "worst_response",
-]
-
 _HEIGHT_IN = 2.65
 
 _MARGIN, _MOST = 0.12, 0.6  # beyond the bounds, as shares of their range: at least, and at most

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["cross_track", "exceedance", "quantile_of_counts"]
-
 _MARKED = (0.50, 0.95, 0.99)
 
 _BINS = 40

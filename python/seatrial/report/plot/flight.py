@@ -51,25 +51,6 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
     from seatrial.report.plot.track import Plan, PlannedPath
 
-__all__ = [
-    "Event",
-    "Shown",
-    "event_lines",
-    "events",
-    "flight_loops",
-    "flight_track",
-    "leg_lines",
-    "line",
-    "mode_strip",
-    "mode_style",
-    "settled",
-    "shade",
-    "shown_loops",
-    "spans",
-    "strip_rows",
-    "thinned",
-]
-
 _MOST_POINTS, _MOST_EVENTS = 2400, 7
 
 _MOST_LEGS = 50

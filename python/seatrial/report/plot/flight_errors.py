@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.flight.flight import Flight
 
-__all__ = ["Motor", "behind_motor", "drives", "flight_actuators", "flight_errors", "flight_gallery", "motors"]
-
 _ERRORS = (
     ("cross_track", "cross-track error", "$y_e$, m", "positive: to starboard of the path"),
     ("vertical", "vertical error", "$z_e$, m", "positive: below the path"),

@@ -52,17 +52,6 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
     from seatrial.trial.windows import Window
 
-__all__ = [
-    "Row",
-    "coefficient_bars",
-    "convergence",
-    "gallery",
-    "intervals",
-    "phase_costs",
-    "predicted",
-    "residual_figure",
-]
-
 _COLOURS = {"identifiable": SIMULATED, "weak": SECOND, "not identifiable": RESIDUAL}
 
 _ROW_IN = 0.14

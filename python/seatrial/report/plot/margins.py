@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.tuning_table import Margins
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["tuning_margins"]
-
 Complex = NDArray[np.complex128]
 
 _ROW_IN, _HEAD_IN = 1.5, 0.55

@@ -44,8 +44,6 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.report.plot.track import Plan, PlannedPath, Seabed
 
-__all__ = ["draw_obstacles", "mission_plan", "outlines"]
-
 _INK = "#262626"
 
 _FARM, _UNKNOWN = "#D9CFE3", "#E9E4D4"

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     from seatrial.verification.mission_log.verdict import LogVerdict
 
-__all__ = ["envelope_page", "log_verdict_gallery", "residual_page", "suspect_bars"]
-
 _BAND = "#CFE3F1"
 
 _MOST_SUSPECTS = 8

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
     from seatrial._core import Vehicle
 
-__all__ = ["characteristic", "performance", "thrust", "track"]
-
 _HEIGHT_IN, _TOP_IN, _BOTTOM_IN, _GAP_IN = 4.9, 0.62, 0.5, 0.36
 
 _LEFT_IN, _WIDE_IN, _AXIS_IN, _LEGEND_IN = 0.55, 2.55, 0.5, 0.9  # _AXIS_IN: room for an axis at the right

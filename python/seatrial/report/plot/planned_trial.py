@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from seatrial.experiment.manoeuvre import Manoeuvre
     from seatrial.experiment.plan_result import Plan, Ranked
 
-__all__ = ["planned_trial"]
-
 _ROW_IN = 0.135
 
 _TITLE_ROW, _HANDLE = 42, 4  # characters beside a panel's title, and those that a line of a legend takes

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from seatrial.trial.trial import Trial
 
-__all__ = ["recording"]
-
 _PANELS = (
     ("velocity", "m/s", ("u", "v", "w")),
     ("angular velocity", "deg/s", ("p", "q", "r")),

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from seatrial.identification.restarts_result import Restarts, StageRestarts
 
-__all__ = ["random_starts"]
-
 _ROW_IN, _PANEL_IN, _EDGES_IN = 0.17, 0.62, 0.55
 
 _LEAST_ROWS = 5

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
     from seatrial.flight.payload import Samples, StopSamples
 
-__all__ = ["flight_samples"]
-
 _GRID = 120
 _LEVELS = 6
 _ROOM = 0.14

@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.trial.trial import Trial
 
-__all__ = ["Input", "Piece", "draw_inputs", "moving_inputs", "polished_cost", "stage_result"]
-
 _NAMED = 4
 """Inputs that are told apart; more are drawn alike."""
 

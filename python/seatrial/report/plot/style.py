@@ -26,20 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "house_style",
-    "joined",
-    "label_rows",
-    "new_figure",
-    "number",
-    "panel_title",
-    "printed_unit",
-    "save",
-    "side_by_side",
-    "symbol",
-    "tidy",
-]
-
 MEASURED = "#4d4d4d"
 
 SIMULATED = "#0072B2"

@@ -27,26 +27,6 @@ if TYPE_CHECKING:
 
     from seatrial.flight.mission import Mission
 
-__all__ = [
-    "BOTTOM",
-    "Layout",
-    "Plan",
-    "PlannedPath",
-    "bottom_depth",
-    "current_arrow",
-    "extent",
-    "layout",
-    "mark_size",
-    "new_plan",
-    "page_legend",
-    "page_title",
-    "patterns",
-    "planned_path",
-    "profile_axes",
-    "waypoint_label",
-    "waypoints",
-]
-
 Box = tuple[float, float, float, float]
 
 _INK = "#262626"

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
     from seatrial.trial.windows import Window
 
-__all__ = ["draw_variants", "measured_against_simulated", "variants"]
-
 NAMES = dict(
     zip(
         CHANNELS,

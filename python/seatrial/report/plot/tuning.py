@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from seatrial.tuning.relay_trial import RelayTrial
     from seatrial.tuning.result import Tuning
 
-__all__ = ["relay_cycles", "relay_pages", "tuning_gallery"]
-
 _LABELS = {
     "surge": "speed ahead u",
     "sway": "sway speed v",

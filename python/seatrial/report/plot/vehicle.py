@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     from seatrial._core import Vehicle
 
-__all__ = ["View", "centres", "hull", "legend", "three_views", "thrust"]
-
 _ALONG = 0.15  # a direction with less than this share in the page is drawn as a point or a cross
 
 

@@ -57,16 +57,6 @@ if TYPE_CHECKING:
     from seatrial.verification.judgement import JudgedRequirement
     from seatrial.verification.verification import Verification
 
-__all__ = [
-    "Verified",
-    "WorstFlight",
-    "cause_bars",
-    "verification_figures",
-    "verification_gallery",
-    "verified_requirements",
-    "worst_missions",
-]
-
 _COLOUR = {"held": THIRD, "failed": RESIDUAL, "undecided": SECOND}
 
 _ROW_IN = 0.36

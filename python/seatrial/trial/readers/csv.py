@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from seatrial.logs.layout import Layout
 
-__all__ = ["read", "twice", "units"]
-
 _HEAD = 100
 """Rows that tell a column of numbers from one of text."""
 

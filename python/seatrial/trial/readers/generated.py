@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["read"]
-
 
 def read(path: Path) -> pl.DataFrame:
     """Table of what the truth vehicle's sensors logged, with canonical columns.

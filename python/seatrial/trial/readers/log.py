@@ -14,8 +14,6 @@ from seatrial.logs.log import Log, listed
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["read"]
-
 
 def read(path: Path, *, reader: str, columns: Sequence[str]) -> pl.DataFrame:
     """Table of a log's fields.

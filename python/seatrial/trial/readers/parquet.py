@@ -11,8 +11,6 @@ from seatrial.base.errors import TrialError
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["read"]
-
 
 def read(path: Path) -> pl.DataFrame:
     """Table with the file's own column names.

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Input
     from seatrial.verification.mission_log.verdict import LogVerdict
 
-__all__ = ["CampaignLog", "campaign_log", "campaign_reference", "verify_campaign_log"]
-
 _SHOWN = 6
 
 

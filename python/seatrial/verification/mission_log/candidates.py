@@ -36,8 +36,6 @@ from seatrial.verification.mission_log.spread import INITIAL_PLACES, Spread
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["PAYLOAD_DENSITY", "Candidate", "Suspect", "Whitening", "candidates", "payload"]
-
 
 @dataclass(frozen=True)
 class Suspect:

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.verification.mission_log.log import MissionLog
 
-__all__ = ["FEWEST_FLIGHTS", "QUANTITIES", "Band", "Envelope", "mission_envelope", "prediction_band"]
-
 FEWEST_FLIGHTS = 39
 """Of fewer, no rank leaves 2.5 % on either side."""
 

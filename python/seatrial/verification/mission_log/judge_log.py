@@ -49,8 +49,6 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Input
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["ModelJudgement", "judge_log", "judge_model", "settled", "state_inside"]
-
 _MUCH, _MOST_OF_IT = 2.0, 0.9
 """More than twice the usual error left, and no nine tenths explained, is no single change of the vehicle."""
 

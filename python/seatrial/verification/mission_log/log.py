@@ -38,8 +38,6 @@ from seatrial.trial.trial import Trial
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["MissionLog", "offsets_of", "thinned"]
-
 _FLOWN_SURFACE_M = 0.0  # flights have the sea's surface at depth 0 (docs/theory/surface.md)
 
 _BESIDE = {

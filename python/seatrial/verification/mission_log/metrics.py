@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.verification.mission_log.log import MissionLog
 
-__all__ = ["LoggedStep", "errors_of_guidance", "log_metrics", "logged_steps", "quantiles"]
-
 _REACTIONS = {2: "surfaced", 3: "aborted"}
 
 _SHARES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}

@@ -57,17 +57,6 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.verification.mission_log.restarts import PredictedLog
 
-__all__ = [
-    "MATERIAL",
-    "SHOWN",
-    "CoefficientGroup",
-    "GroupTest",
-    "Power",
-    "Shown",
-    "coefficient_groups",
-    "group_power",
-]
-
 MATERIAL = 1.25
 """Least factor, or its inverse, that refutes: the best model of a class that lacks something of the vehicle
 is off by what it lacks, in single groups by some percent, and still the best one."""

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["FEWEST", "PredictedLog", "Slopes", "check_usable", "restarts"]
-
 FEWEST = 8
 """Fewer samples per window tell nothing of how an error grows."""
 

@@ -49,19 +49,6 @@ from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError, nearest
 from seatrial.verification.mission_log.restarts import PredictedLog
 
-__all__ = [
-    "INITIAL_PLACES",
-    "LEAST_SHARE",
-    "NOMINAL",
-    "ExpectedShare",
-    "Spread",
-    "clustered_share",
-    "share_interval",
-    "spread_of_errors",
-    "spread_of_noise",
-    "spread_of_reference",
-]
-
 
 def clustered_share(outside: Sequence[NDArray[np.bool_]]) -> tuple[float, int, float]:
     """Share of true samples, number of samples, and how many independent ones they are worth.

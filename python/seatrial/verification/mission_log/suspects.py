@@ -47,18 +47,6 @@ from seatrial.verification.mission_log.candidates import Candidate, Suspect, Whi
 from seatrial.verification.mission_log.restarts import PredictedLog, Slopes
 from seatrial.verification.mission_log.spread import INITIAL_PLACES, Spread
 
-__all__ = [
-    "STRONGEST_M_S",
-    "UnloggedThrust",
-    "current_words",
-    "in_current",
-    "offset_channels",
-    "offset_slopes",
-    "offset_words",
-    "suspects",
-    "unlogged_thrusts",
-]
-
 _WRENCH = ("X_0", "Y_0", "Z_0", "K_0", "M_0", "N_0")
 
 _ALIKE = 0.9

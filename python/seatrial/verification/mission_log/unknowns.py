@@ -47,17 +47,6 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.trial.trial import Trial
 
-__all__ = [
-    "HORIZON_S",
-    "Point",
-    "Unknowns",
-    "explained_best",
-    "pieces",
-    "sensor_noise",
-    "swept",
-    "with_prior",
-]
-
 HORIZON_S = 2.0
 """Length of a piece, s: long enough for a drag to move a speed by many times its noise, short enough for the
 linear start of a vehicle that leaves its attitude within seconds."""

@@ -53,8 +53,6 @@ from seatrial.verification.mission_log.spread import (
     share_interval,
 )
 
-__all__ = ["DOUBT", "FEWEST_WINDOWS", "LEVEL", "ChannelValidity", "Validity", "validity"]
-
 LEVEL = 0.01
 """Chance of any false alarm, over all channels."""
 

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.metrics import LoggedStep
 
-__all__ = ["JudgedRequirement", "LogOutcome", "LogVerdict", "ModelState", "cannot_judge", "report"]
-
 ModelState = Literal["model still valid", "re-identify", "log too short or too quiet to tell", "not judged"]
 
 LogOutcome = Literal["held", "failed", "undecided", "not judged"]

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.verdict import LogVerdict
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["verify_log"]
-
 _OF_A_CAMPAIGN = (
     *("reference", "requirements", "corridors", "obstacles", "sensors"),
     *("start_s", "stop_s", "input", "seed"),
