@@ -198,7 +198,7 @@ def restarts(
     """
     chosen = input or default_input(vehicle, trial)
     check_usable(trial, ahead_s)
-    trial = under_water(trial, vehicle)
+    trial = under_water(trial, vehicle, start_s=start_s, stop_s=stop_s)
     spans, _, _ = windows(trial, ahead_s, start_s=start_s, stop_s=stop_s)
     # The last window may be a stump of a few samples, which tells nothing.
     full = max(last - first for first, last in spans)
@@ -219,11 +219,14 @@ def restarts(
     return PredictedLog(replay, shown, tuple(replay.errors_of(shown)))
 
 
-def under_water(trial: Trial, vehicle: Vehicle) -> Trial:
+def under_water(
+    trial: Trial, vehicle: Vehicle, *, start_s: float | None = None, stop_s: float | None = None
+) -> Trial:
     """The trial without the samples at which the hull reaches the surface, where that is known.
 
     What a changed vehicle does there is far from linear in the change: a lighter one than the log's, that
-    floats, rises no further. The rest needs no surface. Of a log that is afloat throughout all samples stay.
+    floats, rises no further. The rest needs no surface. All samples stay where the part from `start_s` to
+    `stop_s` has less than a window under water.
     """
     if trial.surface is None:
         return trial
@@ -233,7 +236,10 @@ def under_water(trial: Trial, vehicle: Vehicle) -> Trial:
     measures, top = vehicle.geometry(), -float(vehicle.hull_top()[2])
     reach = 2.0 * top + 0.5 * measures.get("length", 0.0) * np.abs(np.sin(pitch))
     wet = ~(depth < reach)
-    if wet.sum() * trial.dt < _FEWEST_S:
+    part = (trial.t >= (-np.inf if start_s is None else start_s)) & (
+        trial.t < (np.inf if stop_s is None else stop_s)
+    )
+    if (wet & part).sum() * trial.dt < _FEWEST_S:
         return trial
     return replace(trial, valid=trial.valid & wet[:, None], surface=None)
 
