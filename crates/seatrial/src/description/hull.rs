@@ -10,6 +10,7 @@ use super::{Description, Structure};
 use crate::model::surface::{Hull, Place, Surface};
 use crate::model::vehicle::{Mode, Vehicle};
 use crate::number::algebra::{Vec3, pivots};
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// Diameter of a propeller whose file gives none, m: assumed, between the 76 mm of small thrusters and the 140 mm of
@@ -31,7 +32,7 @@ impl Description {
             None => {
                 let weight = file.environment.rho_kg_m3 * file.environment.g_m_s2;
                 // A vehicle without any buoyancy has a hull that makes none.
-                [(self.coefficients[names::BUOYANCY] / weight).max(1e-6).cbrt(); 3]
+                [plain::cbrt((self.coefficients[names::BUOYANCY] / weight).max(1e-6)); 3]
             }
         };
         let place = |actuator: &super::ActuatorDescription| match &actuator.effect {

@@ -35,6 +35,7 @@ use crate::model::current::{Current, Relative};
 use crate::model::restoring::Restoring;
 use crate::model::vehicle::{Forces, Instant, Vehicle};
 use crate::number::algebra::{Mat3, Vec3, Vec6, add_cross, cross, dot};
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// Rounding of the half widths at zero, as a share of the hull's smallest half-extent: a level box enters over ±2 % of
@@ -308,16 +309,16 @@ fn layers(hull: &Hull) -> (Vec<Layer>, f64) {
     let least = half.iter().copied().fold(f64::INFINITY, f64::min);
     if hull.round {
         let (radius, rounding) = (half[1], ROUND_ROUNDING * least);
-        let along = (half[0] - SHRINK * rounding).powi(2);
+        let along = plain::powi(half[0] - SHRINK * rounding, 2);
         let layer = |[weight, width]: [f64; 2]| {
-            let round = (width * radius).powi(2);
+            let round = plain::powi(width * radius, 2);
             Layer { weight, squares: [[along, 0.0, 0.0], [0.0, round, round], [0.0; 3]] }
         };
         return (DISC.map(layer).to_vec(), rounding);
     }
     let rounding = ROUNDING * least;
     let squares = std::array::from_fn(|j| {
-        std::array::from_fn(|i| if i == j { (half[i] - SHRINK * rounding).powi(2) } else { 0.0 })
+        std::array::from_fn(|i| if i == j { plain::powi(half[i] - SHRINK * rounding, 2) } else { 0.0 })
     });
     (vec![Layer { weight: 1.0, squares }], rounding)
 }

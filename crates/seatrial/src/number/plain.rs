@@ -70,6 +70,12 @@ pub fn hypot(x: f64, y: f64) -> f64 {
     libm::hypot(x, y)
 }
 
+/// The cube root.
+#[inline]
+pub fn cbrt(x: f64) -> f64 {
+    libm::cbrt(x)
+}
+
 /// `x^y`.
 #[inline]
 pub fn powf(x: f64, y: f64) -> f64 {

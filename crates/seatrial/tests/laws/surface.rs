@@ -129,7 +129,7 @@ properties! {
 fn law_the_share_grows_with_depth_from_none_to_exactly_all() {
     for description in [boxed(1.0, ""), torpedo(1.0, "")] {
         let surface = surface(&description);
-        for euler in [[0.0, 0.0, 0.0], [0.3, 0.1, 0.0], [0.0, 1.5707, 0.0], [3.1, -0.7, 0.0]] {
+        for euler in [[0.0, 0.0, 0.0], [0.3, 0.1, 0.0], [0.0, 1.57, 0.0], [3.1, -0.7, 0.0]] {
             let n = rotation(&from_euler(&euler))[2];
             let at = |depth: f64| surface.wet(depth, &n, &[0.0; 6]).share;
             let shares: Vec<f64> = (0..=2000).map(|k| at(-1.0 + 0.001 * f64::from(k))).collect();
