@@ -12,7 +12,7 @@ by random steps in open loop.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,12 +133,12 @@ class LawRow:
         return f"{self.group.words} x{self.factor:g}: {_WORDS[self.state]} {self.excess:.2f}"
 
 
-def law(name: str, seed: int) -> Iterator[LawRow]:
+def law(name: str, seed: int, factors: Sequence[float] = FACTORS) -> Iterator[LawRow]:
     """A row per group and factor."""
     model = st.Vehicle.load(name)
     values = model.coefficients()
     for group in coefficient_groups(model, actuators=False):
-        for factor in FACTORS:
+        for factor in factors:
             changes = {member: factor * values[member] for member in group.names}
             trial = log_of(name, changes, seed).trial
             windows = restarts(model, trial)

@@ -25,7 +25,7 @@ from seatrial.verification.mission_log.power import (
 from seatrial.verification.mission_log.restarts import restarts
 from seatrial.verification.mission_log.unknowns import pieces, sensor_noise
 from seatrial.verification.mission_log.verify_log import verify_log
-from tests.verification.power_law import SEED, VEHICLES, changed, judged, law
+from tests.verification.power_law import FACTORS, SEED, VEHICLES, changed, judged, law
 from tests.verification.recorded_logs import fitted, log
 
 PITCH = ("M_qdot", "M_q", "M_qq", "M_uq", "M_uw")
@@ -207,9 +207,10 @@ def test_law_a_group_off_by_two_is_not_called_valid(name: str, axis: str, kind: 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", VEHICLES)
-def test_law_no_model_is_valid_that_misses_by_more_than_noise(name: str) -> None:
+@pytest.mark.parametrize("factor", FACTORS)
+def test_law_no_model_is_valid_that_misses_by_more_than_noise(name: str, factor: float) -> None:
     """Every group times 1/4, 1/2, 2, 4: what is called valid errs no more than the vehicle itself."""
-    for judgement in law(name, SEED):
+    for judgement in law(name, SEED, (factor,)):
         print(judgement.row)
         # The vehicle's own errors over ten seconds are what the noise does; half as much again is seen.
         assert judgement.state != "model still valid" or judgement.excess <= 1.5, judgement.row
