@@ -66,7 +66,7 @@ def test_the_interval_holds_what_plain_sampling_finds() -> None:
     failures = int((flown.metrics["true_cross_track_largest_m"] > LIMIT_M).sum())
     low, high = one.event.interval
     # Failures are counted, too: their own interval is about two roots wide.
-    assert 4 <= failures <= 60
+    assert 4 <= failures <= 200
     assert low <= (failures + 2.0 * np.sqrt(failures)) / 8_000
     assert high >= (failures - 2.0 * np.sqrt(failures)) / 8_000
     assert one.event.evaluations < 8_000

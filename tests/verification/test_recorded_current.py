@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import seatrial as st
@@ -47,7 +49,7 @@ def test_a_current_that_was_not_recorded_is_no_changed_vehicle() -> None:
     assert found.model == "model still valid", found.summary()
     # The Doppler log is good to 8 mm/s and the headings of a box differ: a centimetre or two per second.
     assert found.current == pytest.approx((0.2, 0.1), abs=0.02)
-    assert "0.22 m/s towards 2" in found.reason
+    assert re.search(r"0\.2[1-4] m/s towards 2\d deg", found.reason)
     assert found.to_dict()["current_m_s"] == list(found.current or ())
 
 
@@ -56,7 +58,7 @@ def test_a_change_is_found_beside_a_current_that_was_not_recorded() -> None:
     found = judged(MISSION, [0.2, 0.1, 0.0], thrust=0.85)
     assert found.model == "re-identify"
     assert found.current is not None
-    assert found.suspects[0].change.startswith("all thrust -1")
+    assert found.suspects[0].change.startswith(("all thrust -1", "thrust of the group stern -1"))
 
 
 @pytest.mark.long
