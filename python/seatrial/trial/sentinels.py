@@ -158,22 +158,28 @@ def _excursions(y: Array, values: Array) -> list[Sentinel]:
     x = y[index]
     steps = np.abs(np.diff(x))
     usual = float(np.quantile(steps, 0.75)) if len(steps) else 0.0
+    # The samples of a value stand together in sorted order: a pass over all for each would be quadratic.
+    order = np.argsort(x, kind="stable")
+    first = np.searchsorted(x[order], values, side="left")
+    last = np.searchsorted(x[order], values, side="right")
     found = []
-    for value in values:
-        same = x == value
-        if same.mean() > _MOST:
+    for value, low, high in zip(values, first, last, strict=True):
+        at = order[low:high]
+        if not 0 < len(at) <= _MOST * len(x):
             continue
-        lone = np.zeros(len(x), bool)
-        for start, stop in runs(same):
-            if start == 0 or stop == len(x) or stop - start > _LONGEST:
-                continue
-            before, after = x[start - 1], x[stop]
-            tall = min(abs(before - value), abs(after - value))
-            if tall > _TALL * usual and abs(after - before) < _NEAR * tall:
-                lone[start:stop] = True
+        breaks = np.flatnonzero(np.diff(at) > 1)
+        starts, stops = at[np.append(0, breaks + 1)], at[np.append(breaks, len(at) - 1)] + 1
+        inside = (starts > 0) & (stops < len(x)) & (stops - starts <= _LONGEST)
+        starts, stops = starts[inside], stops[inside]
+        if len(starts) < _FEWEST:
+            continue
+        before, after = x[starts - 1], x[stops]
+        tall = np.minimum(np.abs(before - value), np.abs(after - value))
+        lone = (tall > _TALL * usual) & (np.abs(after - before) < _NEAR * tall)
         # Nearly every time: a number that the column also passes through is one of its own.
-        if np.count_nonzero(np.diff(lone.astype(int)) > 0) >= _FEWEST and lone.sum() >= 0.8 * same.sum():
-            at = np.zeros(len(y), bool)
-            at[index[lone]] = True
-            found.append(Sentinel(float(value), at))
+        if np.count_nonzero(lone) >= _FEWEST and (stops - starts)[lone].sum() >= 0.8 * len(at):
+            samples = np.zeros(len(y), bool)
+            for start, stop in zip(starts[lone], stops[lone], strict=True):
+                samples[index[start:stop]] = True
+            found.append(Sentinel(float(value), samples))
     return found
