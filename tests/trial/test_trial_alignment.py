@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from seatrial.trial.own_samples import most_moving
 from seatrial.trial.trial import Trial
 from tests.trial import motion
 
@@ -25,6 +26,26 @@ def test_latencies_are_found_between_the_samples_and_removed(velocity_late: floa
     truth = motion.nu(T)[inner]
     assert np.abs(trial.nu[inner] - truth).max() < 0.01
     assert not trial.valid[-1, 0] or velocity_late < 0.0
+
+
+def test_a_long_record_is_compared_where_it_moves() -> None:
+    t = np.arange(0.0, 6000.0, 0.1)
+    moving = motion.columns(t[:3000], noise=1e-3)
+    still = {name: np.full(len(t) - 3000, y[0] if name != "u_m_s" else 0.0) for name, y in moving.items()}
+    table = {name: np.concatenate([still[name], y]) for name, y in moving.items()} | {"t_s": t}
+    table["u_m_s"] = -table["u_m_s"]
+    messages = [finding.message for finding in Trial.read(table).report.findings if finding.channel == "u"]
+    assert any("sign reversed here" in message for message in messages)
+
+
+def test_the_stretch_that_moves_most_keeps_the_rate_of_every_channel() -> None:
+    t = np.arange(0.0, 1000.0, 0.1)
+    fast = np.where((t > 700.0) & (t < 900.0), np.sin(t), 0.01 * np.sin(t))
+    found = most_moving({"yaw": (t, fast), "z": (t[::5], fast[::5])}, 2000)
+    assert found["yaw"][0][[0, -1]] == pytest.approx([700.0, 900.0], abs=5.0)
+    assert found["z"][0][[0, -1]] == pytest.approx([700.0, 900.0], abs=5.0)
+    assert np.diff(found["yaw"][0]) == pytest.approx(0.1)
+    assert len(found["yaw"][0]) <= 2000
 
 
 def test_latencies_stay_on_request() -> None:

@@ -40,7 +40,7 @@ from seatrial.trial.kinematic_axes import (
 from seatrial.trial.kinematic_fit import Curve, Grid, Parameter, fitted
 from seatrial.trial.kinematic_series import Series
 from seatrial.trial.kinematics import Channels, attitude_rates, earth_velocity, pose_velocity
-from seatrial.trial.own_samples import own_samples
+from seatrial.trial.own_samples import most_moving, own_samples
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal
 
@@ -66,7 +66,7 @@ _SLOWEST_S = 0.6  # longest interval of a position that a latency can be estimat
 
 _FEWEST = 50  # samples
 
-_MOST = 200_000  # samples of a channel: of more only every second, third, ... is compared
+_MOST = 40_000  # samples of a channel that are compared: an hour at 10 Hz; memory is bounded by it
 
 
 @dataclass(frozen=True)
@@ -255,11 +255,11 @@ def _convention(
 
 
 def _curves(signals: Mapping[str, Signal], names: Sequence[str]) -> Channels:
-    """Curves between the good samples of these signals."""
-    found = own_samples({name: signals[name] for name in names if name in signals})
+    """Curves between the good samples of these signals, of a long record where it moves most."""
+    samples = own_samples({name: signals[name] for name in names if name in signals})
     return Channels({
-        channel: Curve(Series(t[:: -(-len(t) // _MOST)], y[:: -(-len(t) // _MOST)]), angle=channel in ANGLES)
-        for channel, (t, y) in found.items()
+        channel: Curve(Series(t, y), angle=channel in ANGLES)
+        for channel, (t, y) in most_moving(samples, _MOST).items()
         if len(t) >= _FEWEST
     })
 

@@ -211,10 +211,11 @@ def lagged(reference: Array, shown: Array, step: float, most: float) -> tuple[fl
     n, reach = len(reference), max(1, round(most / step))
     size = next_fast_len(n + reach + 1, real=True)
     a, b = rfft(reference, size, axis=0), rfft(shown, size, axis=0)
-    across = irfft(np.conj(a)[:, :, None] * b[:, None, :], size, axis=0)
     energy = np.sqrt(np.outer(np.sum(reference**2, axis=0), np.sum(shown**2, axis=0))) + 1e-300
     lags = np.concatenate([np.arange(reach + 1), np.arange(-reach, 0)])
-    found = across[lags] / energy
+    found = np.empty((len(lags), *energy.shape))
+    for k, j in np.ndindex(*energy.shape):  # pair by pair: all at once take nine times the memory
+        found[:, k, j] = irfft(np.conj(a[:, k]) * b[:, j], size)[lags] / energy[k, j]
     best = int(np.argmax(np.sum(found**2, axis=(1, 2))))
     return float(lags[best] * step), found[best]
 

@@ -7,6 +7,7 @@ Between the samples of a slow sensor the time base holds straight lines, which n
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.rotation import to_euler
 from seatrial.trial.signals import Signal
+
+_BLOCKS = 200  # parts of a record whose motion is compared
 
 _TICK = 1e-6  # two stamps closer than this share of an interval are the same
 
@@ -44,6 +47,45 @@ def own_samples(
             after = np.clip(np.searchsorted(base, t), 1, len(base) - 1)
             found[channel] = _kept(t, y, ~(silent[after] | silent[after - 1]))
     return {channel: found[channel] for channel in CHANNELS if channel in found}
+
+
+def most_moving(samples: Mapping[str, tuple[Array, Array]], most: int) -> dict[str, tuple[Array, Array]]:
+    """The samples of the stretch of time in which the channels move most, `most` of each at the most.
+
+    Times in s and values (m,) by channel. A channel's motion is its standard deviation within each of
+    `_BLOCKS` equal parts of the record, as a share of their sum, so that every channel counts alike. A record
+    that is short enough stays as it is.
+    """
+    longest = max((len(t) for t, _ in samples.values()), default=0)
+    if longest <= most:
+        return dict(samples)
+    edges = np.linspace(
+        min(t[0] for t, _ in samples.values() if len(t)),
+        max(t[-1] for t, _ in samples.values() if len(t)),
+        _BLOCKS + 1,
+    )
+    motion = np.zeros(_BLOCKS)
+    bounds = {channel: np.searchsorted(t, edges) for channel, (t, _) in samples.items()}
+    for channel, (_, y) in samples.items():
+        # A heading that turns round and round would be as still as none by its wrapped values.
+        y = np.unwrap(y) if channel in ANGLES else y
+        parts = [y[a:b] for a, b in pairwise(bounds[channel])]
+        spread = np.array([np.std(part) if len(part) > 1 else 0.0 for part in parts])
+        motion += spread / max(float(spread.sum()), 1e-300)
+    # As many blocks as the densest stretch of any channel allows, one at least.
+    counts = np.stack([np.diff(limits) for limits in bounds.values()])
+    wide = next((k for k in range(_BLOCKS, 1, -1) if _sums(counts, k).max() <= most), 1)
+    first = int(np.argmax(_sums(motion[None], wide)[0]))
+    return {
+        channel: (t[a:b][:most], y[a:b][:most])
+        for channel, (t, y) in samples.items()
+        for a, b in [(bounds[channel][first], bounds[channel][first + wide])]
+    }
+
+
+def _sums(values: Array, wide: int) -> Array:
+    """Sums (k, n - wide + 1) over `wide` neighbours of values (k, n)."""
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(values, wide, axis=1).sum(axis=2))
 
 
 def _same(t: Array, base: Array | None) -> bool:
