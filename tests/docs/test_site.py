@@ -13,7 +13,7 @@ import pytest
 from docs.site.build import DOCS, broken, navigation, pages
 from docs.site.formulas import FormulaError, mathml
 from docs.site.reference import campaign_tables, command_line
-from tests.docs.pages import NAMES, text
+from tests.docs.pages import NAMES, blocks, text
 
 CODE = re.compile(r"```.*?```|`[^`\n]+`", re.DOTALL)
 FORMULA = re.compile(r"\$\$(.+?)\$\$|\$([^$\n]+?)\$", re.DOTALL)
@@ -26,6 +26,13 @@ def test_every_formula_of_the_page_converts(name: str) -> None:
         made = mathml(display or inline, display=bool(display))
         assert "\\" not in made, f"{name}: {display or inline}"
         assert not STYLED.search(made)  # browsers draw no style but the upright one
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_highlighter_of_the_site_knows_every_language_of_the_page(name: str) -> None:
+    lexers = pytest.importorskip("pygments.lexers")
+    for block in blocks(name):
+        lexers.get_lexer_by_name(block.language)
 
 
 @pytest.mark.parametrize("latex", [r"\nosuchcommand x", r"\frac{a}{b", r"\left( a"])
