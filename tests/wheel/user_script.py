@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +112,14 @@ def fly(vehicle: st.Vehicle, autopilot: st.Autopilot, mission: st.Mission) -> fl
     return float(np.abs(nu[:, 0]).max())
 
 
+def carries_its_notices() -> bool:
+    """Whether the licence and the third-party notices came with the package."""
+    names = [file.name for file in metadata.files("seatrial") or ()]
+    return {"LICENSE", "THIRD_PARTY_NOTICES.txt", "third_party.json"} <= set(names)
+
+
 def main(folder: Path) -> None:
+    assert carries_its_notices()
     project = folder / "project"
     subprocess.run([sys.executable, "-m", "seatrial", "new", project], check=True, stdout=subprocess.DEVNULL)
     vehicle = st.Vehicle.load(project / "vehicle.toml")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -110,6 +111,7 @@ def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
             flying=script_json(flying) if flying else "",
             grounded=grounded,
             words=_words(runs, flying),
+            third_parties=third_parties(),
             core=packed,
             evidence=script_json(series),
             worker=_resource("worker.js"),
@@ -248,6 +250,32 @@ def _words(runs: Sequence[RunFolder], flying: Sequence[Mapping[str, Any]]) -> Ma
     if flying:
         said += " phase margin, gain margin, delay, sensitivity, lookahead, waves, navigation filter, drawn"
     return glossary(said, vehicles, coefficients=sliders)
+
+
+def third_parties() -> dict[str, dict[str, list[str]]]:
+    """Names and versions of what others wrote, by licence: the crates in the core that flies here, and the
+    Python packages of this machine that seatrial asks for. `docs/site/notices.py` writes the list.
+    """
+    parts = json.loads(_resource("third_party.json"))
+    compiled: dict[str, list[str]] = {}
+    for name, number, licence in parts["crates"]:
+        compiled.setdefault(_spdx(licence), []).append(f"{name} {number}")
+    installed: dict[str, list[str]] = {}
+    for name, licence in parts["packages"].items():
+        if (number := version(name)) != "unknown":  # an extra that is not installed
+            installed.setdefault(licence, []).append(f"{name} {number}")
+    return {"Rust crates in the core": compiled, "Python packages": installed}
+
+
+def _spdx(licence: str) -> str:
+    """A choice of licences in one order: crates write it in any, older ones with a stroke.
+
+    Examples
+    --------
+    >>> _spdx("MIT/Apache-2.0")
+    'Apache-2.0 OR MIT'
+    """
+    return " OR ".join(sorted(re.split(r"/| OR ", licence))) if " AND " not in licence else licence
 
 
 def _three_views(text: str) -> Figure | None:
