@@ -23,7 +23,7 @@ from seatrial.verification.mission_log.power import (
     group_power,
 )
 from seatrial.verification.mission_log.restarts import restarts
-from seatrial.verification.mission_log.unknowns import pieces, sensor_noise
+from seatrial.verification.mission_log.unknowns import Point, Unknowns, explained_best, pieces, sensor_noise
 from seatrial.verification.mission_log.verify_log import verify_log
 from tests.verification.power_law import FACTORS, SEED, VEHICLES, changed, judged, law
 from tests.verification.recorded_logs import fitted, log
@@ -73,6 +73,19 @@ def test_the_group_that_was_changed_is_refuted_with_about_its_factor(factor: flo
     assert "u" in drag.against
     # The estimate is linear: a fifth of the change.
     assert drag.factor == pytest.approx(factor, abs=0.2)
+
+
+def test_where_a_vehicle_diverges_within_a_window_nothing_is_explained_and_no_warning_appears() -> None:
+    known = fitted()
+    cut = pieces(restarts(known.vehicle, log(2).trial, stop_s=60.0))[1]
+    groups = [group.names for group in coefficient_groups(known.vehicle)]
+    offsets = offsets_of("typical", known.vehicle)
+    unknowns = Unknowns(known, cut, groups, sensor_noise(cut.trial), offsets, water=False)
+    far = Point(unknowns.measured.start + 1e160, unknowns.measured.shared)
+    with np.errstate(all="raise"):
+        point, products = explained_best(unknowns, [0, 5], far)
+    assert point is far
+    assert not np.isfinite(products).all()
 
 
 def test_the_noise_of_the_sensors_knows_nothing_of_the_model() -> None:

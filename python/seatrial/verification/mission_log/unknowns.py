@@ -242,7 +242,9 @@ class Unknowns:
             )
             columns = columns / self.noise[:, None]
             by_channel = columns.transpose(1, 0, 2)
-            products.append(by_channel.transpose(0, 2, 1) @ by_channel)
+            # A vehicle of the wrong coefficients may diverge within a window: its products are not finite.
+            with np.errstate(over="ignore", invalid="ignore"):
+                products.append(by_channel.transpose(0, 2, 1) @ by_channel)
         return np.array(products)
 
     def fitted(self, at: Point, products: Array) -> Point:
@@ -283,6 +285,8 @@ def explained_best(unknowns: Unknowns, used: Sequence[int], at: Point) -> tuple[
     that motion would show what the log does not.
     """
     products = unknowns.products(at)[:, used]
+    if not np.isfinite(products).all():
+        return at, products
     least = unknowns.cost(at, products.sum(axis=1))
     for _ in range(_ROUNDS):
         full, share, gained = unknowns.fitted(at, products.sum(axis=1)), 1.0, 0.0
@@ -293,8 +297,10 @@ def explained_best(unknowns: Unknowns, used: Sequence[int], at: Point) -> tuple[
                 there = unknowns.products(point)[:, used]
             except SeatrialError:  # no vehicle has such coefficients
                 continue
+            if not np.isfinite(there).all():  # it diverges within a window
+                continue
             cost = unknowns.cost(point, there.sum(axis=1))
-            if np.isfinite(there).all() and cost < least:
+            if cost < least:
                 at, products, gained, least = point, there, least - cost, cost
         if gained < 0.01 * least:
             break
