@@ -243,6 +243,22 @@ def test_command_line_lists_and_writes_and_says_the_next_command(logs: Path, tmp
     assert again.exit_code == 2
 
 
+@pytest.mark.parametrize("at", [0.0, 0.5, 0.95])
+@pytest.mark.parametrize("kind", [KeyError, st.TrialError])
+def test_an_error_of_the_callers_progress_comes_back_as_it_was_raised(
+    logs: Path, kind: type[Exception], at: float
+) -> None:
+    own = kind("own")
+
+    def progress(share: float, words: str) -> None:
+        if share >= at:
+            raise own
+
+    with pytest.raises(kind) as raised:
+        st.import_logs(_files(logs), progress=progress)
+    assert raised.value is own
+
+
 def test_import_of_the_package_loads_nothing_of_the_intake() -> None:
     code = "import seatrial, sys; print([m for m in sys.modules if m.startswith('seatrial.intake')])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -7,7 +7,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import Self
+from functools import wraps
+from typing import Any, ParamSpec, Self, TypeVar, cast
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class Clock:
@@ -102,6 +106,58 @@ class Progress:
 
 
 Watch = Callable[[Step], None]
+
+
+class _OfTheCaller(BaseException):
+    """Carries an exception of a caller's function past every ``except Exception`` on the way."""
+
+    def __init__(self, call: object, error: Exception) -> None:
+        super().__init__()
+        self.call, self.error = call, error
+
+
+def callers_errors_pass(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, of which what the caller's `progress` raises comes back as it was raised.
+
+    On its way it passes blocks that make a sentence of all that a damaged file raises, or go on where numbers
+    fail: an error of the caller is neither.
+
+    Examples
+    --------
+    >>> @callers_errors_pass
+    ... def work(*, progress=None):
+    ...     try:
+    ...         progress(0.5)
+    ...     except Exception:
+    ...         return "went on"
+    >>> work(progress=lambda share: 1 / 0)
+    Traceback (most recent call last):
+    ZeroDivisionError: division by zero
+    """
+
+    @wraps(function)
+    def passing(*args: P.args, **kwargs: P.kwargs) -> R:
+        given = cast("Callable[..., None] | None", kwargs.get("progress"))
+        if given is None:
+            return function(*args, **kwargs)
+        call = object()  # of nested calls each hands on what its own caller raised
+
+        def progress(*state: Any) -> None:
+            try:
+                given(*state)
+            except Exception as error:
+                raise _OfTheCaller(call, error) from None
+
+        kwargs["progress"] = progress
+        try:
+            return function(*args, **kwargs)
+        except _OfTheCaller as carried:
+            if carried.call is not call:
+                raise
+            error = carried.error
+        raise error  # outside of the handler, so that it has the context that it was raised with
+
+    return passing
 
 
 def part_of(

@@ -25,7 +25,7 @@ from seatrial._core import checked_threads
 from seatrial.base.chunks import RECORDS, Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
 from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.joint import Joint
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from seatrial.trial.truth import Truth
 
 
+@callers_errors_pass
 def coverage(
     campaign: Campaign,
     *,

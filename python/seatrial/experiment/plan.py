@@ -24,7 +24,7 @@ from seatrial._core import Vehicle, checked_threads
 from seatrial.base.arrays import Array
 from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import CampaignError, SeatrialError, nearest
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.run import run_facts, sha256
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.parameters import Parameter
@@ -47,6 +47,7 @@ _LEAST_SHARE, _LARGEST_SHARE = 0.1, 1.0
 _ALIKE = 1.01  # of trials that are as good within a per cent, the one that needs the least area
 
 
+@callers_errors_pass
 def plan(
     what: Vehicle | Campaign | Identification,
     *,

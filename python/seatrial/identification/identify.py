@@ -26,7 +26,7 @@ from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.errors import CampaignError
 from seatrial.base.fallback import Fallbacks
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress, Step
+from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.from_trials import Bounds, Trials, campaign_from_trials
@@ -83,6 +83,7 @@ def identify(
 ) -> Identification: ...
 
 
+@callers_errors_pass
 def identify(
     campaign: Campaign | Vehicle | str | Path,
     trials: Trials | None = None,

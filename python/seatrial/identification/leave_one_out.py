@@ -31,7 +31,7 @@ from seatrial._core import checked_threads
 from seatrial.base.atomic_write import parquet
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import CampaignError, SeatrialError
-from seatrial.base.progress import Clock, Progress, Step, part_of
+from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass, part_of
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version
 from seatrial.campaign.campaign import input_hashes
@@ -189,6 +189,7 @@ class LeaveOneOut(RunResult):
         }
 
 
+@callers_errors_pass
 def leave_one_out(
     campaign: Campaign,
     *,

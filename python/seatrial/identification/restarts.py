@@ -18,7 +18,7 @@ from seatrial._core import checked_threads
 from seatrial.base.chunks import RECORDS, Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress, part_of
+from seatrial.base.progress import Clock, Progress, callers_errors_pass, part_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
 from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.stage import StageResult, plan
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 Stages = tuple[StageResult, ...]
 
 
+@callers_errors_pass
 def restarts(
     campaign: Campaign,
     *,

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from seatrial.base.errors import CampaignError
+from seatrial.base.progress import callers_errors_pass
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import parse
 from seatrial.campaign.parameters import axes_of
@@ -139,6 +140,7 @@ def hold_out_change(before: Identification, after: Identification) -> HoldOutCha
     return HoldOutChange(pairs, verdict, sentence)
 
 
+@callers_errors_pass
 def try_suggestion(
     campaign: Campaign,
     suggestion: Suggestion,

@@ -17,6 +17,7 @@ import numpy as np
 from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import TrialError, printable
 from seatrial.base.folder_lock import only_user
+from seatrial.base.progress import callers_errors_pass
 from seatrial.intake.consistency import consistency, convention_of
 from seatrial.intake.consistency_result import Consistency
 from seatrial.intake.consistency_trials import series_of
@@ -50,6 +51,7 @@ _NEAR = 0.08  # of a trial's length: a change of mode or its end this near to a 
 Progress = Callable[[float, str], None]
 
 
+@callers_errors_pass
 def import_logs(
     paths: str | Path | Iterable[str | Path],
     *,

@@ -23,7 +23,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.atomic_write import write_table
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError, nearest
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.trial import alignment, resampling, table, tilt
 from seatrial.trial.assembly import assemble
 from seatrial.trial.columns import GROUPS
@@ -137,6 +137,7 @@ class Trial:
     surface: float | None = None
 
     @classmethod
+    @callers_errors_pass
     def read(
         cls,
         source: Any,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, overload
 from seatrial._core import Autopilot, checked_threads
 from seatrial.base.errors import CampaignError, SeatrialError, TrialError
 from seatrial.base.fleet import fleet_of
-from seatrial.base.progress import Progress
+from seatrial.base.progress import Progress, callers_errors_pass
 from seatrial.base.run import RunDirectory, sha256
 from seatrial.base.toml_file import checked, loaded
 from seatrial.campaign.campaign import Campaign, input_hashes
@@ -70,6 +70,7 @@ def tune(
 ) -> Tuning: ...
 
 
+@callers_errors_pass
 def tune(
     campaign: Campaign | Identification | Fitted | Vehicle | str | Path,
     fit: Any = None,

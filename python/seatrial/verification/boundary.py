@@ -20,7 +20,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
 from seatrial.campaign.campaign import input_hashes
@@ -307,6 +307,7 @@ def _side_at(found: FailureBoundary, one: RequirementBoundary, second: float | N
     return words if abs(int(sides.sum())) == len(sides) else f"probably {words}"
 
 
+@callers_errors_pass
 def failure_boundary(
     campaign: Campaign,
     variables: Mapping[str, tuple[float, float]],

@@ -20,7 +20,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.report import Report, Section
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
 from seatrial.campaign.campaign import input_hashes
@@ -258,6 +258,7 @@ def _lines(one: FalsifiedRequirement) -> list[str]:
     return [f"the middle of all ranges fails already{': ' if middle else ''}{', '.join(middle)}"]
 
 
+@callers_errors_pass
 def falsify(
     campaign: Campaign,
     fit: Identification | Fitted | Vehicle | str | Path | None = None,

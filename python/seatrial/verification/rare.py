@@ -20,7 +20,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, sha256
 from seatrial.campaign.campaign import input_hashes
 from seatrial.statistics.draws import generator
@@ -53,6 +53,7 @@ _CAUSE = 5  # stream of these random numbers; 1 to 4 are those of the draws
 _BATCH = 512
 
 
+@callers_errors_pass
 def rare_failures(
     campaign: Campaign,
     fit: Identification | Fitted | Vehicle | str | Path | None = None,

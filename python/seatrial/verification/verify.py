@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, overload
 from seatrial._core import checked_threads
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, sha256
 from seatrial.campaign.campaign import input_hashes
 from seatrial.verification.comparison import AutopilotComparison, compared
@@ -87,6 +87,7 @@ def verify(
 ) -> Verification: ...
 
 
+@callers_errors_pass
 def verify(
     campaign: Campaign | Identification | Fitted | Vehicle | str | Path,
     fit: Any = None,
