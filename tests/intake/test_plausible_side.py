@@ -103,3 +103,21 @@ def test_a_gyro_that_shows_nothing_of_an_axis_has_no_ratio() -> None:
     found = consistency(series | {"r": Series(r.t, 0.3 * random.standard_normal(len(r.t)), r.clock)})
     assert not any("times)" in said for said in found.contradictions)
     assert any("does not show r" in said for said in found.contradictions)
+
+
+@pytest.mark.parametrize(("speed_m_s", "said"), [(0.05, False), (1.0, True)])
+def test_a_velocity_that_has_nothing_of_the_motion_in_it_has_no_ratio(speed_m_s: float, said: bool) -> None:
+    random = np.random.default_rng(3)
+    t = np.arange(0.0, 260.0, 0.1)
+
+    def wander(rms: float) -> Array:
+        slow = np.convolve(random.standard_normal(len(t) + 80), np.hanning(80), "valid")[: len(t)]
+        return np.asarray(rms * slow / slow.std())
+
+    series = {name: Series(t, wander(speed_m_s / np.sqrt(3.0))) for name in "uvw"}
+    series |= {name: Series(t, wander(0.05)) for name in ("roll", "pitch", "yaw")}
+    # A position that hardly moves, as of an estimator that nothing tells where it is.
+    series |= {name: Series(t, 0.1 * np.cumsum(wander(0.035))) for name in "xyz"}
+    contradictions = consistency(series).contradictions
+    assert not any("times)" in sentence for sentence in contradictions)
+    assert any("no delay, tilt or scale of the velocity" in one for one in contradictions) is said

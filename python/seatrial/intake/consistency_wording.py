@@ -299,7 +299,7 @@ def _unlike(found: Found) -> str | None:
     unlike = [
         f"{name.partition('.')[2]} ({1.0 / (1.0 + value):.3g} times)"
         for name, value in fit.values.items()
-        if name.startswith("scale.") and not _is_scale(value)
+        if name.startswith("scale.") and not _is_scale(value) and is_shown(value, fit.sd[name])
     ]
     if not unlike:
         return None
@@ -312,17 +312,25 @@ def _unlike(found: Found) -> str | None:
 def _opposed(found: Found) -> str | None:
     """A velocity that no correction brings anywhere near the rates of the pose; None where one does.
 
-    It then differs from them by more than they are: no velocity at all would agree better.
+    It then differs from them by more than they are: no velocity at all would agree better. Where a scale that
+    takes the velocity away is the best correction, the difference as recorded counts.
     """
     fit = found.fit
     if fit is None or found.group != "velocity":
         return None
-    if fit.after < max(found.motion, _OPPOSED * found.speed, _OPPOSED_M_S):
+    none = not is_shown(fit.values.get("scale.velocity", 0.0), fit.sd.get("scale.velocity", 0.0))
+    apart = found.sizes[1] if none else fit.after
+    if apart < max(found.motion, _OPPOSED * found.speed, _OPPOSED_M_S):
         return None
     what = found.of.removesuffix(", m/s")
+    differ = (
+        f"{apart:.3g} m/s rms, and no delay, tilt or scale of the velocity brings them closer"
+        if none
+        else f"{apart:.3g} m/s rms with the best correction ({found.sizes[0]:.3g} m/s as recorded)"
+    )
     return (
-        f"{what} contradict one another: they differ by {fit.after:.3g} m/s rms with the best correction"
-        f" ({found.sizes[0]:.3g} m/s as recorded), while the {what.removesuffix(' and the velocity')} is"
+        f"{what} contradict one another: they differ by {differ},"
+        f" while the {what.removesuffix(' and the velocity')} is"
         f" {found.motion:.3g} m/s rms; check axes, signs and unit of the velocity in map.toml, and"
         " tilt_deg.velocity under [corrections] in the campaign"
     )
@@ -331,6 +339,22 @@ def _opposed(found: Found) -> str | None:
 def _is_scale(value: float) -> bool:
     """Whether a relative scale error may be a sensor's: less than a factor of two either way."""
     return 0.5 < 1.0 + value < 2.0
+
+
+def is_shown(value: float, sd: float) -> bool:
+    """Whether a channel shows any of the motion that it is compared with: else a ratio of both has no sense.
+
+    Parameters
+    ----------
+    value, sd
+        Relative scale error and its standard deviation: at -1 the channel has nothing of the motion in it.
+
+    Examples
+    --------
+    >>> is_shown(-1.0005, 0.15), is_shown(-0.999, 1e-5), is_shown(-3.0, 0.1)
+    (False, True, True)
+    """
+    return abs(1.0 + value) > _CERTAIN * sd
 
 
 def list_sentence(fit: Fit | None) -> str | None:
