@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -58,6 +59,22 @@ def test_a_leg_that_is_steeper_than_guidance_dives_is_told_with_both_slopes_and_
     # As long as it is advised, the leg is flown.
     longer = STEEP.replace("north_m = 80.0", f"north_m = {60.0 + 1.1 * least}").replace("160.0", "260.0")
     assert _lines(longer, vehicle="lauv")[0].legs[1].reached
+
+
+def test_fins_that_cannot_take_a_light_vehicle_down_are_cured_by_its_trim() -> None:
+    vehicle = st.Vehicle.load("remus100")
+    legs = "".join(f"[[legs]]\nnorth_m = {x}.0\neast_m = 0.0\ndepth_m = 12.0\n" for x in (150, 300))
+    head = 'format = 1\nname = "down"\nspeed_m_s = 1.5\nacceptance_radius_m = 3.0\n'
+    mission = st.Mission.from_toml(head + legs)
+    values = vehicle.coefficients()
+    weight = values["m"] * vehicle.environment()["g"]
+    light = vehicle.with_coefficients({"B": 1.02 * values["B"]})
+    report = st.fly(light, "remus100", mission).report()
+    net = 1.02 * values["B"] - weight
+    assert re.search(rf"the pitch loop was saturated for \d+ % of the leg, against {net:.1f} N", report.worst)
+    assert report.next_step.startswith("trim the vehicle")
+    trimmed = vehicle.with_coefficients({"B": weight})
+    assert all(leg.reached for leg in st.fly(trimmed, "remus100", mission).legs)
 
 
 def test_a_vehicle_that_dives_on_the_spot_is_late_by_the_same_leg() -> None:

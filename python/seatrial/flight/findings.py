@@ -19,10 +19,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array, Mask
 from seatrial.flight.excesses import OFF_LIMIT_M, too_deep, too_low, touched
-from seatrial.flight.metrics import Leg
+from seatrial.flight.metrics import Leg, saturated
 from seatrial.flight.watches import source
+from seatrial.vehicle.stability import statics
 
 if TYPE_CHECKING:
     from seatrial.flight.log import FlightLog
@@ -30,6 +32,10 @@ if TYPE_CHECKING:
 _WINDOW_S = 5.0  # over which the steepness of a path is told
 
 _STEEPER, _LAGGING = 1.05, 1.25  # of a slope over what guidance allows, and over what was flown
+
+_HARDLY, _EXHAUSTED = 0.5, 0.5  # of a leg's slope, and of its time: its loop does not change the depth at all
+
+_BUOYANT = 1e-3  # of the weight: less net buoyancy is no question of trim
 
 _CROSSING = 0.1  # of a leg's speed: from there on a current counts across it
 
@@ -155,6 +161,12 @@ def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
     aside, deep = _miss(flight, k)
     words += f", {aside:.1f} m aside and {abs(deep):.1f} m too {'deep' if deep > 0.0 else 'shallow'}"
     slope = _Slope.of(flight, k)
+    if abs(deep) > aside and (slope is None or slope.flown < _HARDLY * slope.asked):
+        by = "heave" if _by_heave(flight, k) else "pitch"
+        share = _saturated_on(flight, k, by)
+        if share > _EXHAUSTED:
+            words += f"; the {by} loop was saturated for {100.0 * share:.0f} % of the leg"
+            return _out_of_trim(flight, words, by, shallow=deep < 0.0)
     # What a leg is steeper than guidance allows is made in circles, so that the miss may be aside.
     if slope is not None and (slope.refused or (slope.lagging and abs(deep) > aside)):
         return Finding(
@@ -170,6 +182,30 @@ def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
         words,
         f"enlarge its acceptance radius beyond {leg.smallest_m:.1f} m, slow the leg down, or tune the heading"
         " loop (seatrial tune)",
+    )
+
+
+def _out_of_trim(flight: FlightLog, words: str, by: str, *, shallow: bool) -> Finding:
+    """Why actuators at their limit do not change the depth: a net buoyancy that acts against them, if any."""
+    rest = statics(flight.vehicle)
+    against = rest.net_n if shallow else -rest.net_n
+    if against <= _BUOYANT * rest.weight_n:
+        remedy = "fly the leg faster if fins steer it, or give this loop stronger actuators"
+        return Finding(words, f"{remedy}; a longer leg does not help")
+    kind, change = ("light", "take out buoyancy or add ballast") if shallow else ("heavy", "add buoyancy")
+    words += f", against {against:.1f} N ({100.0 * against / rest.weight_n:.1f} % of the weight) by which the"
+    words += f" vehicle is too {kind}"
+    faster = (
+        " or fly the leg faster, for the force of fins grows with the speed squared" if by == "pitch" else ""
+    )
+    return Finding(words, f"trim the vehicle ({change}){faster}; a longer leg does not help")
+
+
+def _saturated_on(flight: FlightLog, k: int, loop: str) -> float:
+    """Share of the time of leg `k` in which a loop was saturated."""
+    rows = flight.under_way & (flight.leg == k)
+    return (
+        float(np.mean(saturated(flight, autopilot_names()["loops"].index(loop))[rows])) if rows.any() else 0.0
     )
 
 
