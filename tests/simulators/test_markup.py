@@ -85,3 +85,23 @@ def test_properties_in_a_circle_end() -> None:
     given = '<property name="a" value="${b} 1"/><property name="b" value="${a} 1"/>'
     with pytest.raises(VehicleError, match="in a circle"):
         _expression("${a}", given)
+
+
+LONG = "x" * 100_000
+
+
+@pytest.mark.parametrize(
+    ("properties", "text"),
+    [
+        ([LONG], "${p0}" * 100_000),
+        ([LONG], "</v><v>".join(["${p0}"] * 1_000)),
+        ([LONG, *(f"${{p{k}}}${{p{k}}}" for k in range(60))], "${p60}"),
+        (["1"], "${p0 + 1}" * 20_001),
+        (["1"], "</v><v>".join(["${p0 + unknown}"] * 20_001)),
+    ],
+    ids=["often", "in many places", "doubled", "expressions", "unknown names"],
+)
+def test_properties_that_multiply_a_file_are_refused(properties: list[str], text: str) -> None:
+    rows = "".join(f'<property name="p{k}" value="{value}"/>' for k, value in enumerate(properties))
+    with pytest.raises(VehicleError, match="expected properties that make a model of at most 5 MB"):
+        _expression(text, rows)

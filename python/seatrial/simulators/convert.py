@@ -12,6 +12,7 @@ from typing import Any
 
 from seatrial._core import Vehicle
 from seatrial.base.atomic_write import write_atomic
+from seatrial.base.budget import Budget, guarded
 from seatrial.base.errors import VehicleError, reason
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.toml_file import loaded
@@ -22,6 +23,10 @@ from seatrial.simulators.writers import WRITERS
 
 ENDINGS = (".sdf", ".urdf", ".xacro", ".scn", ".world", ".xml")
 """Endings of files that are models and no logs."""
+
+_MODEL = Budget(cpu_s=5.0)  # the largest model that is read takes one
+
+_SIMPLER = "give the model alone, and expand it with xacro first"
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +128,11 @@ def import_model(path: str | Path, *, name: str | None = None, rho: float | None
         The file is no model with hydrodynamics, is not safe to read, or its numbers are no vehicle.
     """
     source = str(path)
-    found = read(parse(read_bytes(path), source), source, rho=rho)
+    content = read_bytes(path)
+    with guarded(
+        source, "reading it as a model", _SIMPLER, size=len(content), budget=_MODEL, refusal=VehicleError
+    ):
+        found = read(parse(content, source), source, rho=rho)
     if not found.body.mass > 0.0:
         raise VehicleError(f"{source}: expected a positive mass, found {found.body.mass:g} kg")
     body, doubts = contradictions(found.body)

@@ -31,6 +31,9 @@ _LONGEST_EXPRESSION = 500
 _ROUNDS = 20
 """Properties that name properties are followed so often."""
 
+_MOST_EXPRESSIONS = 20_000
+"""Expressions that are worked out, each time counted: a robot has some hundred; this many take Python 2 s."""
+
 
 def read_bytes(path: str | Path) -> bytes:
     """Content of a model file.
@@ -143,21 +146,36 @@ def numbers(text: str | None, where: str, *, count: tuple[int, ...] = (1,)) -> l
 def expanded(root: Element, source: str) -> Element:
     """The same tree with ``${...}`` worked out from the properties of xacro in it.
 
+    What properties put in is counted over the whole file: a property in which another stands twice doubles it.
+
     Raises
     ------
     VehicleError
-        An expression is none of plain arithmetic. A name that is not in the file stays.
+        An expression is none of plain arithmetic, or there are more than any robot has. A name that is not
+        in the file stays.
     """
     values: dict[str, str] = {
         one.get("name", ""): one.get("value", "") for one in root.iter() if local(one) == "property"
     }
+    letters = count = 0
+
+    def put(match: re.Match[str]) -> str:
+        nonlocal letters, count
+        text = _value(match, values, source)
+        letters, count = letters + len(text), count + 1
+        if letters > _LARGEST or count > _MOST_EXPRESSIONS:
+            raise VehicleError(
+                f"{source}: expected properties that make a model of at most {_LARGEST / 1e6:g} MB with"
+                f" {_MOST_EXPRESSIONS:,} expressions, found more; expand the file with xacro first"
+            )
+        return text
 
     def worked_out(text: str | None) -> str | None:
         for _ in range(_ROUNDS):
             if text is None or "${" not in text:
                 return text
-            changed = _EXPRESSION.sub(lambda match: _value(match, values, source), text)
-            if changed == text or len(changed) > _LARGEST:
+            changed = _EXPRESSION.sub(put, text)
+            if changed == text:
                 return text
             text = changed
         raise VehicleError(f"{source}: properties name one another in a circle: {str(text)[:60]!r}")
@@ -189,7 +207,8 @@ def _value(match: re.Match[str], values: Mapping[str, str], source: str) -> str:
         )
     try:
         tree = ast.parse(text, mode="eval").body
-        if any(isinstance(node, ast.Name) and node.id not in {*values, "pi"} for node in ast.walk(tree)):
+        names = (node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+        if any(name not in values and name != "pi" for name in names):
             return match.group(0)
         return repr(_worked_out(tree, values))
     except (SyntaxError, ValueError, ZeroDivisionError, OverflowError, RecursionError, MemoryError):
