@@ -70,11 +70,27 @@ def test_fins_that_cannot_take_a_light_vehicle_down_are_cured_by_its_trim() -> N
     weight = values["m"] * vehicle.environment()["g"]
     light = vehicle.with_coefficients({"B": 1.02 * values["B"]})
     report = st.fly(light, "remus100", mission).report()
-    net = 1.02 * values["B"] - weight
-    assert re.search(rf"the pitch loop was saturated for \d+ % of the leg, against {net:.1f} N", report.worst)
+    cause = f"the vehicle is too light by {1.02 * values['B'] - weight:.1f} N"
+    assert re.search(rf"the pitch loop was saturated for \d+ % of the leg: {cause}", report.worst)
     assert report.next_step.startswith("trim the vehicle")
     trimmed = vehicle.with_coefficients({"B": weight})
     assert all(leg.reached for leg in st.fly(trimmed, "remus100", mission).legs)
+
+
+def test_fins_that_carry_a_heavy_vehicle_at_their_limit_are_cured_by_its_trim() -> None:
+    vehicle = st.Vehicle.load("remus100")
+    mission = st.Mission.from_toml(
+        'format = 1\nname = "up"\nspeed_m_s = 1.5\nacceptance_radius_m = 3.0\nstart = { depth_m = 12.0 }\n'
+        "[[legs]]\nnorth_m = 60.0\neast_m = 0.0\ndepth_m = 6.0\n"
+    )
+    values = vehicle.coefficients()
+    weight = values["m"] * vehicle.environment()["g"]
+    heavy = vehicle.with_coefficients({"B": 0.94 * values["B"]})
+    report = st.fly(heavy, "remus100", mission).report()
+    assert f"the vehicle is too heavy by {weight - 0.94 * values['B']:.1f} N" in report.worst
+    assert report.next_step.startswith("trim the vehicle")
+    trimmed = st.fly(vehicle.with_coefficients({"B": weight}), "remus100", mission)
+    assert trimmed.loops["pitch"].saturated < 0.1
 
 
 def test_a_vehicle_that_dives_on_the_spot_is_late_by_the_same_leg() -> None:

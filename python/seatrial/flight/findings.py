@@ -33,9 +33,11 @@ _WINDOW_S = 5.0  # over which the steepness of a path is told
 
 _STEEPER, _LAGGING = 1.05, 1.25  # of a slope over what guidance allows, and over what was flown
 
-_HARDLY, _EXHAUSTED = 0.5, 0.5  # of a leg's slope, and of its time: its loop does not change the depth at all
+_HARDLY, EXHAUSTED = 0.5, 0.5  # of a leg's slope, and of its time: its loop does not change the depth at all
 
-_BUOYANT = 1e-3  # of the weight: less net buoyancy is no question of trim
+_BUOYANT = 0.01  # of the weight: hulls of torpedoes carry so much net buoyancy at a few degrees of pitch
+
+_CARRIED = 0.5  # of the heave loop's limit: less net buoyancy leaves enough to change the depth
 
 _CROSSING = 0.1  # of a leg's speed: from there on a current counts across it
 
@@ -164,9 +166,12 @@ def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
     if abs(deep) > aside and (slope is None or slope.flown < _HARDLY * slope.asked):
         by = "heave" if _by_heave(flight, k) else "pitch"
         share = _saturated_on(flight, k, by)
-        if share > _EXHAUSTED:
+        if share > EXHAUSTED:
             words += f"; the {by} loop was saturated for {100.0 * share:.0f} % of the leg"
-            return _out_of_trim(flight, words, by, shallow=deep < 0.0)
+            cause = out_of_trim(flight, by, shallow=deep < 0.0)
+            remedy = cause.remedy if cause else "fly faster if fins steer it, or fit stronger actuators"
+            words += f": {cause.words}" if cause else ""
+            return Finding(words, f"{remedy}; a longer leg does not help")
     # What a leg is steeper than guidance allows is made in circles, so that the miss may be aside.
     if slope is not None and (slope.refused or (slope.lagging and abs(deep) > aside)):
         return Finding(
@@ -185,20 +190,35 @@ def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
     )
 
 
-def _out_of_trim(flight: FlightLog, words: str, by: str, *, shallow: bool) -> Finding:
-    """Why actuators at their limit do not change the depth: a net buoyancy that acts against them, if any."""
+def out_of_trim(flight: FlightLog, by: str, *, shallow: bool | None = None) -> Finding | None:
+    """Net buoyancy that explains why the loop that changes the depth is at its limit, and what to do.
+
+    Parameters
+    ----------
+    flight : FlightLog
+    by : str
+        The loop: "heave" or "pitch".
+    shallow : bool, optional
+        Whether the vehicle was too shallow, which only buoyancy explains, or too deep; either if omitted.
+
+    Returns
+    -------
+    Finding or None
+        A clause, None where the net buoyancy is small against what the loop can do.
+    """
     rest = statics(flight.vehicle)
-    against = rest.net_n if shallow else -rest.net_n
-    if against <= _BUOYANT * rest.weight_n:
-        remedy = "fly the leg faster if fins steer it, or give this loop stronger actuators"
-        return Finding(words, f"{remedy}; a longer leg does not help")
-    kind, change = ("light", "take out buoyancy or add ballast") if shallow else ("heavy", "add buoyancy")
-    words += f", against {against:.1f} N ({100.0 * against / rest.weight_n:.1f} % of the weight) by which the"
-    words += f" vehicle is too {kind}"
-    faster = (
-        " or fly the leg faster, for the force of fins grows with the speed squared" if by == "pitch" else ""
+    net = abs(rest.net_n)
+    limit = float(flight.autopilot.loops().get("heave", {}).get("tau_max", 0.0))
+    # A thruster carries the net buoyancy itself. Fins carry it by the lift of a hull that is pitched.
+    material = _CARRIED * limit if by == "heave" else _BUOYANT * rest.weight_n
+    if net <= material or (shallow is not None and shallow != (rest.net_n > 0.0)):
+        return None
+    kind, change = (
+        ("light", "take out buoyancy or add ballast") if rest.net_n > 0.0 else ("heavy", "add buoyancy")
     )
-    return Finding(words, f"trim the vehicle ({change}){faster}; a longer leg does not help")
+    words = f"the vehicle is too {kind} by {net:.1f} N ({100.0 * net / rest.weight_n:.1f} % of its weight)"
+    faster = " or fly the leg faster, for the force of fins grows with the speed squared"
+    return Finding(words, f"trim the vehicle ({change}){faster if by == 'pitch' else ''}")
 
 
 def _saturated_on(flight: FlightLog, k: int, loop: str) -> float:

@@ -22,11 +22,13 @@ from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.flight import excesses, watches
 from seatrial.flight.excesses import IN_THE_AIR_M, STEEP_DEG
 from seatrial.flight.findings import (
+    EXHAUSTED,
     Finding,
     broken_limits,
     missed_waypoint,
     not_reached,
     off_course,
+    out_of_trim,
     overrun,
     position_remedy,
     where,
@@ -446,6 +448,11 @@ def _lesser(flight: Flight) -> tuple[str, str]:
         return f"{off.words}; {saturated[0]}" if saturated else off.words, off.remedy
     if beyond := _beyond_tables(flight):
         return beyond[0], "fly with a supply that the table was measured at (--voltage), or measure it there"
+    for loop in flight.loops.values():
+        exhausted = loop.name in ("pitch", "heave") and loop.saturated > EXHAUSTED
+        if exhausted and (trim := out_of_trim(flight, loop.name)):
+            share = f"the {loop.name} loop was saturated for {100.0 * loop.saturated:.0f} % of its time"
+            return f"{share}: {trim.words}", trim.remedy
     if saturated:
         return saturated[0], "lower the speed or the gains of this loop; its actuators have no more to give"
     actuators = _actuators(flight)

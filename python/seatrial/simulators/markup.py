@@ -146,7 +146,7 @@ def numbers(text: str | None, where: str, *, count: tuple[int, ...] = (1,)) -> l
 def expanded(root: Element, source: str) -> Element:
     """The same tree with ``${...}`` worked out from the properties of xacro in it.
 
-    What properties put in is counted over the whole file: a property in which another stands twice doubles it.
+    What properties insert is counted over the whole file: a property that names another twice doubles it.
 
     Raises
     ------
