@@ -16,6 +16,7 @@ PYTHON = sorted([
     *PACKAGE.rglob("*.py"),
     *(ROOT / "tests").rglob("*.py"),
     *(ROOT / "benchmarks").rglob("*.py"),
+    *(ROOT / "tools").rglob("*.py"),
     *(ROOT / "docs" / "site").glob("*.py"),
 ])
 PAGES = [*DOCUMENTATION, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
