@@ -7,6 +7,7 @@ half of them injured in their bytes.
 from __future__ import annotations
 
 import gzip
+import random
 import shutil
 import struct
 import traceback
@@ -139,3 +140,16 @@ def test_types_of_a_ulog_within_one_another_are_refused(tmp_path: Path) -> None:
     path.write_bytes(b"".join(frames))
     with pytest.raises(TrialError, match="expected at most 10,000"):
         open_log(path)
+
+
+@pytest.mark.parametrize(("noise", "ended"), [(2_000, "project"), (1_100_000, "refused")])
+def test_a_telemetry_log_of_hardly_any_message_is_refused_after_its_first_part(
+    tmp_path: Path, noise: int, ended: str
+) -> None:
+    path = log_files.tlog(tmp_path)
+    path.write_bytes(path.read_bytes()[:20_000] + random.Random(1).randbytes(noise))
+    if ended == "project":
+        assert any("are no whole messages" in note for note in survey([path]).logs[0].notes)
+        return
+    with pytest.raises(TrialError, match=r"of its first 1,0\d\d,\d\d\d bytes are whole MAVLink messages"):
+        survey([path])

@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from seatrial.base.errors import TrialError
 from seatrial.logs.formats import extra
@@ -29,6 +29,10 @@ _GROUND = 255  # the usual system number of a ground station
 _COUNTS = 2.0**32  # of a counter of 32 bits
 _UNIX_S = 1e9  # a larger time is a date, not the time since boot
 _SAID_S = 0.5  # difference of two clocks that is worth a word
+
+_JUDGED, _LEAST_WHOLE = 1_000_000, 0.1
+"""Bytes after which a file is judged, and the least share of them in whole messages: a damaged recording
+loses some percent. pymavlink takes 1.4 s for each MB of anything else."""
 
 _Sender = tuple[int, int]  # system and component
 
@@ -165,10 +169,13 @@ class _Telemetry(Log):
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             stream = mavutil.mavlogfile(str(self.path), robust_parsing=True)
         size = max(self.path.stat().st_size, 1)
+        judged = stream.f = _Judged(stream.f, self.path)
         try:
             while True:
                 try:
                     message = stream.recv_msg()
+                except TrialError:
+                    raise
                 except Exception as error:  # a damaged frame may raise anything in pymavlink
                     self.note(
                         f"stopped at a damaged message ({type(error).__name__}); what came before was read"
@@ -176,9 +183,40 @@ class _Telemetry(Log):
                     return
                 if message is None:
                     return
+                if not message.get_type().startswith("BAD_DATA"):
+                    judged.whole += _STAMP_BYTES + len(message.get_msgbuf())
                 yield message, stream.f.tell() / size
         finally:
             stream.close()
+
+
+class _Judged:
+    """A file of which a reader looks for messages; it ends the search where hardly any is found.
+
+    pymavlink searches the whole rest of a file within one call.
+    """
+
+    def __init__(self, file: BinaryIO, path: Path) -> None:
+        self._file, self._path = file, path
+        self.tell, self.close = file.tell, file.close
+        self.whole = 0
+        self._read = 0
+
+    def read(self, count: int) -> bytes:
+        """Some bytes.
+
+        Raises
+        ------
+        TrialError
+            Nearly nothing of what was read is a message.
+        """
+        self._read += count
+        if self._read > _JUDGED and self.whole < _LEAST_WHOLE * self._read:
+            raise TrialError(
+                f"{self._path}: {self.whole:,} of its first {self._read:,} bytes are whole MAVLink messages,"
+                " expected nearly all; it is damaged, or another kind of file: give the log as recorded"
+            )
+        return self._file.read(count)
 
 
 def _sender(message: Any) -> _Sender:
