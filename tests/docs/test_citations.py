@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from seatrial.examples.paper.plates import PAPER_FIGURES
+from paper.plates import PAPER_FIGURES
 from tests.docs.pages import ROOT, text
 
 CAPTIONS = """

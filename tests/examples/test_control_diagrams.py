@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.examples.paper.autopilot import control_structure, guidance_geometry, sight
+from paper.autopilot import control_structure, guidance_geometry, sight
 from tests.report.figures import assert_printable, texts
 
 

@@ -18,17 +18,11 @@ from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from typer.testing import CliRunner, Result
 
-from seatrial._core import State
-from seatrial.base.errors import SeatrialError
-from seatrial.campaign.campaign import Campaign
-from seatrial.campaign.file import Axes as Modes
-from seatrial.campaign.file import Stage
-from seatrial.cli import app
-from seatrial.examples.paper.__main__ import app as paper
-from seatrial.examples.paper.autopilot import autopilot_plates
-from seatrial.examples.paper.gallery import FORMATS, paper_figures
-from seatrial.examples.paper.model import columns_of_stages, optimisation_diagram
-from seatrial.examples.paper.plates import (
+from paper.__main__ import app as paper
+from paper.autopilot import autopilot_plates
+from paper.gallery import FORMATS, paper_figures
+from paper.model import columns_of_stages, optimisation_diagram
+from paper.plates import (
     bench_plates,
     campaign_plates,
     cited,
@@ -37,7 +31,13 @@ from seatrial.examples.paper.plates import (
     not_drawn,
     vehicle_plates,
 )
-from seatrial.examples.paper.tuning import tuning_plates, without_tuning
+from paper.tuning import tuning_plates, without_tuning
+from seatrial._core import State
+from seatrial.base.errors import SeatrialError
+from seatrial.campaign.campaign import Campaign
+from seatrial.campaign.file import Axes as Modes
+from seatrial.campaign.file import Stage
+from seatrial.cli import app
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
 from seatrial.report.plot.identification import convergence, phase_costs

@@ -13,7 +13,7 @@ import tomlkit
 from matplotlib.legend import Legend
 
 import seatrial as st
-from seatrial.examples.paper.autopilot import autopilot_plates, flight_plates
+from paper.autopilot import autopilot_plates, flight_plates
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.metrics import saturated
 from seatrial.report.plot.flight import (

@@ -1,1 +1,1 @@
-"""Examples that ship with the package: campaigns, missions and recipes, and the gallery of the paper."""
+"""Examples that ship with the package: campaigns, missions and recipes."""

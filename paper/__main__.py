@@ -1,4 +1,4 @@
-"""`python -m seatrial.examples.paper`: the figures of a paper about a vehicle, from one command."""
+"""`python -m paper`: the figures of a paper about a vehicle, from one command."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typer.core import TyperCommand
 from seatrial.cli.console import ExitCodes
 
 if TYPE_CHECKING:
+    from paper.gallery import PaperGallery
     from seatrial.bench_test.result import BenchTest
     from seatrial.campaign.campaign import Campaign
-    from seatrial.examples.paper.gallery import PaperGallery
     from seatrial.identification.identification import Identification
 
 
@@ -47,10 +47,10 @@ def gallery(
 
     A campaign is identified first; stages that an earlier run finished from the same inputs are reused.
     """
+    from paper.gallery import check_formats, draw_gallery
     from seatrial.cli.check import _is_campaign
     from seatrial.cli.console import print_json
     from seatrial.cli.new import EXAMPLES
-    from seatrial.examples.paper.gallery import check_formats, draw_gallery
 
     chosen = check_formats(tuple(part.strip() for part in formats.split(",") if part.strip()))
     if target is None or _is_campaign(target):
@@ -152,4 +152,4 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 app.command(cls=_Command)(gallery)
 
 if __name__ == "__main__":
-    app(prog_name="python -m seatrial.examples.paper")
+    app(prog_name="python -m paper")

@@ -28,10 +28,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from paper.diagram import bar, block, connect, dot, page, summing, words
+from paper.plates import Plate
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SeatrialError
-from seatrial.examples.paper.diagram import bar, block, connect, dot, page, summing, words
-from seatrial.examples.paper.plates import Plate
 from seatrial.report.plot.style import (
     HULL_EDGE,
     MEASURED,
@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from paper.diagram import Block
     from seatrial._core import Vehicle
-    from seatrial.examples.paper.diagram import Block
     from seatrial.flight.flight import Flight
 
 _HEIGHT_IN, _LOOP_IN = 5.3, 2.76

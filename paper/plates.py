@@ -87,8 +87,8 @@ def vehicle_plates(vehicle: Vehicle, *, data: str, modes: str = "") -> Iterator[
     modes : str
         Which axes are free, where a campaign says so.
     """
-    from seatrial.examples.paper.actuators import actuator_diagram, rate_limiting, static_transfer
-    from seatrial.examples.paper.model import model_diagram
+    from paper.actuators import actuator_diagram, rate_limiting, static_transfer
+    from paper.model import model_diagram
     from seatrial.report.plot.vehicle import three_views
 
     yield Plate(
@@ -213,7 +213,7 @@ def _vertical(bench: BenchTest, unit: str) -> bool:
 
 def campaign_plates(fit: Identification) -> Iterator[Plate]:
     """Plates of an identification: schema, stages, convergence, uncertainty, held-out trials."""
-    from seatrial.examples.paper.model import optimisation_diagram
+    from paper.model import optimisation_diagram
     from seatrial.report.plot.identification import convergence, intervals, residual_figure, trial_figure
     from seatrial.report.plot.stage import stage_result
 

@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from paper.diagram import ABSENT, bar, block, connect, page, words
 from seatrial.base.arrays import Array
-from seatrial.examples.paper.diagram import ABSENT, bar, block, connect, page, words
 from seatrial.report.plot.flight_errors import Motor, behind_motor, drives, motors
 from seatrial.report.plot.style import (
     COLUMN_IN,
@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from paper.diagram import Block
     from seatrial._core import Vehicle
-    from seatrial.examples.paper.diagram import Block
 
 _LANE_IN, _BOX_IN, _HEAD_IN, _FOOT_IN = 1.16, 0.86, 0.3, 0.12
 

@@ -17,10 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from seatrial._core import Vehicle
-from seatrial.base.errors import SeatrialError, TrialError
-from seatrial.examples.paper.autopilot import autopilot_plates
-from seatrial.examples.paper.plates import (
+from paper.autopilot import autopilot_plates
+from paper.plates import (
     Plate,
     bench_plates,
     campaign_plates,
@@ -32,7 +30,9 @@ from seatrial.examples.paper.plates import (
     thrust_plates,
     vehicle_plates,
 )
-from seatrial.examples.paper.tuning import tuning_plates, without_tuning
+from paper.tuning import tuning_plates, without_tuning
+from seatrial._core import Vehicle
+from seatrial.base.errors import SeatrialError, TrialError
 from seatrial.report.plot.style import PRINT_DPI, save
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def paper_figures(
     Examples
     --------
     >>> import seatrial as st
-    >>> from seatrial.examples.paper.gallery import paper_figures
+    >>> from paper.gallery import paper_figures
     >>> files = paper_figures(st.Vehicle.load("cwolf"), "figures")  # doctest: +SKIP
     >>> files[0].name, files[-1].name  # doctest: +SKIP
     ('fig_01_vehicle.png', 'index.html')

@@ -24,19 +24,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from paper.diagram import bar, block, connect, dot, page, summing, words
 from seatrial.base.channels import AXES, VELOCITIES
-from seatrial.examples.paper.diagram import bar, block, connect, dot, page, summing, words
 from seatrial.report.plot.style import WIDTH_IN, house_style, number, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from paper.diagram import Block
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
     from seatrial.campaign.file import Stage
     from seatrial.estimation.stage import StageResult
-    from seatrial.examples.paper.diagram import Block
 
 _ROW_IN, _GAP_IN, _BOTTOM_IN, _TOP_IN = 0.56, 0.36, 0.08, 0.6
 

@@ -12,8 +12,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from paper.plates import Plate
 from seatrial.base.errors import SeatrialError
-from seatrial.examples.paper.plates import Plate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
