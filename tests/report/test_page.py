@@ -281,6 +281,14 @@ def test_a_foreign_run_gives_only_regular_files_of_its_own_and_of_bounded_size(
     assert not (tmp_path / "a.html").exists()
 
 
+def test_a_run_whose_vehicle_is_none_is_told_and_does_not_fly(run: Path, tmp_path: Path) -> None:
+    foreign = shutil.copytree(run, tmp_path / "foreign")
+    (foreign / "vehicle.toml").write_text('format = 1\nname = "x"\n')
+    page = write_page([foreign], tmp_path / "a.html").read_text()
+    assert "cannot fly in this page: vehicle.toml of" in page
+    assert "Third-party notices" in page
+
+
 @pytest.mark.parametrize("inside", [b"1" * 300_000, b" " * 300_000, b" M" * 150_000, b"1.2" * 100_000])
 def test_law_the_time_of_a_figure_is_in_proportion_to_its_length(
     run: Path, tmp_path: Path, inside: bytes

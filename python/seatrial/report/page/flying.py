@@ -89,10 +89,14 @@ def setups(runs: Sequence[RunFolder]) -> tuple[list[dict[str, Any]], list[str]]:
         known, of = found.get(vehicle.name, (vehicle, []))
         # The covariance is about the identified vehicle, so that one flies.
         found[vehicle.name] = (vehicle if run.kind == "identification" else known, [*of, run])
-    if flown is not None:  # and what a run flew, it flies itself
-        vehicle = Vehicle.from_toml(flown.vehicle)
-        found[vehicle.name] = (vehicle, found[vehicle.name][1])
     made, said = [], []
+    if flown is not None:  # and what a run flew, it flies itself
+        try:
+            vehicle = Vehicle.from_toml(flown.vehicle, f"vehicle.toml of {flown.run.name}")
+            found[vehicle.name] = (vehicle, found.get(vehicle.name, (vehicle, [flown.run]))[1])
+        except SeatrialError as error:  # of another version; the page still tells the rest
+            said.append(f"{flown.run.name} cannot fly in this page: {error}")
+            flown = None
     for name, (vehicle, of) in found.items():
         try:
             made.append(_setup(vehicle, of, flown if flown is not None and flown.run in of else None))
