@@ -126,14 +126,15 @@ class Filter:
     """
     The navigation filter of a vehicle at work: a measurement in, an estimate out, once per period.
     """
-    def __new__(cls, /, vehicle: Vehicle, *, period_s: SupportsFloat | SupportsIndex, instruments: Mapping[str, ArrayLike], landmarks: SupportsGetItem[int, tuple[str, str, SupportsGetItem[int, SupportsFloat | SupportsIndex]]] = ..., bottom: ArrayLike | None = None, force: ArrayLike | None = None, force_time_s: SupportsFloat | SupportsIndex | None = None, acceleration: ArrayLike | None = None, current: ArrayLike | None = None, current_time_s: SupportsFloat | SupportsIndex | None = None, gyro_walk: SupportsFloat | SupportsIndex, gate: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex], start: ArrayLike, longest_age_s: SupportsFloat | SupportsIndex = 0.0, waves: ArrayLike | None = None, exact_model: bool = False) -> Filter:
+    def __new__(cls, /, vehicle: Vehicle, *, period_s: SupportsFloat | SupportsIndex, instruments: Mapping[str, ArrayLike], landmarks: SupportsGetItem[int, tuple[str, str, SupportsGetItem[int, SupportsFloat | SupportsIndex]]] = ..., bottom: ArrayLike | None = None, force: ArrayLike | None = None, force_time_s: SupportsFloat | SupportsIndex | None = None, acceleration: ArrayLike | None = None, current: ArrayLike | None = None, current_time_s: SupportsFloat | SupportsIndex | None = None, gusts: ArrayLike | None = None, gyro_walk: SupportsFloat | SupportsIndex, gate: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex], start: ArrayLike, longest_age_s: SupportsFloat | SupportsIndex = 0.0, waves: ArrayLike | None = None, exact_model: bool = False) -> Filter:
         """
         The filter of a vehicle before its first sample.
 
         instruments: per kind (position, gps, usbl, depth, attitude, dvl, gyro, dvl_water, altitude, range, bearing) noise,
         bias, latency (s), lever arm (3, m), roll, pitch and yaw of its mounting (rad); SI. landmarks: name and kind
         ("beacon", "wall", "pen") with numbers: north, east, down; unit normal (3) and offset; north, east, radius. bottom:
-        unit normal (3) and offset. force (6,), acceleration (6,), current (3,): None for those of a good model. gate:
+        unit normal (3) and offset. force (6,), acceleration (6,), current (3,): None for those of a good model. gusts (5,):
+        deviations north, east, down (m/s), time constant and second lag (s). gate:
         deviations and patience in s. start: north, east, down and deviation, m. waves (5,): as of `fly`.
         exact_model: the vehicle is simulated by the model itself.
         """
@@ -150,7 +151,8 @@ class Filter:
     @property
     def restarts(self, /) -> int:
         """
-        How often the filter had to begin anew: after a pause beyond a minute, or when its estimate was no number.
+        How often the filter had to begin anew: after a pause beyond a minute, where it had lost its lock, or when its
+        estimate was no number.
         """
     @property
     def state(self, /) -> dict[str, NDArray[float64]]:

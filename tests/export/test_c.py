@@ -282,10 +282,6 @@ def regulator(text: str) -> str:
     return lqr_autopilot(st.Vehicle.load("cwolf"), text)
 
 
-def observed(text: str) -> str:
-    return text.replace("disturbance = false", "disturbance = true")
-
-
 def same(text: str) -> str:
     return text
 
@@ -295,7 +291,6 @@ def same(text: str) -> str:
     ("name", "change", "mission", "flight", "loops"),
     [
         ("cwolf", regulator, MISSION, {}, {}),
-        ("cwolf", observed, MISSION, {}, {}),
         ("cwolf", same, LOW, {"seabed": 20.0}, {"bottom": 20.0}),
         ("cwolf", same, SHALLOW, {"seabed": 8.0}, {"bottom": 8.0}),
         (
@@ -309,7 +304,7 @@ def same(text: str) -> str:
         ("remus100", same, DEPTHS, {}, {}),
         ("bluerov2-heavy", same, DEPTHS.replace("1.5", "0.5"), {"voltage_v": 16.0}, {}),
     ],
-    ids=["lqr", "disturbance", "altitude", "limit", "stale", "failed", "remus100", "bluerov2-heavy"],
+    ids=["lqr", "altitude", "limit", "stale", "failed", "remus100", "bluerov2-heavy"],
 )
 def test_what_an_autopilot_can_do_it_does_in_c(
     name: str,

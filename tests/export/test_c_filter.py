@@ -107,12 +107,11 @@ int main(void)
         {{
             break;
         }}
-        {" ".join(told)}
+        {" ".join(told + kept)}
         {prefix}_predict(&p, &k, &s, &in);
         {" ".join(told_in_order)}
         {prefix}_settle(&p, &k, &s);
         {prefix}_estimate(&p, &s, &out);
-        {" ".join(kept)}
         {prints}
         for (i = 0; i < 24; i++)
         {{

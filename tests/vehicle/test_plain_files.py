@@ -110,3 +110,13 @@ def test_every_waypoint_knows_its_leg() -> None:
     assert sorted(set(numbers)) == [1, 2, 3, 4, 5, 6]
     assert numbers == sorted(numbers)
     assert (numbers.count(1), numbers.count(2), numbers.count(4), numbers.count(6)) == (1, 10, 1, 1)
+
+
+@pytest.mark.parametrize("value", ["true", "false"])
+def test_a_disturbance_observer_is_refused_with_what_to_use_instead(value: str) -> None:
+    text = st.Autopilot.load("cwolf").to_toml()
+    text = text.replace("[feed_forward]", f"[feed_forward]\ndisturbance = {value}")
+    with pytest.raises(
+        st.VehicleError, match=r"feed_forward\.disturbance: is not a key; delete it.*K_I_per_s"
+    ):
+        st.Autopilot.from_toml(text)

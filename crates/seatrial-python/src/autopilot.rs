@@ -114,7 +114,6 @@ impl Autopilot {
             ("restoring", table.restoring),
             ("drag", table.drag),
             ("acceleration", table.acceleration),
-            ("disturbance", table.disturbance),
         ])
     }
 

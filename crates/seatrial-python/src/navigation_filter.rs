@@ -104,11 +104,12 @@ impl Filter {
     /// instruments: per kind (position, gps, usbl, depth, attitude, dvl, gyro, dvl_water, altitude, range, bearing) noise,
     /// bias, latency (s), lever arm (3, m), roll, pitch and yaw of its mounting (rad); SI. landmarks: name and kind
     /// ("beacon", "wall", "pen") with numbers: north, east, down; unit normal (3) and offset; north, east, radius. bottom:
-    /// unit normal (3) and offset. force (6,), acceleration (6,), current (3,): None for those of a good model. gate:
+    /// unit normal (3) and offset. force (6,), acceleration (6,), current (3,): None for those of a good model. gusts (5,):
+    /// deviations north, east, down (m/s), time constant and second lag (s). gate:
     /// deviations and patience in s. start: north, east, down and deviation, m. waves (5,): as of `fly`.
     /// exact_model: the vehicle is simulated by the model itself.
     #[new]
-    #[pyo3(signature = (vehicle, *, period_s, instruments, landmarks = Vec::new(), bottom = None, force = None, force_time_s = None, acceleration = None, current = None, current_time_s = None, gyro_walk, gate, start, longest_age_s = 0.0, waves = None, exact_model = false))]
+    #[pyo3(signature = (vehicle, *, period_s, instruments, landmarks = Vec::new(), bottom = None, force = None, force_time_s = None, acceleration = None, current = None, current_time_s = None, gusts = None, gyro_walk, gate, start, longest_age_s = 0.0, waves = None, exact_model = false))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
     fn new(
         vehicle: PyRef<'_, Vehicle>,
@@ -121,6 +122,7 @@ impl Filter {
         acceleration: Option<Numbers>,
         current: Option<Numbers>,
         current_time_s: Option<f64>,
+        gusts: Option<Numbers>,
         gyro_walk: f64,
         gate: (f64, f64),
         start: Numbers,
@@ -141,6 +143,10 @@ impl Filter {
             acceleration: acceleration.map(|row| row.row("acceleration")).transpose()?,
             current: current.map(|row| row.row("current")).transpose()?,
             current_time_s,
+            gusts: gusts
+                .map(|row| row.row::<5>("gusts"))
+                .transpose()?
+                .map(|[x, y, z, slow, fast]| ([x, y, z], [slow, fast])),
             gyro_walk,
             gate: [gate.0, gate.1],
             start: start.row("start")?,
@@ -217,15 +223,14 @@ impl Filter {
             let entry = memory.impossible.entry(channel).or_insert((0, value));
             *entry = (entry.0 + 1, value);
         }
-        // The commands of the last step have held until now.
         let Memory { filter, commands: held, signals: shown, .. } = &mut *memory;
-        shown.copy_from_slice(&measured);
-        filter.step(&samples, (held, Some(shown)), (voltage, elapsed));
         for i in 0..held.len() {
             if commands[i].is_finite() {
                 held[i] = commands[i];
             }
         }
+        shown.copy_from_slice(&measured);
+        filter.step(&samples, (held, Some(shown)), (voltage, elapsed));
         if !filter.begun() {
             return Ok(BTreeMap::new());
         }
@@ -290,7 +295,8 @@ impl Filter {
         Ok(all.enumerate().filter_map(row).collect())
     }
 
-    /// How often the filter had to begin anew: after a pause beyond a minute, or when its estimate was no number.
+    /// How often the filter had to begin anew: after a pause beyond a minute, where it had lost its lock, or when its
+    /// estimate was no number.
     #[getter]
     fn restarts(&self) -> PyResult<u64> {
         Ok(self.memory()?.filter.restarts as u64)

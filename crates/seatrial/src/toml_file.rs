@@ -43,6 +43,13 @@ pub fn wrong_kind(expected: &str, keys: &[&str]) -> Option<String> {
     Some(format!("expected {expected}{file}, found {found}; check which file goes where"))
 }
 
+/// Table, key and what to use instead, of keys that earlier files of format 1 may have.
+const NO_KEYS: &[(&str, &str, &str)] = &[(
+    "feed_forward",
+    "disturbance",
+    "delete it. Against a lasting force raise K_I_per_s of the loop that keeps an error, or use control = \"lqr\"",
+)];
+
 /// A file of format 1 and of the kind `expected`, read, its numbers within the ranges of `rows`; `source_name` stands in
 /// messages.
 ///
@@ -73,6 +80,13 @@ pub(crate) fn parsed<F: DeserializeOwned>(
     if let Some(found) = table.get("format").and_then(toml::Value::as_integer).filter(|found| *found != 1) {
         let message = format!("format: this version reads format = 1, found {found}");
         return Err(Error::vehicle(source_name, message));
+    }
+    for (section, key, instead) in NO_KEYS {
+        let named =
+            table.get(*section).and_then(toml::Value::as_table).is_some_and(|own| own.contains_key(*key));
+        if named {
+            return Err(Error::vehicle(source_name, format!("{section}.{key}: is not a key; {instead}")));
+        }
     }
     let without = ranges::check(&table, rows).map_err(|message| Error::vehicle(source_name, message))?;
     let file = toml::from_str(text).map_err(refused)?;

@@ -22,6 +22,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.base.toml_file import loaded
 from seatrial.flight.checks import (
+    TURBULENCE_TIMES_S,
     Corridor,
     checked_columns,
     checked_corridors,
@@ -48,10 +49,6 @@ from seatrial.sensors.sensor import KINDS
 
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
-
-TURBULENCE_TIMES_S = (60.0, 2.0)
-"""Correlation time of a turbulent current, and the time in which eddies average out along the hull, s."""
-
 
 _HOUR_S = 3600.0
 
@@ -531,7 +528,7 @@ def _circumstances(
             for name, source in sources.items()
         },
     )
-    gusts = math.sqrt(sum(x * x for x in around.turbulence) / 3.0), around.turbulence_times_s[0]
+    gusts = around.turbulence, around.turbulence_times_s
     aboard = filter_of(
         asked,
         around.model,

@@ -20,6 +20,9 @@ from seatrial.flight.mission import Route
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
+TURBULENCE_TIMES_S = (60.0, 2.0)
+"""Correlation time of a turbulent current, and the time in which eddies average out along the hull, s."""
+
 _LARGEST_SEED = 2**53
 
 _FASTEST_WATER_M_S = 15.0  # the fastest tidal streams run at 10 m/s

@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 from seatrial._core import Autopilot, Flights, State, Vehicle, checked_threads
 from seatrial.base.errors import SimulationError
 from seatrial.base.progress import Clock
-from seatrial.flight.cases import TURBULENCE_TIMES_S, Cases
+from seatrial.flight.cases import Cases
 from seatrial.flight.checks import (
+    TURBULENCE_TIMES_S,
     Corridor,
     checked_failures,
     checked_seed,

@@ -20,7 +20,14 @@ from seatrial._core import Filter, Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError, nearest
 from seatrial.base.toml_file import loaded
-from seatrial.flight.checks import checked_bottom, checked_triple, within
+from seatrial.flight.checks import (
+    TURBULENCE_TIMES_S,
+    checked_bottom,
+    checked_times,
+    checked_triple,
+    checked_turbulence,
+    within,
+)
 from seatrial.flight.sea import SeaState
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.sensors.sensor import KINDS, Sensor
@@ -127,10 +134,10 @@ class NavigationFilter:
         Standard deviation of the current, north, east, down, m/s.
     current_time_s : float, optional
         Its time constant; 1000 s when omitted.
-    turbulence_m_s : float, optional
-        Standard deviation of its gusts, each of north, east and down.
-    turbulence_time_s : float, optional
-        Their time constant.
+    turbulence_m_s : float or (3,) array_like, optional
+        Standard deviations of its gusts, north, east, down; one number is that of both horizontal ones.
+    turbulence_times_s : (float, float), optional
+        Their time constant and that of their second lag, as of `fly`.
     waves : SeaState, optional
         The sea that is expected. Its orbital motion is noise of what is measured against the ground: the
         estimate is that of the motion without it.
@@ -176,8 +183,8 @@ class NavigationFilter:
         acceleration: ArrayLike | None = None,
         current: ArrayLike | None = None,
         current_time_s: float | None = None,
-        turbulence_m_s: float = 0.0,
-        turbulence_time_s: float = 60.0,
+        turbulence_m_s: ArrayLike = 0.0,
+        turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S,
         waves: SeaState | None = None,
         exact_model: bool = False,
         gate: float = 5.0,
@@ -191,8 +198,8 @@ class NavigationFilter:
             within("force_time_s", force_time_s, (0.1, 1e5), "s")
         slow_time = (3e4 if exact_model else 1e3) if current_time_s is None else current_time_s
         within("current_time_s", slow_time, (1.0, 1e6), "s")
-        within("turbulence_m_s", turbulence_m_s, (0.0, 5.0), "m/s")
-        within("turbulence_time_s", turbulence_time_s, (0.1, 1e5), "s")
+        gusts = checked_turbulence(turbulence_m_s, "turbulence_m_s")
+        times = checked_times(turbulence_times_s)
         within("gate", gate, (1.0, 1000.0), "standard deviations")
         within("patience_s", patience_s, (0.1, 3600.0), "s")
         within("longest_age_s", longest_age_s, (0.0, 60.0), "s")
@@ -203,10 +210,6 @@ class NavigationFilter:
             )
         given = _positive("current", current, 3)
         slow = np.array([0.2, 0.2, 0.02]) if given is None else given
-        # One Gauss-Markov process with the variance of both and, over a short time, the walk of both.
-        both = np.sum([slow**2, np.full(3, turbulence_m_s**2)], axis=0)
-        walk = np.sum(slow**2) / slow_time + 3.0 * turbulence_m_s**2 / turbulence_time_s
-        time = float(np.sum(both) / walk) if walk > 0.0 else slow_time
         self._vehicle = model
         self._period_s = float(period_s)
         self._stated: dict[str, Any] = {
@@ -216,8 +219,9 @@ class NavigationFilter:
             "force": _positive("force", force, 6),
             "force_time_s": force_time_s,
             "acceleration": _positive("acceleration", acceleration, 6),
-            "current": np.sqrt(both),
-            "current_time_s": time,
+            "current": slow,
+            "current_time_s": slow_time,
+            "gusts": (*gusts, *times),
             "gyro_walk": 1e-6,
             "gate": (float(gate), float(patience_s)),
             "start": (*checked_triple("start", start, "north, east, down in m"), float(start_deviation_m)),
@@ -252,6 +256,7 @@ class NavigationFilter:
         instruments = [[kind, list(row)] for kind, row in self._stated["instruments"].items()]
         waves = None if self._waves is None else list(self._waves)
         numbers = {name: _listed(value) for name, value in self._stated.items()}
+        numbers["gusts"] = [numbers["gusts"][:3], numbers["gusts"][3:]]
         return {"period_s": self._period_s, "waves": waves, "numbers": numbers | {"instruments": instruments}}
 
     def step(
@@ -266,7 +271,10 @@ class NavigationFilter:
     ) -> dict[str, float]:
         """Estimate {channel: value} of now, SI and rad, over ground and through the water.
 
-        Empty until roll, pitch and yaw have been measured once.
+        First the vehicle moves for the time since the last step, under the commands that have held during
+        it; then the samples correct the estimate: the order of the exported C. In a control loop the
+        commands are thus those that the helm gave after the last step. Empty until roll, pitch and yaw have
+        been measured once.
 
         Parameters
         ----------
@@ -276,10 +284,10 @@ class NavigationFilter:
             voltage in V. A missing channel or nan was not measured; what is impossible was not either, and
             is counted.
         commands : mapping of str to float, optional
-            Commands of the actuators, each in its own unit, that hold from now on; as before where none is
-            given.
+            Commands of the actuators, each in its own unit, that have held since the last step; as before
+            where none is given.
         signals : mapping of str to float, optional
-            What the actuators were measured at, in the unit of their commands.
+            What the actuators are measured at now, at the end of the step, in the unit of their commands.
         ages : mapping of str to float, optional
             How much later than its sensor's latency a sample has come, s.
         time_s, dt_s : float, optional
@@ -291,6 +299,13 @@ class NavigationFilter:
         SimulationError
             An unknown name, what is no number, or a time that does not advance; nothing of such a call is
             taken.
+
+        Examples
+        --------
+        >>> helm, commands = st.Autopilot.load("cwolf").engage("cwolf", MISSION), None  # doctest: +SKIP
+        >>> while not helm.finished:  # doctest: +SKIP
+        ...     estimate = filter.step(samples(), commands)
+        ...     commands = helm.step(estimate)
         """
         told: dict[str, float] = self._core.step(
             measurement, commands, signals, ages=ages, time_s=time_s, dt_s=dt_s
@@ -348,7 +363,7 @@ class NavigationFilter:
 
     @property
     def restarts(self) -> int:
-        """How often the filter began anew: after a pause beyond a minute, or without sound numbers."""
+        """How often the filter began anew: lost its lock, a pause beyond a minute, or no sound numbers."""
         return int(self._core.restarts)
 
     def summary(self) -> str:
@@ -408,13 +423,13 @@ def filter_of(
     *,
     landmarks: Sequence[Mapping[str, Any]] = (),
     waves: SeaState | None = None,
-    gusts: tuple[float, float] = (0.0, 60.0),
+    gusts: tuple[tuple[float, float, float], tuple[float, float]] = ((0.0, 0.0, 0.0), TURBULENCE_TIMES_S),
     exact: bool = False,
 ) -> NavigationFilter | None:
     """Filter for flights, on the vehicle that the autopilot believes in; None for what the sensors show.
 
-    It knows the landmarks of the mission, and is told of the sea: the waves, and deviation (m/s) and time
-    constant (s) of the gusts; and whether the vehicle is simulated by the model itself.
+    It knows the landmarks of the mission, and is told of the sea: the waves, and deviations (m/s) and time
+    constants (s) of the gusts; and whether the vehicle is simulated by the model itself.
     """
     if isinstance(navigation, NavigationFilter):
         return navigation
@@ -425,7 +440,7 @@ def filter_of(
         "longest_age_s": 0.0,
         "waves": waves,
         "turbulence_m_s": gusts[0],
-        "turbulence_time_s": gusts[1],
+        "turbulence_times_s": gusts[1],
         "exact_model": exact,
         "landmarks": {str(mark["name"]): _landmark(mark) for mark in landmarks},
     }

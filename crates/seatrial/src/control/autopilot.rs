@@ -150,7 +150,7 @@ impl<T: Real> Autopilot<T> {
         let mode = self.mode(state, measured, desired.holding);
         let (active, by_pitch) = self.at_work(mode);
         let (mut situation, acceleration) = self.situation(state, measured, &desired, (active, by_pitch));
-        situation.feed_forward = self.known(&situation, (&desired, &measured.disturbance), &acceleration);
+        situation.feed_forward = self.known(&situation, &desired, &acceleration);
         let demanded = self.law(state, &situation, mode);
         let stopped = T::either(surfaced, zero.splat(2.5).lt(state.alert.level));
         self.allocate(state, measured, &situation, (&demanded, mode, stopped));

@@ -13,7 +13,6 @@
 //! Tests: `tests/control/samples.rs`, `tests/export.rs`, `tests/core/test_helm_samples.py`.
 
 use crate::control::navigation::{ALTITUDE, CHANNELS, Measurement, YAW};
-use crate::number::algebra::Vec6;
 use crate::number::real::Real;
 use std::f64::consts::PI;
 use std::fmt;
@@ -68,9 +67,6 @@ impl Quantity {
         }
     }
 }
-
-/// The largest force, N, and moment, N m, that a filter may tell of: what no autopilot could answer anyway.
-const LARGEST_FORCE: f64 = 1e6;
 
 /// How far a value may lie outside its range by rounding alone.
 const ROUNDING: f64 = 1e-9;
@@ -156,7 +152,6 @@ impl<T: Real> Intake<T> {
             self.take_aged(c, told.channels[c], told.age[c]);
         }
         self.take(Quantity::Battery, told.battery);
-        self.take_disturbance(&told.disturbance);
         self.measured.voltage = told.voltage;
     }
 
@@ -192,15 +187,6 @@ impl<T: Real> Intake<T> {
         self.measured.channels[c] = T::select(taken, value, self.measured.channels[c]);
         self.measured.age[c] = T::select(taken, age.max(age.zero()), self.measured.age[c]);
         self.refuse(of, value, (comes, possible));
-    }
-
-    /// Takes the force that a filter tells of; what is impossible leaves the last one.
-    #[inline(always)]
-    fn take_disturbance(&mut self, told: &Vec6<T>) {
-        for (known, &value) in self.measured.disturbance.iter_mut().zip(told) {
-            let possible = value.abs().lt(value.splat(LARGEST_FORCE));
-            *known = T::select(possible, value, *known);
-        }
     }
 
     /// Counts a sample that `comes`, is a number and is not `possible`.

@@ -12,7 +12,7 @@
 use crate::model::current::Current;
 use crate::model::integrate::State;
 use crate::model::kinematics::{rotation, to_euler};
-use crate::number::algebra::{Vec3, Vec6, each, transposed_product};
+use crate::number::algebra::{Vec3, each, transposed_product};
 use crate::number::random::{Noise, ONCE, Seed};
 use crate::number::real::Real;
 
@@ -47,11 +47,9 @@ pub struct Measurement<T> {
     pub battery: T,
     /// Supply voltage, V; not a number where it is not known.
     pub voltage: f64,
-    /// Force on the vehicle that its model does not know, body frame, N and N m; zero where no filter estimates it.
-    pub disturbance: Vec6<T>,
 }
 
-crate::memory!(Measurement: channels, age, battery, disturbance; voltage);
+crate::memory!(Measurement: channels, age, battery; voltage);
 
 impl<T: Real> Measurement<T> {
     /// Nothing known yet.
@@ -63,7 +61,6 @@ impl<T: Real> Measurement<T> {
             age: [unit.splat(f64::INFINITY); CHANNELS],
             battery: unit.splat(1.0),
             voltage: f64::NAN,
-            disturbance: [unit.zero(); 6],
         }
     }
 

@@ -18,7 +18,7 @@
 
 pub mod fitting;
 mod samples;
-mod start;
+pub(crate) mod start;
 pub mod stated;
 pub mod told;
 
@@ -31,7 +31,7 @@ use crate::filter::swell::Motion;
 use crate::filter::tracker::Tracker;
 use crate::model::drive::{Drive, UnlimitedDelay, act};
 use crate::model::vehicle::{Instant, Vehicle};
-use crate::number::algebra::Vec6;
+use crate::number::algebra::{Vec3, Vec6, splat};
 use crate::number::real::Real;
 pub use fitting::{Fitting, Instrument, KIND_OF, KINDS, LANDMARKS, Landmark};
 pub use stated::Stated;
@@ -82,6 +82,14 @@ pub struct NavigationFilter<T = f64> {
     waves: Motion<T>,
     /// 1 where the filter has begun, 0 elsewhere.
     begun: T,
+    /// Time since it began, how long it must have run before it may take itself for lost, and for how long two instruments
+    /// have contradicted it, s.
+    age: T,
+    patience: T,
+    doubted: T,
+    /// Where it begins unless a fix says it, NED, and the deviation of that, m.
+    place: Vec3<T>,
+    far: Vec3<T>,
     /// How often the filter had to begin anew.
     pub restarts: T,
 }
@@ -128,6 +136,11 @@ impl<T: Real> NavigationFilter<T> {
             beams: vec![zero; fitting.landmarks.len()],
             waves: Motion::none(unit),
             begun: zero,
+            age: zero,
+            doubted: zero,
+            patience: unit.splat(start::PATIENCE[0]),
+            place: splat(unit, &fitting.start.0),
+            far: [unit.splat(fitting.start.1); 3],
             restarts: zero,
             masses: std::array::from_fn(|i| nominal.mass_matrix[i][i]),
             righting: fitting::righting(&nominal),
@@ -181,8 +194,9 @@ impl<T: Real> NavigationFilter<T> {
         for silent in &mut self.silent {
             *silent = *silent + elapsed;
         }
+        self.age = self.age + elapsed;
         if elapsed > LONGEST_PAUSE {
-            self.lose(self.begun());
+            self.lose(self.begun(), elapsed);
         }
         let mut left = elapsed.min(LONGEST_PAUSE);
         while left > 1e-9 {
@@ -207,6 +221,7 @@ impl<T: Real> NavigationFilter<T> {
         if T::any(waiting) {
             self.try_to_begin(waiting);
         }
+        self.regain(elapsed);
     }
 
     /// Moves the estimate by what its samples have found; what is no number is lost.
@@ -216,7 +231,7 @@ impl<T: Real> NavigationFilter<T> {
             let (sound, zero) = (self.tracker.settle(), self.begun.zero());
             let left = T::select(sound, zero, self.begun);
             if T::any(zero.lt(left)) {
-                self.lose(zero.lt(left));
+                self.lose(zero.lt(left), 0.0);
             }
         }
     }

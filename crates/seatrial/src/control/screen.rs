@@ -194,7 +194,6 @@ impl<T: Real> Screen<T> {
             _ => (self.believed.channels, self.believed.age) = (measured.channels, measured.age),
         }
         (self.believed.battery, self.believed.voltage) = (measured.battery, measured.voltage);
-        self.believed.disturbance = measured.disturbance;
         (self.told, self.told_age) = (measured.channels, measured.age);
         if let Some(fresh) = fresh.filter(|_| compared) {
             self.compare(&before, &fresh, (frozen_after, speed), dt.min(LONGEST_S));

@@ -118,17 +118,6 @@ impl AutopilotStep<'_> {
                 Symbol::new(&format!("act_{}", a.name), a.unit.as_str(), &about, a.neutral)
             }));
         }
-        if self.settings.file.feed_forward.disturbance {
-            inputs.extend((0..6).map(|i| {
-                let unit = if i < 3 { "N" } else { "N m" };
-                Symbol::new(
-                    &format!("disturbance_{}", FORCES[i]),
-                    unit,
-                    "force that the model does not know",
-                    0.0,
-                )
-            }));
-        }
         let commands = actuators.iter().map(|a| {
             let about = format!("command of {}", a.name);
             Symbol::new(&format!("cmd_{}", a.name), a.unit.as_str(), &about, a.neutral)
@@ -185,9 +174,6 @@ impl AutopilotStep<'_> {
             measured.channels.copy_from_slice(&channels);
             measured.age.copy_from_slice(&ages);
             (measured.battery, measured.voltage) = (battery[0], self.voltage);
-            for (place, known) in measured.disturbance.iter_mut().zip(told(6)) {
-                *place = known;
-            }
             let thought = autopilot.step(&mut pilot, &measured, self.feedback.then_some(&feedback[..]));
             given.state.clear();
             pilot.visit("", &mut |_: &str, x: &mut Traced| given.state.push(*x));

@@ -21,12 +21,13 @@ use crate::control::navigation::ALTITUDE;
 use crate::control::navigation_filter::fitting::{
     ATTITUDE_SENSOR, DVL, DVL_WATER, ECHO_SOUNDER, GYRO, RANGE, righting,
 };
+use crate::control::navigation_filter::start::{AT_START, DOUBTED, PATIENCE, RECENT, UNNOTICED};
 use crate::control::navigation_filter::{Fitting, Instrument, KINDS, LANDMARKS, LONGEST_STEP, Landmark};
 use crate::description::Description;
 use crate::error::Error;
-use crate::filter::innovation::PAUSE;
+use crate::filter::innovation::{COUNTS, FORGETS, LOST, PAUSE};
 use crate::filter::observation::Surface;
-use crate::filter::process::linear_parts;
+use crate::filter::process::{by_unmodelled, lever, linear_parts};
 use crate::model::vehicle::Vehicle;
 use interface::{filled, outputs};
 use recorded::recorded;
@@ -245,7 +246,7 @@ impl FilterStep<'_> {
 
     /// The constants of the source.
     fn constants(&self) -> String {
-        let (by_force, by_vertical) = linear_parts(self.description);
+        let (by_force, by_vertical) = (by_unmodelled(self.description), linear_parts(self.description).1);
         let mut text = String::new();
         let (period, steps) = (self.fitting.period, self.steps());
         let moving = if self.instrument(DVL_WATER).is_some() { 13 } else { 6 };
@@ -261,6 +262,16 @@ impl FilterStep<'_> {
             ("SMALLEST", constant(f64::MIN_POSITIVE)),
             ("LONG", "GUARD(1e9, 1024.0)".to_owned()),
             ("PAUSE", constant(PAUSE)),
+            ("FORGETS", constant(FORGETS)),
+            ("COUNTS", constant(COUNTS)),
+            ("LOST", constant(LOST)),
+            ("UNKNOWN_SPEED", constant(AT_START[0])),
+            ("UNKNOWN_RATE", constant(AT_START[1])),
+            ("PATIENCE", constant(PATIENCE[0])),
+            ("LONGEST_PATIENCE", constant(PATIENCE[1])),
+            ("UNNOTICED", constant(UNNOTICED)),
+            ("DOUBTED", constant(DOUBTED)),
+            ("RECENT", constant(RECENT)),
         ] {
             let _ = writeln!(text, "#define {name} {value}");
         }
@@ -273,8 +284,9 @@ impl FilterStep<'_> {
             .collect::<String>();
         let _ = writeln!(text, "#define IS_ANGLE(channel) ((((channel) >= 3) && ((channel) < 6)){bearing})");
         for (name, rows) in [
-            ("by_force[6][6]", by_force.map(|row| row.to_vec())),
-            ("by_vertical[6][3]", by_vertical.map(|row| row.to_vec())),
+            ("by_force[6][6]", by_force.map(|row| row.to_vec()).to_vec()),
+            ("by_vertical[6][3]", by_vertical.map(|row| row.to_vec()).to_vec()),
+            ("lever[3][3]", lever(self.description).map(|row| row.to_vec()).to_vec()),
         ] {
             let _ = writeln!(text, "\nstatic const real {name} = {{");
             for row in rows {

@@ -18,9 +18,10 @@
 //! Sequential Estimation* (1977), chapter II; Farrell (2008), sections 5.5 and 6.7.
 //! Tests: `tests/filter/error_state.rs` (against dense matrix algebra, millions of steps).
 
-use super::estimate::{ATTITUDE, CURRENT, Components, STATES};
+use super::estimate::{ATTITUDE, CURRENT, Components, FORCE, GYRO_BIAS, STATES};
 use super::row::{PART, Row};
 use super::transition::{COLUMNS, MOTION, Transition};
+use crate::number::algebra::Mat3;
 use crate::number::real::Real;
 
 /// The columns of `F P` that a prediction asks for in all rows, and so many of them as stay in registers for three rows.
@@ -166,8 +167,42 @@ impl<T: Real> ErrorState<T> {
                 p[i][j] = p[i][j] * (step.decay[i] * step.decay[j]);
             }
         }
+        if step.gusts {
+            self.sweep(&step.water);
+        }
         for i in 0..STATES {
-            p[i][i] += step.noise[i];
+            self.covariance[i][i] += step.noise[i];
+        }
+    }
+
+    /// The current follows the force: P of `v_c + E τ_u`.
+    #[inline(always)]
+    fn sweep(&mut self, water: &Mat3<T>) {
+        let p = &mut self.covariance;
+        let zero = p[0][0].zero();
+        let mut rows = [[zero; STATES]; 3];
+        for k in 0..3 {
+            for c in 0..STATES {
+                for j in 0..3 {
+                    let force = FORCE + j;
+                    rows[k][c] = water[k][j].mul_add(p[force.min(c)][force.max(c)], rows[k][c]);
+                }
+            }
+        }
+        for k in 0..3 {
+            for c in 0..CURRENT {
+                p[c][CURRENT + k] += rows[k][c];
+            }
+            for c in GYRO_BIAS..STATES {
+                p[CURRENT + k][c] += rows[k][c];
+            }
+            for l in k..3 {
+                let mut sum = rows[k][CURRENT + l] + rows[l][CURRENT + k];
+                for j in 0..3 {
+                    sum = water[l][j].mul_add(rows[k][FORCE + j], sum);
+                }
+                p[CURRENT + k][CURRENT + l] += sum;
+            }
         }
     }
 

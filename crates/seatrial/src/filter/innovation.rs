@@ -21,6 +21,16 @@ pub const FEWEST: u32 = 4;
 /// A time between samples that is longer than so many of the one before is silence.
 pub const PAUSE: f64 = 2.0;
 
+/// The recent mean of `ν²/s` forgets by this share with every sample: a window of some twenty.
+pub const FORGETS: f64 = 0.05;
+
+/// The largest `ν²/s` that counts in the recent mean: a single wild point does not make it large.
+pub const COUNTS: f64 = 25.0;
+
+/// A recent mean of `ν²/s` beyond this is no chance: of white innovations it comes once in 10¹⁰ samples (Chernoff's bound
+/// for a sum of χ² with weights 0.05 · 0.95ⁱ). Colour of waves or of a model that is wrong stays below it.
+pub const LOST: f64 = 4.0;
+
 /// When a sample is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate {
@@ -59,6 +69,8 @@ pub struct Watch<T = f64> {
     pub recovered: T,
     /// Sum of the normalised innovations squared of the samples that were taken in the ordinary way.
     pub sum: T,
+    /// Recent mean of the normalised innovation squared of all samples, taken or not.
+    pub recent: T,
     /// Time of the first refusal since the last sample that was taken, s, later by the silence since; infinite without one.
     since: T,
     /// Time of the last sample, and between it and the one before, s.
@@ -93,7 +105,17 @@ impl<T: Real> Watch<T> {
     pub fn new(unit: T) -> Self {
         let (zero, never) = (unit.zero(), unit.splat(f64::INFINITY));
         let (since, last, gap) = (never, -never, never);
-        Self { taken: zero, refused: zero, recovered: zero, sum: zero, since, last, gap, in_a_row: zero }
+        Self {
+            taken: zero,
+            refused: zero,
+            recovered: zero,
+            sum: zero,
+            recent: never.splat(1.0),
+            since,
+            last,
+            gap,
+            in_a_row: zero,
+        }
     }
 
     /// Takes or refuses a scalar at a time, s, where the mask holds; elsewhere the row is to be none.
@@ -113,6 +135,8 @@ impl<T: Real> Watch<T> {
         state.update(&innovation, taken);
         self.taken += T::select(taken, one, zero);
         self.sum += T::select(taken, normalised, zero);
+        let counted = (normalised.min(zero.splat(COUNTS)) - self.recent) * FORGETS;
+        self.recent += T::select(here, counted, zero);
         let (gap, usual) = (zero.splat(time) - self.last, self.gap * PAUSE);
         let silent = T::both(here, usual.lt(gap));
         self.since += T::select(silent, gap - usual, zero);

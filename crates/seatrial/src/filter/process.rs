@@ -38,6 +38,24 @@ pub fn linear_parts(description: &Description) -> (Mat6<f64>, [Vec3<f64>; 6]) {
     (by_force, by_vertical)
 }
 
+/// The moment about O per newton of the unmodelled force, which acts at the centre of gravity: `S(r_g)`. There the water
+/// pulls that leaves the hull behind, and there is most of what a payload or a tether weighs.
+pub fn lever(description: &Description) -> Mat3<f64> {
+    let rigid = Vehicle::nominal(description).rigid_body.mass_matrix();
+    std::array::from_fn(|i| std::array::from_fn(|j| rigid[3 + i][j] / rigid[0][0]))
+}
+
+/// The derivatives of the acceleration by the unmodelled force.
+pub fn by_unmodelled(description: &Description) -> Mat6<f64> {
+    let (by_force, _) = linear_parts(description);
+    let lever = lever(description);
+    by_force.map(|row| {
+        std::array::from_fn(|j| {
+            row[j] + if j < 3 { (0..3).map(|i| row[3 + i] * lever[i][j]).sum() } else { 0.0 }
+        })
+    })
+}
+
 /// A thruster whose thrust the inflow changes.
 struct Flowing {
     thruster: usize,
@@ -63,6 +81,7 @@ pub struct Process<T = f64> {
     flowing: Vec<Flowing>,
     instants: [Acting<T>; 3],
     tangent: Tangent<T>,
+    lever: Mat3<f64>,
 }
 
 impl Process {
@@ -90,7 +109,9 @@ impl<T: Real> Process<T> {
             per_torque: product(&linear.0, &actuator.torque.unwrap_or([0.0; 6])),
             inflow: actuator.inflow,
         });
-        Self { vehicle, flowing: flowing.collect(), instants, tangent: Tangent::new(linear, zero) }
+        let flowing = flowing.collect();
+        let tangent = Tangent::new((by_unmodelled(description), linear.1), zero);
+        Self { vehicle, flowing, instants, tangent, lever: lever(description) }
     }
 
     /// Moves an estimate by steps of `h` seconds and writes the Jacobian of its motion.
@@ -106,9 +127,15 @@ impl<T: Real> Process<T> {
         block: &mut Block<T>,
     ) {
         let mut start = Some(estimate.motion.attitude);
+        let mut force = estimate.force;
+        for i in 0..3 {
+            for j in 0..3 {
+                force[3 + i] += estimate.force[j] * self.lever[i][j];
+            }
+        }
         for three in nodes.windows(3).step_by(2) {
             for k in 0..3 {
-                self.instants[k].see(&self.flowing, &three[k], &estimate.force);
+                self.instants[k].see(&self.flowing, &three[k], &force);
             }
             let length = self.step(&mut estimate.motion, h);
             self.tangent.carry(start.take().as_ref(), h, &length);

@@ -1,8 +1,10 @@
 //! The filter at work: predicted step by step, corrected by samples, in fixed memory.
 //!
 //! The noise of the process: the unmodelled force is a Gauss–Markov process of given deviation and time constant; white
-//! noise on the accelerations stands for what is faster, and a random walk of the force for the push of waves; the current is a slow Gauss–Markov process, the gyro's bias a
-//! random walk. Constant offsets of attitude and Doppler log carry the position off, at a rate that looks constant for
+//! noise on the accelerations stands for what is faster, and a random walk of the force for the push of waves; the gyro's bias is a
+//! random walk. The current is a Gauss–Markov process. Gusts accelerate the water and leave the hull behind: written in the velocity through
+//! the water, `−m a` at the centre of gravity. Where the filter is told of them that is part of the unmodelled force, and the
+//! current follows that part. Constant offsets of attitude and Doppler log carry the position off, at a rate that looks constant for
 //! as long as nothing turns: white noise of the position over a second stands for it.
 //!
 //! Source: Farrell (2008), sections 4.6 and 7.2; Fossen (2021), section 13.4 (bias of force and current).
@@ -28,16 +30,18 @@ use crate::number::real::Real;
 pub struct Noise {
     /// Standard deviation of the unmodelled force, body frame, N and N m.
     pub force: Vec6<f64>,
-    /// Its time constant, s.
-    pub force_time: f64,
+    /// Its time constants, s.
+    pub force_time: Vec6<f64>,
+    /// Acceleration of the water per newton of it along the body's axes, 1/kg; none without gusts.
+    pub water: [f64; 3],
     /// Standard deviation by which the force walks in a second, N and N m.
     pub force_walk: Vec6<f64>,
     /// Standard deviation of the velocity that white noise of acceleration makes in a second, m/s and rad/s.
     pub acceleration: Vec6<f64>,
     /// Standard deviation of the current, each of north, east and down, m/s.
     pub current: [f64; 3],
-    /// Its time constant, s.
-    pub current_time: f64,
+    /// Its time constants, s.
+    pub current_time: [f64; 3],
     /// Standard deviation by which the gyro's bias moves in a second, rad/s.
     pub gyro_walk: f64,
     /// Standard deviation of the constant offset of the attitude, rad, and of the velocity over ground, m/s.
@@ -116,6 +120,26 @@ impl<T: Real> Tracker<T> {
         self.past.begin(mask, self.time, &self.estimate);
     }
 
+    /// Takes what a sensor showed before the filter had begun where the mask holds: with no gate, and in no watch.
+    #[inline(always)]
+    pub fn begin_with(&mut self, mask: T::Mask, sample: &Sample<'_, T>) {
+        let (zero, one) = (sample.measured.zero(), sample.measured.splat(1.0));
+        let Expected { value, mut row, seen } = sample.observation.expected(&self.estimate);
+        let here = T::both(mask, seen);
+        row.only(here);
+        let residual = T::select(here, sample.observation.residual(sample.measured, value), zero);
+        let innovation = self.state.innovation(&row, residual, T::select(here, sample.variance, one));
+        self.state.update(&innovation, here);
+    }
+
+    /// Moves the estimate where the mask holds by what [`Tracker::begin_with`] has found.
+    #[inline(always)]
+    pub fn begun_with(&mut self, mask: T::Mask) {
+        let moved = self.state.take();
+        self.estimate.inject(&moved);
+        self.past.begin(mask, self.time, &self.estimate);
+    }
+
     /// The estimate.
     #[inline(always)]
     pub fn estimate(&self) -> &Estimate<T> {
@@ -151,8 +175,6 @@ impl<T: Real> Tracker<T> {
             || process.advance(estimate, nodes, h, &mut step.block),
         );
         step.drift = dt;
-        let kept = plain::exp(-dt / noise.force_time);
-        let slow = plain::exp(-dt / noise.current_time);
         let [turned, shifted] = noise.offsets;
         let [u, v, w] = self.estimate.over_ground();
         let carried = (u * u + v * v + w * w) * (turned * turned) + shifted * shifted;
@@ -162,17 +184,29 @@ impl<T: Real> Tracker<T> {
             step.noise[ATTITUDE + i] = square * dt;
         }
         for i in 0..6 {
+            let kept = plain::exp(-dt / noise.force_time[i]);
             step.noise[VELOCITY + i] = u.splat(plain::powi(noise.acceleration[i], 2) * dt);
             step.decay[FORCE + i] = kept;
             step.noise[FORCE + i] =
                 self.walk[i] * self.walk[i] * dt + plain::powi(noise.force[i], 2) * (1.0 - kept * kept);
             self.estimate.force[i] = self.estimate.force[i] * kept;
         }
+        let turned = self.estimate.rotation();
         for i in 0..3 {
+            let slow = plain::exp(-dt / noise.current_time[i]);
             step.decay[CURRENT + i] = slow;
             step.noise[CURRENT + i] = u.splat(plain::powi(noise.current[i], 2) * (1.0 - slow * slow));
             self.estimate.current[i] = self.estimate.current[i] * slow;
             step.noise[GYRO_BIAS + i] = u.splat(plain::powi(noise.gyro_walk, 2) * dt);
+        }
+        step.gusts = noise.water != [0.0; 3];
+        if step.gusts {
+            for k in 0..3 {
+                for j in 0..3 {
+                    step.water[k][j] = turned[k][j] * (noise.water[j] * dt);
+                    self.estimate.current[k] += step.water[k][j] * self.estimate.force[j];
+                }
+            }
         }
         let (state, back) = (&mut *self.state, &mut *self.back);
         unit.apart(

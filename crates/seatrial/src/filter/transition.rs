@@ -1,12 +1,14 @@
 //! How a step moves the error, and the way back over it.
 //!
 //! F has the shape of the state ([`super::estimate`]): twelve rows of motion that depend on attitude, velocity, force and,
-//! for the position, the current; below them a diagonal. F⁻¹ has the same.
+//! for the position, the current; below them a diagonal. F⁻¹ has the same. A filter that is told of gusts takes a part of the
+//! unmodelled force for accelerated water: then the current follows the force, after the step.
 //!
 //! Source: Farrell (2008), section 5.5. Tests: `tests/filter/error_state.rs`, `tests/filter/tracker.rs`.
 
 use super::estimate::{ATTITUDE, CURRENT, Components, FORCE, POSITION, STATES, chosen};
 use super::row::{PART, Row};
+use crate::number::algebra::Mat3;
 use crate::number::real::Real;
 
 /// The rows of motion: position, attitude and velocity.
@@ -29,6 +31,10 @@ pub struct Transition<T = f64> {
     pub decay: [f64; STATES],
     /// Diagonal of Q.
     pub noise: Components<T>,
+    /// Derivatives of the current by the linear unmodelled force, of which accelerated water is a part; read where `gusts`.
+    pub water: Mat3<T>,
+    /// Whether the filter is told of gusts.
+    pub gusts: bool,
 }
 
 impl Transition {
@@ -45,6 +51,12 @@ impl Transition {
         for i in MOTION..STATES {
             f[i][i] = self.decay[i];
         }
+        for k in 0..3 {
+            for j in 0..3 {
+                f[CURRENT + k][FORCE + j] =
+                    if self.gusts { self.water[k][j] * self.decay[FORCE + j] } else { 0.0 };
+            }
+        }
         f
     }
 }
@@ -58,7 +70,14 @@ impl<T: Real> Transition<T> {
         for i in ATTITUDE..MOTION {
             block[i][i - ATTITUDE] = one;
         }
-        Self { block, drift: 0.0, decay: [1.0; STATES], noise: [zero; STATES] }
+        Self {
+            block,
+            drift: 0.0,
+            decay: [1.0; STATES],
+            noise: [zero; STATES],
+            water: [[zero; 3]; 3],
+            gusts: false,
+        }
     }
 }
 
@@ -71,14 +90,17 @@ pub struct Return<T = f64> {
     drift: f64,
     /// Diagonal of F⁻¹ from the force on.
     growth: [f64; STATES],
+    /// See [`Transition`].
+    water: Mat3<T>,
+    gusts: bool,
 }
 
 impl<T: Real> Return<T> {
     /// The way back from nowhere.
     #[inline(always)]
     pub fn identity(unit: T) -> Self {
-        let Transition { block, drift, decay, .. } = Transition::identity(unit);
-        Self { block, drift, growth: decay }
+        let Transition { block, drift, decay, water, gusts, .. } = Transition::identity(unit);
+        Self { block, drift, growth: decay, water, gusts }
     }
 
     /// The row `y = h F⁻¹`: what a row of before the step is after it.
@@ -106,6 +128,14 @@ impl<T: Real> Return<T> {
         }
         for i in CURRENT..STATES {
             y[i] = y[i] * self.growth[i];
+        }
+        // What accelerated the water comes last on the way there, and first on the way back.
+        if self.gusts {
+            for j in 0..3 {
+                for k in 0..3 {
+                    y[FORCE + j] = y[CURRENT + k].neg_mul_add(self.water[k][j], y[FORCE + j]);
+                }
+            }
         }
         let placed = row.parts & 1;
         Row { derivatives: y, parts: row.parts | TURNED | (placed << (CURRENT / PART)) }
@@ -176,7 +206,7 @@ impl<T: Real> Transition<T> {
                 work[i][j] = work[i][j] * -growth[ATTITUDE + j];
             }
         }
-        (back.drift, back.growth) = (self.drift, growth);
+        (back.drift, back.growth, back.water, back.gusts) = (self.drift, growth, self.water, self.gusts);
     }
 }
 

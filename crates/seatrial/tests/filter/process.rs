@@ -3,13 +3,14 @@
 use crate::scalars::flights::{NAMES, vehicle};
 use seatrial::description::Description;
 use seatrial::filter::estimate::{ATTITUDE, Estimate, STATES};
-use seatrial::filter::process::Process;
+use seatrial::filter::process::{Process, lever};
 use seatrial::filter::transition::{Block, COLUMNS, MOTION, Transition};
 use seatrial::model::current::Current;
 use seatrial::model::drive::act;
 use seatrial::model::integrate::{State, step};
 use seatrial::model::kinematics::from_euler;
 use seatrial::model::vehicle::{Instant, Vehicle};
+use seatrial::number::algebra::transposed_product;
 
 /// A vehicle under way with every component at work.
 fn under_way() -> Estimate {
@@ -41,15 +42,24 @@ fn instants(description: &Description) -> Vec<Instant<f64>> {
         .collect()
 }
 
+/// The wrench about O of the unmodelled force, which acts at the centre of gravity.
+fn about_o(description: &Description, force: &[f64; 6]) -> [f64; 6] {
+    let arm = lever(description);
+    std::array::from_fn(|i| {
+        force[i] + if i < 3 { 0.0 } else { (0..3).map(|j| arm[i - 3][j] * force[j]).sum::<f64>() }
+    })
+}
+
 /// The step in plain numbers.
 fn plain(description: &Description, at: &Estimate, nodes: &[Instant<f64>], h: f64) -> Estimate {
     let vehicle = Vehicle::nominal(description);
+    let wrench = about_o(description, &at.force);
     let mut after = *at;
     for three in nodes.windows(3).step_by(2) {
         let mut three: [Instant<f64>; 3] = std::array::from_fn(|i| three[i].clone());
         for instant in &mut three {
             let known = instant.inflow_free.expect("summed");
-            instant.inflow_free = Some(std::array::from_fn(|i| known[i] + at.force[i]));
+            instant.inflow_free = Some(std::array::from_fn(|i| known[i] + wrench[i]));
         }
         after.motion = step(&vehicle, &after.motion, h, &three);
         for i in 0..3 {
@@ -102,7 +112,7 @@ fn law_the_jacobian_of_a_step_is_that_of_the_plain_step() {
 fn law_a_constant_current_carries_the_track_and_nothing_else() {
     let description = vehicle("every_term");
     let (at, h, free) = (under_way(), 0.05, Vehicle::nominal(&description));
-    let nodes = instants(&description);
+    let (nodes, wrench) = (instants(&description), about_o(&description, &at.force));
     let (through_water, _) = moved(&description, &nodes, h);
     // The equation of motion over ground, with the current in it.
     let current = Current { velocity: at.current, rate: [0.0; 3], pressed: None };
@@ -112,7 +122,7 @@ fn law_a_constant_current_carries_the_track_and_nothing_else() {
         let mut three: [Instant<f64>; 3] = std::array::from_fn(|i| three[i].clone());
         for instant in &mut three {
             let known = instant.inflow_free.expect("summed");
-            instant.inflow_free = Some(std::array::from_fn(|i| known[i] + at.force[i]));
+            instant.inflow_free = Some(std::array::from_fn(|i| known[i] + wrench[i]));
             instant.current = Some(current);
         }
         over_ground = step(&free, &over_ground, h, &three);
@@ -123,5 +133,48 @@ fn law_a_constant_current_carries_the_track_and_nothing_else() {
         assert!((over_ground.position[i] - through_water.motion.position[i]).abs() < 1e-7);
         assert!((over_ground.nu[i] - velocity[i]).abs() < 1e-6);
         assert!((over_ground.nu[3 + i] - through_water.motion.nu[3 + i]).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn law_accelerated_water_is_a_force_at_the_centre_of_gravity() {
+    for name in NAMES {
+        let description = vehicle(name);
+        let (h, free, water) = (0.02, Vehicle::nominal(&description), [0.2, -0.1, 0.15]);
+        let nodes = instants(&description);
+        let mut at = under_way();
+        at.force = [0.0; 6];
+        let still = plain(&description, &at, &nodes, h);
+        // The equation of motion over ground, with the water's velocity and acceleration in it.
+        let mut over_ground = at.motion;
+        over_ground.nu[..3].copy_from_slice(&at.over_ground());
+        for (k, three) in nodes.windows(3).step_by(2).enumerate() {
+            let three: [Instant<f64>; 3] = std::array::from_fn(|i| {
+                let mut instant = three[i].clone();
+                let time = h * (k as f64 + 0.5 * i as f64);
+                let velocity = std::array::from_fn(|j| at.current[j] + water[j] * time);
+                instant.current = Some(Current { velocity, rate: water, pressed: None });
+                instant
+            });
+            over_ground = step(&free, &over_ground, h, &three);
+        }
+        let mass = free.rigid_body.mass_matrix()[0][0];
+        let pushed = transposed_product(&at.rotation(), &water);
+        for j in 0..3 {
+            at.force[j] = -mass * pushed[j];
+        }
+        let mut found = plain(&description, &at, &nodes, h);
+        for j in 0..3 {
+            found.current[j] += water[j] * 2.0 * h;
+        }
+        let velocity = found.over_ground();
+        let moved: f64 =
+            (0..6).map(|i| (found.motion.nu[i] - still.motion.nu[i]).powi(2)).sum::<f64>().sqrt();
+        for i in 0..6 {
+            let told = if i < 3 { velocity[i] } else { found.motion.nu[i] };
+            // The force is held in the body, which turns by 0.006 rad meanwhile.
+            let close = (over_ground.nu[i] - told).abs() < 0.02 * moved;
+            assert!(close, "{name}: component {i}: {} {told}, moved {moved}", over_ground.nu[i]);
+        }
     }
 }

@@ -19,12 +19,13 @@ const DT: f64 = 0.1;
 fn quiet() -> Noise {
     Noise {
         force: [0.5, 0.5, 0.5, 0.05, 0.05, 0.05],
-        force_time: 10.0,
+        force_time: [10.0; 6],
         acceleration: [0.002; 6],
         current: [0.1, 0.1, 0.0],
-        current_time: 1000.0,
+        current_time: [1000.0; 3],
         gyro_walk: 1e-6,
         force_walk: [0.0; 6],
+        water: [0.0; 3],
         offsets: [0.0; 2],
     }
 }
@@ -58,6 +59,8 @@ fn law_a_row_goes_back_through_a_step() {
     for i in MOTION..STATES {
         step.decay[i] = 0.95;
     }
+    step.gusts = true;
+    step.water = std::array::from_fn(|k| std::array::from_fn(|j| 0.05 * noise(500 + 5 * k + j)));
     // A quarter of a turn within the step: what leads is not on the diagonal.
     for i in 0..2 {
         step.block[ATTITUDE + i][i] = 0.0;

@@ -2,8 +2,7 @@
 //!
 //! Weight, buoyancy and their moment at the measured attitude (`+ g(η)`; while heave is at work its force carries the
 //! vertical part); drag at the desired speeds and the rate of the filtered depth; inertia times the acceleration of the
-//! filtered references; and, where a navigation filter estimates it and the file asks for it, the force that the model
-//! does not know, with the opposite sign: a disturbance observer.
+//! filtered references. What the model does not know is left to the integrals of the loops.
 //!
 //! Source: Fossen (2011), section 12.2; Taubert et al. (2014), equation 49 and figure 18 (PID controller).
 //! Tests: `tests/closed_loop/flights.rs`.
@@ -18,12 +17,7 @@ use crate::number::real::Real;
 impl<T: Real> Autopilot<T> {
     /// What the model knows to be needed: against weight and buoyancy, against drag, for acceleration.
     #[inline(always)]
-    pub(super) fn known(
-        &self,
-        s: &Situation<T>,
-        (desired, disturbance): (&Desired<T>, &Vec6<T>),
-        acceleration: &Vec6<T>,
-    ) -> Vec6<T> {
+    pub(super) fn known(&self, s: &Situation<T>, desired: &Desired<T>, acceleration: &Vec6<T>) -> Vec6<T> {
         let table = &self.settings.file.feed_forward;
         let zero = self.unit;
         let mut known = [zero; 6];
@@ -45,20 +39,6 @@ impl<T: Real> Autopilot<T> {
         if table.acceleration {
             for i in 0..6 {
                 known[i] = self.model.mass_matrix[i][i].mul_add(acceleration[i], known[i]);
-            }
-        }
-        if table.disturbance {
-            let r = rotation(&from_euler(&s.attitude));
-            let heave = zero.splat(0.5).lt(s.active[HEAVE]);
-            let [x, y, z, ..] = *disturbance;
-            // The heave loop's force is vertical: what it takes off lies in surge and sway of a tilted body too.
-            let sink = dot(&r[2], &[x, y, z]);
-            let rest = |i: usize| T::select(heave, r[2][i].neg_mul_add(sink, disturbance[i]), disturbance[i]);
-            known[0] -= rest(0);
-            known[1] -= rest(1);
-            known[2] -= sink;
-            for i in 3..6 {
-                known[i] -= disturbance[i];
             }
         }
         known

@@ -203,13 +203,11 @@ pub struct FeedForwardTable {
     pub drag: bool,
     /// Inertia times the acceleration of the filtered references.
     pub acceleration: bool,
-    /// Against the force that the navigation filter finds and the model does not know.
-    pub disturbance: bool,
 }
 
 impl Default for FeedForwardTable {
     fn default() -> Self {
-        Self { restoring: true, drag: true, acceleration: true, disturbance: false }
+        Self { restoring: true, drag: true, acceleration: true }
     }
 }
 

@@ -11,6 +11,7 @@ use crate::filter::tracker::Noise;
 use crate::model::kinematics::{Quaternion, rotation};
 use crate::model::vehicle::Vehicle;
 use crate::number::algebra::{Vec3, product, splat};
+use crate::number::plain;
 use crate::number::real::Real;
 
 /// The kinds of sensors.
@@ -53,6 +54,9 @@ const FASTER: f64 = 0.005;
 /// Deviation of the acceleration where the vehicle is simulated by the model itself, m/s² and rad/s²; a slim hull has the
 /// least inertia in roll, where what an offset of the attitude does lasts.
 const ROUNDED: [f64; 6] = [0.005, 0.005, 0.005, 0.004, 0.001, 0.001];
+
+/// Share of [`ROUNDED`] along the axes that is left in gusts, which are then the force: from 0.05 m/s on much more.
+const QUIET: f64 = 0.1;
 
 /// Velocity that white acceleration makes in a second there, in deviations of the noise of what measures it.
 const UNSEEN: f64 = 0.05;
@@ -172,7 +176,8 @@ impl Fitting {
                 },
                 |error| error.force,
             ),
-            force_time: unexplained.map_or(if exact { 100.0 } else { 10.0 }, |error| error.force_time_s),
+            force_time: [unexplained.map_or(if exact { 100.0 } else { 10.0 }, |error| error.force_time_s); 6],
+            water: [0.0; 3],
             force_walk: [0.0; 6],
             acceleration: unexplained.map_or_else(
                 || {
@@ -182,10 +187,47 @@ impl Fitting {
                 |error| error.acceleration,
             ),
             current: [0.2, 0.2, 0.02],
-            current_time: if exact { 3e4 } else { 1e3 },
+            current_time: [if exact { 3e4 } else { 1e3 }; 3],
             gyro_walk: 1e-6,
             offsets: [turned, instruments[DVL].map_or(0.0, |i| i.bias)],
         }
+    }
+
+    /// The same in gusts of these deviations (north, east, down, m/s), and time constants τ and τ_2 of the process and of its
+    /// second lag (s).
+    ///
+    /// Water that accelerates by a leaves the hull behind with −m a, a Gauss–Markov process of the variance σ²/(τ τ_2) and the
+    /// memory τ_2. Along the body's axes that is added to the force: the variances, and what both walk in a short time. The
+    /// share of the sum that is water moves the current; what of the gusts that leaves is a walk of the current. An exact
+    /// model leaves next to no force beside it ([`QUIET`]).
+    pub fn in_gusts(
+        description: &Description,
+        noise: Noise,
+        gusts: &([f64; 3], [f64; 2]),
+        exact: bool,
+    ) -> Noise {
+        let (deviations, [slow, fast]) = *gusts;
+        if deviations == [0.0; 3] {
+            return noise;
+        }
+        let mass = Vehicle::nominal(description).rigid_body.mass_matrix()[0][0];
+        let (mut told, [north, east, down]) = (noise, deviations.map(|sigma| sigma * sigma));
+        let level = 0.5 * (north + east);
+        for (i, variance) in [level, level, down].into_iter().enumerate() {
+            let own = plain::powi(noise.force[i] * if exact { QUIET } else { 1.0 }, 2);
+            let pushed = mass * mass * variance / (slow * fast);
+            let both = own + pushed;
+            let share = if both > 0.0 { pushed / both } else { 0.0 };
+            told.force[i] = both.sqrt();
+            told.force_time[i] = both / (own / noise.force_time[i] + pushed / fast).max(f64::MIN_POSITIVE);
+            told.water[i] = -share / mass;
+            let varies = if i < 2 { [north, east][i] } else { down };
+            let (lasting, time) = (plain::powi(noise.current[i], 2), noise.current_time[i]);
+            let walk = lasting / time + (1.0 - share) * varies / slow;
+            told.current[i] = (lasting + varies).sqrt();
+            told.current_time[i] = (lasting + varies) / walk.max(f64::MIN_POSITIVE);
+        }
+        told
     }
 
     /// What a channel observes, in the kind of `beam`; nothing where the vehicle has no such sensor. A sonar looks along

@@ -64,7 +64,7 @@ impl<T: Real> NavigationFilter<T> {
 
     /// The variance that waves add to an observation.
     #[inline(always)]
-    fn shaken(&self, observation: &Observation<T>) -> T {
+    pub(super) fn shaken(&self, observation: &Observation<T>) -> T {
         let Some(swell) = &self.fitting.swell else { return self.begun.zero() };
         let turned = self.tracker.estimate().rotation();
         match observation {

@@ -33,6 +33,8 @@ pub struct Stated {
     pub current: Option<[f64; 3]>,
     /// Its time constant, s.
     pub current_time_s: Option<f64>,
+    /// Deviations of its gusts (north, east, down, m/s), their time constant and that of their second lag (s).
+    pub gusts: Option<([f64; 3], [f64; 2])>,
     /// Random walk of the gyro's offset, rad/s in a square root of s.
     pub gyro_walk: f64,
     /// Deviations beyond which a sample is refused, and the time of refusals after which it is believed, s.
@@ -67,8 +69,11 @@ impl Stated {
         noise.acceleration = self.acceleration.unwrap_or(noise.acceleration);
         noise.current = self.current.unwrap_or(noise.current);
         noise.gyro_walk = self.gyro_walk;
-        noise.force_time = self.force_time_s.unwrap_or(noise.force_time);
-        noise.current_time = self.current_time_s.unwrap_or(noise.current_time);
+        noise.force_time = self.force_time_s.map_or(noise.force_time, |time| [time; 6]);
+        noise.current_time = self.current_time_s.map_or(noise.current_time, |time| [time; 3]);
+        if let Some(gusts) = &self.gusts {
+            noise = Fitting::in_gusts(model, noise, gusts, self.exact_model);
+        }
         let [north, east, down, far] = self.start;
         Ok(Fitting {
             instruments,

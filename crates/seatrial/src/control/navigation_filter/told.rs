@@ -5,7 +5,7 @@
 use super::NavigationFilter;
 use super::fitting::instrument_of;
 use crate::control::navigation::{ALTITUDE, Measurement};
-use crate::filter::estimate::{ATTITUDE, POSITION, STATES, VELOCITY, chosen};
+use crate::filter::estimate::{ATTITUDE, POSITION, STATES, VELOCITY};
 use crate::model::kinematics::to_euler;
 use crate::number::plain;
 use crate::number::real::Real;
@@ -67,7 +67,6 @@ impl<T: Real> NavigationFilter<T> {
                 told.age[c] = T::select(fresh, x.zero(), told.age[c]);
             }
         }
-        told.disturbance = chosen(begun, &at.force, &told.disturbance);
         told
     }
 }

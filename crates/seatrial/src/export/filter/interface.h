@@ -16,8 +16,8 @@ typedef struct
 /* What follows from the parameters; made by prepare(). */
 typedef struct
 {
-    FILTER_real kept; /* 1: of the force after a period */
-    FILTER_real slow; /* 1: of the current after a period */
+    FILTER_real kept[6]; /* 1: of the force after a period */
+    FILTER_real slow[3]; /* 1: of the current after a period */
     FILTER_real noise[24]; /* variance that a period adds, in the order of the covariance; the rest follows the motion */
     FILTER_real mount[FILTER_MOUNTS][3][3]; /* 1: rotation from a sensor to the body */
     FILTER_real facing[4]; /* 1: the same of the attitude sensor, as a quaternion */
@@ -38,6 +38,7 @@ typedef struct
 typedef struct
 {
     FILTER_real sum; /* 1: normalised innovations squared of the samples that were taken */
+    FILTER_real recent; /* 1: recent mean of them, of all samples */
     FILTER_real since; /* s: when the first of the refusals without a break came, and the silence since */
     FILTER_real last; /* s: when the last sample came */
     FILTER_real gap; /* s: between it and the one before */
@@ -54,6 +55,7 @@ typedef struct
     FILTER_real time; /* s */
     FILTER_mean mean;
     FILTER_real back[12][15]; /* derivatives of the motion before the period by that after it */
+    FILTER_real swept[3][3]; /* derivatives of the current by the force */
     FILTER_real moved[24]; /* what its samples corrected */
 } FILTER_moment;
 
@@ -65,6 +67,11 @@ typedef struct
     FILTER_real covariance[24][24]; /* SI: position, attitude, velocity, rates, force, moment, current, gyro */
     FILTER_real error[24]; /* what this period's samples have found, not yet part of the mean */
     FILTER_real time; /* s */
+    FILTER_real age; /* s: since it began */
+    FILTER_real patience; /* s: so long it does not take itself for lost */
+    FILTER_real doubted; /* s: for which two instruments have contradicted it */
+    FILTER_real place[3]; /* m: where it begins anew unless a fix says it */
+    FILTER_real far[3]; /* m: standard deviation of that; NAN at the launch */
     FILTER_real first[FILTER_CHANNELS]; /* the last sample of each channel */
     FILTER_real silent[FILTER_CHANNELS]; /* s: time since then */
     FILTER_watch watch[FILTER_CHANNELS];
@@ -74,6 +81,7 @@ typedef struct
 //if past
     FILTER_moment past[FILTER_KEPT]; /* a ring */
     FILTER_real back[12][15]; /* of the period that has not ended yet */
+    FILTER_real swept[3][3]; /* of the current by the force, in that period */
     int newest; /* place in the ring */
     int count; /* moments in it */
 //end

@@ -76,7 +76,8 @@ impl FilterStep<'_> {
                 "standard deviation of the force that the model does not know",
                 &noise.force[..],
             ),
-            ("force_time", "s", "its time constant", &[noise.force_time]),
+            ("force_time", "s", "its time constants", &noise.force_time),
+            ("water", "1/kg", "acceleration of the water per newton of it, in gusts", &noise.water),
             (
                 "acceleration",
                 "m/s, rad/s",
@@ -84,7 +85,7 @@ impl FilterStep<'_> {
                 &noise.acceleration,
             ),
             ("current", "m/s", "standard deviation of the current", &noise.current),
-            ("current_time", "s", "its time constant", &[noise.current_time]),
+            ("current_time", "s", "its time constants", &noise.current_time),
             (
                 "gyro_walk",
                 "rad/s",
@@ -120,14 +121,15 @@ impl FilterStep<'_> {
     /// What is remembered, number by number.
     pub(super) fn remembered(&self, motors: &Program) -> Vec<Symbol> {
         let channels = LANDMARKS + 2 * self.fitting.landmarks.len();
-        let mut all = vec![("time".to_owned(), 1)];
+        let once = [("time", 1), ("age", 1), ("patience", 1), ("doubted", 1), ("place", 3), ("far", 3)];
+        let mut all: Vec<(String, usize)> = once.map(|(name, count)| (name.to_owned(), count)).to_vec();
         let mean =
             [("position", 3), ("attitude", 4), ("nu", 6), ("force", 6), ("current", 3), ("gyro_bias", 3)];
         all.extend(mean.map(|(part, count)| (format!("mean.{part}"), count)));
         all.extend((0..STATES).map(|i| (format!("covariance[{i}]"), STATES)));
         all.push(("error".to_owned(), STATES));
         all.extend(["first", "silent"].map(|name| (name.to_owned(), channels)));
-        let watch = ["sum", "since", "last", "gap", "taken", "refused", "recovered", "in_a_row"];
+        let watch = ["sum", "recent", "since", "last", "gap", "taken", "refused", "recovered", "in_a_row"];
         all.extend((0..channels).flat_map(|c| watch.map(|name| (format!("watch[{c}].{name}"), 1))));
         if self.holds(false).contains(&"surface") {
             all.push(("beam".to_owned(), self.fitting.landmarks.len()));
@@ -136,9 +138,11 @@ impl FilterStep<'_> {
             all.push((format!("past[{k}].time"), 1));
             all.extend(mean.map(|(part, count)| (format!("past[{k}].mean.{part}"), count)));
             all.extend((0..MOTION).map(|i| (format!("past[{k}].back[{i}]"), COLUMNS)));
+            all.extend((0..3).map(|i| (format!("past[{k}].swept[{i}]"), 3)));
             all.push((format!("past[{k}].moved"), STATES));
         }
         all.extend((0..MOTION).filter(|_| self.kept() > 0).map(|i| (format!("back[{i}]"), COLUMNS)));
+        all.extend((0..3).filter(|_| self.kept() > 0).map(|i| (format!("swept[{i}]"), 3)));
         let flags = ["begun", "open", "restarts"].map(|name| (name.to_owned(), 1));
         all.extend(flags);
         let numbers = all.into_iter().flat_map(|(name, count)| {
@@ -234,7 +238,7 @@ pub(super) fn outputs() -> Vec<Symbol> {
     });
     let forces = (0..6).map(|i| {
         let unit = if i < 3 { "N" } else { "N m" };
-        Symbol::new(&format!("disturbance_{}", FORCES[i]), unit, "force that the model does not know", 0.0)
+        Symbol::new(&format!("force_{}", FORCES[i]), unit, "force that the model does not know", 0.0)
     });
     let water = ["north", "east", "down"].map(|axis| {
         Symbol::new(&format!("current_{axis}"), "m/s", &format!("velocity of the water, {axis}"), 0.0)
@@ -254,7 +258,7 @@ fn estimated(name: &str) -> String {
         name.strip_prefix(prefix).and_then(|own| at(part, names, own))
     };
     [
-        ("disturbance_", "force", &FORCES[..]),
+        ("force_", "force", &FORCES[..]),
         ("current_", "current", &["north", "east", "down"]),
         ("gyro_bias_", "gyro_bias", &["p", "q", "r"]),
     ]

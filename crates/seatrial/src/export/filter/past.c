@@ -1,6 +1,6 @@
 /* Samples that come late are compared with the mean of their own time, and told of as errors of now. The way
    back over a period, out of the derivatives over it: Gauss and Jordan in place, the columns of the force carried along. */
-static void reverse(real block[MOTION][COLUMNS], real kept, real back[MOTION][COLUMNS])
+static void reverse(real block[MOTION][COLUMNS], const real kept[6], real back[MOTION][COLUMNS])
 {
     real work[9][COLUMNS];
     int leading[9];
@@ -66,17 +66,17 @@ static void reverse(real block[MOTION][COLUMNS], real kept, real back[MOTION][CO
             {
                 sum -= work[k][j] * block[i][k];
             }
-            back[i][j] = (j < 9) ? sum : (-(sum + block[i][j]) / kept);
+            back[i][j] = (j < 9) ? sum : (-(sum + block[i][j]) / kept[j - 9]);
         }
         for (i = 0; i < 9; i++)
         {
-            back[3 + i][j] = (j < 9) ? work[i][j] : (-work[i][j] / kept);
+            back[3 + i][j] = (j < 9) ? work[i][j] : (-work[i][j] / kept[j - 9]);
         }
     }
 }
 
 /* What a row of before a period is after it. */
-static void carry(const FILTER_constants *k, const real back[MOTION][COLUMNS], struct row *row)
+static void carry(const FILTER_constants *k, const real back[MOTION][COLUMNS], const real swept[3][3], struct row *row)
 {
     real sum[COLUMNS];
     real *h = row->h;
@@ -96,7 +96,7 @@ static void carry(const FILTER_constants *k, const real back[MOTION][COLUMNS], s
     }
     for (i = 0; i < 6; i++)
     {
-        sum[9 + i] += h[FORCE + i] / k->kept;
+        sum[9 + i] += h[FORCE + i] / k->kept[i];
     }
     for (j = 0; j < COLUMNS; j++)
     {
@@ -104,7 +104,14 @@ static void carry(const FILTER_constants *k, const real back[MOTION][COLUMNS], s
     }
     for (i = 0; i < 3; i++)
     {
-        h[CURRENT + i] = (h[CURRENT + i] - (PERIOD * h[POSITION + i])) / k->slow;
+        h[CURRENT + i] = (h[CURRENT + i] - (PERIOD * h[POSITION + i])) / k->slow[i];
+    }
+    for (i = 0; i < 3; i++)
+    {
+        for (j = 0; j < 3; j++)
+        {
+            h[FORCE + j] -= h[CURRENT + i] * swept[i][j];
+        }
     }
     row->parts |= 0x3eu | ((row->parts & 1u) << 6);
 }
@@ -135,6 +142,13 @@ static void keep(FILTER_state *s, const real moved[STATES])
         for (j = 0; j < COLUMNS; j++)
         {
             end->back[i][j] = s->back[i][j];
+        }
+    }
+    for (i = 0; i < 3; i++)
+    {
+        for (j = 0; j < 3; j++)
+        {
+            end->swept[i][j] = s->swept[i][j];
         }
     }
 }
@@ -224,9 +238,9 @@ static real brought_here(const FILTER_constants *k, const FILTER_state *s, int b
     for (later = nearest - 1; later >= 1; later--)
     {
         const FILTER_moment *to = moment(s, later - 1);
-        carry(k, to->back, row);
+        carry(k, to->back, to->swept, row);
         corrected += ((later == back) ? (R(1.0) - share) : R(1.0)) * times(row, to->moved);
     }
-    carry(k, (const real(*)[COLUMNS])s->back, row);
+    carry(k, (const real(*)[COLUMNS])s->back, (const real(*)[3])s->swept, row);
     return corrected;
 }

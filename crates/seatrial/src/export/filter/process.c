@@ -223,6 +223,10 @@ static void act(const FILTER_state *s, const FILTER_input *in, struct acting *on
     {
         on->wrench[i] = s->mean.force[i] + on->wrench[i];
     }
+    for (i = 0; i < 3; i++)
+    {
+        on->wrench[3 + i] += dot(lever[i], s->mean.force);
+    }
 }
 
 /* Moves the mean by a period and finds the derivatives of its motion by attitude, velocity and force before it. */
@@ -307,9 +311,11 @@ static void pass(FILTER_state *s, const FILTER_input *in, real block[MOTION][COL
 
 /* P <- F P F' + Q: rows of motion depend on attitude, velocity and force, the position on the current; below them F is a
    diagonal. */
-static void spread(real p[STATES][STATES], real block[MOTION][COLUMNS], const real decay[STATES], const real noise[STATES])
+static void spread(real p[STATES][STATES], real block[MOTION][COLUMNS], const real decay[STATES], const real noise[STATES],
+    real swept[3][3])
 {
     real rows[MOTION][STATES];
+    real pushed[3][STATES];
     int i;
     int j;
     int k;
@@ -352,6 +358,32 @@ static void spread(real p[STATES][STATES], real block[MOTION][COLUMNS], const re
         for (j = MOTION; j < STATES; j++)
         {
             p[i][j] *= decay[i] * decay[j];
+        }
+    }
+    /* The current follows the force. */
+    for (k = 0; k < 3; k++)
+    {
+        for (j = 0; j < STATES; j++)
+        {
+            pushed[k][j] = dot(swept[k], &p[j][FORCE]);
+        }
+    }
+    for (k = 0; k < 3; k++)
+    {
+        for (j = 0; j < STATES; j++)
+        {
+            p[CURRENT + k][j] += pushed[k][j];
+            if ((j < CURRENT) || (j >= GYRO))
+            {
+                p[j][CURRENT + k] = p[CURRENT + k][j];
+            }
+        }
+    }
+    for (k = 0; k < 3; k++)
+    {
+        for (j = 0; j < 3; j++)
+        {
+            p[CURRENT + k][CURRENT + j] += pushed[j][CURRENT + k] + dot(swept[j], &pushed[k][FORCE]);
         }
     }
     for (i = 0; i < STATES; i++)

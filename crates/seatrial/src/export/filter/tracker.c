@@ -50,6 +50,7 @@ static void judge(const FILTER_parameters *p, FILTER_state *s, FILTER_watch *wat
     real spread_of;
     const real normalised = innovate(s, row, residual, variance, seen, &value, &spread_of);
     const real silence = (s->time - watch->last) - (PAUSE * watch->gap);
+    watch->recent += (SMALLER(normalised, COUNTS) - watch->recent) * FORGETS;
     if (silence > R(0.0))
     {
         watch->since += silence;

@@ -11,6 +11,26 @@ static int fixed(const FILTER_state *s, const FILTER_instrument *by, int channel
     return 1;
 }
 
+/* Takes what a sensor of velocity or rates has shown before the filter began. */
+static void begin_with(const FILTER_parameters *p, const FILTER_constants *k, FILTER_state *s, const FILTER_instrument *by,
+    int channel)
+{
+    const real moves = ((channel >= 9) && (channel < 12)) ? UNKNOWN_RATE : UNKNOWN_SPEED;
+    const real old = SMALLER(s->silent[channel] + by->latency, R(1.0)) * moves;
+    const real variance = (old * old) + LARGER(by->noise * by->noise, R(1e-12));
+    struct row row;
+    real seen[STATES];
+    real expected = R(0.0);
+    real value;
+    real spread_of;
+    if (!is_number(s->first[channel]) || (expect(p, k, s, channel, &s->mean, &expected, &row) == 0))
+    {
+        return;
+    }
+    (void)innovate(s, &row, s->first[channel] - expected, variance, seen, &value, &spread_of);
+    update(s, &row, variance, seen, value, spread_of);
+}
+
 /* Begins when the attitude is known. */
 static void try_to_begin(const FILTER_parameters *p, const FILTER_constants *k, FILTER_state *s)
 {
@@ -30,9 +50,10 @@ static void try_to_begin(const FILTER_parameters *p, const FILTER_constants *k, 
     rotation(at.attitude, r);
     for (i = 0; i < 3; i++)
     {
-        real far = p->start_deviation;
+        const int launched = is_number(s->far[i]) ? 0 : 1;
+        real far = (launched != 0) ? p->start_deviation : s->far[i];
         int known = 0;
-        at.position[i] = p->start[i];
+        at.position[i] = (launched != 0) ? p->start[i] : s->place[i];
         at.nu[i] = R(0.0);
         at.nu[3 + i] = R(0.0);
         at.force[i] = R(0.0);
@@ -49,8 +70,8 @@ static void try_to_begin(const FILTER_parameters *p, const FILTER_constants *k, 
         deviations[POSITION + i] = far;
         deviations[ATTITUDE + i] = LARGER(
             SQRT((p->attitude.noise * p->attitude.noise) + (p->attitude.bias * p->attitude.bias)), R(1e-6));
-        deviations[VELOCITY + i] = R(0.5);
-        deviations[RATES + i] = R(0.1);
+        deviations[VELOCITY + i] = UNKNOWN_SPEED;
+        deviations[RATES + i] = UNKNOWN_RATE;
         deviations[CURRENT + i] = p->current[i];
         deviations[GYRO + i] = R(0.0);
 //if gyro
@@ -82,16 +103,100 @@ static void try_to_begin(const FILTER_parameters *p, const FILTER_constants *k, 
         s->error[i] = R(0.0);
     }
     s->begun = 1;
+    s->age = R(0.0);
+    s->doubted = R(0.0);
+    for (i = 0; i < FILTER_CHANNELS; i++)
+    {
+        s->watch[i].recent = R(1.0);
+    }
+    for (i = 0; i < 3; i++)
+    {
+//if dvl
+        begin_with(p, k, s, &p->dvl, 6 + i);
+//end
+    }
+    for (i = 0; i < 3; i++)
+    {
+//if gyro
+        begin_with(p, k, s, &p->gyro, 9 + i);
+//end
+    }
+    for (i = 0; i < 3; i++)
+    {
+//if dvl_water
+        begin_with(p, k, s, &p->dvl_water, 13 + i);
+//end
+    }
+    (void)inject(&s->mean, s->error);
+    for (i = 0; i < STATES; i++)
+    {
+        s->error[i] = R(0.0);
+    }
 //if past
     s->count = 0;
     keep(s, s->error);
 //end
 }
 
+/* The estimated position is where the filter will begin, after a time of which nothing is known. */
+static void stay(FILTER_state *s, real unknown)
+{
+    const real drifted = UNKNOWN_SPEED * unknown;
+    int i;
+    for (i = 0; i < 3; i++)
+    {
+        const real variance = s->covariance[POSITION + i][POSITION + i] + (drifted * drifted);
+        if (is_number(s->mean.position[i]) && is_number(variance))
+        {
+            s->place[i] = s->mean.position[i];
+            s->far[i] = SQRT(LARGER(variance, R(0.0)));
+        }
+    }
+}
+
+/* Begins anew where the innovations of two instruments are beyond all chance for long enough and the attitude is that of
+   now. */
+static void regain(const FILTER_parameters *p, const FILTER_constants *k, FILTER_state *s)
+{
+    static const int boxes[21] = { 0, 0, 1, 2, 2, 2, 3, 3, 3, 2, 2, 2, 4, 3, 3, 3, 0, 0, 0, 0, 0 };
+    int wild[6] = { 0, 0, 0, 0, 0, 0 };
+    int count = 0;
+    int i;
+    for (i = 0; i < FILTER_CHANNELS; i++)
+    {
+        if (s->watch[i].recent > LOST)
+        {
+            wild[(i < 21) ? boxes[i] : 5] = 1;
+        }
+    }
+    for (i = 0; i < 6; i++)
+    {
+        count += wild[i];
+    }
+    s->doubted = ((s->begun != 0) && (count > 1)) ? (s->doubted + PERIOD) : R(0.0);
+    if ((s->doubted <= DOUBTED) || (s->age <= s->patience)
+        || (LARGER(LARGER(s->silent[3], s->silent[4]), s->silent[5]) >= RECENT))
+    {
+        return;
+    }
+    s->restarts++;
+    s->patience = SMALLER(s->patience * R(2.0), LONGEST_PATIENCE);
+    stay(s, UNNOTICED);
+    for (i = 0; i < FILTER_CHANNELS; i++)
+    {
+        if (s->silent[i] > RECENT)
+        {
+            s->first[i] = R(NAN);
+        }
+    }
+    try_to_begin(p, k, s);
+}
+
 /* What is lost begins anew from the next samples. */
 static void lose(FILTER_state *s)
 {
     int i;
+    stay(s, R(0.0));
     s->begun = 0;
     s->restarts++;
     for (i = 0; i < FILTER_CHANNELS; i++)
@@ -108,8 +213,6 @@ void FILTER_prepare(const FILTER_parameters *p, FILTER_constants *k)
 {
     real q[4];
     int i;
-    k->kept = EXP(-PERIOD / p->force_time);
-    k->slow = EXP(-PERIOD / p->current_time);
     for (i = 0; i < STATES; i++)
     {
         k->noise[i] = R(0.0);
@@ -117,11 +220,13 @@ void FILTER_prepare(const FILTER_parameters *p, FILTER_constants *k)
     for (i = 0; i < 6; i++)
     {
         k->noise[VELOCITY + i] = (p->acceleration[i] * p->acceleration[i]) * PERIOD;
-        k->noise[FORCE + i] = (p->force[i] * p->force[i]) * (R(1.0) - (k->kept * k->kept));
+        k->kept[i] = EXP(-PERIOD / p->force_time[i]);
+        k->noise[FORCE + i] = (p->force[i] * p->force[i]) * (R(1.0) - (k->kept[i] * k->kept[i]));
     }
     for (i = 0; i < 3; i++)
     {
-        k->noise[CURRENT + i] = (p->current[i] * p->current[i]) * (R(1.0) - (k->slow * k->slow));
+        k->slow[i] = EXP(-PERIOD / p->current_time[i]);
+        k->noise[CURRENT + i] = (p->current[i] * p->current[i]) * (R(1.0) - (k->slow[i] * k->slow[i]));
         k->noise[GYRO + i] = (p->gyro_walk * p->gyro_walk) * PERIOD;
     }
 @MOUNTED@    from_euler(p->attitude.mount, k->facing);
@@ -136,6 +241,8 @@ void FILTER_begin(FILTER_state *s, FILTER_input *in)
         s->mean.position[i] = R(0.0);
         s->mean.current[i] = R(0.0);
         s->mean.gyro_bias[i] = R(0.0);
+        s->place[i] = R(0.0);
+        s->far[i] = R(NAN);
     }
     for (i = 0; i < 6; i++)
     {
@@ -159,6 +266,7 @@ void FILTER_begin(FILTER_state *s, FILTER_input *in)
         s->first[i] = R(NAN);
         s->silent[i] = R(INFINITY);
         s->watch[i].sum = R(0.0);
+        s->watch[i].recent = R(1.0);
         s->watch[i].since = R(0.0);
         s->watch[i].last = -LONG;
         s->watch[i].gap = R(0.0);
@@ -183,8 +291,18 @@ void FILTER_begin(FILTER_state *s, FILTER_input *in)
             s->back[i][j] = (i == (j + ATTITUDE)) ? R(1.0) : R(0.0);
         }
     }
+    for (i = 0; i < 3; i++)
+    {
+        for (j = 0; j < 3; j++)
+        {
+            s->swept[i][j] = R(0.0);
+        }
+    }
 //end
     s->time = R(0.0);
+    s->age = R(0.0);
+    s->doubted = R(0.0);
+    s->patience = PATIENCE;
     s->begun = 0;
     s->open = 0;
     s->restarts = 0u;
@@ -198,13 +316,16 @@ void FILTER_predict(const FILTER_parameters *p, const FILTER_constants *k, FILTE
     real noise[STATES];
     real r[3][3];
     real ground[3];
+    real swept[3][3];
     real carried = R(0.0);
     int i;
+    int j;
     if (s->open != 0)
     {
         (void)FILTER_settle(p, k, s);
     }
     s->open = 1;
+    s->age += PERIOD;
     for (i = 0; i < FILTER_CHANNELS; i++)
     {
         s->silent[i] += PERIOD;
@@ -244,7 +365,7 @@ void FILTER_predict(const FILTER_parameters *p, const FILTER_constants *k, FILTE
 //end
     for (i = 0; i < STATES; i++)
     {
-        decay[i] = (i < CURRENT) ? k->kept : ((i < GYRO) ? k->slow : R(1.0));
+        decay[i] = (i < FORCE) ? R(1.0) : ((i < CURRENT) ? k->kept[i - FORCE] : ((i < GYRO) ? k->slow[i - CURRENT] : R(1.0)));
         noise[i] = k->noise[i];
     }
     for (i = 0; i < 3; i++)
@@ -253,13 +374,24 @@ void FILTER_predict(const FILTER_parameters *p, const FILTER_constants *k, FILTE
         const real other = s->mean.nu[3 + ((i + 2) % 3)] * p->attitude.bias;
         noise[POSITION + i] = carried * PERIOD;
         noise[ATTITUDE + i] = ((one * one) + (other * other)) * PERIOD;
-        s->mean.current[i] *= k->slow;
+        s->mean.current[i] *= k->slow[i];
     }
     for (i = 0; i < 6; i++)
     {
-        s->mean.force[i] *= k->kept;
+        s->mean.force[i] *= k->kept[i];
     }
-    spread(s->covariance, block, decay, noise);
+    for (i = 0; i < 3; i++)
+    {
+        for (j = 0; j < 3; j++)
+        {
+            swept[i][j] = (r[i][j] * p->water[j]) * PERIOD;
+            s->mean.current[i] += swept[i][j] * s->mean.force[j];
+//if past
+            s->swept[i][j] = swept[i][j];
+//end
+        }
+    }
+    spread(s->covariance, block, decay, noise, swept);
 //if past
     reverse(block, k->kept, s->back);
 //end
@@ -293,6 +425,7 @@ void FILTER_predict(const FILTER_parameters *p, const FILTER_constants *k, FILTE
     {
         lose(s);
     }
+    regain(p, k, s);
     return s->begun;
 }
 
