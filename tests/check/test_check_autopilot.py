@@ -195,14 +195,21 @@ def test_every_watch_and_reaction_has_its_words() -> None:
             "actuator": {"deviation": 0.2, "after_s": 2.0, "reaction": reaction},
         }
         table["progress"] = {"after_s": 120.0, "reaction": reaction}
+        table["speed"] = {"off_m_s": 0.3, "after_s": 8.0, "reaction": reaction}
+        table["contradiction"] = Autopilot.load("cwolf").safety()["contradiction"]
         whole = {**table, **dict.fromkeys(("depth", "altitude", "fence", "time"), reaction)}
-        whole |= {"surface_speed_m_s": 0.5, "surfaced_above_m": 0.3}  # type: ignore[dict-item]
+        whole |= {"surface_speed_m_s": 0.5, "surfaced_above_m": 0.3, "ascent_after_s": 30.0}  # type: ignore[dict-item]
         found = safety_sentences(whole, hovers=True, loiter_radius_m=20.0)
         assert len(found) == len(names["watches"]) + 1
         ends = {
-            sentence.rpartition(": ")[2].removeprefix("allocate without it, and ") for sentence in found[:-1]
+            sentence.rpartition(": ")[2].removeprefix("allocate without it, and ")
+            for sentence in found[:-1]
+            # What is only told has no reaction; what surfacing ends in follows from that to a lost depth.
+            if "told, and" not in sentence and "No higher" not in sentence
         }
         assert len(ends) == 1
+        ascent = next(sentence for sentence in found if "No higher" in sentence)
+        assert ascent.endswith("stop all actuators") == (reaction == "abort")
     circling = safety_sentences(whole | {"fence": "hold"}, hovers=False, loiter_radius_m=20.0)
     assert any("fence: circle at 20 m" in sentence for sentence in circling)
 
@@ -223,7 +230,7 @@ def test_the_verb_prints_modes_gains_and_safety(tmp_path: Path) -> None:
         assert words in result.stdout
     data = json.loads(call("check", path, "--json").stdout)
     assert data["modes"][1]["from_speed_m_s"] == 0.8
-    assert len(data["safety"]) == 14
+    assert len(data["safety"]) == len(autopilot_names()["watches"]) + 1
 
 
 @pytest.mark.parametrize("options", [(), ("--vehicle", "cwolf")])

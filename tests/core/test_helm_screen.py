@@ -92,7 +92,7 @@ def test_law_a_frozen_depth_does_not_lead_through_the_depth_limit() -> None:
 @pytest.mark.parametrize(
     ("channel", "cause", "seconds"),
     [
-        ("x", "stale_position", 63.0),
+        ("x", "contradicted_position", 63.0),
         ("pitch", "stale_attitude", 15.0),
         ("q", "stale_rates", 15.0),
         ("w", None, 15.0),

@@ -73,6 +73,30 @@ def safety_sentences(safety: Mapping[str, Any], *, hovers: bool, loiter_radius_m
     )
     stalled = safety["progress"]
     said.append(f"No nearer to the waypoint for {stalled['after_s']:g} s: {words[stalled['reaction']]}")
+    contrary, speed = safety["contradiction"], safety["speed"]
+    limits = {
+        "position": f"{contrary['position_m']:g} m",
+        "depth": f"{contrary['depth_m']:g} m",
+        "attitude": f"{contrary['angle_deg']:g} deg",
+    }
+    for key, limit in limits.items():
+        reaction = words[safety[f"stale_{key}"]["reaction"]]
+        said.append(
+            f"The {GROUPS[key]} {limit} from what its rates say, for {contrary['after_s']:g} s: {reaction}"
+        )
+    said.append(
+        f"A velocity that changes by {contrary['roughness_m_s']:g} m/s from step to step: told, and"
+        f" {words['continue']}"
+    )
+    said.append(
+        f"The speed {speed['off_m_s']:g} m/s off for {speed['after_s']:g} s: {words[speed['reaction']]}"
+    )
+    said.append(f"An unused channel or the battery silent: told, and {words['continue']}")
+    aborts = safety["stale_depth"]["reaction"] == "abort"
+    said.append(
+        f"No higher after {safety['ascent_after_s']:g} s of surfacing:"
+        f" {words['abort' if aborts else 'continue']}"
+    )
     said.append(
         f"Surfacing: at {safety['surface_speed_m_s']:g} m/s until {safety['surfaced_above_m']:g} m of depth"
     )

@@ -174,7 +174,7 @@ def _circle(facts: AutopilotFacts, vehicle: Vehicle, voltage_v: float) -> list[s
 def _buoyancy(facts: AutopilotFacts, vehicle: Vehicle) -> list[str]:
     """A reaction that stops all actuators of a vehicle that sinks."""
     safety = facts.safety
-    reactions = [value["reaction"] if isinstance(value, dict) else value for value in safety.values()]
+    reactions = [value.get("reaction") if isinstance(value, dict) else value for value in safety.values()]
     rest = statics(vehicle)
     if "abort" in reactions and rest.net_n < 0.0:
         return [

@@ -55,6 +55,34 @@ _SEEN = {
         "the next waypoint came no nearer for too long",
         "plan a faster leg or less current: the vehicle could not come nearer",
     ),
+    "contradicted_position": (
+        "position and velocity told of two motions",
+        "find out which of the two sensors is wrong: hold both against a known course",
+    ),
+    "contradicted_depth": (
+        "the depth, and velocity and pitch, told of two motions",
+        "find out which of the sensors is wrong: hold the depth against a measured one",
+    ),
+    "contradicted_attitude": (
+        "attitude and turn rates told of two motions",
+        "find out which of the two sensors is wrong: turn the vehicle by a known angle",
+    ),
+    "contradicted_velocity": (
+        "the velocity changed more from step to step than any vehicle does",
+        "find out why the Doppler log is noisy",
+    ),
+    "speed": (
+        "the speed did not follow",
+        "check the propulsion, and plan a speed that the vehicle reaches against the current",
+    ),
+    "unread": (
+        "a channel that nothing reads, or the battery, fell silent",
+        "find out why it stopped arriving",
+    ),
+    "ascent": (
+        "surfacing brought the vehicle no higher",
+        "find out what holds it down: a stuck actuator, flooding, or a depth sensor that is wrong",
+    ),
 }
 
 
@@ -90,6 +118,8 @@ def reaction_key(watch: str) -> str:
     >>> reaction_key("depth"), reaction_key("stale_velocity")
     ('depth', 'stale_velocity.reaction')
     """
+    watch = watch.replace("contradicted_", "stale_") if watch.startswith("contradicted_") else watch
+    watch = "stale_depth" if watch == "ascent" else watch
     alone = watch in ("depth", "altitude", "fence", "time")
     return watch if alone else f"{watch}.reaction"
 
@@ -103,7 +133,9 @@ def patience(watch: str, safety: Mapping[str, Any]) -> float:
     safety : mapping
         ``Autopilot.safety()``.
     """
-    table = safety[watch]
+    if watch.startswith("contradicted_"):
+        watch = "contradiction"
+    table = safety.get(watch)
     return float(table.get("after_s", 0.0)) if isinstance(table, Mapping) else 0.0
 
 

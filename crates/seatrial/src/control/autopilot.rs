@@ -118,7 +118,9 @@ impl<T: Real> Autopilot<T> {
         let flag = |mask: T::Mask| T::select(mask, one, zero);
         let dt = self.pass(state, elapsed);
         let patience = self.settings.file.safety.frozen_after_s;
-        if let Some(leap) = state.screen.look(state.intake.measured(), (patience, state.speed), elapsed) {
+        let thresholds = &self.settings.file.safety.contradiction;
+        let told = state.intake.measured();
+        if let Some(leap) = state.screen.look(told, (patience, state.speed), thresholds, elapsed) {
             state.follow(leap);
         }
         let measured = &{ *state.screen.believed() };
@@ -139,6 +141,10 @@ impl<T: Real> Autopilot<T> {
                 failed: state.monitor.any_failed(),
                 stalled: state.approach.stalled,
                 sounded: state.sounded,
+                contradiction: Some(state.screen.contradiction()),
+                speed: state.speed,
+                battery_age: state.intake.battery_age(),
+                surfaced: state.surfaced,
             },
         );
         let mut desired = self.guide(state, measured, was.level, set_point);

@@ -7,10 +7,20 @@
 //! | `battery` | less than the share is left |
 //! | `actuator` | an actuator does not follow its command |
 //! | `progress` | the active waypoint has come no nearer for so many seconds |
+//! | `contradicted_position` … `contradicted_velocity` | the sensors tell of two motions ([`crate::control::contradiction`]) |
+//! | `speed` | the measured forward speed has stayed away from the desired one |
+//! | `unread` | a channel that nothing reads, or the battery, has fallen silent |
+//! | `ascent` | the reaction *surface* has brought the vehicle no higher |
 //!
 //! The reactions are ordered, hold < surface < abort. The strongest that was called for stays: a vehicle that turns
 //! back at a limit must not take up its mission again. *Hold* keeps the station, or circles where the vehicle cannot;
 //! *surface* comes up under control; *abort* stops all actuators and lets buoyancy bring the vehicle up.
+//!
+//! A watch that calls for nothing, or does not yet, is told all the same: as a cause without a reaction, for as long as it
+//! is true. Stale channels are told after [`TOLD_S`] at the latest, contradictions at once. The reaction to a contradiction is that of the stale
+//! group: a depth that cannot be right is no depth. Depth and fence are held against both that contradict each other, and
+//! the worse counts. Who surfaces by a depth that is contradicted goes up whatever it shows. Where *surface* does not work,
+//! the vehicle aborts, if that is what its file lets it do without a depth: one that is heavier than water would sink.
 //!
 //! Every channel grows old by itself: yaw that is lost while roll and pitch arrive is stale attitude. Which channels are
 //! in use says [`crate::control::autopilot::channels`]. Samples that jump and
@@ -24,7 +34,8 @@
 //! Tests: `tests/closed_loop/safety.rs` (each watch, each reaction).
 
 use crate::control::autopilot::channels::{Use, Uses};
-use crate::control::navigation::{CHANNELS, GROUP, GROUP_NAMES, Measurement};
+use crate::control::contradiction::{Contradiction, Thresholds};
+use crate::control::navigation::{ALTITUDE, CHANNELS, DEPTH, GROUP, GROUP_NAMES, Measurement};
 use crate::mission::{Limits, outside};
 use crate::number::real::Real;
 use serde::{Deserialize, Serialize};
@@ -48,7 +59,7 @@ pub enum Reaction {
 pub const REACTIONS: [&str; 4] = ["continue", "hold", "surface", "abort"];
 
 /// The number of watches.
-pub const WATCHES: usize = 13;
+pub const WATCHES: usize = 20;
 
 /// The number of watches over the age of a group's channels, which are the first.
 const STALE: usize = 6;
@@ -68,7 +79,32 @@ pub const WATCH_NAMES: [&str; WATCHES] = [
     "battery",
     "actuator",
     "progress",
+    "contradicted_position",
+    "contradicted_depth",
+    "contradicted_attitude",
+    "contradicted_velocity",
+    "speed",
+    "unread",
+    "ascent",
 ];
+
+/// The first watch over contradictions, and the channels of each of the four.
+const CONTRADICTED: usize = 13;
+const OF_CONTRADICTED: [std::ops::Range<usize>; 4] = [0..2, 2..3, 3..6, 6..9];
+
+/// The watches behind them.
+const SPEED: usize = 17;
+const UNREAD: usize = 18;
+const ASCENT: usize = 19;
+
+/// The number that stands for a contradicted depth as the cause of an alert.
+pub const CONTRADICTED_DEPTH: f64 = (CONTRADICTED + 2) as f64;
+
+/// The longest time for which a stale channel in use is not told, s; its reaction may come later.
+pub const TOLD_S: f64 = 10.0;
+
+/// After so long without its readings the battery is told, s: they come once a minute on slow buses.
+const BATTERY_TOLD_S: f64 = 120.0;
 
 /// What should come, samples or the waypoint, and does not.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
@@ -104,6 +140,24 @@ pub struct ActuatorWatch {
     /// What is done besides allocating anew without it.
     pub reaction: Reaction,
 }
+
+/// A forward speed that stays away from the desired one.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct SpeedWatch {
+    /// By so much at least, m/s, and by [`OFF_SPEED`] of the desired speed.
+    pub off_m_s: f64,
+    /// For so long, s.
+    pub after_s: f64,
+    /// What is done then.
+    pub reaction: Reaction,
+}
+
+/// A speed is off by this share of the desired one: turns and dives cost less.
+const OFF_SPEED: f64 = 0.4;
+
+/// Who gathers or loses way comes nearer to the desired speed by this much within the time of the watch, m/s.
+const CLOSER_M_S: f64 = 0.05;
 
 /// The table `[safety]` of the autopilot file.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
@@ -142,6 +196,12 @@ pub struct SafetyTable {
     pub actuator: ActuatorWatch,
     /// The waypoint comes no nearer.
     pub progress: Stale,
+    /// From where on sensors contradict each other.
+    pub contradiction: Thresholds,
+    /// The speed does not follow.
+    pub speed: SpeedWatch,
+    /// While surfacing the vehicle must come half a metre higher within so long, s.
+    pub ascent_after_s: f64,
 }
 
 impl Default for SafetyTable {
@@ -151,6 +211,7 @@ impl Default for SafetyTable {
             surface_speed_m_s: 0.5,
             surfaced_above_m: 0.5,
             frozen_after_s: 2.0,
+            // It is told after ten seconds, and the fence is held against dead reckoning meanwhile.
             stale_position: stale(60.0, Reaction::Surface),
             stale_depth: stale(5.0, Reaction::Abort),
             stale_attitude: stale(2.0, Reaction::Abort),
@@ -164,6 +225,9 @@ impl Default for SafetyTable {
             battery: Battery { below: 0.1, reaction: Reaction::Surface },
             actuator: ActuatorWatch { deviation: 0.2, after_s: 2.0, reaction: Reaction::Continue },
             progress: stale(120.0, Reaction::Surface),
+            contradiction: Thresholds::default(),
+            speed: SpeedWatch { off_m_s: 0.3, after_s: 8.0, reaction: Reaction::Continue },
+            ascent_after_s: 30.0,
         }
     }
 }
@@ -181,6 +245,14 @@ impl SafetyTable {
             ("actuator.after_s".to_owned(), self.actuator.after_s),
             ("actuator.deviation".to_owned(), self.actuator.deviation),
             ("progress.after_s".to_owned(), self.progress.after_s),
+            ("contradiction.position_m".to_owned(), self.contradiction.position_m),
+            ("contradiction.depth_m".to_owned(), self.contradiction.depth_m),
+            ("contradiction.angle_deg".to_owned(), self.contradiction.angle_deg),
+            ("contradiction.roughness_m_s".to_owned(), self.contradiction.roughness_m_s),
+            ("contradiction.after_s".to_owned(), self.contradiction.after_s),
+            ("speed.off_m_s".to_owned(), self.speed.off_m_s),
+            ("speed.after_s".to_owned(), self.speed.after_s),
+            ("ascent_after_s".to_owned(), self.ascent_after_s),
         ];
         let wrong = times.chain(others).find(|(_, x)| x.is_nan() || *x <= 0.0);
         if let Some((key, x)) = wrong {
@@ -220,6 +292,13 @@ impl SafetyTable {
             self.battery.reaction,
             self.actuator.reaction,
             self.progress.reaction,
+            self.stale_position.reaction,
+            self.stale_depth.reaction,
+            self.stale_attitude.reaction,
+            Reaction::Continue,
+            self.speed.reaction,
+            Reaction::Continue,
+            if self.stale_depth.reaction == Reaction::Abort { Reaction::Abort } else { Reaction::Continue },
         ]
     }
 }
@@ -237,18 +316,41 @@ pub struct Alert<T> {
     pub since: T,
     /// For how long each watch has been true, s.
     lasting: [T; WATCHES],
+    /// The smallest depth since the vehicle surfaces, m, and for how long it has come no higher, s.
+    highest: T,
+    no_higher: T,
+    /// The smallest error of the speed since it is off, m/s.
+    off_speed: T,
 }
 
 /// A limit counts as passed after so long, s: one sample is an echo of a fish.
 const PERSISTENCE_S: f64 = 1.0;
 
-crate::memory!(Alert: level, cause, channel, since, lasting;);
+crate::memory!(Alert: level, cause, channel, since, lasting, highest, no_higher, off_speed;);
 
 impl<T: Real> Alert<T> {
     /// Nothing yet.
     pub fn none(unit: T) -> Self {
         let zero = unit.zero();
-        Self { level: zero, cause: zero, channel: zero, since: zero, lasting: [zero; WATCHES] }
+        let lasting = [zero; WATCHES];
+        let (highest, no_higher, off_speed) = (zero, zero, zero);
+        Self { level: zero, cause: zero, channel: zero, since: zero, lasting, highest, no_higher, off_speed }
+    }
+
+    /// Follows the way up by the deeper of two depths, `dt` seconds after the last look.
+    #[inline(always)]
+    fn rise(&mut self, depth: T, surfaced: T, dt: f64) {
+        let zero = depth.zero();
+        let surfacing = T::both(zero.splat(1.5).lt(self.level), self.level.lt(zero.splat(2.5)));
+        let below = T::both(surfacing, surfaced.lt(zero.splat(0.5)));
+        let begins = self.no_higher.lt(zero.splat(0.5 * dt));
+        let higher = T::either(begins, depth.lt(self.highest - NEARER_M));
+        self.highest = T::select(higher, depth, self.highest);
+        // Who sinks does not wait as long.
+        let sinks = (self.highest + SINKS_M).lt(depth);
+        let counted = self.no_higher + T::select(sinks, zero.splat(SINKING_COUNTS * dt), zero.splat(dt));
+        let restarted = T::select(higher, zero.splat(dt), counted);
+        self.no_higher = T::select(below, restarted, zero);
     }
 }
 
@@ -271,6 +373,14 @@ pub struct Circumstances<'a, T> {
     pub stalled: T,
     /// The depth sensor's own sample, where the measured depth is an estimate.
     pub sounded: Option<Sounded<T>>,
+    /// Whether the sensors tell of one motion; nothing where none has been compared.
+    pub contradiction: Option<&'a Contradiction<T>>,
+    /// Desired forward speed of the last step, m/s.
+    pub speed: T,
+    /// For how long the battery has shown nothing, s.
+    pub battery_age: T,
+    /// 1 once the vehicle is up.
+    pub surfaced: T,
 }
 
 /// What the depth sensor itself shows.
@@ -298,6 +408,10 @@ pub struct Approach<T> {
     /// For how long it has come no nearer, s.
     pub stalled: T,
 }
+
+/// So far below the highest point of its way up a vehicle sinks, m, and the time counts so many times then.
+const SINKS_M: f64 = 2.0;
+const SINKING_COUNTS: f64 = 10.0;
 
 /// A waypoint counts as nearer by this much, m: more than the noise of a position.
 const NEARER_M: f64 = 0.5;
@@ -337,12 +451,20 @@ pub fn watch<T: Real>(
     let [north, east, depth] = measured.position();
     let mut called = [zero; WATCHES];
     let mut oldest = [(zero, zero); STALE];
+    let (mut told, mut unread) = ([zero; WATCHES], (zero, zero));
     for c in 0..CHANNELS {
         let Some((age, channel)) = oldest.get_mut(GROUP[c]) else { continue };
         // What was never measured counts from the start; what can be done without is not missed before its first sample.
         let since_start = around.time;
         let own = match around.uses[c] {
-            Use::Idle => continue,
+            Use::Idle => {
+                let lost = zero.splat(table.stale()[GROUP[c]].after_s.min(TOLD_S)).lt(measured.age[c]);
+                let once = measured.age[c].lt(zero.splat(f64::INFINITY));
+                let lost = T::both(lost, once);
+                unread =
+                    (T::select(lost, one, unread.0), T::select(lost, zero.splat(c as f64 + 1.0), unread.1));
+                continue;
+            }
             Use::Needed => measured.age[c].min(since_start),
             Use::Replaceable => {
                 let known = measured.age[c].lt(zero.splat(f64::INFINITY));
@@ -354,36 +476,87 @@ pub fn watch<T: Real>(
     }
     for (i, stale) in table.stale().iter().enumerate() {
         called[i] = flag(zero.splat(stale.after_s).lt(oldest[i].0));
+        told[i] = flag(zero.splat(stale.after_s.min(TOLD_S)).lt(oldest[i].0));
     }
     // A sensor of the altitude matters where the mission asks for one.
     called[5] *= around.needs_altitude;
+    told[5] *= around.needs_altitude;
     let limits = around.limits;
     let depth = match &around.sounded {
         Some(own) => own.or_deeper(depth, table.stale_depth.after_s),
         None => depth,
     };
-    called[6] = flag(zero.splat(limits.depth).lt(depth));
+    let deeper = around.contradiction.map_or(depth, |c| depth.max(c.other(DEPTH, depth)));
+    called[6] = flag(zero.splat(limits.depth).lt(deeper));
     called[7] = flag(measured.altitude().lt(zero.splat(limits.altitude)));
     if !limits.fence.is_empty() {
         called[8] = outside(&limits.fence, north, east);
+        if let Some(c) = around.contradiction {
+            called[8] = called[8].max(outside(&limits.fence, c.other(0, north), c.other(1, east)));
+        }
     }
     called[9] = flag(zero.splat(limits.time).lt(around.time));
     called[10] = flag(measured.battery.lt(zero.splat(table.battery.below)));
     called[11] = around.failed;
     called[12] = flag(zero.splat(table.progress.after_s).lt(around.stalled));
+    let mut contradicted = [zero; 4];
+    if let Some(contradiction) = around.contradiction {
+        for (i, channels) in OF_CONTRADICTED.into_iter().enumerate() {
+            for c in channels.rev() {
+                if c < ALTITUDE - 6 {
+                    called[CONTRADICTED + i] = called[CONTRADICTED + i].max(contradiction.contrary(c));
+                }
+                let noticed = contradiction.noticed(c, &table.contradiction);
+                told[CONTRADICTED + i] = told[CONTRADICTED + i].max(noticed);
+                contradicted[i] = T::select(half.lt(noticed), zero.splat(c as f64 + 1.0), contradicted[i]);
+            }
+        }
+    }
+    let shown = measured.velocity()[0];
+    let most = (around.speed.abs() * OFF_SPEED).max(zero.splat(table.speed.off_m_s));
+    let fresh = measured.age[6].lt(zero.splat(table.speed.after_s));
+    let error = (around.speed - shown).abs();
+    let off = T::both(fresh, most.lt(error));
+    let nearer = error.lt(alert.off_speed - CLOSER_M_S);
+    called[SPEED] = T::select(nearer, zero, flag(off));
+    called[UNREAD] = unread.0.max(flag(zero.splat(BATTERY_TOLD_S).lt(around.battery_age)));
+    called[ASCENT] = flag(zero.splat(table.ascent_after_s).lt(alert.no_higher));
     let mut next = *alert;
+    next.rise(deeper, around.surfaced, around.dt);
+    let begins = T::either(nearer, alert.lasting[SPEED].lt(half * around.dt));
+    next.off_speed = T::select(off, T::select(begins, error, alert.off_speed), zero);
+    let channel = |i: usize| match i {
+        0..STALE => oldest[i].1,
+        _ if (CONTRADICTED..SPEED).contains(&i) => contradicted[i - CONTRADICTED],
+        UNREAD => unread.1,
+        _ => zero,
+    };
     for (i, reaction) in table.reactions().into_iter().enumerate() {
         next.lasting[i] = T::select(half.lt(called[i]), next.lasting[i] + around.dt, zero);
         // The others have a time of their own.
         if MEASURED_LIMITS.contains(&i) {
             called[i] = flag(zero.splat(PERSISTENCE_S).lt(next.lasting[i]));
         }
+        if (CONTRADICTED..=SPEED).contains(&i) {
+            let after = if i == SPEED { table.speed.after_s } else { table.contradiction.after_s };
+            called[i] = flag(zero.splat(after).lt(next.lasting[i]));
+        }
+        told[i] = told[i].max(called[i]);
         let level = zero.splat(f64::from(reaction as u8));
         let stronger = T::both(half.lt(called[i]), next.level.lt(level));
         next.level = T::select(stronger, level, next.level);
         next.cause = T::select(stronger, zero.splat(i as f64 + 1.0), next.cause);
-        next.channel = T::select(stronger, oldest.get(i).map_or(zero, |(_, channel)| *channel), next.channel);
+        next.channel = T::select(stronger, channel(i), next.channel);
         next.since = T::select(stronger, around.time, next.since);
     }
+    // Without a reaction, what is told is the first that is true.
+    let calm = next.level.lt(half);
+    let (mut cause, mut of) = (zero, zero);
+    for i in (0..WATCHES).rev() {
+        let this = half.lt(told[i]);
+        (cause, of) = (T::select(this, zero.splat(i as f64 + 1.0), cause), T::select(this, channel(i), of));
+    }
+    next.cause = T::select(calm, cause, next.cause);
+    next.channel = T::select(calm, of, next.channel);
     next
 }

@@ -24,6 +24,7 @@
 //!
 //! Tests: `tests/control/samples.rs`, `tests/core/test_helm_screen.py`.
 
+use crate::control::contradiction::{Contradiction, Thresholds};
 use crate::control::navigation::{ALTITUDE, CHANNELS, DEPTH, Measurement, RATES, VELOCITY, WATER, YAW};
 use crate::model::kinematics::euler_rate;
 use crate::number::algebra::{Vec3, Vec6};
@@ -110,10 +111,12 @@ pub struct Screen<T> {
     doubting: bool,
     /// Samples that were not believed.
     refused: [T; CHANNELS],
+    /// Whether what is believed is of one motion.
+    contradiction: Contradiction<T>,
 }
 
 crate::memory!(Screen:
-    believed, told, told_age, same_for, frozen, apart, jumped_to, stays_for, refused;
+    believed, told, told_age, same_for, frozen, apart, jumped_to, stays_for, refused, contradiction;
     comparing, doubting);
 
 impl<T: Real> Screen<T> {
@@ -132,12 +135,18 @@ impl<T: Real> Screen<T> {
             stays_for: [unit.splat(-1.0); CHANNELS],
             doubting: false,
             refused: zeros,
+            contradiction: Contradiction::new(unit),
         }
     }
 
     /// What is believed, with the time since it was last good.
     pub fn believed(&self) -> &Measurement<T> {
         &self.believed
+    }
+
+    /// Whether what is believed is of one motion.
+    pub fn contradiction(&self) -> &Contradiction<T> {
+        &self.contradiction
     }
 
     /// How many samples of a channel were not believed.
@@ -157,6 +166,7 @@ impl<T: Real> Screen<T> {
         &mut self,
         measured: &Measurement<T>,
         (frozen_after, speed): (f64, T),
+        thresholds: &Thresholds,
         dt: f64,
     ) -> Option<Leap<T>> {
         let (zero, mut before) = (speed.zero(), self.believed.channels);
@@ -181,10 +191,10 @@ impl<T: Real> Screen<T> {
         let compared = self.comparing || T::any(repeats);
         let fresh = |screen: &Self| std::array::from_fn(|c| screen.fresh(measured, c, dt));
         let fresh = (self.doubting || compared || T::any(jumps)).then(|| fresh(self));
-        let mut leap = None;
+        let (mut leap, mut moved) = (None, [zero; CHANNELS]);
         match &fresh {
             Some(fresh) if self.doubting || T::any(jumps) => {
-                let moved = self.doubt(measured, fresh, dt);
+                moved = self.doubt(measured, fresh, dt);
                 // A jump is no motion that a rate could tell.
                 for c in 0..CHANNELS {
                     before[c] += moved[c];
@@ -199,6 +209,7 @@ impl<T: Real> Screen<T> {
             self.compare(&before, &fresh, (frozen_after, speed), dt.min(LONGEST_S));
             self.comparing = T::any(repeats);
         }
+        self.contradiction.see(&self.believed, &moved, thresholds, dt);
         leap
     }
 

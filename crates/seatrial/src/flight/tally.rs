@@ -138,7 +138,8 @@ impl<T: Real> Tally<T> {
         }
         figures.alert = [
             keep(alert.level, figures.alert[0]),
-            keep(alert.cause, figures.alert[1]),
+            // What is told without a reaction is in the log.
+            keep(T::select(half.lt(alert.level), alert.cause, zero), figures.alert[1]),
             keep(alert.since, figures.alert[2]),
         ];
         let ended = half.lt(thought.ended);

@@ -227,6 +227,10 @@ fn law_safety_limits_need_more_than_a_sample() {
             failed: 0.0,
             stalled: 0.0,
             sounded: None,
+            contradiction: None,
+            speed: 0.0,
+            battery_age: 0.0,
+            surfaced: 0.0,
         };
         alert = watch(&table, &alert, &measured, &around);
         assert_eq!(alert.level > 0.0, k >= 30, "step {k}");
@@ -257,6 +261,10 @@ fn law_safety_the_depth_watch_believes_the_deeper_of_sensor_and_estimate() {
                 failed: 0.0,
                 stalled: 0.0,
                 sounded: Some(Sounded { depth, age }),
+                contradiction: None,
+                speed: 0.0,
+                battery_age: 0.0,
+                surfaced: 0.0,
             };
             alert = watch(&table, &alert, &measured, &around);
         }

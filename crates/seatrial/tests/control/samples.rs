@@ -6,6 +6,7 @@ use seatrial::control::allocation::Allocator;
 use seatrial::control::autopilot::Autopilot;
 use seatrial::control::autopilot::channels::Use;
 use seatrial::control::autopilot::settings::{Settings, built_in};
+use seatrial::control::contradiction::Thresholds;
 use seatrial::control::intake::{Intake, Quantity};
 use seatrial::control::navigation::{CHANNELS, GROUP, Measurement};
 use seatrial::control::screen::Screen;
@@ -24,7 +25,7 @@ fn looked(motion: &[(usize, f64)], channel: usize, values: &[f64]) -> Vec<Measur
     }
     let look = |value: &f64| {
         measured.channels[channel] = *value;
-        screen.look(&measured, (2.0, 0.0), PERIOD);
+        screen.look(&measured, (2.0, 0.0), &Thresholds::default(), PERIOD);
         *screen.believed()
     };
     values.iter().map(look).collect()
@@ -76,7 +77,7 @@ fn after_a_silence(before: f64, seconds: f64, after: &[f64]) -> Vec<Measurement<
             Some(u) => (measured.channels[6], measured.age[6]) = (u, 0.0),
             None => measured.age[6] += PERIOD,
         }
-        screen.look(&measured, (2.0, 1.5), PERIOD);
+        screen.look(&measured, (2.0, 1.5), &Thresholds::default(), PERIOD);
         *screen.believed()
     };
     for k in 0..20 {

@@ -9,9 +9,12 @@ use super::state::{Autopilot, AutopilotState};
 use crate::control::guidance::limits::towards;
 use crate::control::guidance::{Desired, Fix};
 use crate::control::navigation::Measurement;
-use crate::control::safety::Reaction;
+use crate::control::safety::{CONTRADICTED_DEPTH, Reaction};
 use crate::mission::Vertical;
 use crate::number::real::Real;
+
+/// Who comes up by a depth that is contradicted aims so far above what it shows, m: no reading then ends the way up.
+const BLIND_M: f64 = 10.0;
 
 impl<T: Real> Autopilot<T> {
     /// 1 where the mission follows the bottom or keeps off it.
@@ -96,13 +99,18 @@ impl<T: Real> Autopilot<T> {
             pick(&mut desired.speed, towards(state.speed, speed, guidance.acceleration_max * dt));
             pick(&mut desired.lateral, zero);
             pick(&mut desired.heading, state.heading);
-            pick(&mut desired.pitch, guidance.pitch_towards(depth));
-            pick(&mut desired.depth, towards(state.depth, zero, guidance.depth_rate_max * dt));
+            let blind = (state.alert.cause - CONTRADICTED_DEPTH).abs().lt(zero.splat(0.5));
+            let seen = T::select(blind, depth.max(zero.splat(BLIND_M)), depth);
+            pick(&mut desired.pitch, guidance.pitch_towards(seen));
+            let up = towards(state.depth, zero, guidance.depth_rate_max * dt);
+            pick(&mut desired.depth, T::select(blind, depth - BLIND_M, up));
             pick(&mut desired.holding, zero.splat(f64::from(u8::from(still))));
         }
         (state.speed, state.depth) = (desired.speed, desired.depth);
         // Who was up stays stopped: without buoyancy it would start again and again.
-        let up = T::both(surface, depth.lt(zero.splat(file.safety.surfaced_above_m)));
+        let shown = T::both(surface, depth.lt(zero.splat(file.safety.surfaced_above_m)));
+        let trusted = (state.alert.cause - CONTRADICTED_DEPTH).abs();
+        let up = T::both(shown, zero.splat(0.5).lt(trusted));
         state.surfaced = T::select(up, zero.splat(1.0), state.surfaced);
         zero.lt(state.surfaced)
     }
