@@ -256,6 +256,11 @@ class Helm:
         Samples that were not believed, by channel: how many, and what was wrong last: impossible, a jump, or the same value
         for too long.
         """
+    def reset(self, /) -> None:
+        """
+        The operator's reset: leaves every reaction, whatever called for it, and takes up the mission where it was
+        interrupted. What is still true calls again after its time. Actuators that were given up stay so: see `declare_failed`.
+        """
     def step(self, /, measurement: Mapping[str, ArrayLike], signals: Mapping[str, ArrayLike] | None = None, *, set_points: Mapping[str, ArrayLike] | None = None, time_s: SupportsFloat | SupportsIndex | None = None, dt_s: SupportsFloat | SupportsIndex | None = None) -> dict[str, float]:
         """
         Commands {actuator: value in its own unit} from now on.

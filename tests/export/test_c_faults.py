@@ -16,7 +16,7 @@ from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.export.compiler import ran
 from tests.export.test_c import STRICT, needs
-from tests.flight.sensor_faults import CHANNELS, KINDS, MISSION, Fault, Flown, Told, fault, fly
+from tests.flight.sensor_faults import CHANNELS, FAULT_AT_S, KINDS, MISSION, Fault, Flown, Told, fault, fly
 
 HARNESS = """
 #include "{prefix}.h"
@@ -87,7 +87,7 @@ def stepped(program: Path, exported: st.CExport, told: list[Told]) -> dict[str, 
     assert autopilot is not None
     rows = []
     for sample in told:
-        known = {**dict.fromkeys(CHANNELS, math.nan), **sample}
+        known = {**dict.fromkeys(CHANNELS, math.nan), "reset": 0.0, **sample}
         for one in autopilot.inputs:
             name = one["known_as"]
             if name in known:
@@ -195,3 +195,22 @@ def test_a_channel_that_stays_lost_is_told_by_the_exported_autopilot(exported: s
         _, causes = told_of(stepped(program, exported, told))
         assert causes[40] == "", channel
         assert causes[-1].startswith("unread" if channel == "p" else "stale_"), channel
+
+
+def test_the_exported_autopilot_takes_the_operators_reset_as_the_helm_does(exported: st.CExport) -> None:
+    """A lost depth aborts; the reset comes after the sensor is back, and the mission goes on."""
+    program = built(exported)
+    lost = fault("lost", "z")
+    at = FAULT_AT_S + 15.0
+    flown = fly(
+        "cwolf",
+        lambda told, since, rng: lost(told, since, rng) if since < 8.0 else told,
+        seconds=at + 20.0,
+        resets_at_s=(at,),
+    )
+    assert flown.reaction[round(at / 0.1) - 1] == "abort"
+    assert flown.reaction[-1] == "continue"
+    told = [t | {"reset": float(k == round(at / 0.1))} for k, t in enumerate(flown.told)]
+    shown = stepped(program, exported, told)
+    assert told_of(shown) == (flown.reaction, flown.cause)
+    assert apart(shown, flown) < DOUBLE

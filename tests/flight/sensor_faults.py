@@ -124,7 +124,14 @@ class Flown:
     true: Array
 
 
-def fly(vehicle: str, fault: Fault | None = None, *, seconds: float = 200.0, seed: int = 1) -> Flown:
+def fly(
+    vehicle: str,
+    fault: Fault | None = None,
+    *,
+    seconds: float = 200.0,
+    seed: int = 1,
+    resets_at_s: tuple[float, ...] = (),
+) -> Flown:
     """The mission under `Helm` in a current, with noise of all sensors, and with a fault from 40 s on."""
     speed, supply = VEHICLES[vehicle]
     boat, autopilot = st.Vehicle.load(vehicle), st.Autopilot.load(vehicle)
@@ -140,6 +147,8 @@ def fly(vehicle: str, fault: Fault | None = None, *, seconds: float = 200.0, see
         if fault is not None and since >= 0.0:
             told = fault(told, since, rng)
         flown.told.append(told)
+        if any(abs(k * period - at) < 0.5 * period for at in resets_at_s):
+            helm.reset()
         commands = helm.step(told | ({} if supply is None else {"voltage": supply}))
         flown.commands.append(commands)
         flown.reaction.append(str(helm.thought.get("reaction", "continue")))

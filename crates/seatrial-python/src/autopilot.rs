@@ -512,6 +512,13 @@ impl Helm {
         ])))
     }
 
+    /// The operator's reset: leaves every reaction, whatever called for it, and takes up the mission where it was
+    /// interrupted. What is still true calls again after its time. Actuators that were given up stay so: see `declare_failed`.
+    fn reset(&self) -> PyResult<()> {
+        self.memory()?.state.reset(true);
+        Ok(())
+    }
+
     /// Takes an actuator out of the allocation from the next step on, or back into it.
     #[pyo3(signature = (actuator, failed = true))]
     fn declare_failed(&self, actuator: &str, failed: bool) -> PyResult<()> {

@@ -188,7 +188,7 @@ fn flown(name: &str, text: &str, mission: &str, periods: usize, feedback: bool) 
         let shown = world.motors.signals.clone();
         let all = named(&mut pilot, "");
         let commands = world.description.actuators.iter().zip(&shown).map(|(a, &s)| a.command(s));
-        let told = measured.channels.iter().chain(&measured.age).copied().chain([measured.battery]);
+        let told = measured.channels.iter().chain(&measured.age).copied().chain([measured.battery, 0.0]);
         let inputs: Vec<f64> = told.chain(commands.filter(|_| feedback)).collect();
         let (next, results) =
             program.run(&starts(&program.interface.parameters), &picked(&program, &all), &inputs);

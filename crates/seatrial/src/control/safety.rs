@@ -13,7 +13,9 @@
 //! | `ascent` | the reaction *surface* has brought the vehicle no higher |
 //!
 //! The reactions are ordered, hold < surface < abort. The strongest that was called for stays: a vehicle that turns
-//! back at a limit must not take up its mission again. *Hold* keeps the station, or circles where the vehicle cannot;
+//! back at a limit must not take up its mission again. What a contradiction called for is left when that is over
+//! ([`Thresholds::over_after_s`]), unless the vehicle has surfaced, and the operator's reset leaves everything
+//! ([`Alert::reset`]): the mission goes on where it was interrupted. *Hold* keeps the station, or circles where the vehicle cannot;
 //! *surface* comes up under control; *abort* stops all actuators and lets buoyancy bring the vehicle up.
 //!
 //! A watch that calls for nothing, or does not yet, is told all the same: as a cause without a reaction, for as long as it
@@ -97,9 +99,6 @@ const SPEED: usize = 17;
 const UNREAD: usize = 18;
 const ASCENT: usize = 19;
 
-/// The number that stands for a contradicted depth as the cause of an alert.
-pub const CONTRADICTED_DEPTH: f64 = (CONTRADICTED + 2) as f64;
-
 /// The longest time for which a stale channel in use is not told, s; its reaction may come later.
 pub const TOLD_S: f64 = 10.0;
 
@@ -155,6 +154,9 @@ pub struct SpeedWatch {
 
 /// A speed is off by this share of the desired one: turns and dives cost less.
 const OFF_SPEED: f64 = 0.4;
+
+/// A speed that is held for longer through a drop-out does not follow anything, s.
+const SPEED_IS_OLD_S: f64 = 2.0;
 
 /// Who gathers or loses way comes nearer to the desired speed by this much within the time of the watch, m/s.
 const CLOSER_M_S: f64 = 0.05;
@@ -249,7 +251,11 @@ impl SafetyTable {
             ("contradiction.depth_m".to_owned(), self.contradiction.depth_m),
             ("contradiction.angle_deg".to_owned(), self.contradiction.angle_deg),
             ("contradiction.roughness_m_s".to_owned(), self.contradiction.roughness_m_s),
+            ("contradiction.heading_off_deg".to_owned(), self.contradiction.heading_off_deg),
+            ("contradiction.pitch_off_deg".to_owned(), self.contradiction.pitch_off_deg),
+            ("contradiction.gyro_off_deg_s".to_owned(), self.contradiction.gyro_off_deg_s),
             ("contradiction.after_s".to_owned(), self.contradiction.after_s),
+            ("contradiction.over_after_s".to_owned(), self.contradiction.over_after_s),
             ("speed.off_m_s".to_owned(), self.speed.off_m_s),
             ("speed.after_s".to_owned(), self.speed.after_s),
             ("ascent_after_s".to_owned(), self.ascent_after_s),
@@ -314,6 +320,10 @@ pub struct Alert<T> {
     pub channel: T,
     /// When, s.
     pub since: T,
+    /// Level, cause, channel and time of what stays until the operator's reset: all but contradictions.
+    firm: [T; 4],
+    /// For how long no sensors have contradicted each other, s.
+    calm_for: T,
     /// For how long each watch has been true, s.
     lasting: [T; WATCHES],
     /// The smallest depth since the vehicle surfaces, m, and for how long it has come no higher, s.
@@ -326,7 +336,7 @@ pub struct Alert<T> {
 /// A limit counts as passed after so long, s: one sample is an echo of a fish.
 const PERSISTENCE_S: f64 = 1.0;
 
-crate::memory!(Alert: level, cause, channel, since, lasting, highest, no_higher, off_speed;);
+crate::memory!(Alert: level, cause, channel, since, firm, calm_for, lasting, highest, no_higher, off_speed;);
 
 impl<T: Real> Alert<T> {
     /// Nothing yet.
@@ -334,7 +344,50 @@ impl<T: Real> Alert<T> {
         let zero = unit.zero();
         let lasting = [zero; WATCHES];
         let (highest, no_higher, off_speed) = (zero, zero, zero);
-        Self { level: zero, cause: zero, channel: zero, since: zero, lasting, highest, no_higher, off_speed }
+        let (firm, calm_for) = ([zero; 4], zero);
+        let (level, cause, channel, since) = (zero, zero, zero, zero);
+        Self { level, cause, channel, since, firm, calm_for, lasting, highest, no_higher, off_speed }
+    }
+
+    /// Forgets where `at` holds whatever was called for: what is still true calls again after its time.
+    #[inline(always)]
+    pub fn reset(&mut self, at: T::Mask) {
+        let none = Self::none(self.level.zero());
+        let pick = |to: &mut T, from: T| *to = T::select(at, from, *to);
+        for (to, from) in [
+            (&mut self.level, none.level),
+            (&mut self.cause, none.cause),
+            (&mut self.channel, none.channel),
+            (&mut self.since, none.since),
+            (&mut self.calm_for, none.calm_for),
+            (&mut self.highest, none.highest),
+            (&mut self.no_higher, none.no_higher),
+            (&mut self.off_speed, none.off_speed),
+        ] {
+            pick(to, from);
+        }
+        for to in self.firm.iter_mut().chain(&mut self.lasting) {
+            pick(to, none.level);
+        }
+    }
+
+    /// Leaves the reaction to a contradiction, where that is over for `after` seconds, for what else was called for. Who
+    /// has surfaced stays there.
+    #[inline(always)]
+    fn leave(&mut self, surfaced: T, after: f64) {
+        let zero = self.level.zero();
+        let off = (self.cause - (CONTRADICTED as f64 + 2.5)).abs();
+        let contradicted = T::both(off.lt(zero.splat(2.0)), surfaced.lt(zero.splat(0.5)));
+        let over = T::both(contradicted, zero.splat(after).lt(self.calm_for));
+        let [level, cause, channel, since] = self.firm;
+        for (to, from) in [
+            (&mut self.level, level),
+            (&mut self.cause, cause),
+            (&mut self.channel, channel),
+            (&mut self.since, since),
+        ] {
+            *to = T::select(over, from, *to);
+        }
     }
 
     /// Follows the way up by the deeper of two depths, `dt` seconds after the last look.
@@ -422,6 +475,12 @@ impl<T: Real> Approach<T> {
     /// Nothing seen yet.
     pub fn new(unit: T) -> Self {
         Self { leg: unit.splat(-1.0), nearest: unit.zero(), stalled: unit.zero() }
+    }
+
+    /// Counts anew where `at` holds.
+    #[inline(always)]
+    pub fn restart(&mut self, at: T::Mask) {
+        self.stalled = T::select(at, self.stalled.zero(), self.stalled);
     }
 
     /// After `dt` more seconds at a distance from the waypoint `leg`; no time runs while the vehicle is `busy` there.
@@ -514,7 +573,7 @@ pub fn watch<T: Real>(
     }
     let shown = measured.velocity()[0];
     let most = (around.speed.abs() * OFF_SPEED).max(zero.splat(table.speed.off_m_s));
-    let fresh = measured.age[6].lt(zero.splat(table.speed.after_s));
+    let fresh = measured.age[6].lt(zero.splat(SPEED_IS_OLD_S));
     let error = (around.speed - shown).abs();
     let off = T::both(fresh, most.lt(error));
     let nearer = error.lt(alert.off_speed - CLOSER_M_S);
@@ -522,6 +581,9 @@ pub fn watch<T: Real>(
     called[UNREAD] = unread.0.max(flag(zero.splat(BATTERY_TOLD_S).lt(around.battery_age)));
     called[ASCENT] = flag(zero.splat(table.ascent_after_s).lt(alert.no_higher));
     let mut next = *alert;
+    let any = called[CONTRADICTED..SPEED].iter().fold(zero, |any, &x| any.max(x));
+    next.calm_for = T::select(half.lt(any), zero, next.calm_for + around.dt);
+    next.leave(around.surfaced, table.contradiction.over_after_s);
     next.rise(deeper, around.surfaced, around.dt);
     let begins = T::either(nearer, alert.lasting[SPEED].lt(half * around.dt));
     next.off_speed = T::select(off, T::select(begins, error, alert.off_speed), zero);
@@ -548,6 +610,13 @@ pub fn watch<T: Real>(
         next.cause = T::select(stronger, zero.splat(i as f64 + 1.0), next.cause);
         next.channel = T::select(stronger, channel(i), next.channel);
         next.since = T::select(stronger, around.time, next.since);
+        if !(CONTRADICTED..SPEED).contains(&i) {
+            let firmer = T::both(half.lt(called[i]), next.firm[0].lt(level));
+            let now = [level, zero.splat(i as f64 + 1.0), channel(i), around.time];
+            for (to, from) in next.firm.iter_mut().zip(now) {
+                *to = T::select(firmer, from, *to);
+            }
+        }
     }
     // Without a reaction, what is told is the first that is true.
     let calm = next.level.lt(half);

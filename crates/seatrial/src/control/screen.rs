@@ -149,6 +149,12 @@ impl<T: Real> Screen<T> {
         &self.contradiction
     }
 
+    /// Forgets where `at` holds what contradicted each other.
+    #[inline(always)]
+    pub fn forget(&mut self, at: T::Mask) {
+        self.contradiction.forget(at);
+    }
+
     /// How many samples of a channel were not believed.
     pub fn refused(&self, channel: usize) -> T {
         self.refused[channel]

@@ -111,6 +111,8 @@ impl AutopilotStep<'_> {
         });
         let mut inputs: Vec<Symbol> = channels.chain(ages).collect();
         inputs.push(Symbol::new("battery", "1", "share of the battery that is left", 1.0));
+        let about = "1 for one step: the operator's reset, which leaves every reaction";
+        inputs.push(Symbol::new("reset", "1", about, 0.0));
         let actuators = &self.model.actuators;
         if self.feedback {
             inputs.extend(actuators.iter().map(|a| {
@@ -166,7 +168,7 @@ impl AutopilotStep<'_> {
 
             let mut inputs = given.inputs.iter().copied();
             let mut told = |count: usize| inputs.by_ref().take(count).collect::<Vec<Traced>>();
-            let (channels, ages, battery) = (told(CHANNELS), told(CHANNELS), told(1));
+            let (channels, ages, battery, reset) = (told(CHANNELS), told(CHANNELS), told(1), told(1)[0]);
             let actuators = &self.model.actuators;
             let signals = actuators.iter().zip(told(if self.feedback { actuators.len() } else { 0 }));
             let feedback: Vec<Traced> = signals.map(|(a, shown)| signal_of(a, shown)).collect();
@@ -174,6 +176,7 @@ impl AutopilotStep<'_> {
             measured.channels.copy_from_slice(&channels);
             measured.age.copy_from_slice(&ages);
             (measured.battery, measured.voltage) = (battery[0], self.voltage);
+            pilot.reset(reset.splat(0.5).lt(reset));
             let thought = autopilot.step(&mut pilot, &measured, self.feedback.then_some(&feedback[..]));
             given.state.clear();
             pilot.visit("", &mut |_: &str, x: &mut Traced| given.state.push(*x));

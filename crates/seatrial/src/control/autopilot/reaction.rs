@@ -8,8 +8,8 @@ use super::set_point::SetPoint;
 use super::state::{Autopilot, AutopilotState};
 use crate::control::guidance::limits::towards;
 use crate::control::guidance::{Desired, Fix};
-use crate::control::navigation::Measurement;
-use crate::control::safety::{CONTRADICTED_DEPTH, Reaction};
+use crate::control::navigation::{DEPTH, Measurement};
+use crate::control::safety::Reaction;
 use crate::mission::Vertical;
 use crate::number::real::Real;
 
@@ -60,6 +60,7 @@ impl<T: Real> Autopilot<T> {
         }
         let fix =
             Fix { position, altitude: measured.altitude(), attitude: measured.attitude(), velocity: fresh };
+        state.progress.resume(calm);
         if T::any(begins) {
             self.guidance.stop_here(&mut state.progress, &fix, begins);
             state.heading = T::select(begins, fix.attitude[2], state.heading);
@@ -99,7 +100,7 @@ impl<T: Real> Autopilot<T> {
             pick(&mut desired.speed, towards(state.speed, speed, guidance.acceleration_max * dt));
             pick(&mut desired.lateral, zero);
             pick(&mut desired.heading, state.heading);
-            let blind = (state.alert.cause - CONTRADICTED_DEPTH).abs().lt(zero.splat(0.5));
+            let blind = zero.splat(0.5).lt(state.screen.contradiction().contrary(DEPTH));
             let seen = T::select(blind, depth.max(zero.splat(BLIND_M)), depth);
             pick(&mut desired.pitch, guidance.pitch_towards(seen));
             let up = towards(state.depth, zero, guidance.depth_rate_max * dt);
@@ -109,8 +110,8 @@ impl<T: Real> Autopilot<T> {
         (state.speed, state.depth) = (desired.speed, desired.depth);
         // Who was up stays stopped: without buoyancy it would start again and again.
         let shown = T::both(surface, depth.lt(zero.splat(file.safety.surfaced_above_m)));
-        let trusted = (state.alert.cause - CONTRADICTED_DEPTH).abs();
-        let up = T::both(shown, zero.splat(0.5).lt(trusted));
+        let trusted = state.screen.contradiction().contrary(DEPTH).lt(zero.splat(0.5));
+        let up = T::both(shown, trusted);
         state.surfaced = T::select(up, zero.splat(1.0), state.surfaced);
         zero.lt(state.surfaced)
     }

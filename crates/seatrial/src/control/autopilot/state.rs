@@ -116,6 +116,16 @@ impl<T: Real> AutopilotState<T> {
         &self.screen
     }
 
+    /// The operator's reset where `at` holds: whatever was called for is left, and the mission goes on where it was
+    /// interrupted. What is still true calls again after its time.
+    #[inline(always)]
+    pub fn reset(&mut self, at: T::Mask) {
+        self.alert.reset(at);
+        self.screen.forget(at);
+        self.approach.restart(at);
+        self.surfaced = T::select(at, self.surfaced.zero(), self.surfaced);
+    }
+
     /// Moves what is desired along with a jump of depth, pitch and yaw that is believed: the errors of the loops do not
     /// jump, and guidance goes from here to where it wants to be at its own rates.
     #[inline(always)]

@@ -67,11 +67,15 @@ pub struct Progress<T> {
     pub(super) depth: T,
     /// Depth that the leg last asked for, m: without bottom lock it stays.
     pub(super) terrain: T,
+    /// 1 where a mission was interrupted, and what of its leg was put aside then.
+    pub(super) interrupted: T,
+    pub(super) aside: [T; 9],
 }
 
 crate::memory!(Progress:
     index, leg, started, armed, busy, arrived, clock, swept, bearing, done, closest, farthest, passing, passed_by, turn,
-    setting_off, kept_heading, was_holding, drift, round, heave, speed, lateral, heading, pitch, depth, terrain;);
+    setting_off, kept_heading, was_holding, drift, round, heave, speed, lateral, heading, pitch, depth, terrain,
+    interrupted, aside;);
 
 impl<T: Real> Progress<T> {
     /// The state at the start, in the kind of `unit`. Without waypoints the mission is complete.
@@ -108,6 +112,8 @@ impl<T: Real> Progress<T> {
             pitch: zero,
             depth: zero,
             terrain: zero,
+            interrupted: zero,
+            aside: [zero; 9],
         };
         progress.end_at(from, holds(empty));
         progress
@@ -177,10 +183,48 @@ impl<T: Real> Progress<T> {
         self.heading = (self.heading + yaw).wrap();
     }
 
-    /// Ends the mission at the place of the fix.
+    /// Interrupts the mission at the place of the fix.
     #[inline(always)]
     pub(super) fn stop(&mut self, fix: &Fix<T>, at: T::Mask) {
+        let under_way = T::both(at, self.done.lt(self.done.splat(0.5)));
+        let task = self.task_mut().map(|x| *x);
+        for (aside, x) in self.aside.iter_mut().zip(task) {
+            *aside = T::select(under_way, x, *aside);
+        }
+        self.interrupted = T::select(under_way, self.done.splat(1.0), self.interrupted);
         self.end_at(fix.position, at);
+    }
+
+    /// Takes up again what was interrupted, on the leg's own line.
+    #[inline(always)]
+    pub fn resume(&mut self, at: T::Mask) {
+        let zero = self.done.zero();
+        let resumes = T::both(at, zero.splat(0.5).lt(self.interrupted));
+        let aside = self.aside;
+        for (x, aside) in self.task_mut().into_iter().zip(aside) {
+            *x = T::select(resumes, aside, *x);
+        }
+        for flag in [&mut self.done, &mut self.interrupted, &mut self.was_holding] {
+            *flag = T::select(resumes, zero, *flag);
+        }
+    }
+
+    /// What an interruption takes from the leg: its end, what is done there, and whether the vehicle was at it.
+    #[inline(always)]
+    fn task_mut(&mut self) -> [&mut T; 9] {
+        let leg = &mut self.leg;
+        let [north, east, depth] = &mut leg.end;
+        [
+            north,
+            east,
+            depth,
+            &mut leg.terrain,
+            &mut leg.hold,
+            &mut leg.circle,
+            &mut leg.wished,
+            &mut leg.sense,
+            &mut self.busy,
+        ]
     }
 
     /// Ends the mission at a place where the mask holds.

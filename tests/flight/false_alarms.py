@@ -1,0 +1,88 @@
+"""False alarms of the watches in ordinary flight: sensors with drop-outs, waves, current, turbulence.
+
+``python -m tests.flight.false_alarms [CASES] [SEEDS]`` prints the table of docs/validation.md.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+
+import numpy as np
+
+import seatrial as st
+from seatrial._core import autopilot_names
+from seatrial.flight.sea import SeaState
+
+HOURS = 1.0
+
+VEHICLES: dict[str, tuple[float, float | None]] = {
+    "cwolf": (1.5, None),
+    "remus100": (1.55, None),
+    "bluerov2-heavy": (0.6, 16.0),
+    "lauv": (1.5, None),
+}
+"""Speed of the mission, m/s, and supply, V."""
+
+GENUINE = ("stale_velocity",)
+"""What is told rightly: the Doppler log of typical sensors is silent for over ten seconds now and then."""
+
+
+def lanes(speed_m_s: float) -> st.Mission:
+    """Lanes of 200 m at 3 to 10 m for longer than the flight."""
+    legs = [
+        f"[[legs]]\nnorth_m = {200.0 * (k % 2 == 0)}\neast_m = {30.0 * k}\n"
+        f"depth_m = {(3.0, 6.0, 10.0, 4.0)[k % 4]}\n"
+        for k in range(int(HOURS * 3600.0 * speed_m_s / 230.0) + 1)
+    ]
+    head = f'format = 1\nname = "lanes"\nspeed_m_s = {speed_m_s}\nacceptance_radius_m = 6.0\n'
+    limits = f"[limits]\nmax_time_s = {HOURS * 3600.0 + 60.0}\n"
+    return st.Mission.from_toml(head + limits + "".join(legs))
+
+
+def flown(vehicle: str, *, cases: int, seed: int) -> tuple[Counter[str], float]:
+    """How often each watch began to be told, and the hours flown, without waves and in 0.5, 1 and 1.5 m."""
+    speed, supply = VEHICLES[vehicle]
+    rng = np.random.default_rng(seed)
+    waves: list[SeaState | None] = []
+    for k in range(cases):
+        height = 0.5 * (k % 4)
+        period = float(rng.uniform(4.5 + 2.0 * height / 1.5, 9.0))
+        toward, spread = float(rng.uniform(0.0, 360.0)), float(rng.choice([0.0, 20.0]))
+        waves.append(SeaState(height, period, toward_deg=toward, spreading_deg=spread) if height else None)
+    strength, toward_rad = rng.uniform(0.0, 0.3, cases), rng.uniform(0.0, 2.0 * np.pi, cases)
+    current = np.stack([strength * np.cos(toward_rad), strength * np.sin(toward_rad), 0.0 * strength], axis=1)
+    flights = st.fly_batch(
+        vehicle,
+        vehicle,
+        lanes(speed),
+        current=current,
+        turbulence=0.03,
+        waves=waves,
+        seeds=[1000 * seed + k for k in range(cases)],
+        sensors="typical",
+        voltage_v=supply,
+        logs=True,
+        max_time_s=HOURS * 3600.0,
+    )
+    watches, column = autopilot_names()["watches"], flights.columns.index("cause")
+    alarms: Counter[str] = Counter()
+    rows = 0
+    for case in range(cases):
+        cause = flights.log(case)[:, column].astype(int)
+        rows += len(cause)
+        begun = np.flatnonzero((np.diff(cause, prepend=0) != 0) & (cause > 0))
+        alarms.update(watches[cause[k] - 1] for k in begun)
+    for watch in GENUINE:
+        del alarms[watch]
+    return alarms, rows * st.Autopilot.load(vehicle).period_s / 3600.0
+
+
+if __name__ == "__main__":
+    cases, seeds = ([int(x) for x in sys.argv[1:]] + [64, 4][len(sys.argv) - 1 :])[:2]
+    print("| vehicle | hours | alarms |\n|---|---|---|")
+    for vehicle in VEHICLES:
+        results = [flown(vehicle, cases=cases, seed=seed) for seed in range(1, seeds + 1)]
+        total = sum((alarms for alarms, _ in results), Counter[str]())
+        told = ", ".join(f"{count} {watch}" for watch, count in total.items()) or "none"
+        print(f"| {vehicle} | {sum(hours for _, hours in results):.0f} | {told} |", flush=True)
