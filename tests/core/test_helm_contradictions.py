@@ -75,10 +75,10 @@ def test_a_glitch_that_is_gone_before_it_calls_is_told_no_more() -> None:
 
 
 def test_the_reaction_to_a_contradiction_is_left_when_the_sensors_agree_again() -> None:
-    flown = fly("cwolf", until(7.0, "frozen with noise", "z"), seconds=300.0)
+    flown = fly("cwolf", until(12.0, "frozen with noise", "z"), seconds=300.0)
     first = flown.reaction.index("abort")
     again = flown.reaction.index("continue", first)
-    assert again * 0.1 > FAULT_AT_S + 7.0 + 20.0  # the fault, and the time for which it must be over
+    assert again * 0.1 > FAULT_AT_S + 12.0 + 20.0  # the fault, and the time for which it must be over
     assert set(flown.cause[first:again]) == {"contradicted_depth"}
     assert set(flown.reaction[again:]) == {"continue"}
     # The vehicle takes up its mission: it comes to the third waypoint.
