@@ -99,6 +99,9 @@ const SPEED: usize = 17;
 const UNREAD: usize = 18;
 const ASCENT: usize = 19;
 
+/// The number that stands for a contradicted depth as the cause of an alert.
+pub const CONTRADICTED_DEPTH: f64 = (CONTRADICTED + 2) as f64;
+
 /// The longest time for which a stale channel in use is not told, s; its reaction may come later.
 pub const TOLD_S: f64 = 10.0;
 

@@ -8,8 +8,8 @@ use super::set_point::SetPoint;
 use super::state::{Autopilot, AutopilotState};
 use crate::control::guidance::limits::towards;
 use crate::control::guidance::{Desired, Fix};
-use crate::control::navigation::{DEPTH, Measurement};
-use crate::control::safety::Reaction;
+use crate::control::navigation::Measurement;
+use crate::control::safety::{CONTRADICTED_DEPTH, Reaction};
 use crate::mission::Vertical;
 use crate::number::real::Real;
 
@@ -100,7 +100,7 @@ impl<T: Real> Autopilot<T> {
             pick(&mut desired.speed, towards(state.speed, speed, guidance.acceleration_max * dt));
             pick(&mut desired.lateral, zero);
             pick(&mut desired.heading, state.heading);
-            let blind = zero.splat(0.5).lt(state.screen.contradiction().contrary(DEPTH));
+            let blind = (state.alert.cause - CONTRADICTED_DEPTH).abs().lt(zero.splat(0.5));
             let seen = T::select(blind, depth.max(zero.splat(BLIND_M)), depth);
             pick(&mut desired.pitch, guidance.pitch_towards(seen));
             let up = towards(state.depth, zero, guidance.depth_rate_max * dt);
@@ -110,7 +110,8 @@ impl<T: Real> Autopilot<T> {
         (state.speed, state.depth) = (desired.speed, desired.depth);
         // Who was up stays stopped: without buoyancy it would start again and again.
         let shown = T::both(surface, depth.lt(zero.splat(file.safety.surfaced_above_m)));
-        let trusted = state.screen.contradiction().contrary(DEPTH).lt(zero.splat(0.5));
+        // A wrong speed or pitch contradicts the depth too: who surfaces for another cause is up where it shows so.
+        let trusted = zero.splat(0.5).lt((state.alert.cause - CONTRADICTED_DEPTH).abs());
         let up = T::both(shown, trusted);
         state.surfaced = T::select(up, zero.splat(1.0), state.surfaced);
         zero.lt(state.surfaced)
