@@ -12,18 +12,25 @@ from tests.flight import false_alarms
 from tests.flight.sensor_faults import CHANNELS, FAULT_AT_S, KINDS, VEHICLES, Fault, Flown, fault, fly, row
 
 SLOW = "it drifts by 0.05 m/s, hardly more than the offset that is allowed"
-SPEED = "the speed repeats the value that is wanted; the vehicle is up to 14 m along its course behind"
-LAG = "2 s of the vehicle's speed across are less than the 3 m of a contradiction, and so is what comes of it"
-LEISURE = "at 0.6 m/s the 3 m of a contradiction take longer than the 2 m off the course and ten seconds"
+SPEED = "the speed repeats the value that is wanted; the vehicle is up to 13 m along its course behind"
+CREEP = "it drifts by 0.01 m/s a second, and is not told before it is as far off as a compass may be"
+SPIKES = "it has not many spikes in a row until the mean change is what no vehicle does"
+LAG = "2 s of the vehicle's speed across are less than the 1.5 m of a contradiction and its noise"
+LEISURE = "at 0.6 m/s the 1.5 m of a contradiction take longer than the 2 m off the course and ten seconds"
 GAPS = "gaps of 2.5 s are those of a slow position sensor"
 DRIFT = "the fence is seen, and the vehicle circles its last position in a current until it surfaces"
 BEYOND_GOAL: dict[tuple[str, str, str], str] = {
-    **{(name, "drift", "z"): SLOW for name in VEHICLES},
-    **{(name, kind, "u"): SPEED for name in VEHICLES for kind in ("frozen", "frozen with noise")},
+    ("remus100", "drift", "z"): SLOW,
+    ("remus100", "drift", "u"): CREEP,
+    **{
+        (name, kind, "u"): SPEED for name in ("cwolf", "remus100") for kind in ("frozen", "frozen with noise")
+    },
+    **{(name, "spikes", "u"): SPIKES for name in ("remus100", "bluerov2-heavy")},
     **{(name, "2 s late", "y"): LAG for name in VEHICLES},
-    **{(name, "intermittent", channel): GAPS for name in VEHICLES for channel in "xy"},
+    **{(name, "intermittent", "y"): GAPS for name in VEHICLES},
+    ("remus100", "intermittent", "x"): GAPS,
     **{("bluerov2-heavy", kind, "y"): LEISURE for kind in ("frozen", "frozen with noise", "zero")},
-    **{("remus100", kind, "y"): DRIFT for kind in ("lost", "missing", "infinite", "zero")},
+    **{("remus100", kind, "y"): DRIFT for kind in ("lost", "missing", "infinite")},
 }
 """Cells of the table that miss the goal, and why."""
 
@@ -122,7 +129,7 @@ def test_scalar_sensors_of_one_motion_give_no_alarm_in_hours_of_waves() -> None:
     for vehicle in false_alarms.VEHICLES:
         alarms, hours = false_alarms.flown(vehicle, cases=64, seed=1)
         assert hours > 50.0
-        assert not alarms, vehicle
+        assert not [watch for watch in alarms if not watch.endswith(false_alarms.LAUNCHED)], vehicle
 
 
 @pytest.mark.parametrize("value", [math.nan, -1.0, 5.0])

@@ -180,7 +180,7 @@ def test_law_a_jump_that_stays_is_believed_after_a_second_and_smoothly(
     boat = Boat(mission=LEVEL)
     boat.go(10.0)
     changes = []
-    # Later on a heading that is a right angle off contradicts position and velocity, which calls for a reaction.
+    # Later on a heading that is a right angle off contradicts position and velocity: a reaction follows.
     for k in range(60):
         before = boat.commands
         boat.go_off(PERIOD_S, {channel: jump})
