@@ -24,7 +24,8 @@
 //! after an abort by a stuck depth does not dive again by it.
 //!
 //! Nothing is compared over a time in which a rate was not measured: when it is older than usual for it by half an interval,
-//! for a sample that is held through a drop-out would count as the motion meanwhile. Nor is a position over a gap of more
+//! for a sample that is held through a drop-out would count as the motion meanwhile; nor while a leap of it is doubted
+//! ([`crate::control::screen`]): what throws a vehicle about leaps in the gyro first. Nor is a position over a gap of more
 //! than ten seconds: a fix after dead reckoning corrects, it does not contradict. A leap of depth or of an angle that is
 //! believed ([`crate::control::screen`]) is told for ten seconds, and is no motion. A velocity is *rough* where it changes
 //! from sample to sample, on average, by more than any vehicle's velocity does.
@@ -205,15 +206,22 @@ impl<T: Real> Contradiction<T> {
         }
     }
 
-    /// Takes what is believed `dt` seconds after the last look, and what `moved` by a leap.
+    /// Takes what is believed `dt` seconds after the last look, what `moved` by a leap, and for how long each channel has
+    /// been `doubted`, s, negative where it is not: a rate that is doubted holds its last value, and is not known.
     #[inline(always)]
-    pub fn see(&mut self, believed: &Measurement<T>, moved: &[T; CHANNELS], table: &Thresholds, dt: f64) {
+    pub fn see(
+        &mut self,
+        believed: &Measurement<T>,
+        (moved, doubted): (&[T; CHANNELS], &[T; CHANNELS]),
+        table: &Thresholds,
+        dt: f64,
+    ) {
         let zero = believed.battery.zero();
         let one = zero.splat(1.0);
         let before = (self.last, self.age);
         let fresh: [T::Mask; LOOKED_AT] = std::array::from_fn(|c| self.arrives(believed, c, dt));
         let goes_on = zero.splat(dt).lt(zero.splat(SILENT_S));
-        let young = |c: usize| believed.age[c].lt(self.usual[c] * OVERDUE + dt);
+        let young = |c: usize| T::both(believed.age[c].lt(self.usual[c] * OVERDUE + dt), doubted[c].lt(zero));
         let three = |c: usize| T::both(young(c), T::both(young(c + 1), young(c + 2)));
         let upright = T::both(three(3), goes_on);
         let known = [T::both(three(VELOCITY), upright), T::both(three(RATES), upright)];

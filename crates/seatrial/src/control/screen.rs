@@ -215,7 +215,7 @@ impl<T: Real> Screen<T> {
             self.compare(&before, &fresh, (frozen_after, speed), dt.min(LONGEST_S));
             self.comparing = T::any(repeats);
         }
-        self.contradiction.see(&self.believed, &moved, thresholds, dt);
+        self.contradiction.see(&self.believed, (&moved, &self.stays_for), thresholds, dt);
         leap
     }
 
