@@ -20,17 +20,17 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 460,
-    "Python lines": 121_000,
-    "modules that import the campaign": 92,
-    "lines that build text below the verbs": 8_300,
+    "Python files": 447,
+    "Python lines": 117_400,
+    "modules that import the campaign": 89,
+    "lines that build text below the verbs": 8_200,
     "functions over 8 parameters": 65,
     "parameters of the widest function": 32,
-    "numeric constants of modules": 1_760,
-    "numeric constants of modules without a reason": 630,
+    "numeric constants of modules": 1_710,
+    "numeric constants of modules without a reason": 575,
     "comment lines per 1,000 lines of long functions, at least": 12,
-    "bindings named by a pronoun or a participle": 2_300,
-    "words of documentation": 142_500,
+    "bindings named by a pronoun or a participle": 2_270,
+    "words of documentation": 115_700,
 }
 """Beyond these the build fails."""
 
@@ -44,6 +44,8 @@ TEXT_ROOMS = ("cli", "report", "examples")
 """Rooms whose business is text: what they build is not counted."""
 
 WORDS = re.compile(r"[A-Za-z]{2,},? [a-z]{2,}")
+
+LETTERS = re.compile(r"(?<!\S)\S*[A-Za-z]\S*")
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -175,7 +177,8 @@ def figures(modules: list[Module], pages: list[Path]) -> dict[str, int]:
 
     widths = [parameters(function) for module in modules for function in module.functions]
     reasons = [explained for module in modules for _, explained in constants(module)]
-    words = sum(len(page.read_text(encoding="utf-8").split()) for page in pages)
+    # Numbers and signs of tables are no words.
+    words = sum(len(LETTERS.findall(page.read_text(encoding="utf-8"))) for page in pages)
     counted = (
         len(modules),
         every(lambda module: len(module.lines)),
