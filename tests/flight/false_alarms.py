@@ -79,7 +79,7 @@ def flown(vehicle: str, *, cases: int, seed: int) -> tuple[Counter[str], float]:
         begun = np.flatnonzero((np.diff(cause, prepend=0) != 0) & (cause > 0))
         alarms.update(watches[cause[k] - 1] + LAUNCHED * int(k * period < LAUNCH_S) for k in begun)
     for watch in GENUINE:
-        del alarms[watch]
+        del alarms[watch], alarms[watch + LAUNCHED]
     return alarms, rows * period / 3600.0
 
 
