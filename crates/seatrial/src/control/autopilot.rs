@@ -118,9 +118,8 @@ impl<T: Real> Autopilot<T> {
         let flag = |mask: T::Mask| T::select(mask, one, zero);
         let dt = self.pass(state, elapsed);
         let patience = self.settings.file.safety.frozen_after_s;
-        let thresholds = &self.settings.file.safety.contradiction;
         let told = state.intake.measured();
-        if let Some(leap) = state.screen.look(told, (patience, state.speed), thresholds, elapsed) {
+        if let Some(leap) = state.screen.look(told, (patience, state.speed), &self.thresholds, elapsed) {
             state.follow(leap);
         }
         let measured = &{ *state.screen.believed() };

@@ -207,7 +207,8 @@ impl Flight<'_> {
         let vehicle =
             Vehicle::new(self.description, work.structure, values, self.environment, [Mode::Free; 6])
                 .beneath(self.description, self.environment.g_m_s2, self.surface);
-        let autopilot = Autopilot::new(self.settings, self.model, self.mission, tunables)?;
+        let autopilot = Autopilot::new(self.settings, self.model, self.mission, tunables)?
+            .by_estimate(self.navigation.is_some());
         let mut log = Log { values: Vec::new(), rows: 0 };
         let wanted = work.logs.then_some(&mut log);
         let allocator = allocator(self.model, autopilot.model(), &self.settings.file.allocation)?;

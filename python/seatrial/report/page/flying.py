@@ -290,7 +290,7 @@ def _sensors(cases: Cases, own: Any, flown: FlownRun | None) -> list[dict[str, s
     from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 
     vehicle, period, around = cases.vehicle, cases.autopilot.period_s, cases.circumstances
-    gusts = math.sqrt(sum(x * x for x in around.turbulence) / 3.0), around.turbulence_times_s[0]
+    gusts = around.turbulence, around.turbulence_times_s
     found: list[dict[str, str]] = []
     for label, source in (("of the flight", own), ("perfect", None), ("typical", "typical")):
         if label == "of the flight" and own is None:

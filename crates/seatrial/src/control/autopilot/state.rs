@@ -7,6 +7,7 @@ use super::rates::Rates;
 use super::settings::{PER_LOOP, Settings};
 use crate::actuator::motor::Limits;
 use crate::control::allocation::Allocator;
+use crate::control::contradiction::Thresholds;
 use crate::control::control_law::{HEADING, HEAVE, PITCH, SWAY};
 use crate::control::guidance::{Guidance, Progress};
 use crate::control::intake::Intake;
@@ -51,6 +52,8 @@ pub struct Autopilot<T> {
     /// Weights of the rows that no loop commands.
     pub(super) idle_rows: Vec6<f64>,
     pub(super) uses: Uses,
+    /// Beyond which contradiction sensors cannot both be right.
+    pub(super) thresholds: Thresholds,
     pub(super) unit: T,
 }
 
@@ -190,9 +193,18 @@ impl<T: Real> Autopilot<T> {
                 if commanded { IDLE_ROW } else { 0.0 }
             }),
             uses: settings.uses(description),
+            thresholds: file.safety.contradiction,
             model,
             unit,
         })
+    }
+
+    /// The same, told the estimate of a navigation filter: a fix corrects that after dead reckoning, and contradicts no
+    /// velocity. The filter itself compares the instruments.
+    #[inline(always)]
+    pub fn by_estimate(mut self, estimated: bool) -> Self {
+        self.thresholds.position_m = if estimated { f64::INFINITY } else { self.thresholds.position_m };
+        self
     }
 
     /// The memory of an autopilot that has not begun; `allocator` distributes to the actuators of [`Self::model`].
