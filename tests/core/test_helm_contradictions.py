@@ -17,6 +17,7 @@ CREEP = "it drifts by 0.01 m/s a second, and is not told before it is as far off
 SPIKES = "it has not many spikes in a row until the mean change is what no vehicle does"
 LAG = "2 s of the vehicle's speed across are less than the 1.5 m of a contradiction and its noise"
 LEISURE = "at 0.6 m/s the 1.5 m of a contradiction take longer than the 2 m off the course and ten seconds"
+LEAPS = "a gyro that leaps is not compared with the attitude: waves throw a small vehicle about as fast"
 GAPS = "gaps of 2.5 s are those of a slow position sensor"
 DRIFT = "the fence is seen, and the vehicle circles its last position in a current until it surfaces"
 BEYOND_GOAL: dict[tuple[str, str, str], str] = {
@@ -26,6 +27,7 @@ BEYOND_GOAL: dict[tuple[str, str, str], str] = {
         (name, kind, "u"): SPEED for name in ("cwolf", "remus100") for kind in ("frozen", "frozen with noise")
     },
     **{(name, "spikes", "u"): SPIKES for name in ("remus100", "bluerov2-heavy")},
+    **{(name, "spikes", "q"): LEAPS for name in ("cwolf", "bluerov2-heavy")},
     **{(name, "2 s late", "y"): LAG for name in VEHICLES},
     **{(name, "intermittent", "y"): GAPS for name in VEHICLES},
     ("remus100", "intermittent", "x"): GAPS,

@@ -26,7 +26,7 @@ from typer.testing import CliRunner
 from seatrial.cli import app
 from tests.docs.pages import NAMES, ROOT, Block, blocks, differing, text
 
-LANGUAGES = {"python", "sh", "console", "toml", "c", "csv", "rust", "text"}
+LANGUAGES = {"python", "sh", "console", "toml", "c", "output", "rust", "text"}
 TESTS = re.compile(r"\bfn (\w+)\(|^def (test_\w+)\(", re.MULTILINE)
 FILE = re.compile(r"# (\w+\.toml)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")

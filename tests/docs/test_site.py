@@ -6,6 +6,7 @@ The site itself is built by ``make site``, which fails as these say; here withou
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,13 @@ def test_the_highlighter_of_the_site_knows_every_language_of_the_page(name: str)
     lexers = pytest.importorskip("pygments.lexers")
     for block in blocks(name):
         lexers.get_lexer_by_name(block.language)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_headings_of_the_page_descend_one_level_at_a_time(name: str) -> None:
+    levels = [len(marks) for marks in re.findall(r"^(#+) ", CODE.sub("", text(name)), re.MULTILINE)]
+    assert levels[0] == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
 
 
 @pytest.mark.parametrize("latex", [r"\nosuchcommand x", r"\frac{a}{b", r"\left( a"])
