@@ -39,6 +39,7 @@
 use crate::control::navigation::{CHANNELS, DEPTH, Measurement, RATES, VELOCITY};
 use crate::model::kinematics::euler_rate;
 use crate::number::algebra::Vec6;
+use crate::number::plain;
 use crate::number::real::Real;
 use serde::{Deserialize, Serialize};
 
@@ -98,8 +99,8 @@ impl Thresholds {
     /// Offset of a rate, m/s and rad/s, that is none by itself, and per m/s of speed.
     fn offset(&self, k: usize) -> (f64, f64) {
         match k {
-            0 | 1 => (LOG_OFF_M_S, self.heading_off_deg.to_radians().sin()),
-            DEPTH => (SINKING_OFF_M_S, self.pitch_off_deg.to_radians().sin()),
+            0 | 1 => (LOG_OFF_M_S, plain::sin(self.heading_off_deg.to_radians())),
+            DEPTH => (SINKING_OFF_M_S, plain::sin(self.pitch_off_deg.to_radians())),
             _ => (self.gyro_off_deg_s.to_radians(), 0.0),
         }
     }
@@ -187,7 +188,7 @@ impl<T: Real> Contradiction<T> {
     pub fn new(unit: T) -> Self {
         let zeros = [unit.zero(); KINEMATIC];
         // The noise is the largest that is allowed for until it has been seen.
-        let noisy = |k: usize| Thresholds::default().of(k) * NOISIEST / DEVIATIONS;
+        let noisy: Vec6<f64> = std::array::from_fn(|k| Thresholds::default().of(k) * NOISIEST / DEVIATIONS);
         Self {
             last: [unit.zero(); LOOKED_AT],
             age: [unit.splat(f64::INFINITY); LOOKED_AT],
@@ -196,7 +197,7 @@ impl<T: Real> Contradiction<T> {
             blind: [unit.splat(1.0); KINEMATIC],
             apart: zeros,
             innovation: zeros,
-            variance: std::array::from_fn(|k| unit.splat(noisy(k).powi(2))),
+            variance: std::array::from_fn(|k| unit.splat(noisy[k] * noisy[k])),
             brisk: zeros,
             contrary: zeros,
             shift: zeros,
