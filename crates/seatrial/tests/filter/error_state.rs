@@ -46,7 +46,7 @@ fn transition(seed: usize) -> Transition {
         step.decay[i] = 0.9 + 0.1 * noise(seed + i).abs();
     }
     step.noise = std::array::from_fn(|i| 0.1 + noise(seed + 77 * i).abs());
-    step.gusts = seed % 2 == 0;
+    step.gusts = seed.is_multiple_of(2);
     step.water = std::array::from_fn(|k| std::array::from_fn(|j| 0.1 * noise(seed + 5 * k + j)));
     step
 }
