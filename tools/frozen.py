@@ -3,8 +3,8 @@
 ``python tools/frozen.py record DIR`` runs commands as users do (starter, CWolf, a real AUV, a real ROV, a
 torpedo in waves, rare failures, C and FMU) with one thread of linear algebra, each recipe in a folder of DIR.
 ``compare OLD NEW`` prints the keys of JSON and TOML, the cells of CSV and the lines of C that differ between
-two such folders, numbers to the last bit; times, versions and paths do not count. Record before the change and
-after it, on the same machine. SEATRIAL_DATA names the recordings; recipes that lack theirs are named.
+two such folders, numbers to the last bit; times, versions and paths do not count. Record before the change
+and after it, on the same machine. SEATRIAL_DATA names the recordings; recipes that lack theirs are named.
 """
 
 from __future__ import annotations
