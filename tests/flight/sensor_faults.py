@@ -62,6 +62,8 @@ SIZES = {"x": (30.0, 200.0, 50.0, 0.5), "y": (30.0, 200.0, 50.0, 0.5), "z": (5.0
 
 Told = dict[str, float]
 Fault = Callable[[Told, float, np.random.Generator], Told]
+Failure = Callable[[Told, Told], Told]
+"""What actuators do: by the commands, and by what the actuators did before."""
 
 
 def fault(kind: str, channel: str) -> Fault:
@@ -131,14 +133,17 @@ def fly(
     seconds: float = 200.0,
     seed: int = 1,
     resets_at_s: tuple[float, ...] = (),
+    failure: Failure | None = None,
 ) -> Flown:
-    """The mission under `Helm` in a current, with noise of all sensors, and with a fault from 40 s on."""
+    """The mission under `Helm` in a current, with noise of all sensors, and from 40 s on with a fault of a
+    sensor or a failure of actuators."""
     speed, supply = VEHICLES[vehicle]
     boat, autopilot = st.Vehicle.load(vehicle), st.Autopilot.load(vehicle)
     helm = autopilot.engage(boat, st.Mission.from_toml(MISSION.format(speed=speed)))
     plant = Plant(boat, current=(0.0, 0.15, 0.0), voltage_v=supply)
     rng, motion, period = np.random.default_rng(seed), plant.motion, autopilot.period_s
     flown, true = Flown([], [], [], [], np.empty(0)), []
+    obeyed: Told = {}
     for k in range(round(seconds / period)):
         now = np.array([*motion.position, *motion.euler, *motion.nu])
         true.append(now)
@@ -153,7 +158,8 @@ def fly(
         flown.commands.append(commands)
         flown.reaction.append(str(helm.thought.get("reaction", "continue")))
         flown.cause.append(str(helm.thought.get("cause", "")))
-        motion = plant.advance(commands, period)
+        obeyed = commands if failure is None or since < 0.0 else failure(commands, obeyed)
+        motion = plant.advance(obeyed, period)
     flown.true = np.array(true)
     return flown
 
@@ -206,16 +212,16 @@ def table(vehicle: str, kinds: tuple[str, ...] = KINDS, channels: tuple[str, ...
     return [row(vehicle, kind, c, usual, fly(vehicle, fault(kind, c))) for kind, c in pairs]
 
 
-def cell(one: Row) -> str:
+def cell(row: Row) -> str:
     """Noticed after, s / farthest off the course, m / deepest, m, and what of the goal is not met."""
-    noticed = "–" if one.noticed_s is None else f"{one.noticed_s:.0f}"
-    unmet = f" **{one.unmet}**" if one.unmet else ""
-    return f"{noticed} / {one.farthest_m:.0f} / {one.deepest_m:.0f}{unmet}"
+    noticed = "–" if row.noticed_s is None else f"{row.noticed_s:.0f}"
+    unmet = f" **{row.unmet}**" if row.unmet else ""
+    return f"{noticed} / {row.farthest_m:.0f} / {row.deepest_m:.0f}{unmet}"
 
 
 if __name__ == "__main__":
     for vehicle in sys.argv[1:] or list(VEHICLES):
-        rows = {(one.kind, one.channel): one for one in table(vehicle)}
+        rows = {(row.kind, row.channel): row for row in table(vehicle)}
         print(f"\n| {vehicle} | {' | '.join(CHANNELS)} |\n|---|{'---|' * len(CHANNELS)}")
         for kind in KINDS:
             print(f"| {kind} | {' | '.join(cell(rows[kind, c]) for c in CHANNELS)} |", flush=True)

@@ -216,7 +216,8 @@ impl Default for SafetyTable {
             surface_speed_m_s: 0.5,
             surfaced_above_m: 0.5,
             frozen_after_s: 2.0,
-            // It is told after ten seconds, and the fence is held against dead reckoning meanwhile.
+            // It is told after ten seconds, and the fence is held against dead reckoning meanwhile, which a log that is
+            // off by 0.05 m/s and a heading by 6° lead 12 m astray in this time at 1.5 m/s.
             stale_position: stale(60.0, Reaction::Surface),
             stale_depth: stale(5.0, Reaction::Abort),
             stale_attitude: stale(2.0, Reaction::Abort),
