@@ -123,8 +123,8 @@ def run(sailed: st.Campaign, *, threads: int | None = None) -> Job:
     for name in sailed.trials:
         assert len(sailed.trials[name])
     read, busy = time.perf_counter(), time.process_time()
-    plans = plan(sailed)
-    found = StageOrder(sailed, plans, RunDirectory(None), progress=None, threads=threads).stages()
+    plans = plan(sailed.problem())
+    found = StageOrder(sailed.problem(), plans, RunDirectory(None), progress=None, threads=threads).stages()
     wall, cpu = time.perf_counter() - read, time.process_time() - busy
     costs = tuple(cost(one, result) for one, result in zip(plans, found, strict=True))
     return Job(costs, plans, found, wall_s=wall, cpu_s=cpu, read_s=read - began)
@@ -141,5 +141,5 @@ def cost(planned: StagePlan, found: StageResult) -> StageCost:
 def identify(sailed: st.Campaign) -> float:
     """Return the wall time in s of the whole identification, trials already read."""
     began = time.perf_counter()
-    st.identify(sailed)
+    sailed.identify()
     return time.perf_counter() - began

@@ -18,12 +18,12 @@ from rich.table import Table
 
 import seatrial as st
 from benchmarks.four_stages import EXAMPLE
-from seatrial.campaign.parameters import coefficients
 from seatrial.estimation import stage as stages
 from seatrial.estimation.criterion import Criterion
 from seatrial.estimation.descent import descend
-from seatrial.estimation.problem import Problem
 from seatrial.estimation.search import evolve, refine
+from seatrial.estimation.segment_model import SegmentModel
+from seatrial.problem.parameter import coefficients
 
 CAMPAIGN = EXAMPLE / "campaign.toml"
 
@@ -47,9 +47,9 @@ def searched(starts: int = STARTS, names: tuple[str, ...] = ()) -> Iterator[Sear
     """Every stage of the campaign, or those of `names`, from random starts inside its bounds."""
     campaign = st.Campaign.load(CAMPAIGN)
     vehicle = campaign.vehicle
-    for plan in stages.plan(campaign):
+    for plan in stages.plan(campaign.problem()):
         criterion = Criterion(
-            Problem(vehicle, plan.stage, plan.data, plan.parameters, plan.step.search, None)
+            SegmentModel(vehicle, plan.stage, plan.data, plan.parameters, plan.step.search, None)
         )
         lower, upper = (np.array([getattr(p, end) for p in plan.parameters]) for end in ("lower", "upper"))
         box: dict[str, Any] = {"lower": lower, "upper": upper, "tolerance": plan.tolerance}

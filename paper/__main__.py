@@ -54,10 +54,10 @@ def gallery(
 
     chosen = check_formats(tuple(part.strip() for part in formats.split(",") if part.strip()))
     if target is None or _is_campaign(target):
-        fit, folder = _identified(
+        fit, campaign, folder = _identified(
             target or str(EXAMPLES / "cwolf" / "campaign.toml"), out, run, threads, json
         )
-        made = draw_gallery(fit, folder, bench=_bench(bench), formats=chosen)
+        made = draw_gallery(fit, folder, campaign=campaign, bench=_bench(bench), formats=chosen)
     else:
         from seatrial._core import Vehicle
 
@@ -72,8 +72,8 @@ def gallery(
 
 def _identified(
     target: str, out: Path | None, earlier: Path | None, threads: int | None, quiet: bool
-) -> tuple[Identification, Path]:
-    """Identification of a campaign, its run directory inside the folder of the figures."""
+) -> tuple[Identification, Campaign, Path]:
+    """Identification of a campaign, that campaign, its run directory inside the folder of the figures."""
     from seatrial.campaign.campaign import Campaign
     from seatrial.cli.identify import run_identification as identified
 
@@ -84,7 +84,7 @@ def _identified(
     fit = identified(campaign, own, threads=threads, quiet=quiet)
     if fit.interrupted:
         raise typer.Exit(130)
-    return fit, folder
+    return fit, campaign, folder
 
 
 def _bring(campaign: Campaign, earlier: Path, own: Path) -> None:
@@ -95,7 +95,7 @@ def _bring(campaign: Campaign, earlier: Path, own: Path) -> None:
     from seatrial.base.run import RunDirectory
 
     with RunDirectory(own, "identification") as run:
-        for stage in campaign.stages:
+        for stage in campaign.problem().stages:
             run.bring(earlier, stage.name)
 
 

@@ -37,6 +37,7 @@ from seatrial.report.plot.style import PRINT_DPI, save
 
 if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
+    from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
 
 FORMATS = ("png", "pdf", "svg")
@@ -76,6 +77,7 @@ def paper_figures(
     source: Identification | Vehicle,
     folder: str | Path,
     *,
+    campaign: Campaign | None = None,
     bench: BenchTest | None = None,
     formats: tuple[str, ...] = ("png", "pdf"),
 ) -> list[Path]:
@@ -87,6 +89,8 @@ def paper_figures(
         Of a vehicle alone its own figures are drawn: outline, block diagrams, motors, characteristics.
     folder : str or Path
         Made when it does not exist; an earlier gallery's figures in it are replaced.
+    campaign : Campaign, optional
+        Of the identification: its tuning is drawn too.
     bench : BenchTest, optional
         Bench test of the vehicle, for step responses and regressions; by default that of the campaign.
     formats : tuple of str
@@ -105,25 +109,26 @@ def paper_figures(
     >>> files[0].name, files[-1].name  # doctest: +SKIP
     ('fig_01_vehicle.png', 'index.html')
     """
-    return draw_gallery(source, folder, bench=bench, formats=formats).files
+    return draw_gallery(source, folder, campaign=campaign, bench=bench, formats=formats).files
 
 
 def draw_gallery(
     source: Identification | Vehicle,
     folder: str | Path,
     *,
+    campaign: Campaign | None = None,
     bench: BenchTest | None = None,
     formats: tuple[str, ...] = ("png", "pdf"),
 ) -> PaperGallery:
     """Gallery with captions and what was left out; parameters and errors as of `paper_figures`."""
     formats = check_formats(formats)
     if bench is None and not isinstance(source, Vehicle):
-        bench = source.campaign.bench
+        bench = source.problem.bench
     folder = Path(folder)
     drawn: list[PaperFigure] = []
     left_out: list[str] = []
     plates: list[Plate] = []
-    for plate in _plates(source, bench):
+    for plate in _plates(source, bench, campaign):
         plates.append(plate)
         if plate.draw is None:
             left_out.append(f"{plate.caption} ({cited(plate.paper)})" if plate.paper else plate.caption)
@@ -143,7 +148,7 @@ def draw_gallery(
     _clear(page, keep={path.name for figure in drawn for path in figure.files})
     gallery = PaperGallery(_title(source), tuple(drawn), tuple(left_out), page)
     try:
-        page.write_text(_page(gallery, _provenance(source)), encoding="utf-8")
+        page.write_text(_page(gallery, _provenance(source, campaign)), encoding="utf-8")
     except OSError as error:
         raise SeatrialError(
             f"{page}: cannot be written ({error.strerror or error}); choose a folder that you may write to"
@@ -179,7 +184,9 @@ def check_formats(formats: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(formats))
 
 
-def _plates(source: Identification | Vehicle, bench: BenchTest | None) -> Iterator[Plate]:
+def _plates(
+    source: Identification | Vehicle, bench: BenchTest | None, campaign: Campaign | None
+) -> Iterator[Plate]:
     """All plates in the order of the paper."""
     if isinstance(source, Vehicle):
         data = "Numbers of the vehicle file."
@@ -189,27 +196,27 @@ def _plates(source: Identification | Vehicle, bench: BenchTest | None) -> Iterat
         yield no_campaign(source)
         yield from autopilot_plates(source, tuning=(without_tuning(source),))
         return
-    data = f"Numbers as identified by the campaign {source.campaign.name}."
-    yield from vehicle_plates(source.vehicle, data=data, modes=modes_of(source.campaign))
+    data = f"Numbers as identified by the campaign {source.problem.name}."
+    yield from vehicle_plates(source.vehicle, data=data, modes=modes_of(source.problem))
     yield from bench_plates(bench)
     yield from thrust_plates(source.vehicle, data=data)
     yield from campaign_plates(source)
-    yield from autopilot_plates(source.vehicle, tuning=tuning_plates(source))
+    yield from autopilot_plates(source.vehicle, tuning=tuning_plates(source, campaign))
 
 
 def _title(source: Identification | Vehicle) -> str:
     if isinstance(source, Vehicle):
         return f"{source.name}: figures of the vehicle"
-    return f"{source.vehicle.name}: figures of the campaign {source.campaign.name}"
+    return f"{source.vehicle.name}: figures of the campaign {source.problem.name}"
 
 
-def _provenance(source: Identification | Vehicle) -> str:
+def _provenance(source: Identification | Vehicle, campaign: Campaign | None) -> str:
     """A sentence on what the figures rest on."""
     if isinstance(source, Vehicle):
         return f"{source.description or source.name}. No recordings: figures of the vehicle file alone."
-    campaign = source.campaign
-    made = [trial for trial in campaign.trials if is_generated(campaign, trial)]
-    total = len(campaign.trials)
+    problem = source.problem
+    made = [trial for trial in problem.trials if is_generated(problem, trial)]
+    total = len(problem.trials)
     if len(made) == total:
         origin = (
             f"All {total} trials are generated: simulated from a truth vehicle and seen through its sensors."
@@ -220,8 +227,8 @@ def _provenance(source: Identification | Vehicle) -> str:
         origin = f"All {total} trials are recordings."
     versions = source.facts.get("versions", {})
     return (
-        f"{campaign.file.description or campaign.name}. {origin}"
-        f" Seed {campaign.seed}, seatrial {versions.get('seatrial', 'unknown')}."
+        f"{(campaign and campaign.file.description) or problem.name}. {origin}"
+        f" Seed {problem.seed}, seatrial {versions.get('seatrial', 'unknown')}."
     )
 
 

@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 
     from paper.diagram import Block
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
-    from seatrial.campaign.file import Stage
     from seatrial.estimation.stage import StageResult
+    from seatrial.problem.problem import Problem
+    from seatrial.problem.stage import Stage
 
 _ROW_IN, _GAP_IN, _BOTTOM_IN, _TOP_IN = 0.56, 0.36, 0.08, 0.6
 
@@ -278,7 +278,7 @@ _PHASES = {
 }
 
 
-def optimisation_diagram(campaign: Campaign, *, results: Sequence[StageResult] = ()) -> Figure:
+def optimisation_diagram(problem: Problem, *, results: Sequence[StageResult] = ()) -> Figure:
     """Figure of the optimisation of a campaign.
 
     Parameters
@@ -287,18 +287,18 @@ def optimisation_diagram(campaign: Campaign, *, results: Sequence[StageResult] =
     results : sequence of StageResult
         Of an identification: criterion before and after stand in the boxes of the stages.
     """
-    places = columns_of_stages(campaign.stages)
-    columns = 1 + max(column for column, _ in places.values()) + (campaign.file.polish is not None)
+    places = columns_of_stages(problem.stages)
+    columns = 1 + max(column for column, _ in places.values()) + (problem.joint is not None)
     width = min((WIDTH_IN - 0.04 - _OPTIMISATION_DIAGRAM_GAP_IN * (columns - 1)) / columns, _WIDEST_IN)
-    named = max(len(_wrapped(stage.name, width)) for stage in campaign.stages)
+    named = max(len(_wrapped(stage.name, width)) for stage in problem.stages)
     pitch = (width, 0.56 + 0.165 * named + 0.125 * bool(results))
     lanes = 1 + math.ceil(max(lane for _, lane in places.values()))
     height = _LOOP_IN + pitch[1] * lanes + 0.24
     with house_style():
         figure, axes = page(WIDTH_IN, height)
         phases = {step.phase for one in results for step in one.history} or {"evolution", "simplex"}
-        _loop(axes, campaign, height, phases)
-        _stages(axes, campaign, places, pitch, {one.name: one for one in results})
+        _loop(axes, problem, height, phases)
+        _stages(axes, problem, places, pitch, {one.name: one for one in results})
     return figure
 
 
@@ -323,13 +323,13 @@ def columns_of_stages(stages: Sequence[Stage]) -> dict[str, tuple[int, float]]:
     return places
 
 
-def _loop(axes: Axes, campaign: Campaign, height: float, phases: set[str]) -> None:
+def _loop(axes: Axes, problem: Problem, height: float, phases: set[str]) -> None:
     """Vehicle and model side by side, criterion, search, and back to the model."""
     high, low, foot = height - 0.42, height - 1.18, height - 1.98
     middle = 0.5 * (high + low)
-    trials = [name for name in campaign.trials if any(name in stage.trials for stage in campaign.stages)]
+    trials = [name for name in problem.trials if any(name in stage.trials for stage in problem.stages)]
     named = textwrap.shorten(", ".join(trials), 34, placeholder=" \N{HORIZONTAL ELLIPSIS}")
-    vehicle = block(axes, (1.95, high), (1.75, 0.5), f"vehicle {campaign.vehicle.name}", [named])
+    vehicle = block(axes, (1.95, high), (1.75, 0.5), f"vehicle {problem.vehicle.name}", [named])
     model = block(axes, (1.95, low), (1.75, 0.5), "model", ["6 degrees of freedom, actuators"])
     circle = summing(axes, (3.35, middle))
     criterion = block(
@@ -337,7 +337,7 @@ def _loop(axes: Axes, campaign: Campaign, height: float, phases: set[str]) -> No
         (4.88, middle),
         (1.95, 0.6),
         r"$Q = \Sigma_c W_c \,\Sigma_i \,\ell(e_{ci} / s_c) \;/\; \Sigma_c W_c N_c$",
-        _losses(campaign),
+        _losses(problem),
     )
     searches = _searches(axes, foot, phases)
     simplex, evolution = searches[0], searches[-1]
@@ -381,23 +381,23 @@ def _searches(axes: Axes, y: float, phases: set[str]) -> list[Block]:
     ]
 
 
-def _losses(campaign: Campaign) -> list[str]:
+def _losses(problem: Problem) -> list[str]:
     losses = dict.fromkeys(
         f"Huber (knee {number(stage.knee)})" if stage.loss == "huber" else stage.loss
-        for stage in campaign.stages
+        for stage in problem.stages
     )
     return [rf"$\ell$: {' or '.join(losses)} error", "$s_c$: standard deviation of the channel"]
 
 
 def _stages(
     axes: Axes,
-    campaign: Campaign,
+    problem: Problem,
     places: Mapping[str, tuple[int, float]],
     size: tuple[float, float],
     results: Mapping[str, StageResult],
 ) -> None:
     """Boxes of the stages and of the joint estimate, with the arrows between them."""
-    polished = campaign.file.polish is not None
+    polished = problem.joint is not None
     last = max(column for column, _ in places.values())
     width, lane_in = size
     lanes = 1 + math.ceil(max(lane for _, lane in places.values()))
@@ -416,10 +416,10 @@ def _stages(
         ha="left",
     )
     boxes: dict[str, Block] = {}
-    for stage in campaign.stages:
+    for stage in problem.stages:
         at = centre(*places[stage.name])
         boxes[stage.name] = _stage_box(axes, stage, at, (width, lane_in - 0.14), results.get(stage.name))
-    for stage in campaign.stages:
+    for stage in problem.stages:
         sources = sorted(stage.after, key=lambda name: places[name][1])
         for number_, name in enumerate(sources):
             over = _occupied(places, places[name], places[stage.name][0])
@@ -431,7 +431,7 @@ def _stages(
         axes, centre(last + 1, 0.5 * (lanes - 1)), (width, max(lane_in - 0.14, 0.7)), "joint estimate",
         ["all coefficients and trials,", "Gauss\N{EN DASH}Newton,", "standard deviations"], bold=True,
     )  # fmt: skip
-    ends = [s.name for s in campaign.stages if not any(s.name in other.after for other in campaign.stages)]
+    ends = [s.name for s in problem.stages if not any(s.name in other.after for other in problem.stages)]
     ends.sort(key=lambda name: places[name][1])
     for number_, name in enumerate(ends):
         over = _occupied(places, places[name], last + 1)

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.bench_test.file import Pull, Steps
     from seatrial.bench_test.result import BenchTest
-    from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
+    from seatrial.problem.problem import Problem
 
 _SUBJECTS = """
 outline; model; actuators; static behaviour; rate limits; step response; surge test; stern propeller; vertical
@@ -217,18 +217,18 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
     from seatrial.report.plot.identification import convergence, intervals, residual_figure, trial_figure
     from seatrial.report.plot.stage import stage_result
 
-    campaign = fit.campaign
+    problem = fit.problem
     yield Plate(
         "optimisation",
         "Schema of the parameter optimisation: recorded inputs drive vehicle and model, the criterion Q"
         " judges the error, the searches move the coefficients within their bounds; below, the stages of"
-        f" the campaign {campaign.name} in the order of their run, with Q at their start and at their"
+        f" the campaign {problem.name} in the order of their run, with Q at their start and at their"
         " optimum.",
-        partial(optimisation_diagram, campaign, results=fit.stages),
+        partial(optimisation_diagram, problem, results=fit.stages),
         paper=(11,),
     )
     for result in fit.stages:
-        stage = next(one for one in campaign.stages if one.name == result.name)
+        stage = next(one for one in problem.stages if one.name == result.name)
         polish = (
             ", at the joint estimate" if fit.assessment is not None and fit.assessment.polished.rounds else ""
         )
@@ -237,7 +237,7 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
             f"Optimisation of {result.name}: measured and modelled channels at the start values, at the"
             f" optimum of the stage{polish}, restarted every {stage.segment_s:g} s from the smoothed"
             " measurement, and their errors; commands, where any moves; coefficients within their bounds."
-            f" {_data(campaign, stage.trials)}",
+            f" {_data(problem, stage.trials)}",
             partial(stage_result, fit, result),
             paper=(12, 13, 14, 15),
         )
@@ -261,12 +261,12 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
             "What the residuals say against the model: their autocorrelation, and what would explain it.",
             partial(residual_figure, sure.residual_analysis),
         )
-    for trial in campaign.trials:
-        if campaign.source_of(trial).hold_out:
+    for trial in problem.trials:
+        if problem.uses[trial].hold_out:
             yield Plate(
                 f"held_out_{_safe(trial)}",
                 f"Prediction of trial {trial}, which no stage has seen: measured and simulated ten seconds"
-                f" ahead, with residuals. {_data(campaign, (trial,))}",
+                f" ahead, with residuals. {_data(problem, (trial,))}",
                 partial(trial_figure, fit, trial),
             )
 
@@ -277,12 +277,12 @@ def no_campaign(vehicle: Vehicle) -> Plate:
     return Plate("optimisation", why, None, paper=(11, 12, 13, 14, 15))
 
 
-def modes_of(campaign: Campaign) -> str:
+def modes_of(problem: Problem) -> str:
     """Which axes the stages of a campaign free, in words for the diagram of the model."""
-    free = ", ".join(dict.fromkeys(stage.axes.free for stage in campaign.stages))
+    free = ", ".join(dict.fromkeys(stage.axes.free for stage in problem.stages))
     rest = {
         mode
-        for stage in campaign.stages
+        for stage in problem.stages
         for mode in ("measured", "frozen")
         if (
             set(stage.axes.measured)
@@ -294,15 +294,15 @@ def modes_of(campaign: Campaign) -> str:
     return f"free {free}{others}"
 
 
-def is_generated(campaign: Campaign, trial: str) -> bool:
-    """Whether a trial is a generated recipe rather than a recording."""
-    path, reader = campaign.path_of(trial), campaign.source_of(trial).reader or campaign.file.reader
-    return path is not None and _is_recipe(reader, path)
+def is_generated(problem: Problem, trial: str) -> bool:
+    """Whether a trial is sailed by a simulated vehicle: its file is a recipe, not a recording."""
+    file = problem.files[trial]
+    return file is not None and file.suffix == ".toml"
 
 
-def _data(campaign: Campaign, trials: tuple[str, ...]) -> str:
+def _data(problem: Problem, trials: tuple[str, ...]) -> str:
     """Which trials a figure is from, and that they are generated where they are."""
-    made = [trial for trial in trials if is_generated(campaign, trial)]
+    made = [trial for trial in trials if is_generated(problem, trial)]
     real = [trial for trial in trials if trial not in made]
     parts = [f"generated (recipe) {', '.join(made)}"] if made else []
     parts += [f"recorded {', '.join(real)}"] if real else []

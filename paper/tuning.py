@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial._core import Vehicle
+    from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
 
@@ -31,12 +32,15 @@ def without_tuning(vehicle: Vehicle) -> Plate:
     return Plate("corridor_surge", why, None, paper=_PAPER)
 
 
-def tuning_plates(fit: Identification) -> Iterator[Plate]:
+def tuning_plates(fit: Identification, campaign: Campaign | None) -> Iterator[Plate]:
     """Plates of the surge loop's tuning; where there is none to do, one that says why.
 
     The search runs when the plates are asked for, and takes tens of seconds.
     """
-    campaign, vehicle = fit.campaign, fit.vehicle
+    vehicle = fit.vehicle
+    if campaign is None:
+        yield without_tuning(vehicle)
+        return
     table = campaign.file.tuning
     if table is None:
         yield replace(without_tuning(vehicle), caption=f"no corridor: {campaign.source} has no [tuning]")
@@ -47,18 +51,17 @@ def tuning_plates(fit: Identification) -> Iterator[Plate]:
         yield Plate("corridor_surge", why, None, paper=_PAPER)
         return
     try:
-        tuning = _tuned(fit)
+        tuning = _tuned(fit, campaign)
     except SeatrialError as error:
         yield Plate("corridor_surge", f"no corridor: {error}", None, paper=_PAPER)
         return
     yield from _drawn(tuning)
 
 
-def _tuned(fit: Identification) -> Tuning:
+def _tuned(fit: Identification, campaign: Campaign) -> Tuning:
     """The surge loop of a campaign, tuned alone on the identified vehicle."""
     from seatrial.tuning.tune import tune
 
-    campaign = fit.campaign
     assert campaign.file.tuning is not None
     asked = campaign.file.tuning.model_dump(exclude_unset=True)
     surge = asked.pop("loops", {}).get("surge") or {}

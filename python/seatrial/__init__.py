@@ -43,6 +43,10 @@ if TYPE_CHECKING:
     from seatrial.identification.restarts_result import Restarts
     from seatrial.intake.import_logs import import_logs
     from seatrial.intake.imported import Imported
+    from seatrial.problem.anchor import Anchor
+    from seatrial.problem.joint import JointSettings
+    from seatrial.problem.problem import Problem
+    from seatrial.problem.stage import Stage, TrialUse
     from seatrial.realtime.ardupilot_link import SitlSession, sitl
     from seatrial.trial.comparison import Comparison, compare
     from seatrial.trial.score import Score, score
@@ -61,6 +65,7 @@ if TYPE_CHECKING:
     from seatrial.verification.verify import verify
 
 _HOME = {
+    "Anchor": "seatrial.problem.anchor",
     "Autopilot": "seatrial._core",
     "BenchTest": "seatrial.bench_test.result",
     "CExport": "seatrial.export.c_code",
@@ -77,6 +82,7 @@ _HOME = {
     "FmuExport": "seatrial.export.fmu",
     "Identification": "seatrial.identification.identification",
     "Imported": "seatrial.intake.imported",
+    "JointSettings": "seatrial.problem.joint",
     "LeaveOneOut": "seatrial.identification.leave_one_out",
     "LogVerdict": "seatrial.verification.mission_log.verdict",
     "Mission": "seatrial.flight.mission",
@@ -84,6 +90,7 @@ _HOME = {
     "NavigationFilter": "seatrial.flight.navigation",
     "Outage": "seatrial.flight.failures",
     "Plan": "seatrial.experiment.plan_result",
+    "Problem": "seatrial.problem.problem",
     "RareFailures": "seatrial.verification.rare_result",
     "Requirement": "seatrial.verification.requirement",
     "Restarts": "seatrial.identification.restarts_result",
@@ -93,8 +100,10 @@ _HOME = {
     "SeatrialError": "seatrial.base.errors",
     "SimulationError": "seatrial.base.errors",
     "SitlSession": "seatrial.realtime.ardupilot_link",
+    "Stage": "seatrial.problem.stage",
     "State": "seatrial._core",
     "Trial": "seatrial.trial.trial",
+    "TrialUse": "seatrial.problem.stage",
     "TrialError": "seatrial.base.errors",
     "Tuning": "seatrial.tuning.result",
     "Vehicle": "seatrial._core",
@@ -125,6 +134,7 @@ _HOME = {
 }
 
 __all__ = [
+    "Anchor",
     "Autopilot",
     "BenchTest",
     "CExport",
@@ -141,6 +151,7 @@ __all__ = [
     "FmuExport",
     "Identification",
     "Imported",
+    "JointSettings",
     "LeaveOneOut",
     "LogVerdict",
     "Mission",
@@ -148,6 +159,7 @@ __all__ = [
     "NavigationFilter",
     "Outage",
     "Plan",
+    "Problem",
     "RareFailures",
     "Requirement",
     "Restarts",
@@ -157,9 +169,11 @@ __all__ = [
     "SeatrialError",
     "SimulationError",
     "SitlSession",
+    "Stage",
     "State",
     "Trial",
     "TrialError",
+    "TrialUse",
     "Tuning",
     "Vehicle",
     "VehicleError",

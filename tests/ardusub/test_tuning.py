@@ -165,7 +165,7 @@ def _identified(start: st.Vehicle, freed: dict[str, float]) -> tuple[Any, st.Fit
         for name, value in freed.items()
     )
     found = SimpleNamespace(
-        campaign=SimpleNamespace(vehicle=start), coefficients=coefficients, held=(), scores={}, baselines={}
+        problem=SimpleNamespace(vehicle=start), coefficients=coefficients, held=(), scores={}, baselines={}
     )
     return found, st.Fitted.of(start.with_coefficients(freed), percent={})
 

@@ -14,7 +14,6 @@ from seatrial.base.fleet import Fleet, fleet_of
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.experiment.coverage import coverage
-from seatrial.identification.identify import identify
 from seatrial.identification.restarts import restarts
 from seatrial.tuning.tune import tune
 from seatrial.verification.boundary import run_boundary
@@ -56,8 +55,8 @@ def test_a_tuning(fleet: Fleet) -> None:
 def test_identification_and_random_starts(fleet: Fleet) -> None:
     recordings = {"run": record(STERN, 0, 0.01, 1), "dive": record(VERTICAL, 2, 0.005, 2)}
     campaign = Campaign.from_toml(HEAD + TRIALS + SURGE + HEAVE, source="made.toml", trials=recordings)
-    assert outcome(identify(campaign, executor=fleet)) == outcome(identify(campaign))
-    here, there = (restarts(campaign, starts=2, seed=5, executor=one) for one in (None, fleet))
+    assert outcome(campaign.identify(executor=fleet)) == outcome(campaign.identify())
+    here, there = (restarts(campaign.problem(), starts=2, seed=5, executor=one) for one in (None, fleet))
     for stage, other in zip(here.stages, there.stages, strict=True):
         assert stage.costs.tolist() == other.costs.tolist()
         assert stage.ends.tolist() == other.ends.tolist()

@@ -17,7 +17,7 @@ from benchmarks.speed import measure
 from benchmarks.stage_arrays import arrays
 from benchmarks.stage_numpy import Vectorised, textbook_cost
 from seatrial.estimation.criterion import Criterion
-from seatrial.estimation.problem import Problem
+from seatrial.estimation.segment_model import SegmentModel
 from seatrial.estimation.stage import plan
 
 pytestmark = pytest.mark.long
@@ -46,8 +46,10 @@ def test_import_loads_no_heavy_module() -> None:
 
 def test_scalar_core_vectorised_and_textbook_numpy_give_the_same_cost(tmp_path: Path) -> None:
     campaign = four_stages.campaign(four_stages.write_logs(tmp_path, duration_s=46.0))
-    for stage in plan(campaign):
-        mine = Criterion(Problem(campaign.vehicle, stage.stage, stage.data, stage.parameters, 2, threads=1))
+    for stage in plan(campaign.problem()):
+        mine = Criterion(
+            SegmentModel(campaign.vehicle, stage.stage, stage.data, stage.parameters, 2, threads=1)
+        )
         numpy = arrays(stage, campaign.vehicle, 2)
         box = numpy.upper - numpy.lower
         candidates = numpy.lower + box * np.random.default_rng(2).uniform(0.2, 0.8, (2, len(box)))

@@ -11,7 +11,7 @@ import pytest
 from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.bench_test.evaluate import fingerprint
 from seatrial.campaign.campaign import Campaign
-from seatrial.estimation.problem import cut
+from seatrial.estimation.segment_model import cut
 
 HEAD = """
 format = 1
@@ -51,8 +51,8 @@ def campaign(text: str = WHOLE, recording: pl.DataFrame | None = None) -> Campai
 
 def prepare(text: str, recording: pl.DataFrame | None) -> None:
     found = campaign(text, recording)
-    for stage in found.stages:
-        cut(found, stage)
+    for stage in found.problem().stages:
+        cut(found.problem(), stage)
 
 
 def refusal(text: str, recording: pl.DataFrame | None = None) -> str:
@@ -64,7 +64,7 @@ def refusal(text: str, recording: pl.DataFrame | None = None) -> str:
 
 def test_group_name_means_every_actuator_of_the_group() -> None:
     found = campaign(HEAD + TRIAL + STAGE + '[stages.coefficients]\n"stern.gain" = [0.5, 2.0]')
-    (parameter,) = found.parameters["surge"]
+    (parameter,) = found.problem().parameters["surge"]
     assert [name for name, _ in parameter.members] == ["SbU.gain", "SbL.gain", "PU.gain", "PL.gain"]
     assert parameter.coefficients(0.8) == dict.fromkeys(["SbU.gain", "SbL.gain", "PU.gain", "PL.gain"], 0.8)
 
@@ -77,7 +77,7 @@ def test_tied_and_relative_coefficients_keep_their_ratios() -> None:
         + "[stages.coefficients]\n"
         + 'Y_vv = { bounds = [0.5, 2.0], relative = true, tie = ["Z_ww", { name = "N_uv", factor = -0.5 }] }'
     )
-    (parameter,) = found.parameters["surge"]
+    (parameter,) = found.problem().parameters["surge"]
     assert (parameter.lower, parameter.upper) == (-615.0, -153.75)  # 2 and 0.5 times -307.5 in cwolf
     assert parameter.coefficients(-400.0) == {"Y_vv": -400.0, "Z_ww": -400.0, "N_uv": 200.0}
 
@@ -85,7 +85,7 @@ def test_tied_and_relative_coefficients_keep_their_ratios() -> None:
 def test_default_bounds_are_those_of_the_vehicle() -> None:
     found = campaign(HEAD + TRIAL + STAGE + '[stages.coefficients]\nX_uu = "default"')
     info = found.vehicle.coefficient_info()["X_uu"]
-    (parameter,) = found.parameters["surge"]
+    (parameter,) = found.problem().parameters["surge"]
     assert (parameter.lower, parameter.upper, parameter.unit) == (info["lower"], info["upper"], info["unit"])
 
 
@@ -98,16 +98,16 @@ def test_trial_given_by_name_replaces_the_file_and_a_further_one_is_held_out() -
     found = Campaign.from_toml(WHOLE, trials={"surge": frame(), "other": frame(30.0)})
     assert len(found.trials["surge"]) == 600
     assert found.trials["surge"] is found.trials["surge"]
-    assert not found.held_out("surge").any()
-    assert found.held_out("other").all()
+    assert not found.problem().held_out("surge").any()
+    assert found.problem().held_out("other").all()
     assert list(found.trials) == ["surge", "other"]
 
 
 def test_held_out_interval_is_in_no_segment() -> None:
     text = HEAD + TRIAL + "hold_out_s = [[20.0, 30.0], [55.0, 70.0]]" + STAGE + COEFFICIENTS
     found = campaign(text)
-    assert found.held_out("surge").sum() == 150
-    data = cut(found, found.stages[0])
+    assert found.problem().held_out("surge").sum() == 150
+    data = cut(found.problem(), found.problem().stages[0])
     covered = np.zeros(600, dtype=bool)
     for piece in data.segments:
         covered[piece.start : piece.stop] = True
@@ -126,7 +126,7 @@ def test_scale_is_the_spread_of_the_training_part_alone() -> None:
     found = campaign(text, recording)
     expected = np.std(np.sin(0.3 * np.arange(0.0, 40.0, 0.1)))
     # Smoothing does not touch the observed samples: equal but for rounding.
-    assert cut(found, found.stages[0]).scale[0] == pytest.approx(expected, rel=1e-9)
+    assert cut(found.problem(), found.problem().stages[0]).scale[0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_overlapping_segments_start_more_often() -> None:
@@ -134,7 +134,10 @@ def test_overlapping_segments_start_more_often() -> None:
         campaign(),
         campaign(WHOLE.replace("segment_s = 5.0", "segment_s = 5.0\noverlap_s = 2.5")),
     )
-    starts = [[piece.start for piece in cut(c, c.stages[0]).segments] for c in (plain, overlapping)]
+    starts = [
+        [piece.start for piece in cut(c.problem(), c.problem().stages[0]).segments]
+        for c in (plain, overlapping)
+    ]
     assert np.diff(starts[0]).tolist() == [50] * (len(starts[0]) - 1)
     assert np.diff(starts[1]).tolist() == [25] * (len(starts[1]) - 1)
 
@@ -144,7 +147,7 @@ def test_segment_starts_from_valid_samples_only() -> None:
         u_m_s=pl.when(pl.col("t_s").is_between(10.0, 13.0)).then(None).otherwise("u_m_s")
     )
     found = campaign(WHOLE, recording)
-    data = cut(found, found.stages[0])
+    data = cut(found.problem(), found.problem().stages[0])
     assert all(data.trials[0].startable[piece.start] for piece in data.segments)
     assert not data.records[0].counted[105:125, 0].any()
 
@@ -153,8 +156,8 @@ def test_stages_run_after_those_they_name() -> None:
     text = WHOLE.replace("segment_s", 'after = ["drag"]\nsegment_s')
     text += STAGE.replace('"surge"\n', '"drag"\n', 1) + "[stages.coefficients]\nX_u = [-9.0, -1.0]"
     found = campaign(text)
-    assert [stage.name for stage in found.stages] == ["drag", "surge"]
-    assert found.stages_before(found.stages[1]) == ["drag"]
+    assert [stage.name for stage in found.problem().stages] == ["drag", "surge"]
+    assert found.problem().stages_before(found.problem().stages[1]) == ["drag"]
 
 
 def test_environment_of_a_trial_over_that_of_the_campaign() -> None:

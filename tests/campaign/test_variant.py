@@ -14,10 +14,9 @@ from typer.testing import CliRunner
 from seatrial._core import Vehicle
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
-from seatrial.campaign.file import Coefficient
 from seatrial.cli import app
 from seatrial.estimation.stage import frozen_motion, frozen_sentences, plan
-from seatrial.identification.identify import identify
+from seatrial.problem.stage import Coefficient
 from tests.identification.test_identify import HEAD
 
 TEXT = (
@@ -72,11 +71,11 @@ def campaign(turn: pl.DataFrame) -> Campaign:
 
 def test_every_locked_axis_gets_the_mode_and_comments_stay(campaign: Campaign) -> None:
     frozen, measured = (campaign.with_locked_axes(mode) for mode in ("frozen", "measured"))
-    assert [(s.axes.free, s.axes.measured, s.axes.frozen) for s in frozen.stages] == [
+    assert [(s.axes.free, s.axes.measured, s.axes.frozen) for s in frozen.problem().stages] == [
         ("N", "", "XYZKM"),
         ("X", "", "YZKMN"),
     ]
-    assert [(s.axes.free, s.axes.measured, s.axes.frozen) for s in measured.stages] == [
+    assert [(s.axes.free, s.axes.measured, s.axes.frozen) for s in measured.problem().stages] == [
         ("N", "XYZKM", ""),
         ("X", "YZKMN", ""),
     ]
@@ -88,7 +87,7 @@ def test_every_locked_axis_gets_the_mode_and_comments_stay(campaign: Campaign) -
         del one["axes"]
     assert plain == changed
     assert campaign.trials["turn"] is frozen.trials["turn"]
-    assert campaign.stages[0].axes.measured == "XYZKM"  # the campaign itself is as it was
+    assert campaign.problem().stages[0].axes.measured == "XYZKM"  # the campaign itself is as it was
 
 
 def test_text_of_a_variant_is_a_campaign(campaign: Campaign, turn: pl.DataFrame) -> None:
@@ -104,7 +103,7 @@ def test_polish_stays_as_it_is(turn: pl.DataFrame, mode: str) -> None:
     text = TEXT + "[polish]\nrounds = 3\n"
     before = Campaign.from_toml(text, source="made.toml", trials={"turn": turn})
     after = before.with_locked_axes(mode)  # type: ignore[arg-type]
-    own, other = Joint(before).stage.axes, Joint(after).stage.axes
+    own, other = Joint(before.problem()).stage.axes, Joint(after.problem()).stage.axes
     assert (own.free, own.measured) == (other.free, other.measured) == ("XN", "YZKM")
 
 
@@ -115,15 +114,15 @@ def test_unknown_mode_is_refused(campaign: Campaign) -> None:
 
 @pytest.mark.long
 def test_variants_do_not_share_kept_stages(campaign: Campaign, tmp_path: Path) -> None:
-    identify(campaign, run_dir=tmp_path / "run", threads=1)
-    other = identify(campaign.with_locked_axes("frozen"), run_dir=tmp_path / "run", threads=1)
+    campaign.identify(run_dir=tmp_path / "run", threads=1)
+    other = campaign.with_locked_axes("frozen").identify(run_dir=tmp_path / "run", threads=1)
     assert [stage.reused for stage in other.stages] == [False, False]
-    again = identify(campaign.with_locked_axes("frozen"), run_dir=tmp_path / "run", threads=1)
+    again = campaign.with_locked_axes("frozen").identify(run_dir=tmp_path / "run", threads=1)
     assert [stage.reused for stage in again.stages] == [True, True]
 
 
 def test_frozen_axis_that_moves_is_named(campaign: Campaign) -> None:
-    plans = plan(campaign.with_locked_axes("frozen"))
+    plans = plan(campaign.with_locked_axes("frozen").problem())
     moved = frozen_motion(plans[0])
     trial, segments = plans[0].data.trials[0], plans[0].data.segments
     away = np.concatenate([trial.nu[s.start : s.stop, 0] - s.nu[0] for s in segments])
@@ -133,13 +132,13 @@ def test_frozen_axis_that_moves_is_named(campaign: Campaign) -> None:
     sentences = frozen_sentences(plans)
     assert "stage 'yaw' freezes axes that move within its segments: X (u changes by" in sentences[0]
     assert "N (the attitude is turned by" in sentences[1]
-    assert not frozen_sentences(plan(campaign.with_locked_axes("measured")))
+    assert not frozen_sentences(plan(campaign.with_locked_axes("measured").problem()))
 
 
 @pytest.mark.long
 def test_replayed_axes_fit_better_than_frozen_ones_that_move(campaign: Campaign) -> None:
     frozen, measured = (
-        identify(campaign.with_locked_axes(mode), threads=1).stages[0] for mode in ("frozen", "measured")
+        campaign.with_locked_axes(mode).identify(threads=1).stages[0] for mode in ("frozen", "measured")
     )
     assert measured.cost < 0.5 * frozen.cost
     # The truth is -150; noise of 0.06 deg/s leaves a few per cent.
@@ -170,12 +169,12 @@ def test_option_of_the_command_line(
 
 
 def test_strips_take_the_place_of_the_damping_that_they_make(campaign: Campaign) -> None:
-    stage = campaign.stages[0]
+    stage = campaign.problem().stages[0]
     both = stage.model_copy(
         update={"coefficients": {"Y_v": Coefficient(), "Y_vv": Coefficient(), "N_rr": Coefficient()}}
     )
     other = campaign.with_file(campaign.file.model_copy(update={"stages": (both,)}))
-    changed = other.with_strips("C_Dy", (0.0, 2.0), 0.8)
+    changed = other.problem().with_strips("C_Dy", (0.0, 2.0), 0.8)
     assert [*changed.stages[0].coefficients] == ["Y_v", "C_Dy"]
     (drag,) = (one for one in changed.parameters[stage.name] if one.name == "C_Dy")
     assert (drag.lower, drag.start, drag.upper) == (0.0, 0.8, 2.0)

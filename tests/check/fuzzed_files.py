@@ -280,7 +280,7 @@ def use_mission(text: str, seed: str) -> None:
 
 def use_campaign(text: str, seed: str) -> None:
     campaign = Campaign.from_toml(text, folder=Path(seed).parent)
-    for parameters in campaign.parameters.values():
+    for parameters in campaign.problem().parameters.values():
         finite("bounds", [(p.lower, p.upper, p.start) for p in parameters])
 
 

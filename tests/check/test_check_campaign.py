@@ -12,7 +12,6 @@ from seatrial._core import Vehicle
 from seatrial.base.errors import SeatrialError
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.identification.identify import identify
 
 T = np.arange(0.0, 60.0, 0.1)
 
@@ -61,7 +60,7 @@ def refused_by_both(made: Campaign) -> str:
     problems = check_campaign(made).problems
     assert len(problems) == 1
     with pytest.raises(SeatrialError) as refusal:
-        identify(made)
+        made.identify()
     assert problems[0] == str(refusal.value)
     return problems[0]
 
@@ -121,7 +120,7 @@ coefficients = { Z_ww = [-2000.0, -1.0] }
     without(folder, "cmd.VTB", "cmd.VTS")
     warned = "heave is driven by VTB, VTS, of which no trial records a command: Z_ww not identified"
     assert any(warned in text for text in check_campaign(Campaign.load(file)).warnings)
-    fit = identify(Campaign.load(file))
+    fit = Campaign.load(file).identify()
     assert [one.name for one in fit.coefficients] == ["X_uu"]
 
 

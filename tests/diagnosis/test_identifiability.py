@@ -103,7 +103,9 @@ def joint(stage: str) -> Joint:
         segment_s = 10.0
         [stages.coefficients]
     """
-    return Joint(Campaign.from_toml(text + "\n".join(lines), source=f"{stage}.toml"), truth(), threads=1)
+    return Joint(
+        Campaign.from_toml(text + "\n".join(lines), source=f"{stage}.toml").problem(), truth(), threads=1
+    )
 
 
 @cache

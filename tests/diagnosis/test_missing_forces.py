@@ -9,13 +9,13 @@ import polars as pl
 
 from seatrial._core import State, Vehicle
 from seatrial.campaign.campaign import Campaign
+from seatrial.campaign.suggestion import follow
 from seatrial.check.plausibility import implausible
 from seatrial.diagnosis.assessment import assess
 from seatrial.diagnosis.identifiability import warnings_before
 from seatrial.diagnosis.residual_analysis import analyse_joint
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import linearise, polish
-from seatrial.identification.suggestion import follow
 
 CAMPAIGN = """
 format = 1
@@ -46,7 +46,7 @@ def made(folder: Path, own: str, *, y_vv: float = -300.0, n_rr: float = -150.0) 
     campaign = Campaign.from_toml(
         CAMPAIGN + own + POLISH, folder=folder, trials={"drift": pushed(truth, seed=3)}
     )
-    return Joint(campaign, threads=1)
+    return Joint(campaign.problem(), threads=1)
 
 
 def pushed(truth: Vehicle, *, seed: int) -> pl.DataFrame:
@@ -101,7 +101,7 @@ def test_a_constant_force_of_one_trial_is_named_and_freed_for_that_trial(tmp_pat
         "back": pushed(vehicle.with_coefficients({"Y_0": 6.0}), seed=2),
     }
     campaign = Campaign.from_toml(text + POLISH, folder=tmp_path, trials=trials)
-    joint = Joint(campaign, threads=1)
+    joint = Joint(campaign.problem(), threads=1)
     best = polish(joint)
     found = analyse_joint(joint, best.values, initial=best.initial, noise=best.noise)
     first = found.suggestions[0]
@@ -110,7 +110,7 @@ def test_a_constant_force_of_one_trial_is_named_and_freed_for_that_trial(tmp_pat
     assert abs(first.value - 6.0) < max(3.0 * first.sigma, 0.3)
     assert 'line for [polish.nuisances]: force_Y = { trials = ["back"] }' in str(found)
     followed = follow(campaign, first)
-    again = Joint(followed, threads=1)
+    again = Joint(followed.problem(), threads=1)
     assert [one.name for one in again.unknowns][-1] == "back: force_Y"
     assert "Y_0" not in again.identified(polish(again).values).coefficients()
 
@@ -124,7 +124,7 @@ def towed(folder: Path, own: str) -> Joint:
     campaign = Campaign.from_toml(
         CAMPAIGN + own + POLISH, folder=folder, trials={"drift": pushed(truth, seed=3)}
     )
-    return Joint(campaign, threads=1)
+    return Joint(campaign.problem(), threads=1)
 
 
 def test_a_missing_tether_is_named(tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_the_stiffness_of_a_taut_tether_is_found_again(tmp_path: Path) -> None:
     campaign = Campaign.from_toml(
         CAMPAIGN + "k_tether = [0.0, 60.0]\n" + POLISH, folder=tmp_path, trials={"drift": trial}
     )
-    joint = Joint(campaign, threads=1)
+    joint = Joint(campaign.problem(), threads=1)
     found = assess(joint, polish(joint))
     place_of = list(found.uncertainty.names).index("k_tether")
     estimate, sigma = found.uncertainty.estimate[place_of], found.uncertainty.sigma[place_of]

@@ -66,7 +66,7 @@ def analysed(folder: Path, seed: int, *, rho: float = 0.0, **truth: float) -> Re
     columns |= dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), np.rad2deg(run.euler).T, strict=True))
     frame = pl.DataFrame({"t_s": t, **columns, **{f"cmd.{name}": c for name, c in commands.items()}})
     campaign = Campaign.from_toml(CAMPAIGN, folder=folder, trials={"zigzag": frame})
-    joint = Joint(campaign, threads=1)
+    joint = Joint(campaign.problem(), threads=1)
     best = polish(joint)
     return analyse_joint(joint, best.values, initial=best.initial, noise=best.noise)
 

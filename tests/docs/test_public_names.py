@@ -17,14 +17,17 @@ from seatrial import _core
 from seatrial.base.channels import CHANNELS
 from seatrial.base.toml_file import Section
 from seatrial.campaign import file as campaign_file
-from seatrial.campaign import search_budget
 from seatrial.campaign import tuning_table as tuning_file
 from seatrial.campaign import verification_table as verification_file
 from seatrial.cli import app
 from seatrial.flight import mission
+from seatrial.problem import anchor, budget, joint, stage
 from seatrial.trial.columns import CANONICAL
 from seatrial.trial.corrections import KEYS as CORRECTION_KEYS
 from tests.docs.pages import NAMES, ROOT, blocks, text
+
+ASKED = (anchor, budget, joint, stage)
+"""What a campaign file asks of an identification."""
 
 INTERFACE = "docs/interface.md"
 ROW = re.compile(r"^\| `(\w+)` \|", re.MULTILINE)
@@ -89,7 +92,7 @@ def test_every_parameter_is_documented(name: str, thing: Any, doc: str) -> None:
 
 
 def _sections() -> Iterator[type[BaseModel]]:
-    for module in (campaign_file, search_budget, tuning_file, verification_file):
+    for module in (campaign_file, *ASKED, tuning_file, verification_file):
         for thing in vars(module).values():
             if inspect.isclass(thing) and issubclass(thing, Section):
                 yield thing

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
-from seatrial.campaign.file import Anchor
 from seatrial.estimation.homogeneity import homogeneity, homogeneous_direction, ratios, scaled
 from seatrial.estimation.scale import added_mass_factor, implied, judge_scale
+from seatrial.problem.anchor import Anchor
 from seatrial.vehicle.actuators import bollard
 
 VEHICLES = [*Vehicle.names(), str(Path(__file__).parents[1] / "core" / "every_term.toml")]
@@ -116,7 +116,7 @@ def test_law_ratios_to_the_thrust_do_not_depend_on_the_scale(name: str, factor: 
 
 
 def test_thrust_that_is_held_carries_the_scale_though_the_mass_is_held_too() -> None:
-    found = homogeneity(campaign())
+    found = homogeneity(campaign().problem())
     # Mass acts in surge only beside the free added mass.
     assert [one.kind for one in found.held] == ["thrust", "static moment"]
     assert found.held[0].members == ("horizontal",)
@@ -125,24 +125,26 @@ def test_thrust_that_is_held_carries_the_scale_though_the_mass_is_held_too() -> 
 
 
 def test_with_free_gains_the_mass_carries_the_scale_where_added_mass_is_held() -> None:
-    found = homogeneity(campaign('X_u = [-90.0, 0.0]\nX_uu = [-300.0, 0.0]\n"horizontal.gain" = [0.2, 2.0]'))
+    found = homogeneity(
+        campaign('X_u = [-90.0, 0.0]\nX_uu = [-300.0, 0.0]\n"horizontal.gain" = [0.2, 2.0]').problem()
+    )
     assert found.held[0].members == ("m - X_udot",)
     assert "The scale rests on m - X_udot" in found.sentences()
 
 
 def test_with_gains_and_added_mass_free_nothing_carries_the_scale() -> None:
-    found = homogeneity(campaign(SURGE + '"horizontal.gain" = [0.2, 2.0]'))
+    found = homogeneity(campaign(SURGE + '"horizontal.gain" = [0.2, 2.0]').problem())
     assert [one.kind for one in found.held] == ["static moment"]
     assert "Nothing is held fixed" in " ".join(found.sentences())
 
 
 def test_one_thruster_of_a_group_that_is_held_carries_the_scale() -> None:
     free = "".join(f'"thruster_{k}.gain" = [0.2, 2.0]\n' for k in (0, 3, 4))
-    assert homogeneity(campaign(SURGE + free)).held[0].members == ("thruster_7",)
+    assert homogeneity(campaign(SURGE + free).problem()).held[0].members == ("thruster_7",)
 
 
 def test_what_is_held_beside_the_thrust_is_named() -> None:
-    found = homogeneity(campaign("X_udot = [-300.0, -1.0]\nX_u = [-90.0, 0.0]\n", free="XZ"))
+    found = homogeneity(campaign("X_udot = [-300.0, -1.0]\nX_u = [-90.0, 0.0]\n", free="XZ").problem())
     held = {one.kind: one.members for one in found.held}
     assert held["thrust"] == ("horizontal", "vertical")
     assert held["mass and inertia"] == ("m - Z_wdot",)
@@ -152,7 +154,7 @@ def test_what_is_held_beside_the_thrust_is_named() -> None:
 
 
 def test_a_logged_wrench_carries_the_scale() -> None:
-    found = homogeneity(campaign(top='input = "tau"'))
+    found = homogeneity(campaign(top='input = "tau"').problem())
     assert found.held[0].members == ("the logged wrench",)
     assert "The scale rests on the logged wrench" in found.sentences()
 
@@ -293,14 +295,14 @@ def test_an_anchor_with_the_wrong_sign_contradicts_the_vehicle() -> None:
 
 
 def test_without_an_anchor_one_is_asked_for() -> None:
-    said = judge_scale(campaign()).sentences()
+    said = judge_scale(campaign().problem()).sentences()
     assert any(text.startswith("No absolute anchor is given") for text in said)
 
 
 def test_before_the_identification_only_the_thrust_is_judged() -> None:
     force = 0.5 * float(bollard(BELUGA, {"thruster_0": 1700.0})[0])
     text = f"[anchor]\nbollard = {{ commands = {{ thruster_0 = 1700.0 }}, force_n = {force} }}\n"
-    report = judge_scale(campaign(anchor=text + "dry_mass = { mass_kg = 24.0 }\n"))
+    report = judge_scale(campaign(anchor=text + "dry_mass = { mass_kg = 24.0 }\n").problem())
     said = " ".join(report.sentences())
     assert "true thrust is 0.5 of the file's" in said
     assert "Judged after the identification: Dry mass" in said
@@ -313,7 +315,7 @@ def test_after_the_identification_everything_is_told_and_disagreement_is_a_warni
     force = 1.2 * float(bollard(BELUGA, {"thruster_0": 1700.0})[0])
     text = f"[anchor]\nbollard = [{{ commands = {{ thruster_0 = 1700.0 }}, force_n = {force} }}]\n"
     planned = campaign(anchor=text + "dry_mass = { mass_kg = 24.0 }\n")
-    report = judge_scale(planned, BELUGA)
+    report = judge_scale(planned.problem(), BELUGA)
     assert [one.factor.anchor for one in report.implied] == ["Bollard pull", "Dry mass"]
     said = " ".join(report.sentences())
     # 1.2 by the pull, 0.32 to 0.50 by the dry mass beside 104 kg.
@@ -326,7 +328,7 @@ def test_anchors_that_agree_are_said_to() -> None:
     one = bollard(BELUGA, {"thruster_0": 1700.0})[0]
     pulls = [{"commands": {"thruster_0": 1700.0}, "force_n": float(share * one)} for share in (0.40, 0.44)]
     lines = [f"{{ commands = {{ thruster_0 = 1700.0 }}, force_n = {pull['force_n']} }}" for pull in pulls]
-    report = judge_scale(campaign(anchor=f"[anchor]\nbollard = [{', '.join(lines)}]\n"), BELUGA)
+    report = judge_scale(campaign(anchor=f"[anchor]\nbollard = [{', '.join(lines)}]\n").problem(), BELUGA)
     assert any(text.startswith("The anchors agree") for text in report.sentences())
 
 

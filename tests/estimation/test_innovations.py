@@ -107,7 +107,7 @@ def test_no_filter_is_taken_across_a_long_gap(tmp_path: Path) -> None:
     jumped = table.with_columns(
         pl.when(pl.col("t_s") < 90.0).then(pl.col("t_s")).otherwise(pl.col("t_s") + 40.0)
     )
-    joint = Joint(made('method = "innovations"', tmp_path, jumped))
+    joint = Joint(made('method = "innovations"', tmp_path, jumped).problem())
     spans, segments = joint.steps()
     assert [round(STEP_S * edge) for _, *edges in spans for edge in edges] == [0, 90, 130, 220]
     trial = joint.data.trials[0]
@@ -117,7 +117,7 @@ def test_no_filter_is_taken_across_a_long_gap(tmp_path: Path) -> None:
     assert np.isfinite(OneStep(joint).linearised(joint.start)[1].transition).all()
     # A short one is bridged.
     bridged = table.filter((pl.col("t_s") < 90.0) | (pl.col("t_s") > 93.0))
-    assert len(Joint(made('method = "innovations"', tmp_path, bridged)).steps()[0]) == 1
+    assert len(Joint(made('method = "innovations"', tmp_path, bridged).problem()).steps()[0]) == 1
 
 
 def test_a_log_full_of_long_gaps_is_left_to_output_error(
@@ -128,7 +128,7 @@ def test_a_log_full_of_long_gaps_is_left_to_output_error(
     monkeypatch.setattr(joint_estimate_setup, "method_of", lambda *_: chosen)
     table = sailed()
     jumps = 6.0 * (pl.col("t_s") // 10.0)
-    joint = Joint(made("segment_s = 12.0", tmp_path, table.with_columns(pl.col("t_s") + jumps)))
+    joint = Joint(made("segment_s = 12.0", tmp_path, table.with_columns(pl.col("t_s") + jumps)).problem())
     assert joint.method == "output"
     assert joint.method_reason.startswith("in trial held rudder answers measurements, which biases gains")
     assert "needs 12 s of a trial without a gap of more than 5 s, and found none" in joint.method_reason
@@ -136,16 +136,16 @@ def test_a_log_full_of_long_gaps_is_left_to_output_error(
         ("segment_s = 9.0", table.with_columns(pl.col("t_s") + jumps)),
         ("segment_s = 12.0", table),
     ):
-        assert Joint(made(keys, tmp_path, log)).method == "innovations"
+        assert Joint(made(keys, tmp_path, log).problem()).method == "innovations"
     # What the campaign asks for is not exchanged.
     asked = 'segment_s = 12.0\nmethod = "innovations"'
-    refused = Joint(made(asked, tmp_path, table.with_columns(pl.col("t_s") + jumps)))
+    refused = Joint(made(asked, tmp_path, table.with_columns(pl.col("t_s") + jumps)).problem())
     with pytest.raises(CampaignError, match="needs 12 s of a trial without a long gap"):
         OneStep(refused)
 
 
 def test_a_motion_that_is_no_number_is_not_followed(tmp_path: Path) -> None:
-    steps = OneStep(Joint(made('method = "innovations"', tmp_path)))
+    steps = OneStep(Joint(made('method = "innovations"', tmp_path).problem()))
     before = steps.path
     (span,) = steps.linearised(steps.joint.start)
     states = np.zeros((len(span.measured), len(steps.states)))
@@ -157,8 +157,8 @@ def test_a_motion_that_is_no_number_is_not_followed(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
-    bent = polish(Joint(made('method = "output"', tmp_path)))
-    joint = Joint(made('method = "innovations"\nrounds = 4\nhorizons_s = [2.0]', tmp_path))
+    bent = polish(Joint(made('method = "output"', tmp_path).problem()))
+    joint = Joint(made('method = "innovations"\nrounds = 4\nhorizons_s = [2.0]', tmp_path).problem())
     found = polish(joint)
     # Measured over seeds 1 to 3: 1 to 7 % with the noise model, 80 to 144 % without.
     assert error(found) < 0.2 < 0.5 < error(bent)
@@ -179,7 +179,7 @@ def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
 def test_a_coefficient_that_moves_without_answers_to_unlogged_motion_is_not_identified(
     tmp_path: Path,
 ) -> None:
-    joint = Joint(made('method = "innovations"\nrounds = 1\nhorizons_s = []', tmp_path))
+    joint = Joint(made('method = "innovations"\nrounds = 1\nhorizons_s = []', tmp_path).problem())
     judged = assess(joint, polish(joint))
     values, away = judged.polished.values.copy(), np.array([0.1, 4.2])
     values[1] *= 1.1
@@ -211,7 +211,7 @@ def test_a_coefficient_that_moves_without_answers_to_unlogged_motion_is_not_iden
 def test_predictions_restart_from_what_the_filter_knew(tmp_path: Path) -> None:
     """In a loop without waves the filter knows the rate better than the smoothed gyro, and its past alone."""
     campaign = made('method = "innovations"', tmp_path, sailed(waves=0.0))
-    joint = Joint(campaign)
+    joint = Joint(campaign.problem())
     judge = Innovations(joint)
     judge.prepare(joint.start)
     ahead_s = 5.0
@@ -229,7 +229,7 @@ def test_predictions_restart_from_what_the_filter_knew(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_a_rate_that_no_gyro_gave_is_judged_by_the_change_of_its_angle(tmp_path: Path) -> None:
-    joint = Joint(made('method = "innovations"', tmp_path, sailed().drop("r_deg_s")))
+    joint = Joint(made('method = "innovations"', tmp_path, sailed().drop("r_deg_s")).problem())
     judge = Innovations(joint)
     judge.prepare(joint.start)
     found = judge.sums(joint.start, 0.5)
@@ -244,7 +244,7 @@ def test_a_rate_that_no_gyro_gave_is_judged_by_the_change_of_its_angle(tmp_path:
 def test_a_hidden_coefficient_is_estimated_beside_the_others_and_not_told(tmp_path: Path) -> None:
     campaign = made('method = "innovations"\nrounds = 4\nhorizons_s = []', tmp_path)
     wrong = campaign.vehicle.with_coefficients({"N_rdot": 1.5 * TRUTH["N_rdot"]})
-    joint = Joint(campaign, wrong, hidden={"N_rdot"})
+    joint = Joint(campaign.problem(), wrong, hidden={"N_rdot"})
     assert [(one.name, one.kind) for one in joint.unknowns] == [
         ("N_r", "coefficient"),
         ("N_rdot", "nuisance"),
@@ -262,8 +262,8 @@ def test_a_hidden_coefficient_is_estimated_beside_the_others_and_not_told(tmp_pa
 def test_what_lies_between_the_samples_of_a_slow_sensor_is_no_measurement(tmp_path: Path) -> None:
     """An interpolation knows the sample to come: predictions that may use it bend whatever they explain."""
     keys = 'method = "innovations"\nrounds = 4\nhorizons_s = []'
-    joint = Joint(made(keys, tmp_path, slow(4)))
-    trial = joint.campaign.trials["held"]
+    joint = Joint(made(keys, tmp_path, slow(4)).problem())
+    trial = joint.problem.trials["held"]
     steps = OneStep(joint)
     column = steps.channels.index("r")
     (span,) = steps.linearised(joint.start)
@@ -277,7 +277,7 @@ def test_what_lies_between_the_samples_of_a_slow_sensor_is_no_measurement(tmp_pa
 
 
 def test_derivatives_are_taken_along_the_filters_own_motion(tmp_path: Path) -> None:
-    joint = Joint(made('method = "innovations"', tmp_path))
+    joint = Joint(made('method = "innovations"', tmp_path).problem())
     steps = OneStep(joint)
     (before,) = steps.linearised(joint.start)
     aside = np.zeros((len(before.measured), len(steps.states)))
@@ -292,7 +292,7 @@ def test_derivatives_are_taken_along_the_filters_own_motion(tmp_path: Path) -> N
 
 def test_depth_says_nothing_where_heave_is_replayed(tmp_path: Path) -> None:
     level = sailed().with_columns(pl.lit(3.0).alias("z_m"))
-    assert "z" not in OneStep(Joint(made('method = "innovations"', tmp_path, level))).states
+    assert "z" not in OneStep(Joint(made('method = "innovations"', tmp_path, level).problem())).states
 
 
 def test_polish_and_joint_are_the_same_table(tmp_path: Path) -> None:
@@ -390,7 +390,7 @@ def test_water_of_waves_and_current_do_not_bend_the_rudder(tmp_path: Path) -> No
     Recipe.load(tmp_path / "field.toml").table().write_parquet(tmp_path / "log.parquet")
     (tmp_path / "campaign.toml").write_text(LATERAL)
     start = {"sway and yaw": {"rudder.gain": 0.7, "N_rr": -60.0}}
-    joint = Joint(Campaign.load(tmp_path / "campaign.toml").with_start_values(start, seed=1))
+    joint = Joint(Campaign.load(tmp_path / "campaign.toml").problem().with_start_values(start, seed=1))
     gain, drag = polish(joint).values
     assert gain == pytest.approx(1.0, abs=0.03)
     assert drag == pytest.approx(Vehicle.load("remus100").coefficients()["N_rr"], rel=0.05)
@@ -438,7 +438,7 @@ def test_the_scale_of_all_forces_stays_where_the_prior_has_it(tmp_path: Path) ->
     ):
         (tmp_path / f"{name}.toml").write_text(text)
     Recipe.load(tmp_path / "field.toml").table().write_parquet(tmp_path / "log.parquet")
-    joint = Joint(Campaign.load(tmp_path / "campaign.toml"))
+    joint = Joint(Campaign.load(tmp_path / "campaign.toml").problem())
     found = dict(zip([one.name for one in joint.unknowns], polish(joint).values, strict=True))
     truth = Vehicle.load("bluerov2-heavy").coefficients()
     gain = np.mean([found[f"thruster_{k}.gain"] for k in range(1, 5)])
@@ -502,14 +502,14 @@ def test_the_damping_of_the_truth_is_the_likelier_one(stripped: bool, tmp_path: 
         (tmp_path / f"{name}.toml").write_text(text)
     Recipe.load(tmp_path / "field.toml").table().write_parquet(tmp_path / "log.parquet")
     campaign = Campaign.load(tmp_path / "campaign.toml")
-    joint = Joint(campaign)
+    joint = Joint(campaign.problem())
     polished = polish(joint)
     if not stripped:
         undecided(joint, polished)
     other, found, kind, (said,) = quadratic_or_strips(joint, polished)
     names = [unknown.name for unknown in other.unknowns]
     assert ("C_Dy" in names) is stripped
-    assert [*kind(campaign).stages[0].coefficients] == names
+    assert [*kind(campaign.problem()).stages[0].coefficients] == names
     gain = dict(zip(names, found.values, strict=True))["rudder.gain"]
     if stripped:
         assert said.startswith("Cross-flow drag by strips (C_Dy) fits the log better than")
@@ -527,7 +527,7 @@ def surveyed(tmp_path: Path) -> Joint:
     Recipe.load(tmp_path / "field.toml").table().write_parquet(tmp_path / "log.parquet")
     axes = LATERAL.replace('free = "XYN", measured = "ZKM"', 'free = "XYZKMN"')
     (tmp_path / "campaign.toml").write_text(axes.replace("[joint]", "[joint]\nsegment_s = 10.0"))
-    return Joint(Campaign.load(tmp_path / "campaign.toml"))
+    return Joint(Campaign.load(tmp_path / "campaign.toml").problem())
 
 
 def test_a_step_knows_nothing_of_the_water_after_it(tmp_path: Path) -> None:
@@ -550,7 +550,7 @@ def test_a_current_shared_by_water_and_vehicle_changes_nothing_of_the_flow(tmp_p
     """What a step makes of a velocity of vehicle and water together is that the body turns beneath it."""
     joint = surveyed(tmp_path)
     (span,) = OneStep(joint).linearised(joint.start)
-    trial, before = joint.campaign.trials["log"], span.afloat[:-1, :3]
+    trial, before = joint.problem.trials["log"], span.afloat[:-1, :3]
     made = span.transition[:, :3, :3] @ before + span.current[:, :3]
     rates = trial.state(slice(span.first, span.last))[2][:, 3:]
     turned = np.array([

@@ -166,7 +166,7 @@ def test_law_units_of_the_signals_do_not_matter(sizes: list[float], seed: int) -
 
 
 def test_thrusters_driven_one_by_one_have_gains_of_their_own(tmp_path: Path) -> None:
-    found = judge_inputs(campaign(tmp_path, {"cmd.port": steps(1), "cmd.starboard": steps(2)}))
+    found = judge_inputs(campaign(tmp_path, {"cmd.port": steps(1), "cmd.starboard": steps(2)}).problem())
     assert found.thrusts.lost == 0
     assert found.offered == ("port.gain", "starboard.gain")
     assert [option.told_apart for option in found.options if option.kind == "single"] == [True]
@@ -174,7 +174,7 @@ def test_thrusters_driven_one_by_one_have_gains_of_their_own(tmp_path: Path) -> 
 
 def test_thrusters_driven_together_have_one_gain(tmp_path: Path) -> None:
     columns = {"cmd.port": steps(1), "cmd.starboard": steps(1)}
-    found = judge_inputs(campaign(tmp_path, columns, coefficients='"port.gain" = [0.5, 2.0]'))
+    found = judge_inputs(campaign(tmp_path, columns, coefficients='"port.gain" = [0.5, 2.0]').problem())
     assert found.offered == ("main.gain", "main.astern_ratio")
     assert found.freed == ("port.gain",)
     assert found.rows.still == ("Y", "Z", "K", "M", "N")
@@ -184,11 +184,14 @@ def test_thrusters_driven_together_have_one_gain(tmp_path: Path) -> None:
 
 def test_a_group_that_is_freed_as_one_is_no_complaint(tmp_path: Path) -> None:
     columns = {"cmd.port": steps(1), "cmd.starboard": steps(1)}
-    assert judge_inputs(campaign(tmp_path, columns, coefficients='"main.gain" = [0.5, 2.0]')).freed == ()
+    assert (
+        judge_inputs(campaign(tmp_path, columns, coefficients='"main.gain" = [0.5, 2.0]').problem()).freed
+        == ()
+    )
 
 
 def test_opposite_thrusters_drive_yaw_alone(tmp_path: Path) -> None:
-    found = judge_inputs(campaign(tmp_path, {"cmd.port": steps(1), "cmd.starboard": -steps(1)}))
+    found = judge_inputs(campaign(tmp_path, {"cmd.port": steps(1), "cmd.starboard": -steps(1)}).problem())
     assert "X" in found.rows.still
     axis = next(option for option in found.options if option.kind == "axis")
     assert axis.names == ("main.lever_N",)
@@ -197,30 +200,32 @@ def test_opposite_thrusters_drive_yaw_alone(tmp_path: Path) -> None:
 def test_what_is_held_out_excites_nothing(tmp_path: Path) -> None:
     together = np.where(T < 30.0, steps(1), steps(2))
     columns = {"cmd.port": steps(1), "cmd.starboard": together}
-    assert judge_inputs(campaign(tmp_path, columns)).thrusts.lost == 0
+    assert judge_inputs(campaign(tmp_path, columns).problem()).thrusts.lost == 0
     held = campaign(tmp_path, columns, trial="hold_out_s = [[30.0, 60.0]]")
-    assert judge_inputs(held).thrusts.lost == 1
+    assert judge_inputs(held.problem()).thrusts.lost == 1
 
 
 def test_an_actuator_that_never_moves_is_named(tmp_path: Path) -> None:
-    found = judge_inputs(campaign(tmp_path, {"cmd.port": steps(1), "cmd.starboard": np.full(len(T), 3.0)}))
+    found = judge_inputs(
+        campaign(tmp_path, {"cmd.port": steps(1), "cmd.starboard": np.full(len(T), 3.0)}).problem()
+    )
     # The motor runs up from rest at the beginning: 2 s of 60.
     assert found.drives[1].rms_n < 0.2 * found.drives[0].rms_n
-    quiet = judge_inputs(campaign(tmp_path, {"cmd.port": steps(1), "cmd.starboard": 0.0 * T}))
+    quiet = judge_inputs(campaign(tmp_path, {"cmd.port": steps(1), "cmd.starboard": 0.0 * T}).problem())
     assert quiet.thrusts.still == ("starboard",)
     assert "The thrust of starboard hardly changes" in str(quiet)
 
 
 def test_a_fin_that_never_moves_has_a_lift_not_a_thrust(tmp_path: Path) -> None:
     columns = {"cmd.port": steps(1), "cmd.starboard": 0.0 * T, "cmd.rudder": 0.0 * T}
-    said = judge_inputs(campaign(tmp_path, columns, vehicle=TWIN + RUDDER)).sentences()
+    said = judge_inputs(campaign(tmp_path, columns, vehicle=TWIN + RUDDER).problem()).sentences()
     assert "The thrust of starboard hardly changes" in said
     assert "The lift of rudder hardly changes" in said
 
 
 def test_a_fin_lifts_at_the_speed_of_the_trial(tmp_path: Path) -> None:
     columns = {"cmd.port": steps(1), "cmd.starboard": steps(2), "cmd.rudder": 0.01 * steps(3)}
-    found = judge_inputs(campaign(tmp_path, columns, vehicle=TWIN + RUDDER, free="XN"))
+    found = judge_inputs(campaign(tmp_path, columns, vehicle=TWIN + RUDDER, free="XN").problem())
     assert found.thrusts.still == ()
     assert {"Y", "N"}.isdisjoint(found.rows.still)
     # Aspect ratio 2: C_L = 2 pi / 2 per rad or less of rho/2 u^2 A at the mean square of sin, a half.
@@ -228,26 +233,28 @@ def test_a_fin_lifts_at_the_speed_of_the_trial(tmp_path: Path) -> None:
     deflection = float(np.std(columns["cmd.rudder"]))
     assert 0.3 * thin * deflection < found.drives[2].rms_n < 1.1 * thin * deflection
     slow = {"u_m_s": 0.5 * np.sin(0.1 * T)}
-    quarter = judge_inputs(campaign(tmp_path, columns | slow, vehicle=TWIN + RUDDER, free="XN"))
+    quarter = judge_inputs(campaign(tmp_path, columns | slow, vehicle=TWIN + RUDDER, free="XN").problem())
     assert quarter.drives[2].rms_n == pytest.approx(0.25 * found.drives[2].rms_n, rel=1e-6)
 
 
 def test_the_scale_rests_on_the_lift_of_a_fin(tmp_path: Path) -> None:
     columns = {"cmd.port": steps(1), "cmd.starboard": steps(2), "cmd.rudder": 0.01 * steps(3)}
     text = '"main.gain" = [0.5, 2.0]'
-    found = homogeneity(campaign(tmp_path, columns, vehicle=TWIN + RUDDER, coefficients=text, free="XN"))
+    found = homogeneity(
+        campaign(tmp_path, columns, vehicle=TWIN + RUDDER, coefficients=text, free="XN").problem()
+    )
     assert "The scale rests on the lift of rudder as in the vehicle file" in found.sentences()
-    found = homogeneity(campaign(tmp_path, columns, vehicle=TWIN + RUDDER, free="XN"))
+    found = homogeneity(campaign(tmp_path, columns, vehicle=TWIN + RUDDER, free="XN").problem())
     assert "The scale rests on the thrust of main as in the vehicle file" in found.sentences()
     assert "values: lift of rudder" in " ".join(found.sentences())
 
 
 def test_the_thrust_is_that_behind_the_motor(tmp_path: Path) -> None:
     columns = {"cmd.port": steps(1), "cmd.starboard": steps(2)}
-    lagged = judge_inputs(campaign(tmp_path, columns))
+    lagged = judge_inputs(campaign(tmp_path, columns).problem())
     assert lagged.drives[0].rms_n < 0.9 * float(np.std(steps(1)))
     measured = {"meas.port": steps(1), "meas.starboard": steps(2)}
-    direct = judge_inputs(campaign(tmp_path, columns | measured, top='input = "measured"'))
+    direct = judge_inputs(campaign(tmp_path, columns | measured, top='input = "measured"').problem())
     # A measured signal is thrust at once; a sample at the start is behind the motor's first step.
     assert direct.drives[0].rms_n == pytest.approx(float(np.std(steps(1))), rel=0.01)
 
@@ -256,7 +263,7 @@ def test_of_a_logged_wrench_only_the_rows_are_judged(tmp_path: Path) -> None:
     zero = 0.0 * T
     columns = {"tau.X_n": steps(1), "tau.N_nm": 0.5 * steps(1)}
     columns |= {"tau.Y_n": zero, "tau.Z_n": zero, "tau.K_nm": zero, "tau.M_nm": zero}
-    found = judge_inputs(campaign(tmp_path, columns, top='input = "tau"'))
+    found = judge_inputs(campaign(tmp_path, columns, top='input = "tau"').problem())
     assert found.drives == ()
     assert found.offered == ()
     assert found.rows_rms["X"] == pytest.approx(float(np.std(steps(1))), rel=1e-9)
@@ -279,8 +286,8 @@ def cwolf() -> Campaign:
 
 @pytest.mark.long
 def test_cwolf_is_told_per_group_and_direction(cwolf: Campaign) -> None:
-    found = judge_inputs(cwolf)
-    assert trained(cwolf) == ("surge", "dive", "turn", "dive_stern", "roll")
+    found = judge_inputs(cwolf.problem())
+    assert trained(cwolf.problem()) == ("surge", "dive", "turn", "dive_stern", "roll")
     words = {one.words for one in found.thrusts.combinations}
     # Ahead together, sides apart, levels apart, never crosswise; both verticals always alike.
     assert words == {"SbU - SbL - PU + PL", "VTB - VTS"}
@@ -306,7 +313,7 @@ def test_check_of_a_campaign_judges_inputs_and_scale(cwolf: Campaign) -> None:
 @pytest.mark.long
 @pytest.mark.skipif(not DATA.is_dir(), reason="Beluga's recordings are not here; set SEATRIAL_DATA")
 def test_eight_gains_of_beluga_cannot_be_told_apart() -> None:
-    found = judge_inputs(Campaign.load(EXAMPLES / "beluga" / "campaign.toml"))
+    found = judge_inputs(Campaign.load(EXAMPLES / "beluga" / "campaign.toml").problem())
     # The allocator serves six axes with eight thrusters. Found .38 and .008, by dead band and table.
     assert found.thrusts.singular_values[5] > 0.2
     assert found.thrusts.singular_values[6] < 0.03

@@ -76,7 +76,7 @@ def recording(
 
 def joint(frame: pl.DataFrame, extra: str = "") -> Joint:
     text = HEAD + extra
-    return Joint(Campaign.from_toml(text, source="made.toml", trials={"turn": frame}), threads=2)
+    return Joint(Campaign.from_toml(text, source="made.toml", trials={"turn": frame}).problem(), threads=2)
 
 
 def away(one: Joint, values: np.ndarray, initial: np.ndarray, noise: np.ndarray) -> dict[str, float]:
@@ -194,7 +194,7 @@ def test_held_unknowns_keep_their_value() -> None:
 def test_threads_change_nothing() -> None:
     frame = recording()
     campaign = Campaign.from_toml(HEAD, source="made.toml", trials={"turn": frame})
-    one, two = (polish(Joint(campaign, threads=n)) for n in (1, 2))
+    one, two = (polish(Joint(campaign.problem(), threads=n)) for n in (1, 2))
     assert np.array_equal(one.values, two.values)
 
 
@@ -225,4 +225,4 @@ def test_an_interrupt_keeps_the_best_so_far() -> None:
 def test_what_cannot_be_asked_is_refused(extra: str, message: str) -> None:
     text = HEAD.replace("channels =", "# channels =") if extra.startswith("channels") else HEAD
     with pytest.raises(CampaignError, match=message):
-        Joint(Campaign.from_toml(text + extra, source="made.toml", trials={"turn": recording()}))
+        Joint(Campaign.from_toml(text + extra, source="made.toml", trials={"turn": recording()}).problem())

@@ -9,11 +9,11 @@ import pytest
 
 from benchmarks import four_stages
 from seatrial._core import Vehicle
-from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.criterion import Criterion
-from seatrial.estimation.problem import Problem
+from seatrial.estimation.segment_model import SegmentModel
 from seatrial.estimation.stage import plan
 from seatrial.estimation.step import RATE_LIMIT, SEARCH_RATE_LIMIT, around, stage_step
+from seatrial.problem.parameter import Parameter
 
 
 def parameter(name: str, lower: float, upper: float) -> Parameter:
@@ -102,10 +102,10 @@ def test_bounds_around_points_hold_a_tenth_of_the_box_more_and_never_leave_it() 
 @pytest.mark.long
 def test_step_of_the_global_search_ranks_candidates_as_a_fine_one(tmp_path: Path) -> None:
     campaign = four_stages.campaign(four_stages.write_logs(tmp_path, duration_s=62.0))
-    for stage in plan(campaign):
+    for stage in plan(campaign.problem()):
         coarse, fine = (
             Criterion(
-                Problem(campaign.vehicle, stage.stage, stage.data, stage.parameters, substeps, threads=1)
+                SegmentModel(campaign.vehicle, stage.stage, stage.data, stage.parameters, substeps, threads=1)
             )
             for substeps in (stage.step.search, 4 * stage.step.substeps)
         )

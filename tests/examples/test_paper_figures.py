@@ -35,11 +35,10 @@ from paper.tuning import tuning_plates, without_tuning
 from seatrial._core import State
 from seatrial.base.errors import SeatrialError
 from seatrial.campaign.campaign import Campaign
-from seatrial.campaign.file import Axes as Modes
-from seatrial.campaign.file import Stage
 from seatrial.cli import app
 from seatrial.identification.identification import Identification
-from seatrial.identification.identify import identify
+from seatrial.problem.stage import Axes as Modes
+from seatrial.problem.stage import Stage
 from seatrial.report.plot.identification import convergence, phase_costs
 from seatrial.report.plot.stage import polished_cost, stage_result
 from seatrial.report.plot.style import number, symbol
@@ -124,7 +123,7 @@ def refused(result: Result, *words: str) -> None:
 @pytest.fixture(scope="module")
 def fit() -> Identification:
     frames = {"run": record(1), "dive": record(2), "unseen": record(3)}
-    return identify(Campaign.from_toml(CAMPAIGN, source="made.toml", trials=frames), threads=1)
+    return Campaign.from_toml(CAMPAIGN, source="made.toml", trials=frames).identify(threads=1)
 
 
 @given(st.lists(st.integers(0, 2**8 - 1), min_size=1, max_size=8))
@@ -148,7 +147,7 @@ def test_law_stages_stand_behind_those_they_wait_for_and_never_on_one_another(ma
 
 
 def test_optimisation_diagram_shows_stages_order_and_criterion(fit: Identification) -> None:
-    figure = optimisation_diagram(fit.campaign, results=fit.stages)
+    figure = optimisation_diagram(fit.problem, results=fit.stages)
     assert_printable(figure)
     words = texts(figure)
     for said in (
@@ -162,14 +161,14 @@ def test_optimisation_diagram_shows_stages_order_and_criterion(fit: Identificati
         assert said in words
     first = fit.stages[0]
     assert f"$Q$ {number(first.start_cost)} \N{RIGHTWARDS ARROW} {number(first.cost)}" in words
-    places = columns_of_stages(fit.campaign.stages)
+    places = columns_of_stages(fit.problem.stages)
     assert places["surge"][0] == places["heave"][0] == 0
     assert places["surge and heave once more"][0] == 1
 
 
 def test_optimisation_diagram_of_the_example_needs_no_run() -> None:
     campaign = Campaign.load(EXAMPLES / "cwolf" / "campaign.toml")
-    figure = optimisation_diagram(campaign)
+    figure = optimisation_diagram(campaign.problem())
     assert_printable(figure)
     assert sum(text == "10 coefficients" for text in texts(figure)) == 1
 
@@ -315,7 +314,7 @@ corridor = { rise_s = 2.0, overshoot = 0.02, settling_s = 9.0, settled = 0.02, u
 """
     autopilot = f'autopilot = "{EXAMPLES / "cwolf" / "start_autopilot.toml"}"\n'
     campaign = Campaign.from_toml(autopilot + CAMPAIGN + small, source="small.toml", folder=".")
-    plates = list(tuning_plates(replace(fit, campaign=campaign)))
+    plates = list(tuning_plates(fit, campaign))
     assert [plate.name for plate in plates] == ["corridor_surge", "speed_control"]
     assert [plate.paper for plate in plates] == [(19,), (20,)]
     corridor, speed = (plate.draw() for plate in plates if plate.draw is not None)
@@ -326,7 +325,7 @@ corridor = { rise_s = 2.0, overshoot = 0.02, settling_s = 9.0, settled = 0.02, u
     assert "speed ahead u, m/s" in texts(speed)
     only_heading = small.replace("loops.surge", "loops.heading").replace("[0.3]", "[20.0]")
     other = Campaign.from_toml(autopilot + CAMPAIGN + only_heading, source="small.toml", folder=".")
-    (left_out,) = tuning_plates(replace(fit, campaign=other))
+    (left_out,) = tuning_plates(fit, other)
     assert left_out.draw is None
     assert left_out.caption == "no corridor of the speed: small.toml has no [tuning.loops.surge]"
 
@@ -352,14 +351,14 @@ def test_stages_of_an_earlier_run_are_reused(drawn: tuple[Path, dict[str, Any]])
 
 def test_generated_trials_are_told_from_recordings() -> None:
     campaign = Campaign.load(EXAMPLES / "cwolf" / "campaign.toml", trials={"own": "log.csv"})
-    assert is_generated(campaign, "surge")
-    assert not is_generated(campaign, "own")
+    assert is_generated(campaign.problem(), "surge")
+    assert not is_generated(campaign.problem(), "own")
 
 
 def test_the_example_of_generated_trials_says_so_in_its_captions(fit: Identification) -> None:
     campaign = Campaign.load(EXAMPLES / "cwolf" / "campaign.toml")
     captions = " ".join(
-        plate.caption for plate in campaign_plates(replace(fit, campaign=campaign, stages=()))
+        plate.caption for plate in campaign_plates(replace(fit, problem=campaign.problem(), stages=()))
     )
     assert "Data: generated (recipe) validation." in captions
 

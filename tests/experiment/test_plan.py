@@ -18,7 +18,6 @@ from typer.testing import CliRunner, Result
 from seatrial import Campaign, CampaignError, Identification, State, Trial, TrialError, Vehicle, identify
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.progress import Progress
-from seatrial.campaign.parameters import Parameter
 from seatrial.cli import app
 from seatrial.experiment.combinations import Thrusters
 from seatrial.experiment.fisher import (
@@ -34,6 +33,7 @@ from seatrial.experiment.forecast import Limits, simulated
 from seatrial.experiment.manoeuvre import Manoeuvre, coast_down, dive, free_decay, staircase, zigzag
 from seatrial.experiment.plan import plan
 from seatrial.experiment.plan_result import Change, Plan
+from seatrial.problem.parameter import Parameter
 from seatrial.report.plot.planned_trial import planned_trial
 from seatrial.report.plot.style import save
 from seatrial.statistics.information import covariance
@@ -417,7 +417,7 @@ def test_recorded_trials_lower_what_is_left_to_tell() -> None:
 
 def test_a_campaign_seeks_its_parameters() -> None:
     campaign = Campaign.load(EXAMPLES / "cwolf" / "campaign.toml")
-    parameters = of_campaign(campaign, ["Z_w", "stern.gain"])
+    parameters = of_campaign(campaign.problem(), ["Z_w", "stern.gain"])
     assert [p.name for p in parameters[:3]] == ["X_udot", "X_u", "X_uu"]
     assert parameters[-1].name == "stern.gain"
     bounds = {p.name: (p.lower, p.upper) for p in parameters}
@@ -433,7 +433,7 @@ def test_a_thrust_gain_that_the_joint_estimate_frees_limits_what_a_drag_is_known
     for name in ("truth.toml", "start_autopilot.toml"):
         shutil.copy(EXAMPLES / "cwolf" / name, tmp_path)
     (tmp_path / "campaign.toml").write_text(f"{text}\n[polish]\n{freed}")
-    parameters = of_campaign(Campaign.load(tmp_path / "campaign.toml"))
+    parameters = of_campaign(Campaign.load(tmp_path / "campaign.toml").problem())
     names = [parameter.name for parameter in parameters]
     drag, gain = names.index("X_uu"), names.index("stern.gain")
     prior = prior_information(parameters)
@@ -651,6 +651,6 @@ def test_the_forecast_of_white_sensors_is_what_an_identification_then_gives() ->
     ratio = {change.name: change.after / sigma[change.name] for change in found.coefficients}
     assert all(0.7 < one < 1.5 for one in ratio.values()), ratio
     # A campaign whose vehicle fits tells the same memory, with the usual instruments.
-    again = plan(fit.campaign, budget_s=120.0, count=1, candidates=[following])
+    again = plan(fit.problem, budget_s=120.0, count=1, candidates=[following])
     assert again.instruments.correlation_s == pytest.approx(0.1, rel=0.2)
     assert again.instruments.noise["u"] == 0.01

@@ -25,7 +25,7 @@ def test_identify_remarks_an_inertia_that_the_vehicle_cannot_have(n_rdot: float,
     odd = implausible_masses(start, [row], masses_of(found))
     assert set(odd) == ({"N"} if told else set())
     fit = SimpleNamespace(
-        campaign=SimpleNamespace(vehicle=start), vehicle=found, coefficients=(row,), choice=None,
+        problem=SimpleNamespace(vehicle=start), vehicle=found, coefficients=(row,), choice=None,
         assessment=None, scale=SimpleNamespace(sentences=list), notes=(), before=(), fallbacks=(),
         interrupted=False,
     )  # fmt: skip

@@ -13,7 +13,6 @@ import pytest
 from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.stage import plan
 from seatrial.identification.identification import Identification
-from seatrial.identification.identify import identify
 
 EXAMPLE = Path(__file__).parents[2] / "python" / "seatrial" / "examples" / "beluga"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"
@@ -35,7 +34,7 @@ def identified() -> Identification:
     text = text.replace("rounds = 15", "rounds = 3", 1)
     text, shortened = re.subn(r"hold_out_s = \[\[[56]00\.0, ", "hold_out_s = [[300.0, ", text)
     assert shortened == 4
-    return identify(Campaign.from_toml(text, folder=EXAMPLE))
+    return Campaign.from_toml(text, folder=EXAMPLE).identify()
 
 
 def test_held_out_parts_are_predicted_ten_seconds_ahead() -> None:
@@ -57,7 +56,7 @@ def test_apparent_masses_are_those_of_an_open_frame() -> None:
 
 @pytest.mark.parametrize("name", ["campaign.toml", "campaign_logged_wrench.toml"])
 def test_the_step_of_the_examples_is_coarse_enough_to_be_quick(name: str) -> None:
-    plans = plan(Campaign.load(EXAMPLE / name))
+    plans = plan(Campaign.load(EXAMPLE / name).problem())
     assert max(one.step.substeps for one in plans) <= 6
 
 

@@ -13,7 +13,6 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
 from seatrial.identification.identification import Identification
-from seatrial.identification.identify import identify
 
 TRUTH = {"X_uu": -13.0, "N_rr": -180.0, "N_rdot": -75.0}
 
@@ -79,7 +78,7 @@ def recordings(*, waves: bool) -> dict[str, pl.DataFrame]:
 
 @cache
 def identified(text: str, *, waves: bool) -> Identification:
-    return identify(Campaign.from_toml(text, source="made.toml", trials=recordings(waves=waves)), threads=2)
+    return Campaign.from_toml(text, source="made.toml", trials=recordings(waves=waves)).identify(threads=2)
 
 
 @pytest.mark.long
@@ -127,7 +126,7 @@ def test_a_joint_estimate_without_convergence_heads_the_summary() -> None:
 
 def test_the_cost_of_a_joint_estimate_never_rises_with_its_rounds() -> None:
     campaign = Campaign.from_toml(HEAD, source="made.toml", trials=recordings(waves=True))
-    joint = Joint(campaign, threads=2)
+    joint = Joint(campaign.problem(), threads=2)
     found = [polish(joint, rounds=rounds) for rounds in range(5)]
     costs = [float(one.costs.min()) for one in found]
     assert costs == sorted(costs, reverse=True)
@@ -142,7 +141,7 @@ def test_more_coefficients_do_not_end_at_a_higher_cost() -> None:
     costs = []
     for text in (HEAD, HEAD + extra):
         campaign = Campaign.from_toml(text, source="made.toml", trials=data)
-        costs.append(float(polish(Joint(campaign, threads=2)).costs.min()))
+        costs.append(float(polish(Joint(campaign.problem(), threads=2)).costs.min()))
     assert costs[1] <= costs[0]
 
 
@@ -174,7 +173,7 @@ def test_gains_with_a_prior_leave_a_joint_estimate_that_predicts_worse_with_them
 
     monkeypatch.setattr("seatrial.identification.choice._outside", outside)
     campaign = Campaign.from_toml(HELD_OUT + GAINS, source="made.toml", trials=recordings(waves=False))
-    fit = identify(campaign, threads=2)
+    fit = campaign.identify(threads=2)
     assert not [row.name for row in fit.coefficients if row.name.endswith(".gain")]
     assert any(note.startswith("SbU.gain, SbL.gain, PU.gain, PL.gain stay at") for note in fit.notes)
     assert any("(R2 r 0.90 to 0.80 when freed)" in note for note in fit.notes)
@@ -186,7 +185,7 @@ def test_a_tight_prior_holds_a_coefficient_that_the_data_would_move() -> None:
     tight = Campaign.from_toml(held, source="made.toml", trials=recordings(waves=False))
     found = {}
     for name, campaign in (("free", free), ("tight", tight)):
-        joint = Joint(campaign, threads=2)
+        joint = Joint(campaign.problem(), threads=2)
         values = polish(joint).values
         found[name] = joint.coefficients(values)["N_rr"]
     assert found["free"] == pytest.approx(TRUTH["N_rr"], rel=0.05)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial._core import Vehicle
-from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.homogeneity import STATIC, THRUST, Held, Homogeneity
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
+from seatrial.problem.parameter import Parameter
 
 Array = NDArray[np.float64]
 

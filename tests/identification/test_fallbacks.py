@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from seatrial import Campaign, Identification, SimulationError, Trial, Vehicle, identify
+from seatrial import Campaign, Identification, Problem, SimulationError, Trial, Vehicle
 from seatrial.base.errors import CampaignError, NumericalError, SeatrialError
 from seatrial.base.fallback import Fallback, Fallbacks, is_numerical
 from seatrial.estimation.innovations import Innovations
@@ -93,7 +93,7 @@ def test_a_step_that_fails_leaves_what_was_there(
     step: str, name: str, trial: Trial, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(CONCLUSION + step, failing(SINGULAR))
-    fit = identify(campaign(trial), threads=1)
+    fit = campaign(trial).identify(threads=1)
     whole(fit)
     first = fit.fallbacks[0]
     assert (first.step, first.kind, first.cause) == (name, "numerical", "Singular matrix")
@@ -109,7 +109,7 @@ def test_a_programming_error_is_not_swallowed(
 ) -> None:
     monkeypatch.setattr(CONCLUSION + "assess", failing(error))
     with pytest.raises(type(error)):
-        identify(campaign(trial), threads=1)
+        campaign(trial).identify(threads=1)
 
 
 def test_what_counts_as_a_failure_of_numbers() -> None:
@@ -136,14 +136,14 @@ def test_what_counts_as_a_failure_of_numbers() -> None:
 
 
 def test_a_stage_that_fails_costs_no_other_stage(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails_first(campaign: Campaign, plan: Any, **options: Any) -> Any:
+    def fails_first(problem: Problem, plan: Any, **options: Any) -> Any:
         if plan.stage.name == "first":
             raise SimulationError("every candidate diverged")
-        return run_stage(campaign, plan, **options)
+        return run_stage(problem, plan, **options)
 
     monkeypatch.setattr("seatrial.identification.identify.run_stage", fails_first)
     first = STAGES[STAGES.index("[[stages]]") :].replace("surge", "first").replace("X_uu", "X_udot")
-    fit = identify(campaign(trial, first.replace("[-30.0, -4.0]", "[-30.0, -1.0]")), threads=1)
+    fit = campaign(trial, first.replace("[-30.0, -4.0]", "[-30.0, -1.0]")).identify(threads=1)
     whole(fit)
     assert [one.step for one in fit.fallbacks] == ["stage 'first'"]
     assert [stage.name for stage in fit.stages] == ["surge"]
@@ -157,14 +157,14 @@ def diverging() -> Vehicle:
 def test_a_filter_that_leaves_the_log_is_recognised_before_its_noises_are_sought(
     trial: Trial, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    joint = Joint(campaign(trial, '[polish]\nmethod = "innovations"\n', diverging()), threads=1)
+    joint = Joint(campaign(trial, '[polish]\nmethod = "innovations"\n', diverging()).problem(), threads=1)
     monkeypatch.setattr("seatrial.estimation.kalman.Filters.likeliest", failing(AssertionError()))
     with pytest.raises(NumericalError, match=r"the model diverges over one sample of 0\.1 s: it misses u by"):
         Innovations(joint).estimate(joint.start, 20, (), None)
 
 
 def test_law_a_round_that_diverges_is_taken_back(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
-    joint = Joint(campaign(trial, '[polish]\nmethod = "innovations"\n'), threads=1)
+    joint = Joint(campaign(trial, '[polish]\nmethod = "innovations"\n').problem(), threads=1)
     innovations = Innovations(joint)
     one = innovations.estimate(joint.start, 1, (), None)
     joint.noise_model = None
@@ -207,6 +207,6 @@ def test_a_vehicle_that_no_step_follows_has_no_noise_of_its_own(trial: Trial) ->
     with pytest.raises(NumericalError, match=r"diverges over one sample at 3\d\d samples"):
         residual_noise(runaway, [Record(trial, "commands", trial.valid)])
     fallbacks = Fallbacks()
-    vehicle, _ = scored(Conclusion(campaign(trial, ""), runaway), fallbacks)
+    vehicle, _ = scored(Conclusion(campaign(trial, "").problem(), runaway), fallbacks)
     assert "model_error" not in vehicle.to_dict()
     assert fallbacks.findings[0].step == "noise of a navigation filter"

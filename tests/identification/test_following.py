@@ -17,11 +17,10 @@ from hypothesis import strategies as st
 from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
+from seatrial.campaign.suggestion import follow, followed_text, hold_out_change, try_suggestion
 from seatrial.diagnosis.missing_terms import Suggestion
 from seatrial.diagnosis.refitting import suggested_bounds
 from seatrial.identification.identification import Identification
-from seatrial.identification.identify import identify
-from seatrial.identification.suggestion import follow, followed_text, hold_out_change, try_suggestion
 from seatrial.trial.score import ChannelScore, Score
 
 HEAD = """# The campaign of a summer.
@@ -84,7 +83,7 @@ def test_one_line_is_added_and_every_comment_stays(text: str, name: str, line: s
 def test_inline_coefficients_are_extended_in_their_line() -> None:
     found = followed_text(campaign(HEAD + SURGE + SWAY), suggestion("N_v"))
     assert "coefficients = { N_v = [-6.0, 3.0], Y_vv = [-900.0, -100.0] }" in found
-    assert [p.name for p in campaign(found).parameters["sway"]] == ["N_v", "Y_vv"]
+    assert [p.name for p in campaign(found).problem().parameters["sway"]] == ["N_v", "Y_vv"]
 
 
 def test_a_layout_that_cannot_be_edited_is_refused_with_the_line() -> None:
@@ -100,7 +99,7 @@ def test_following_keeps_the_trials_that_were_given() -> None:
     frame = pl.DataFrame({"t_s": np.arange(0.0, 80.0, 0.1), "u_m_s": np.arange(0.0, 80.0, 0.1)})
     given_ = Campaign.from_toml(HEAD + SURGE, source="made.toml", trials={"run": frame})
     followed = follow(given_, suggestion("X_u"))
-    assert [p.name for p in followed.parameters["surge"]] == ["X_uu", "X_u"]
+    assert [p.name for p in followed.problem().parameters["surge"]] == ["X_uu", "X_u"]
     assert len(followed.trials["run"]) == 800
     assert tomllib.loads(followed.text)["stages"][0]["coefficients"]["X_u"] == [-6.0, 0.0]
 
@@ -131,7 +130,7 @@ def judged(**r2: float) -> Identification:
     channels = {name: ChannelScore(value, 0.0, 0.0, 100) for name, value in r2.items()}
     score = Score(channels, ("run",), 10.0, 0, 0, ())
     scores = {"hold_out": {"ahead": {"run": score}}} if r2 else {}
-    fit = SimpleNamespace(scores=scores, campaign=SimpleNamespace(source="made.toml"))
+    fit = SimpleNamespace(scores=scores, problem=SimpleNamespace(source="made.toml"))
     return cast(Identification, fit)
 
 
@@ -169,7 +168,7 @@ def test_a_suggestion_that_is_true_is_kept(tmp_path: Path) -> None:
     budget = "[budget]\npopulation = 8\ngenerations = 10\nsimplex_rounds = 1\n"
     head = HEAD.replace('"cwolf"', '"model.toml"').replace("[[60.0, 80.0]]", "[[80.0, 120.0]]")
     made = Campaign.from_toml(head + budget + SURGE + POLISH, folder=tmp_path, trials={"run": frame})
-    first = identify(made, threads=1)
+    first = made.identify(threads=1)
     assert first.assessment is not None
     best = first.assessment.residual_analysis.suggestions[0]
     assert "X_u" in (best.name, *best.alternatives)
@@ -184,6 +183,6 @@ def test_a_suggestion_that_is_true_is_kept(tmp_path: Path) -> None:
 
 def test_a_delay_of_a_part_of_a_group_is_tied_and_not_negative() -> None:
     one = replace(suggestion("SbU.T_t", 0.02, 0.1, 0.05), members=("SbU.T_t", "PL.T_t"))
-    freed = follow(campaign(HEAD + SURGE), one).stages[0].coefficients["SbU.T_t"]
+    freed = follow(campaign(HEAD + SURGE), one).problem().stages[0].coefficients["SbU.T_t"]
     assert freed.bounds == (0.0, 0.3)
     assert [tie.name for tie in freed.tie] == ["PL.T_t"]

@@ -13,7 +13,6 @@ from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.identification.held import SHARE, Held, conditional, hold_untold
 from seatrial.identification.identification import Identification
-from seatrial.identification.identify import identify
 from seatrial.trial.trial import Trial
 from tests.trial.test_verdict import sailed
 
@@ -61,12 +60,12 @@ def campaign(*, other: Trial | None = None, text: str = TEXT) -> Campaign:
 
 @cache
 def fitted() -> Identification:
-    return identify(campaign(text=TEXT.rpartition("[[stages]]")[0]))
+    return campaign(text=TEXT.rpartition("[[stages]]")[0]).identify()
 
 
 def test_what_feedback_hides_is_not_estimated_and_said_to_be_so() -> None:
     fit = fitted()
-    own, before = fit.vehicle.coefficients(), fit.campaign.vehicle.coefficients()
+    own, before = fit.vehicle.coefficients(), fit.problem.vehicle.coefficients()
     held = ("N_rr", "rudder_upper.gain", "rudder_lower.gain")
     assert {one.name: one.value for one in fit.held} == {name: before[name] for name in held}
     assert {name: own[name] for name in held} == {name: before[name] for name in held}
@@ -114,12 +113,12 @@ def test_draws_say_that_they_keep_what_is_held() -> None:
 
 
 def test_a_stage_after_one_that_is_gone_follows_those_before_it() -> None:
-    rest, _ = hold_untold(campaign())
+    rest, _ = hold_untold(campaign().problem())
     assert {stage.name: stage.after for stage in rest.stages} == {"sway": (), "again": ("sway",)}
 
 
 def test_a_trial_that_tells_the_axis_frees_its_coefficients() -> None:
-    given = campaign(other=sailed(2, closed=False))
+    given = campaign(other=sailed(2, closed=False)).problem()
     assert hold_untold(given) == (given, ())
 
 
@@ -127,7 +126,7 @@ def test_a_gain_that_is_tied_to_one_that_is_told_follows_it() -> None:
     tied = TEXT.replace(
         '"rudder.gain" = [0.1, 3.0]', 'Y_vdot = { bounds = [-90.0, -5.0], tie = [{ name = "N_rdot" }] }'
     )
-    rest, held = hold_untold(campaign(text=tied))
+    rest, held = hold_untold(campaign(text=tied).problem())
     assert [one.name for one in held] == ["N_rr"]
     assert "Y_vdot" in rest.stages[1].coefficients
 
@@ -136,5 +135,5 @@ def test_nothing_left_is_refused_with_the_trial_that_tells() -> None:
     head, sway, yaw, _ = TEXT.split("[[stages]]")
     alone = "[[stages]]".join([head, yaw.replace('after = ["sway"]\n', "")])
     with pytest.raises(CampaignError, match=r"made\.toml: nothing is left to identify\. yaw .*seatrial plan"):
-        identify(campaign(text=alone))
+        campaign(text=alone).identify()
     assert sway

@@ -96,7 +96,7 @@ def outcome(fit: Identification) -> list[Any]:
 
 
 def test_true_coefficients_are_found_again(campaign: Callable[..., Campaign]) -> None:
-    fit = identify(campaign(SURGE, HEAVE))
+    fit = campaign(SURGE, HEAVE).identify()
     # Noise of 1 % of the speeds over 600 to 800 samples, smoothed starts: a few per cent.
     assert found(fit)["X_uu"] == pytest.approx(TRUTH["X_uu"], rel=0.03)
     assert found(fit)["Z_ww"] == pytest.approx(TRUTH["Z_ww"], rel=0.03)
@@ -113,7 +113,7 @@ def test_true_coefficients_are_found_again(campaign: Callable[..., Campaign]) ->
 
 
 def test_the_vehicle_file_says_what_the_model_leaves_unexplained(campaign: Callable[..., Campaign]) -> None:
-    fit = identify(campaign(SURGE, HEAVE))
+    fit = campaign(SURGE, HEAVE).identify()
     told = Vehicle.from_toml(str(fit.files()["vehicle.toml"])).to_dict()["model_error"]
     noise = filter_noise(fit)
     assert told == {name: np.asarray(value).tolist() for name, value in noise.items()}
@@ -123,7 +123,7 @@ def test_the_vehicle_file_says_what_the_model_leaves_unexplained(campaign: Calla
     assert np.all(noise["force"][[0, 2]] < default[[0, 2]])
     assert "model_error" not in fit.stages_vehicle.to_dict()
     # The next identification starts from the file and finds its own.
-    again = identify(fit.vehicle, fit.campaign.trials["run"], free={"X_uu": None})
+    again = identify(fit.vehicle, fit.problem.trials["run"], free={"X_uu": None})
     assert again.vehicle.to_dict()["model_error"]["force"][2] == pytest.approx(default[2])
 
 
@@ -131,24 +131,24 @@ def test_the_vehicle_file_says_what_the_model_leaves_unexplained(campaign: Calla
 def test_same_seed_same_result_whatever_the_threads_and_the_company(
     campaign: Callable[..., Campaign],
 ) -> None:
-    first = outcome(identify(campaign(SURGE, HEAVE), threads=1))
-    assert outcome(identify(campaign(SURGE, HEAVE), threads=2)) == first
+    first = outcome(campaign(SURGE, HEAVE).identify(threads=1))
+    assert outcome(campaign(SURGE, HEAVE).identify(threads=2)) == first
     with ThreadPoolExecutor(2) as pool:  # as workers do it
-        assert outcome(identify(campaign(SURGE, HEAVE), executor=pool)) == first
-    assert outcome(identify(campaign(HEAVE), threads=2)) == first[1:]
+        assert outcome(campaign(SURGE, HEAVE).identify(executor=pool)) == first
+    assert outcome(campaign(HEAVE).identify(threads=2)) == first[1:]
 
 
 @pytest.mark.long
 def test_estimated_initial_velocities_lower_the_cost(campaign: Callable[..., Campaign]) -> None:
-    smoothed = identify(campaign(SURGE))
-    estimated = identify(campaign(SURGE.replace("axes", 'start = "estimated"\naxes')))
+    smoothed = campaign(SURGE).identify()
+    estimated = campaign(SURGE.replace("axes", 'start = "estimated"\naxes')).identify()
     assert estimated.stages[0].cost < smoothed.stages[0].cost
     assert found(estimated)["X_uu"] == pytest.approx(TRUTH["X_uu"], rel=0.03)  # as for smoothed starts
 
 
 def test_dependent_stage_starts_from_the_former_estimate(campaign: Callable[..., Campaign]) -> None:
     again = SURGE.replace('"surge"', '"again"').replace("axes", 'after = ["surge"]\naxes')
-    fit = identify(campaign(SURGE, again))
+    fit = campaign(SURGE, again).identify()
     former, latter = fit.stages
     assert latter.starts == former.estimates
     assert latter.start_cost == former.cost
@@ -158,7 +158,7 @@ def test_dependent_stage_starts_from_the_former_estimate(campaign: Callable[...,
 
 
 def test_bound_that_was_hit_is_said(campaign: Callable[..., Campaign]) -> None:
-    fit = identify(campaign(SURGE.replace("[-30.0, -4.0]", "[-12.0, -4.0]")))
+    fit = campaign(SURGE.replace("[-30.0, -4.0]", "[-12.0, -4.0]")).identify()
     rows = {row.name: row for row in fit.coefficients}
     assert rows["X_uu"].at_bound == "lower"
     assert rows["X_udot"].at_bound is None
@@ -173,7 +173,7 @@ def test_bound_that_was_hit_is_said(campaign: Callable[..., Campaign]) -> None:
 
 
 def test_run_directory_holds_the_results(campaign: Callable[..., Campaign], tmp_path: Path) -> None:
-    fit = identify(campaign(SURGE), run_dir=tmp_path / "run")
+    fit = campaign(SURGE).identify(run_dir=tmp_path / "run")
     folder = tmp_path / "run"
     assert Vehicle.load(str(folder / "vehicle.toml")).coefficients() == fit.vehicle.coefficients()
     table = pl.read_parquet(folder / "coefficients.parquet")
@@ -188,13 +188,13 @@ def test_run_directory_holds_the_results(campaign: Callable[..., Campaign], tmp_
 def test_finished_stages_are_reused_and_changed_ones_run_again(
     campaign: Callable[..., Campaign], tmp_path: Path
 ) -> None:
-    first = identify(campaign(SURGE, HEAVE), run_dir=tmp_path / "run")
-    again = identify(campaign(SURGE, HEAVE), run_dir=tmp_path / "run")
+    first = campaign(SURGE, HEAVE).identify(run_dir=tmp_path / "run")
+    again = campaign(SURGE, HEAVE).identify(run_dir=tmp_path / "run")
     assert [stage.reused for stage in again.stages] == [True, True]
     assert outcome(again) == outcome(first)
-    changed = identify(campaign(SURGE, HEAVE.replace("-900.0", "-800.0")), run_dir=tmp_path / "run")
+    changed = campaign(SURGE, HEAVE.replace("-900.0", "-800.0")).identify(run_dir=tmp_path / "run")
     assert [stage.reused for stage in changed.stages] == [True, False]
-    afresh = identify(campaign(SURGE, HEAVE), run_dir=tmp_path / "run", resume=False)
+    afresh = campaign(SURGE, HEAVE).identify(run_dir=tmp_path / "run", resume=False)
     assert [stage.reused for stage in afresh.stages] == [False, False]
 
 
@@ -209,15 +209,15 @@ def test_interrupt_keeps_the_best_so_far_and_the_run_goes_on_later(
         if progress.what == "heave":
             raise KeyboardInterrupt
 
-    fit = identify(campaign(SURGE, later), run_dir=tmp_path / "run", progress=interrupt)
+    fit = campaign(SURGE, later).identify(run_dir=tmp_path / "run", progress=interrupt)
     assert fit.interrupted
     assert [stage.interrupted for stage in fit.stages] == [False, True]
     assert fit.stages[1].cost <= fit.stages[1].start_cost
     assert "Interrupted" in fit.summary()
     assert all(0.0 <= p.fraction <= 1.0 and not p.left_s < 0.0 for p in seen)
-    resumed = identify(campaign(SURGE, later), run_dir=tmp_path / "run")
+    resumed = campaign(SURGE, later).identify(run_dir=tmp_path / "run")
     assert [stage.reused for stage in resumed.stages] == [True, False]
-    assert outcome(resumed) == outcome(identify(campaign(SURGE, later)))
+    assert outcome(resumed) == outcome(campaign(SURGE, later).identify())
 
 
 def test_interrupt_of_the_joint_estimate_keeps_the_stages(
@@ -230,13 +230,13 @@ def test_interrupt_of_the_joint_estimate_keeps_the_stages(
             raise KeyboardInterrupt
 
         patch.setattr("seatrial.identification.conclusion.joint_estimate_of", interrupted)
-        fit = identify(asked, run_dir=tmp_path / "run")
+        fit = asked.identify(run_dir=tmp_path / "run")
     assert fit.interrupted
     assert fit.assessment is None
     assert fit.not_run == ()
     assert fit.vehicle.coefficients()["X_uu"] == fit.stages[0].coefficients["X_uu"]
     assert (tmp_path / "run" / "vehicle.toml").is_file()
-    again = identify(asked, run_dir=tmp_path / "run")
+    again = asked.identify(run_dir=tmp_path / "run")
     assert not again.interrupted
     assert again.assessment is not None
     assert again.stages[0].reused
@@ -264,9 +264,9 @@ def test_a_killed_identification_goes_on_and_equals_an_undisturbed_one(
     )
     assert not (tmp_path / "run").exists()
     made = Campaign.load(tmp_path / "made.toml")
-    resumed = identify(made, run_dir=tmp_path / "run")
+    resumed = made.identify(run_dir=tmp_path / "run")
     assert [stage.reused for stage in resumed.stages] == [True, False]
-    undisturbed = identify(campaign(SURGE, later))
+    undisturbed = campaign(SURGE, later).identify()
     assert outcome(resumed) == outcome(undisturbed)
     assert found(resumed) == found(undisturbed)
     again = json.loads((tmp_path / "run" / "run.json").read_text())
@@ -279,7 +279,7 @@ def test_stage_that_waits_for_an_interrupted_one_is_named(campaign: Callable[...
     def interrupt(progress: Progress) -> None:
         raise KeyboardInterrupt
 
-    fit = identify(campaign(SURGE, HEAVE.replace("axes", 'after = ["surge"]\naxes')), progress=interrupt)
+    fit = campaign(SURGE, HEAVE.replace("axes", 'after = ["surge"]\naxes')).identify(progress=interrupt)
     assert fit.not_run == ("heave",)
 
 
@@ -288,12 +288,12 @@ def test_error_of_a_display_ends_the_run(campaign: Callable[..., Campaign]) -> N
         raise ZeroDivisionError("in the display")
 
     with pytest.raises(ZeroDivisionError, match="in the display"):
-        identify(campaign(SURGE, HEAVE), progress=broken)
+        campaign(SURGE, HEAVE).identify(progress=broken)
 
 
 def test_coefficient_without_influence_is_refused(campaign: Callable[..., Campaign]) -> None:
     with pytest.raises(CampaignError, match="'N_rr' changes nothing in this stage"):
-        identify(campaign(SURGE + "N_rr = [-200.0, -100.0]\n"))
+        campaign(SURGE + "N_rr = [-200.0, -100.0]\n").identify()
 
 
 def test_directory_that_cannot_be_written_is_refused_before_the_search(
@@ -302,14 +302,14 @@ def test_directory_that_cannot_be_written_is_refused_before_the_search(
     (tmp_path / "file").write_text("")
     seen: list[Progress] = []
     with pytest.raises(SeatrialError, match="cannot be written"):
-        identify(campaign(SURGE), run_dir=tmp_path / "file" / "run", progress=seen.append)
+        campaign(SURGE).identify(run_dir=tmp_path / "file" / "run", progress=seen.append)
     assert not seen
 
 
 def test_all_candidates_diverged(campaign: Callable[..., Campaign], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Criterion, "__call__", lambda self, candidates: np.full(len(candidates), np.inf))
     with pytest.raises(SimulationError, match="candidates diverged; check the units"):
-        identify(campaign(SURGE))
+        campaign(SURGE).identify()
 
 
 def test_a_start_vehicle_that_diverges_is_said_and_searched_away_from(
@@ -323,6 +323,6 @@ def test_a_start_vehicle_that_diverges_is_said_and_searched_away_from(
     )
     check = check_campaign(made)
     assert any("'surge': the vehicle that the search starts from diverges" in line for line in check.warnings)
-    fit = identify(made)
+    fit = made.identify()
     assert any("'surge': the vehicle that the search starts from diverges" in line for line in fit.before)
     assert found(fit)["X_uu"] == pytest.approx(TRUTH["X_uu"], rel=0.03)

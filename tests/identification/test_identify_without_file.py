@@ -8,12 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 import seatrial as st
-from seatrial.campaign.from_trials import campaign_from_trials
 from seatrial.diagnosis.missing_terms import worded
 from seatrial.identification.fitted import Fitted
+from seatrial.problem.problem import Problem
 
 T = np.arange(0.0, 60.0, 0.1)
 TRUE = st.Vehicle.load("cwolf")
@@ -39,7 +40,7 @@ def fit() -> st.Identification:
 def test_truth_is_found_and_the_end_of_every_trial_judges(fit: st.Identification) -> None:
     assert fit.vehicle.coefficients()["X_uu"] == pytest.approx(TRUE.coefficients()["X_uu"], rel=1e-2)
     assert set(fit.scores) == {"fit", "hold_out"}
-    assert fit.campaign.held_out("straight").mean() == pytest.approx(0.2, abs=0.01)
+    assert fit.problem.held_out("straight").mean() == pytest.approx(0.2, abs=0.01)
     assert fit.sigma["X_uu"] > 0.0
 
 
@@ -75,17 +76,15 @@ axes = { free = "X", measured = "YZKMN" }
 coefficients = { X_uu = [-40.0, -1.0] }
 """
     campaign = st.Campaign.from_toml(text, trials={"straight": trial()}, vehicle=START)
-    other = st.identify(campaign, threads=1)
+    other = campaign.identify(threads=1)
     assert other.vehicle.coefficients() == fit.vehicle.coefficients()
     assert other.sigma == fit.sigma
-    again = st.Campaign.from_toml(fit.campaign.text, trials={"straight": trial()}, vehicle=START)
-    assert again.file.stages == fit.campaign.file.stages
+    again = st.Campaign.from_toml(fit.problem.text, trials={"straight": trial()}, vehicle=START)
+    assert again.file.stages == fit.problem.stages
 
 
 def test_patterns_groups_and_starts() -> None:
-    campaign = campaign_from_trials(
-        TRUE, {"a": trial()}, free=["X_u*", "stern.gain"], start={"X_uu": -9.0}, hold_out=0.0
-    )
+    campaign = Problem(TRUE, {"a": trial()}, free=["X_u*", "stern.gain"], start={"X_uu": -9.0}, hold_out=0.0)
     stage = campaign.stages[0]
     assert {"X_u", "X_uu", "stern.gain"} <= set(stage.coefficients)
     assert stage.coefficients["X_uu"].start == -9.0
@@ -94,10 +93,10 @@ def test_patterns_groups_and_starts() -> None:
 
 
 def test_whole_trials_may_judge() -> None:
-    campaign = campaign_from_trials(TRUE, trial(), free="X_uu", hold_out=[trial("slow", 300.0)], joint=False)
+    campaign = Problem(TRUE, trial(), free="X_uu", hold_out=[trial("slow", 300.0)], joint=False)
     assert campaign.stages[0].trials == ("straight",)
     assert campaign.held_out("slow").all()
-    assert campaign.file.polish is None
+    assert campaign.joint is None
 
 
 @pytest.mark.parametrize(
@@ -112,7 +111,7 @@ def test_whole_trials_may_judge() -> None:
 )
 def test_messages_name_what_is_wrong(options: dict[str, object], message: str) -> None:
     with pytest.raises(st.CampaignError, match=message):
-        campaign_from_trials(TRUE, trial(), **options)  # type: ignore[arg-type]
+        Problem(TRUE, trial(), **options)  # type: ignore[arg-type]
 
 
 def test_trials_of_one_name_are_refused() -> None:
@@ -121,8 +120,8 @@ def test_trials_of_one_name_are_refused() -> None:
 
 
 def test_a_campaign_takes_no_further_request(fit: st.Identification) -> None:
-    with pytest.raises(st.CampaignError, match="free: the campaign file says that"):
-        st.identify(fit.campaign, free="X_uu")  # type: ignore[call-overload]
+    with pytest.raises(st.CampaignError, match="free: the problem says that"):
+        st.identify(fit.problem, free="X_uu")  # type: ignore[call-overload]
     with pytest.raises(st.CampaignError, match="its trials and free="):
         st.identify(TRUE)  # type: ignore[call-overload]
 
@@ -192,10 +191,9 @@ def test_a_nuisance_far_from_its_prior_heads_the_summary() -> None:
     shifted = trial()
     late = shifted.observed.copy()
     late[3:, 0] = late[:-3, 0]  # 0.3 s, fifteen deviations of the prior
-    fit = st.identify(
-        st.Campaign.from_toml(NUISANCE, trials={"straight": replace(shifted, observed=late)}, vehicle=START),
-        threads=1,
-    )
+    fit = st.Campaign.from_toml(
+        NUISANCE, trials={"straight": replace(shifted, observed=late)}, vehicle=START
+    ).identify(threads=1)
     assert fit.assessment is not None
     (row,) = fit.assessment.nuisances()
     assert row["prior_sd"] == 0.02
@@ -251,10 +249,56 @@ coefficients = { Z_ww = [-900.0, -100.0] }
 def test_one_short_trial_costs_only_its_own_standard_deviations() -> None:
     # 15 s, and the joint estimate cuts into 20 s.
     trials = {"straight": trial(), "short": trial("short", samples=150)}
-    fit = st.identify(st.Campaign.from_toml(SHORT, trials=trials, vehicle=START), threads=1)
+    fit = st.Campaign.from_toml(SHORT, trials=trials, vehicle=START).identify(threads=1)
     assert fit.sigma["X_uu"] > 0.0
     assert "Z_ww" not in fit.sigma
     (said,) = (note for note in fit.notes if "left out" in note)
     assert said.startswith("trial short is left out of the standard deviations, and there is none for Z_ww")
     assert "A trial needs at least 20 s (segment_s) in one piece" in said
     assert said in fit.before
+
+
+def test_a_campaign_is_identified_by_its_own_method(fit: st.Identification) -> None:
+    campaign = st.Campaign.from_toml(fit.problem.text, trials={"straight": trial()}, vehicle=START)
+    with pytest.raises(st.CampaignError, match=r"use campaign\.identify\("):
+        st.identify(campaign)  # type: ignore[call-overload]
+
+
+def test_a_problem_of_a_table_in_three_lines(fit: st.Identification) -> None:
+    commands = {f"cmd.{actuator}": 500.0 + 300.0 * np.sign(np.sin(0.2 * T)) for actuator in TRUE.actuators}
+    run = TRUE.simulate(T, {name.removeprefix("cmd."): signal for name, signal in commands.items()})
+    table = {"t_s": T, "u_m_s": run.nu[:, 0]} | commands
+    for frame in (table, pl.DataFrame(table), pytest.importorskip("pandas").DataFrame(table)):
+        problem = st.Problem(START, frame, free={"X_uu": (-40.0, -1.0)}, seed=3)
+        assert list(problem.trials) == ["trial"]
+        assert problem.stages[0].axes.free == "X"
+    found = problem.identify(threads=1)
+    assert found.vehicle.coefficients()["X_uu"] == pytest.approx(TRUE.coefficients()["X_uu"], rel=1e-2)
+    two = st.Problem(START, [pl.DataFrame(table), pl.DataFrame(table)], free="X_uu")
+    assert list(two.trials) == ["trial 1", "trial 2"]
+
+
+def test_the_text_of_a_problem_states_what_was_asked(fit: st.Identification) -> None:
+    asked = st.Problem(
+        START,
+        [trial(), trial("slow", 300.0)],
+        free={"X_uu": (-40.0, -1.0), "X_u": None},
+        start={"X_uu": -9.0},
+        hold_out=[trial("other", 400.0)],
+        channels={"u": 2.0},
+        joint=st.JointSettings(rounds=7),
+        anchor=st.Anchor.model_validate({"dry_mass": {"mass_kg": 42.0}}),
+    )
+    trials = {name: asked.trials[name] for name in asked.trials}
+    again = st.Campaign.from_toml(asked.text, trials=trials, vehicle=START).problem()
+    assert again.described() == asked.described()
+
+
+def test_variants_leave_the_problem_as_it_was(fit: st.Identification) -> None:
+    asked = fit.problem
+    before = asked.described()
+    assert asked.without_coefficients(["X_uu"]).stages == ()
+    other = asked.with_uses({"straight": st.TrialUse(hold_out_s=((0.0, 5.0),))})
+    assert other.held_out("straight").sum() == 50
+    assert asked.described() == before
+    assert asked.part("straight", held_out=True) is not other.part("straight", held_out=True)

@@ -41,13 +41,13 @@ def left_out(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> tu
         if calls > 2:
             raise KeyboardInterrupt
 
-    first = leave_one_out(campaign, run_dir=folder, progress=interrupt, threads=1)
+    first = leave_one_out(campaign.problem(), run_dir=folder, progress=interrupt, threads=1)
     assert first.interrupted
     assert [one.trial for one in first.left_out] == ["run"]
     said: list[str] = []
     sigma = {"X_uu": 0.01, "X_udot": 1.0}
     found = leave_one_out(
-        campaign, sigma=sigma, run_dir=folder, progress=lambda p: said.append(p.what), threads=1
+        campaign.problem(), sigma=sigma, run_dir=folder, progress=lambda p: said.append(p.what), threads=1
     )
     # Finished trials are not searched again.
     assert said
@@ -109,16 +109,16 @@ def test_a_joint_estimate_takes_what_a_stage_without_trials_frees(campaign: Camp
         + '[polish]\nfixed = ["Z_wdot"]\nnuisances = { bias_u = { trials = ["dive"] } }\n'
     )
     whole = Campaign.from_toml(text, source="made.toml", trials=dict(campaign.trials))
-    rest, lost = whole.without_trial("dive")
+    rest, lost = whole.problem().without_trial("dive")
     assert lost == ("heave",)
     assert "dive" not in rest.trials
-    polish = rest.file.polish
-    assert polish is not None
-    assert set(polish.coefficients) == {"Z_ww"}
-    assert (polish.fixed, polish.nuisances) == ((), {})
-    assert polish.axes is not None
-    assert polish.axes.free == "XZ"
-    same, none = whole.without_trial("again")
+    joint = rest.joint
+    assert joint is not None
+    assert set(joint.coefficients) == {"Z_ww"}
+    assert (joint.fixed, joint.nuisances) == ((), {})
+    assert joint.axes is not None
+    assert joint.axes.free == "XZ"
+    same, none = whole.problem().without_trial("again")
     assert none == ()
     assert same.stages[0].trials == ("run",)
 
@@ -126,10 +126,10 @@ def test_a_joint_estimate_takes_what_a_stage_without_trials_frees(campaign: Camp
 def test_one_trial_is_refused_before_a_folder_appears(campaign: Campaign, tmp_path: Path) -> None:
     single = Campaign.from_toml(HEAD + TRIALS + SURGE, source="made.toml", trials=dict(campaign.trials))
     with pytest.raises(CampaignError, match="expected two trials or more in the stages, found 1"):
-        leave_one_out(single, run_dir=tmp_path / "run")
+        leave_one_out(single.problem(), run_dir=tmp_path / "run")
     assert not (tmp_path / "run").exists()
     with pytest.raises(CampaignError, match="there is no trial 'dve'"):
-        single.without_trial("dve")
+        single.problem().without_trial("dve")
 
 
 @pytest.mark.long

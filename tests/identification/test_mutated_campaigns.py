@@ -21,7 +21,6 @@ from seatrial.base.channels import AXES
 from seatrial.base.errors import SeatrialError
 from seatrial.base.progress import Progress
 from seatrial.campaign.campaign import Campaign
-from seatrial.identification.identify import identify
 
 VEHICLES = ("cwolf", "remus100", "bluerov2-heavy")
 
@@ -265,7 +264,7 @@ def ends_well(number: int) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # overflows of vehicles that diverge
         try:
-            fit = identify(mutated(number).campaign, progress=progress, threads=1)
+            fit = mutated(number).campaign.identify(progress=progress, threads=1)
         except SeatrialError:
             if searched:
                 raise

@@ -33,7 +33,7 @@ def campaign() -> Campaign:
 
 
 def test_random_starts_find_the_same_optimum(campaign: Campaign) -> None:
-    found = restarts(campaign, starts=4, threads=1)
+    found = restarts(campaign.problem(), starts=4, threads=1)
     assert found.same_optimum
     assert [stage.verdict for stage in found.stages] == ["same optimum", "same optimum"]
     surge, heave = found.stages
@@ -48,11 +48,11 @@ def test_random_starts_find_the_same_optimum(campaign: Campaign) -> None:
 
 
 def test_starts_lie_inside_the_bounds_and_are_reproducible(campaign: Campaign) -> None:
-    drawn = [start_values(campaign, 7, number) for number in range(200)]
-    assert start_values(campaign, 7, 3) == drawn[3]
-    assert start_values(campaign, 8, 3) != drawn[3]
-    for stage in campaign.stages:
-        for parameter in campaign.parameters[stage.name]:
+    drawn = [start_values(campaign.problem(), 7, number) for number in range(200)]
+    assert start_values(campaign.problem(), 7, 3) == drawn[3]
+    assert start_values(campaign.problem(), 8, 3) != drawn[3]
+    for stage in campaign.problem().stages:
+        for parameter in campaign.problem().parameters[stage.name]:
             values = np.array([one[stage.name][parameter.name] for one in drawn])
             places = (values - parameter.lower) / (parameter.upper - parameter.lower)
             assert places.min() >= 0.0
@@ -63,14 +63,14 @@ def test_starts_lie_inside_the_bounds_and_are_reproducible(campaign: Campaign) -
 
 
 def test_every_start_begins_where_it_was_drawn_and_repeats(campaign: Campaign) -> None:
-    one = restarts(campaign, starts=2, seed=5, threads=2)
+    one = restarts(campaign.problem(), starts=2, seed=5, threads=2)
     with ThreadPoolExecutor(2) as pool:  # as workers do it
-        again = restarts(campaign, starts=2, seed=5, executor=pool)
+        again = restarts(campaign.problem(), starts=2, seed=5, executor=pool)
     for stage, other in zip(one.stages, again.stages, strict=True):
         assert stage.costs.tolist() == other.costs.tolist()
         assert stage.ends.tolist() == other.ends.tolist()
         for number in range(2):
-            drawn = start_values(campaign, 5, number)[stage.name]
+            drawn = start_values(campaign.problem(), 5, number)[stage.name]
             # A relative start goes through a factor and back.
             assert dict(zip(stage.parameters, stage.starts[number], strict=True)) == pytest.approx(drawn)
     assert one.stages[0].starts[0].tolist() != one.stages[0].starts[1].tolist()
@@ -84,7 +84,7 @@ def test_run_directory_holds_the_ends_and_is_resumed(campaign: Campaign, tmp_pat
         if progress.what.startswith("start 2"):
             raise KeyboardInterrupt
 
-    first = restarts(campaign, starts=3, run_dir=tmp_path / "run", progress=interrupt, threads=1)
+    first = restarts(campaign.problem(), starts=3, run_dir=tmp_path / "run", progress=interrupt, threads=1)
     assert first.interrupted
     assert first.starts == 1
     assert not first.same_optimum  # one start agrees with nothing
@@ -92,7 +92,7 @@ def test_run_directory_holds_the_ends_and_is_resumed(campaign: Campaign, tmp_pat
     assert not (tmp_path / "run").exists()
     assert all(0.0 <= p.fraction <= 1.0 and not p.left_s < 0.0 for p in seen)
     seen.clear()
-    full = restarts(campaign, starts=3, run_dir=tmp_path / "run", progress=seen.append, threads=1)
+    full = restarts(campaign.problem(), starts=3, run_dir=tmp_path / "run", progress=seen.append, threads=1)
     assert not any(p.what.startswith("start 1") for p in seen)
     assert full.stages[0].costs[0] == first.stages[0].costs[0]
     assert [entry.name for entry in tmp_path.iterdir()] == ["run"]
@@ -109,7 +109,7 @@ def test_run_directory_holds_the_ends_and_is_resumed(campaign: Campaign, tmp_pat
 
 def test_one_start_is_refused_before_a_folder_appears(campaign: Campaign, tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="expected two or more, found 1"):
-        restarts(campaign, starts=1, run_dir=tmp_path / "run")
+        restarts(campaign.problem(), starts=1, run_dir=tmp_path / "run")
     assert not list(tmp_path.iterdir())
 
 
@@ -129,7 +129,7 @@ def ends(campaign: Campaign) -> Ends:
             plain |= {"starts": {"X_udot": -10.0, "X_uu": -10.0}}
             plain |= {"estimates": dict(zip(("X_udot", "X_uu"), values, strict=True))}
             results.append(StageResult(**plain))
-        return StageRestarts.of(results, campaign.parameters["surge"], sigma)
+        return StageRestarts.of(results, campaign.problem().parameters["surge"], sigma)
 
     return made
 
@@ -165,7 +165,7 @@ def test_a_known_standard_deviation_widens_the_tolerance_up_to_a_limit(ends: End
 
 
 def test_figure_marks_ends_elsewhere(campaign: Campaign, ends: Ends) -> None:
-    found = restarts(campaign, starts=2, threads=1)
+    found = restarts(campaign.problem(), starts=2, threads=1)
     good = random_starts(found)
     assert len(good.axes) == 4
     assert [t.get_text() for t in good.legends[0].get_texts()] == ["random start", "ends at the optimum"]

@@ -117,5 +117,5 @@ def test_what_is_known_beforehand_is_not_asked_for() -> None:
         replace(one, name="K_p", parameter="K_p", estimate=-1.0, verdict="weak"),
         replace(one, name="X_uu", parameter="X_uu", estimate=-9.0, verdict="identifiable"),
     )
-    fit = SimpleNamespace(campaign=campaign, coefficients=rows, held=())
+    fit = SimpleNamespace(problem=campaign.problem(), coefficients=rows, held=())
     assert Identification.tally.fget(fit) == Tally(1, 1, 0, 0, 0)  # type: ignore[attr-defined]

@@ -11,9 +11,9 @@ import tomlkit
 
 import seatrial as st
 from seatrial.campaign.file import parse
-from seatrial.campaign.parameters import parameters
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text
 from seatrial.intake.consistency_result import Correction, SlowCurrent
+from seatrial.problem.parameter import parameters
 from tests.trial import motion
 
 
@@ -141,10 +141,10 @@ def test_a_vehicle_without_actuators_that_a_logged_wrench_drives_is_imported_and
     vehicle.write_text(bare.to_toml())
     st.import_logs(log, out=tmp_path / "project", vehicle=vehicle)
     campaign = st.Campaign.load(tmp_path / "project" / "campaign.toml")
-    assert campaign.input_of(next(iter(campaign.trials))) == "tau"
+    assert campaign.problem().input_of(next(iter(campaign.trials))) == "tau"
     # The axes that the wrench drives, and no other.
-    assert {letter for stage in campaign.stages for letter in stage.axes.free} == {"X", "N"}
-    fit = st.identify(campaign, threads=1)
+    assert {letter for stage in campaign.problem().stages for letter in stage.axes.free} == {"X", "N"}
+    fit = campaign.identify(threads=1)
     assert not fit.fallbacks
     # 1 % of noise over 60 s; X_uu and X_u share the drag, which is told at the speeds that were sailed.
     found, true = fit.vehicle.coefficients(), bare.coefficients()

@@ -62,19 +62,19 @@ def wrong() -> dict[str, Array]:
 def test_law_accepted_proposals_leave_nothing_to_propose() -> None:
     frame = pl.DataFrame(wrong())
     made = campaign(turn=frame)
-    found = consistency_of_trial(made, "turn")
+    found = consistency_of_trial(made.problem(), "turn")
     assert found is not None
     keys = {"heading_deg", "signs.q", "delay_s.velocity", "scale.velocity", "tilt_deg.velocity"}
     assert {one.key for one in found.corrections} == keys
     head = "[corrections]\n" + "\n".join(one.line for one in found.corrections)
-    again = consistency_of_trial(campaign(head, turn=frame), "turn")
+    again = consistency_of_trial(campaign(head, turn=frame).problem(), "turn")
     assert again is not None
     assert again.corrections == ()
 
 
 def test_what_reading_does_by_itself_comes_last_and_says_so() -> None:
     made = campaign(turn=pl.DataFrame(wrong()))
-    found = consistency_of_trial(made, "turn")
+    found = consistency_of_trial(made.problem(), "turn")
     assert found is not None
     told = proposals({"turn": found}, {"turn": made.trials["turn"].report})
     assert [one.done for one in told] == sorted(one.done for one in told)
@@ -83,7 +83,7 @@ def test_what_reading_does_by_itself_comes_last_and_says_so() -> None:
 
 def test_a_trial_that_was_given_as_one_is_not_compared() -> None:
     made = campaign()
-    assert consistency_of_trial(campaign(turn=made.trials["turn"]), "turn") is None
+    assert consistency_of_trial(campaign(turn=made.trials["turn"]).problem(), "turn") is None
 
 
 @pytest.mark.long
@@ -111,7 +111,7 @@ def slowly_placed(velocity_late: float) -> pl.DataFrame:
 
 def test_a_late_velocity_that_reading_leaves_is_said_with_the_command_to_run() -> None:
     made = campaign(turn=slowly_placed(0.3))
-    late = late_velocity(made, ["turn"])
+    late = late_velocity(made.problem(), ["turn"])
     assert late is not None
     assert late.sentence.startswith(f"{LATE}turn is 0.30 s late")
     problem, _, remedy = late.sentence.partition("; ")
@@ -120,16 +120,18 @@ def test_a_late_velocity_that_reading_leaves_is_said_with_the_command_to_run() -
     assert "the log has too few positions" in problem
     assert late.spoils == (late.before > 1.5 * late.after)
     # Without any position as well.
-    bare = late_velocity(campaign(turn=slowly_placed(0.3).drop("x_m", "y_m").drop_nulls("z_m")), ["turn"])
+    bare = late_velocity(
+        campaign(turn=slowly_placed(0.3).drop("x_m", "y_m").drop_nulls("z_m")).problem(), ["turn"]
+    )
     assert bare is not None
     assert bare.delay_s == pytest.approx(0.3, abs=0.03)
 
 
 def test_a_velocity_that_reading_corrects_or_that_is_on_time_or_that_is_given_is_not_called_late() -> None:
-    assert late_velocity(campaign(turn=pl.DataFrame(wrong())), ["turn"]) is None
-    assert late_velocity(campaign(turn=slowly_placed(0.0)), ["turn"]) is None
+    assert late_velocity(campaign(turn=pl.DataFrame(wrong())).problem(), ["turn"]) is None
+    assert late_velocity(campaign(turn=slowly_placed(0.0)).problem(), ["turn"]) is None
     given = campaign("[corrections]\ndelay_s.velocity = 0.3", turn=slowly_placed(0.3))
-    assert late_velocity(given, ["turn"]) is None
+    assert late_velocity(given.problem(), ["turn"]) is None
 
 
 def test_identify_heads_its_lines_with_a_late_velocity() -> None:
@@ -145,9 +147,7 @@ def test_identify_heads_its_lines_with_a_late_velocity() -> None:
     sensors: dict[str, dict[str, Any]] = {kind: {"rate_hz": 10.0} for kind in ("gyro", "attitude", "depth")}
     sensors |= {"dvl": {"rate_hz": 5.0, "latency_s": 0.4}, "position": {"rate_hz": 0.5}}
     inputs = {f"cmd.{name}": values for name, values in commands.items()}
-    fit = seatrial.identify(
-        campaign(turn=measure(run, parse_sensors(sensors), seed=2, inputs=inputs, every=10))
-    )
+    fit = campaign(turn=measure(run, parse_sensors(sensors), seed=2, inputs=inputs, every=10)).identify()
     report = fit.report()
     assert report.worst.startswith(f"{LATE}turn is 0.4"), report.worst
     assert report.next_step.startswith("run seatrial check")

@@ -167,4 +167,4 @@ def test_import_check_and_identify_say_it_before_the_search(tmp_path: Path) -> N
     said = check_campaign(campaign).report()
     assert "rudder_upper and rudder_lower act against their signs" in said.worst
     assert said.next_step.startswith("toggle the key reversed of these actuators in the vehicle file")
-    assert any(WIRED in sentence for sentence in prepare(campaign).sentences)
+    assert any(WIRED in sentence for sentence in prepare(campaign.problem()).sentences)

@@ -55,7 +55,7 @@ def simulate(vehicle: st.Vehicle) -> NDArray[np.float64]:
 
 def identify(campaign: st.Campaign, folder: Path) -> st.Identification:
     """The vehicle of a campaign, and what the trials say of its coefficients."""
-    fit = st.identify(campaign, run_dir=folder / "identified")
+    fit = campaign.identify(run_dir=folder / "identified")
     for coefficient in fit.coefficients:
         name: str = coefficient.name
         estimate: float = coefficient.estimate

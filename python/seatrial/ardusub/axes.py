@@ -117,7 +117,7 @@ def axis_verdicts(
     """Which loops the identified model can judge."""
     masses = _masses(fitted, draws, seed)
     odd_masses = implausible_masses(
-        found.campaign.vehicle, found.coefficients, {axis: mass for axis, (mass, _) in masses.items()}
+        found.problem.vehicle, found.coefficients, {axis: mass for axis, (mass, _) in masses.items()}
     )
     hold_out = found.scores.get("hold_out", {}).get("ahead", {})
     scores, baselines = hold_out.get("all"), found.baselines

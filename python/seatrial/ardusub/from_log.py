@@ -186,7 +186,6 @@ def _identified(
     """The vehicle identified from the log, in folders beside the run's."""
     from seatrial.campaign.campaign import Campaign
     from seatrial.identification.fitted import Fitted
-    from seatrial.identification.identify import identify
     from seatrial.intake.import_logs import import_logs
 
     say, threads, resume = how
@@ -200,7 +199,7 @@ def _identified(
     def progress(state: Progress) -> None:
         say(0.1 + 0.2 * state.fraction, f"identification: {state.what}")
 
-    found = identify(campaign, run_dir=identified, progress=progress, resume=resume, threads=threads)
+    found = campaign.identify(run_dir=identified, progress=progress, resume=resume, threads=threads)
     if found.interrupted:
         raise KeyboardInterrupt
     return found, Fitted.of(found)
@@ -208,8 +207,8 @@ def _identified(
 
 def _held_out(found: Identification) -> tuple[float, float] | None:
     """First to last time that was held out, s; None where nothing was."""
-    name = next(iter(found.campaign.trials))
-    t = found.campaign.trials[name].t[found.campaign.held_out(name)]
+    name = next(iter(found.problem.trials))
+    t = found.problem.trials[name].t[found.problem.held_out(name)]
     return (float(t[0]), float(t[-1])) if len(t) else None
 
 

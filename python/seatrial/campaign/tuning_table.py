@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from seatrial.base.toml_file import Interval, Name, NotNegative, Number, Positive, Section
 from seatrial.campaign.corridor import Corridor
-from seatrial.campaign.search_budget import Budget
+from seatrial.problem.budget import Budget
 
 
 @dataclass(frozen=True)

@@ -236,11 +236,12 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
     stages: tuple[StageOutline, ...] = ()
     inputs, scale = None, None
     warnings: tuple[str, ...] = ()
-    if not problems and campaign.stages:
+    asked = campaign.problem()
+    if not problems and asked.stages:
         try:
-            inputs, scale = judge_inputs(campaign), judge_scale(campaign)
-            ready = prepare(campaign) if campaign.stages else None
-            warnings = () if ready is None else (*ready.sentences, *ready.no_joint)
+            inputs, scale = judge_inputs(asked), judge_scale(asked)
+            ready = prepare(asked)
+            warnings = (*ready.sentences, *ready.no_joint)
             stages = tuple(
                 StageOutline(
                     name=one.stage.name,
@@ -251,7 +252,7 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
                     samples=one.data.samples,
                     step_s=one.data.dt / one.step.substeps,
                 )
-                for one in (() if ready is None else ready.plans)
+                for one in ready.plans
             )
         except SeatrialError as error:
             problems.append(str(error))
@@ -260,7 +261,7 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
     if not problems:
         kinds = {name: kind_of_data(campaign.trials[name], campaign.vehicle) for name in reports}
         for name in reports:
-            if (one := consistency_of_trial(campaign, name)) is not None:
+            if (one := consistency_of_trial(asked, name)) is not None:
                 told[name] = one.without_motion() if kinds[name].still else one
     unlike = [f"WARNING: trial {name}: {said}" for name, one in told.items() for said in one.contradictions]
     return CampaignCheck(
@@ -281,9 +282,10 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
 
 def _data(campaign: Campaign, kinds: Mapping[str, KindOfData]) -> tuple[str, ...]:
     """What kind of data the trials are, the worst first; then hold-outs for trials that have none."""
-    fitted = {name for stage in campaign.stages for name in stage.trials}
+    stages = campaign.problem().stages
+    fitted = {name for stage in stages for name in stage.trials}
     said = [f"trial {name}: {sentence}" for name, kind in kinds.items() for sentence in kind.warnings]
-    for stage in campaign.stages:
+    for stage in stages:
         for axis in stage.axes.free:
             seen = [one for name in stage.trials for one in kinds[name].excitation if one.axis == axis]
             if seen and all(one.weak for one in seen):

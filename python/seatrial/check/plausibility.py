@@ -12,7 +12,7 @@ import numpy as np
 
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.report import listed
-from seatrial.campaign.parameters import STRIPS
+from seatrial.problem.parameter import STRIPS
 from seatrial.vehicle.actuators import pushes
 from seatrial.vehicle.authority import advised_rows, commanded_rows
 from seatrial.vehicle.stability import positive_damping

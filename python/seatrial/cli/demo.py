@@ -48,16 +48,16 @@ def demo(
 
     with only_user(out):
         console = output()
-        fit, truth = _cwolf(console, out / "cwolf", threads=threads, quiet=json)
+        campaign, fit, truth = _cwolf(console, out / "cwolf", threads=threads, quiet=json)
         results = {"cwolf": fit.to_dict()}
         interrupted, held = fit.interrupted, True
-        asked = fit.campaign.file
+        asked = campaign.file
         if not interrupted and asked.tuning is not None and asked.verification is not None:
-            chain = demonstrate(console, fit, truth, out, threads=threads, quiet=json)
+            chain = demonstrate(console, campaign, fit, truth, out, threads=threads, quiet=json)
             results |= chain.results
             interrupted, held = chain.interrupted, chain.held
-        if not interrupted and (campaign := _beluga(console, quiet=json)) is not None:
-            beluga = _identified(campaign, out / "beluga", threads=threads, quiet=json)
+        if not interrupted and (recorded := _beluga(console, quiet=json)) is not None:
+            beluga = _identified(recorded, out / "beluga", threads=threads, quiet=json)
             results["beluga"] = beluga.to_dict()
             interrupted = beluga.interrupted
     if json:
@@ -72,8 +72,8 @@ def demo(
 
 def _cwolf(
     console: Console, folder: Path, *, threads: int | None, quiet: bool
-) -> tuple[Identification, Vehicle]:
-    """CWolf identified, and the vehicle that sailed its trials."""
+) -> tuple[Campaign, Identification, Vehicle]:
+    """CWolf's campaign, what it identified, and the vehicle that sailed its trials."""
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.generated import Recipe
     from seatrial.trial.truth import Truth
@@ -95,7 +95,7 @@ def _cwolf(
     belongs_to_run(folder, [logs / f"generated-{name}.csv" for name in recipes])
     if not quiet:
         console.print(f"Generated trials in {logs}\n", soft_wrap=True, markup=False)
-    return fit, truth.vehicle
+    return campaign, fit, truth.vehicle
 
 
 def _beluga(console: Console, *, quiet: bool) -> Campaign | None:
@@ -164,6 +164,7 @@ class Chain:
 
 def demonstrate(
     console: Console,
+    campaign: Campaign,
     fit: Identification,
     truth: Vehicle,
     out: Path,
@@ -176,6 +177,7 @@ def demonstrate(
     Parameters
     ----------
     console : Console
+    campaign : Campaign
     fit : Identification
     truth : Vehicle
         That sailed the trials.
@@ -194,9 +196,7 @@ def demonstrate(
         console.rule(
             "CWolf: its autopilot tuned from the start gains, on the identified vehicle", align="left"
         )
-    found = tuned(
-        fit.campaign, fit, out / "cwolf-tuned", relay=True, threads=threads, resume=False, quiet=quiet
-    )
+    found = tuned(campaign, fit, out / "cwolf-tuned", relay=True, threads=threads, resume=False, quiet=quiet)
     chain.results["cwolf_tuning"] = found.to_dict()
     if found.interrupted:
         chain.interrupted = True
@@ -210,7 +210,7 @@ def demonstrate(
     else:
         answer(found.report(), draw=drawn)
     _on_truth(console, found, truth, chain, quiet=quiet)
-    _verify(console, fit, found, truth, (out, chain), threads=threads, quiet=quiet)
+    _verify(console, campaign, fit, found, truth, (out, chain), threads=threads, quiet=quiet)
     return chain
 
 
@@ -230,6 +230,7 @@ def _on_truth(console: Console, found: Tuning, truth: Vehicle, chain: Chain, *, 
 
 def _verify(
     console: Console,
+    campaign: Campaign,
     fit: Identification,
     found: Tuning,
     truth: Vehicle,
@@ -244,7 +245,6 @@ def _verify(
     from seatrial.verification.campaign import verified_campaign
 
     out, chain = into
-    campaign = fit.campaign
     if not quiet:
         console.rule("CWolf: missions of vehicles drawn from what is known of it", align="left")
     prepared = verified_campaign(campaign, fit, found, runs=_RUNS, compare=True)

@@ -13,7 +13,7 @@ from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
-    from seatrial.campaign.variants import LockedAxes
+    from seatrial.campaign.locked_axes import LockedAxes
     from seatrial.identification.identification import Identification
     from seatrial.identification.leave_one_out import LeaveOneOut
     from seatrial.identification.restarts_result import Restarts
@@ -141,11 +141,10 @@ def run_identification(
 ) -> Identification:
     """Identification of a campaign into a run directory, with progress on standard error."""
     from seatrial.cli.console import search_progress, workers
-    from seatrial.identification.identify import identify as identified
 
     with workers(dask) as fleet, search_progress("reading the trials", quiet=quiet) as progress:
-        return identified(
-            campaign, run_dir=folder, progress=progress, resume=resume, threads=threads, executor=fleet
+        return campaign.identify(
+            run_dir=folder, progress=progress, resume=resume, threads=threads, executor=fleet
         )
 
 
@@ -227,7 +226,7 @@ def _restart(
 
     with workers(dask) as fleet, search_progress("reading the trials", quiet=quiet) as progress:
         return restarts(
-            fit.campaign,
+            fit.problem,
             starts=starts,
             sigma=fit.sigma,
             run_dir=folder,
@@ -247,5 +246,5 @@ def _leave_one_out(
 
     with search_progress("reading the trials", quiet=quiet) as progress:
         return leave_one_out(
-            fit.campaign, sigma=fit.sigma, run_dir=folder, progress=progress, resume=resume, threads=threads
+            fit.problem, sigma=fit.sigma, run_dir=folder, progress=progress, resume=resume, threads=threads
         )

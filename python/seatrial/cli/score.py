@@ -88,7 +88,7 @@ def score(
         for label, name in _labels([vehicle, *(against or [])]).items()
     }
     campaign = None if columns_from is None else Campaign.load(columns_from)
-    free = free or (freed(campaign) if campaign else "") or "".join(AXES)
+    free = free or (freed(campaign.problem()) if campaign else "") or "".join(AXES)
     chosen = read_trials(trials, columns_from)
     training = read_trials(train, columns_from) if train else []
     if both := {one.source for one in training} & {one.source for one in chosen}:
@@ -134,10 +134,10 @@ def score(
 
 def _seen(campaign: Campaign, trials: Sequence[Trial], file: Path) -> tuple[str, ...]:
     """What of the trials a vehicle knows that this campaign identified."""
-    fitted = {name for stage in campaign.stages for name in stage.trials}
+    fitted = {name for stage in campaign.problem().stages for name in stage.trials}
     said = []
     for trial in trials:
-        held = campaign.held_out(trial.name)
+        held = campaign.problem().held_out(trial.name)
         share = 1.0 - float(held.mean()) if trial.name in fitted and len(held) else 0.0
         if share > 0.0:
             said.append(

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
 from seatrial.base.report import listed
-from seatrial.campaign.parameters import STRIPS, axes_of
+from seatrial.problem.parameter import STRIPS, axes_of
 
 ROLL_DECAY = "record a free decay in roll (heel the vehicle by hand by 20 to 30 deg, motors stopped, let go)"
 

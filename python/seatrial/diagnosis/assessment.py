@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.report import Table, listed
-from seatrial.campaign.parameters import Parameter
 from seatrial.diagnosis.advice import manoeuvre, role, strayed
 from seatrial.diagnosis.bounds import ContradictedBounds, contradicted_bounds
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
@@ -22,6 +21,7 @@ from seatrial.estimation.gauss_newton import ran_away
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, with_horizons
 from seatrial.estimation.specification import Horizon, LogAlone
+from seatrial.problem.parameter import Parameter
 from seatrial.statistics.information import InformationCriteria, information_criteria
 from seatrial.statistics.linearisation import Linearisation, Unknown
 from seatrial.statistics.uncertainty import Uncertainty, covariance
@@ -29,7 +29,7 @@ from seatrial.vehicle.actuators import actuator_groups, fins_and_groups, pushed_
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
 
 _PART = 40  # segments that tell before a search what all of them will
 
@@ -306,7 +306,7 @@ class Assessment:
         )
 
 
-def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]:
+def conditioning(problem: Problem, *, threads: int | None = None) -> list[str]:
     """Sentences on what the campaign's data cannot tell, judged at its start values before any search.
 
     Raises
@@ -314,7 +314,7 @@ def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]
     CampaignError, TrialError
         As for `seatrial.estimation.joint.Joint`.
     """
-    joint = Joint(campaign, threads=threads, method="output")
+    joint = Joint(problem, threads=threads, method="output")
     lin = _of_a_part(joint)
     lost = sum(not piece.counted.any() for piece in lin.pieces)
     if lost and len(lin.pieces) < len(joint.data.segments):
@@ -367,7 +367,7 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
     """
     if _runs_away(joint, polished):
         raise CampaignError(
-            f"{joint.campaign.source}: polish: the model diverges on every segment; check the bounds"
+            f"{joint.problem.source}: polish: the model diverges on every segment; check the bounds"
         )
     polished = with_horizons(joint, polished)
     # One linearisation for all: behind the derivatives by the unknowns stand those by what might be missing.

@@ -29,9 +29,9 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.report import listed
-from seatrial.campaign.parameters import STRIPS
 from seatrial.diagnosis.advice import absorbed, inseparable, manoeuvre, role, scaled, strips_twice, unexcited
 from seatrial.diagnosis.weak_combination import ABSENT, WEAK, Group, weak_groups
+from seatrial.problem.parameter import STRIPS
 from seatrial.statistics.information import correlation, covariance, eliminate, inflation, singular
 from seatrial.statistics.linearisation import Linearisation, Unknown
 

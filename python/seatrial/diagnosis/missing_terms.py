@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
-from seatrial.campaign.parameters import OF_AN_AXIS, STRIPS, axes_of
 from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
+from seatrial.problem.parameter import OF_AN_AXIS, STRIPS, axes_of
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests, unexplained
 from seatrial.vehicle.actuators import actuator_groups

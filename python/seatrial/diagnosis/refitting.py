@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.file import Coefficient, Nuisance, Polish, Tie
 from seatrial.diagnosis.advice import role
 from seatrial.diagnosis.missing_terms import (
     Candidate,
@@ -30,6 +29,8 @@ from seatrial.diagnosis.missing_terms import (
 )
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, polish
+from seatrial.problem.joint import JointSettings, Nuisance
+from seatrial.problem.stage import Coefficient, Tie
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import score_tests
 
@@ -156,7 +157,7 @@ def refitted(
         Percent of the mean square that it gains at least; otherwise none is suggested.
     """
     begun = dict(zip((one.name for one in joint.unknowns), start.tolist(), strict=True))
-    here = _fit(joint, joint.campaign.file.polish or Polish(), begun)
+    here = _fit(joint, joint.problem.joint or JointSettings(), begun)
     fits = [_freed(here, one) for one in suggestions[:refits]]
     best = int(np.argmin([fit.cost for fit in fits]))
     gain = -100.0 * math.expm1(2.0 * (fits[best].cost - here.cost) / here.samples)
@@ -175,11 +176,11 @@ def refitted(
     return Refitted((_exact(lin, left, chosen, gain=gain), *beside), lin, left)
 
 
-def _fit(joint: Joint, section: Polish, start: Mapping[str, float]) -> _Fit:
+def _fit(joint: Joint, section: JointSettings, start: Mapping[str, float]) -> _Fit:
     """The joint estimate of a section, from one start by the names of its unknowns."""
-    campaign = joint.campaign
+    problem = joint.problem
     section = section.model_copy(update={"starts": 1})
-    other = campaign.with_file(campaign.file.model_copy(update={"polish": section}))
+    other = problem.with_joint(section)
     grown = Joint(other, joint.vehicle, threads=joint.threads, hidden=joint.hidden)
     values = np.array([start[one.name] for one in grown.unknowns])
     polished = polish(grown, start=values, rounds=_ROUNDS)
@@ -190,7 +191,7 @@ def _fit(joint: Joint, section: Polish, start: Mapping[str, float]) -> _Fit:
 
 def _freed(here: _Fit, one: Suggestion) -> _Fit:
     """The estimate with a suggested coefficient or force free, from where it is."""
-    section = here.joint.campaign.file.polish or Polish()
+    section = here.joint.problem.joint or JointSettings()
     names = [unknown.name for unknown in here.joint.unknowns]
     start = dict(zip(names, here.polished.values.tolist(), strict=True)) | {one.name: one.present}
     if one.nuisance is not None:

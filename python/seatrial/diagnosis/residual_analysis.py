@@ -4,7 +4,7 @@ Three questions. Do the residuals look like the sensors' noise (`seatrial.diagno
 coefficient that is held should be free (`seatrial.diagnosis.missing_terms`)? Which other signal do they
 follow beside all that (`seatrial.diagnosis.residual_signals`)? A model that leaves structure is not true,
 so its intervals are about the best model in its class; whether a suggested term is worth having is for the
-hold-out score to say (`seatrial.identification.suggestion`).
+hold-out score to say (`seatrial.campaign.suggestion`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.parameters import coefficient_names
 from seatrial.diagnosis.missing_terms import (
     Candidate,
     Suggestion,
@@ -40,6 +39,7 @@ from seatrial.diagnosis.residual_signals import (
     with_predicted_velocity,
 )
 from seatrial.estimation.joint_estimate import linearise
+from seatrial.problem.parameter import coefficient_names
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import ScoreTests, score_tests
 
@@ -199,7 +199,7 @@ def analyse_joint(
     >>> print(analyse_joint(joint, polish(joint).values))  # doctest: +SKIP
     """
     info = joint.vehicle.coefficient_info()
-    trials = {name: joint.campaign.trials[name] for name in joint.data.names}
+    trials = {name: joint.problem.trials[name] for name in joint.data.names}
     if tried is None:
         tried = tried_terms(joint, values, initial=initial, noise=noise)
     lin, held, count = tried.lin, tried.held, tried.count

@@ -18,7 +18,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.estimation.descent import Slopes
-from seatrial.estimation.problem import Problem, StageData
+from seatrial.estimation.segment_model import SegmentModel, StageData
 
 
 class Criterion:
@@ -30,8 +30,8 @@ class Criterion:
         Of the stage. The costs do not depend on its threads.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem, self.data = problem, problem.data
+    def __init__(self, model: SegmentModel) -> None:
+        self.model, self.data = model, model.data
         counting = self.data.weights > 0
         self._scale = np.where(counting, self.data.scale, 1.0)
         self._weight = np.where(counting, 1.0 / self._scale, 0.0)
@@ -40,11 +40,11 @@ class Criterion:
     @property
     def nu(self) -> Array:
         """Velocities (segments, 6) at which the segments start."""
-        return np.array([segment.nu for segment in self.problem.data.segments])
+        return np.array([segment.nu for segment in self.model.data.segments])
 
     def started(self, nu: Array) -> Criterion:
         """The same criterion with segments that start at the velocities (segments, 6)."""
-        return Criterion(self.problem.started(nu))
+        return Criterion(self.model.started(nu))
 
     def __call__(self, candidates: Array) -> Array:
         """Costs (k,) of candidates (k, m), infinite where the simulation diverges."""
@@ -60,31 +60,31 @@ class Criterion:
 
     def residuals(self, candidate: Array) -> list[Array]:
         """Measured minus simulated (n_i, 12) per segment, in standard deviations, zero where not counted."""
-        return [error / self._scale for error in self.problem.residuals(candidate)]
+        return [error / self._scale for error in self.model.residuals(candidate)]
 
     def linearised(self, candidate: Array) -> Slopes:
         """Residuals of all samples that count and their derivatives by the parameters (m,)."""
         used = np.flatnonzero(self.data.weights > 0)
-        found = self.problem.sensitivities(candidate, channels=[CHANNELS[c] for c in used])
+        found = self.model.sensitivities(candidate, channels=[CHANNELS[c] for c in used])
         residuals, jacobians, shares = [], [], []
         for index, (error, jacobian) in enumerate(found):
-            counted = self.problem.counted(index)[:, used]
+            counted = self.model.counted(index)[:, used]
             residuals.append((error / self._scale)[:, used][counted])
             jacobians.append((jacobian / self._scale[used, None])[counted])
             shares.append(np.broadcast_to(self._share[used], counted.shape)[counted])
-        stage = self.problem.stage
+        stage = self.model.stage
         knee = {"absolute": 0.0, "squared": np.inf, "huber": stage.knee}[stage.loss]
         return Slopes(np.concatenate(residuals), np.concatenate(jacobians), np.concatenate(shares), knee)
 
     def slopes(self, candidate: Array, initials: Sequence[str]) -> list[Array]:
         """Derivatives (n_i, 12, k) of what segments show by initial conditions, scaled as residuals."""
-        found = self.problem.sensitivities(candidate, held=True, initials=initials)
+        found = self.model.sensitivities(candidate, held=True, initials=initials)
         return [jacobian / self._scale[:, None] for _, jacobian in found]
 
     def _losses(self, candidates: Array) -> Array:
         """Losses (k, segments, 12) of candidates in the stage's units."""
-        stage = self.problem.stage
-        return self.problem.losses(candidates, weight=self._weight, loss=stage.loss, knee=stage.knee)
+        stage = self.model.stage
+        return self.model.losses(candidates, weight=self._weight, loss=stage.loss, knee=stage.knee)
 
 
 _SWEEPS = 5
@@ -105,7 +105,7 @@ def with_initial_velocities(criterion: Criterion, candidate: Array, prior: Array
     prior : ndarray, shape (segments, 6)
         Smoothed velocities, m/s and rad/s.
     """
-    axes = [AXES.index(letter) for letter in criterion.problem.stage.axes.free]
+    axes = [AXES.index(letter) for letter in criterion.model.stage.axes.free]
     noise = velocity_noise(criterion.data)[axes]
     residuals = criterion.residuals(candidate)
     slopes = criterion.slopes(candidate, [f"initial_{CHANNELS[axis]}" for axis in axes])

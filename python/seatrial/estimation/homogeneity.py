@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.channels import AXES, VELOCITIES
-from seatrial.campaign.parameters import STRIPS, axes_of, coefficient_names, parameters
 from seatrial.estimation.joint import joint_stage
+from seatrial.problem.parameter import STRIPS, axes_of, coefficient_names, parameters
 from seatrial.vehicle.actuators import actuator_groups, pushes
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
 
 _CENTRES = frozenset(f"{axis}_{centre}" for axis in "xyz" for centre in "gb")
 
@@ -158,7 +158,7 @@ def ratios(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
     return {name: value / thrust for name, value in found.items() if value}
 
 
-def homogeneity(campaign: Campaign) -> Homogeneity:
+def homogeneity(problem: Problem) -> Homogeneity:
     """Homogeneous direction of a campaign, all of its stages taken together.
 
     Raises
@@ -166,10 +166,10 @@ def homogeneity(campaign: Campaign) -> Homogeneity:
     CampaignError
         The joint estimate names what is not there.
     """
-    vehicle, stage = campaign.vehicle, joint_stage(campaign)
-    free = set(coefficient_names(parameters(stage, vehicle, f"{campaign.source}: polish")))
+    vehicle, stage = problem.vehicle, joint_stage(problem)
+    free = set(coefficient_names(parameters(stage, vehicle, f"{problem.source}: polish")))
     rows = stage.axes.free
-    logged = all(campaign.input_of(name) == "tau" for name in stage.trials)
+    logged = all(problem.input_of(name) == "tau" for name in stage.trials)
     facts = vehicle.actuator_info()
     groups = actuator_groups(vehicle)
     acting = () if logged else tuple(_thrust(vehicle, free, rows))

@@ -307,7 +307,7 @@ class Innovations:
         found: dict[str, dict[str, float]] = {}
         steps, data = self.samples(ahead_s), self.joint.data
         errors = self.errors(self.settled(values), steps)
-        learnt = [~self.joint.campaign.held_out(name) for name in data.names]
+        learnt = [~self.joint.problem.held_out(name) for name in data.names]
         linear = foretold(data.trials, learnt, self.steps.channels, steps)
         for column, channel in enumerate(self.steps.channels):
             rows = [np.zeros((0, 4))]

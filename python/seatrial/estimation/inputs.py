@@ -33,7 +33,7 @@ from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
 
 _USED = 0.1
 """A direction with less than this share of the impulse tells no gain of its own: a tenth of the data."""
@@ -259,14 +259,14 @@ class InputJudgement:
         return [f"Wrench, root mean square: {rows}{still}", *together]
 
 
-def trained(campaign: Campaign) -> tuple[str, ...]:
+def trained(problem: Problem) -> tuple[str, ...]:
     """Names of the trials that a campaign fits, in the order of its file."""
-    stages = {name for stage in campaign.stages for name in stage.trials}
-    polish = set(campaign.file.polish.trials) if campaign.file.polish else set()
-    return tuple(name for name in campaign.trials if name in stages | polish)
+    stages = {name for stage in problem.stages for name in stage.trials}
+    polish = set(problem.joint.trials) if problem.joint else set()
+    return tuple(name for name in problem.trials if name in stages | polish)
 
 
-def judge_inputs(campaign: Campaign) -> InputJudgement:
+def judge_inputs(problem: Problem) -> InputJudgement:
     """Judgement of a campaign's inputs over the training parts of its trials.
 
     Parameters
@@ -285,8 +285,8 @@ def judge_inputs(campaign: Campaign) -> InputJudgement:
     >>> judge_inputs(campaign).thrusts.combinations[0].words  # doctest: +SKIP
     'SbU - SbL - PU + PL'
     """
-    vehicle = campaign.vehicle
-    parts = [_inputs(campaign, name) for name in trained(campaign)]
+    vehicle = problem.vehicle
+    parts = [_inputs(problem, name) for name in trained(problem)]
     lever = np.array([1.0, 1.0, 1.0, *[max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)] * 3])
     wrench, weight = _joined([(part.sum(axis=1), dt) for part, dt, _ in parts])
     rows_rms = dict(zip(AXES, map(float, np.linalg.norm(centred(wrench, weight), axis=0)), strict=True))
@@ -311,24 +311,24 @@ def judge_inputs(campaign: Campaign) -> InputJudgement:
             per_axis(vehicle, each / lever, weight, rows),
         ),
         offered=offered(vehicle, drives, found),
-        freed=_freed(campaign, found.involved),
+        freed=_freed(problem, found.involved),
         fins=tuple(name for name in vehicle.actuators if facts[name]["kind"] == "fin"),
     )
 
 
-def _inputs(campaign: Campaign, name: str) -> tuple[Array, float, bool]:
+def _inputs(problem: Problem, name: str) -> tuple[Array, float, bool]:
     """Wrench of every actuator without inflow (n, actuators, 6) over what is fitted, its step, logged or not.
 
     A logged wrench stands in place of the actuators, as (n, 1, 6).
     """
-    trial, kind = campaign.trials[name], campaign.input_of(name)
-    training = ~campaign.held_out(name)
+    trial, kind = problem.trials[name], problem.input_of(name)
+    training = ~problem.held_out(name)
     if kind not in trial.inputs:
         raise TrialError(f"{name}: input {kind} is not recorded; map its columns or choose another input")
     if kind == "tau" and trial.tau is not None:
         return np.nan_to_num(trial.tau[training])[:, None, :], trial.dt, True
     try:
-        each = each_wrench(campaign.vehicle, trial, measured=kind == "measured")
+        each = each_wrench(problem.vehicle, trial, measured=kind == "measured")
     except SimulationError as error:
         raise SimulationError(f"{name}: {error}") from None
     return each[training], trial.dt, False
@@ -344,10 +344,10 @@ def _drives(vehicle: Vehicle, thrust: Array, weight: Array) -> tuple[Drive, ...]
     )
 
 
-def _freed(campaign: Campaign, lost: Sequence[str]) -> tuple[str, ...]:
+def _freed(problem: Problem, lost: Sequence[str]) -> tuple[str, ...]:
     """Gains of single actuators, of those that cannot be told apart, that the campaign frees."""
     found = []
-    for parameter in (one for stage in campaign.stages for one in campaign.parameters[stage.name]):
+    for parameter in (one for stage in problem.stages for one in problem.parameters[stage.name]):
         thrust = [name.split(".")[0] for name, _ in parameter.members if name.endswith(_THRUST)]
         if len(set(thrust)) == 1 and set(thrust) <= set(lost):
             found.append(parameter.name)

@@ -23,19 +23,20 @@ from seatrial._core import Vehicle, nuisance_names
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.campaign.file import Axes, Coefficient, Polish, Stage
-from seatrial.campaign.parameters import Parameter, coefficients, parameters
 from seatrial.estimation.criterion import velocity_noise
 from seatrial.estimation.method import ByItself, Method, method_of
 from seatrial.estimation.noise_model import NoiseModel
-from seatrial.estimation.problem import Problem, cut, unfit_trials
+from seatrial.estimation.segment_model import SegmentModel, cut, unfit_trials
 from seatrial.estimation.step import stage_step
+from seatrial.problem.joint import JointSettings
+from seatrial.problem.parameter import Parameter, coefficients, parameters
+from seatrial.problem.stage import Axes, Coefficient, Stage
 from seatrial.statistics.linearisation import Unknown
 from seatrial.trial.record import Segment, restarted
 from seatrial.trial.trial import Trial
 
 if TYPE_CHECKING:
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
 
 NAMES: tuple[str, ...] = tuple(nuisance_names())
 """Names in the core's order."""
@@ -70,7 +71,7 @@ class Nuisance:
     sd: float
 
 
-def nuisances(polish: Polish, trials: Sequence[str], where: str) -> tuple[Nuisance, ...]:
+def nuisances(polish: JointSettings, trials: Sequence[str], where: str) -> tuple[Nuisance, ...]:
     """Nuisance parameters that a campaign asks for on its trials.
 
     Parameters
@@ -143,7 +144,7 @@ ANGLE_SD, PLACE_SD = 0.02, 0.5
 """Prior standard deviations of a segment's initial angles, rad, and places, m."""
 
 
-def joint_stage(campaign: Campaign) -> Stage:
+def joint_stage(problem: Problem) -> Stage:
     """The joint estimate as one stage: by default all that the stages free, on all of their trials.
 
     Raises
@@ -151,29 +152,29 @@ def joint_stage(campaign: Campaign) -> Stage:
     CampaignError
         ``[polish]`` names an unknown coefficient or trial.
     """
-    return _joint_stage(campaign, campaign.stages)
+    return _joint_stage(problem, problem.stages)
 
 
-def _usable(campaign: Campaign) -> tuple[Stage, dict[str, str]]:
+def _usable(problem: Problem) -> tuple[Stage, dict[str, str]]:
     """The joint estimate as one stage, and the trials that are left out of it with the reason.
 
     A campaign without ``[polish]`` asks for no joint estimate, only for standard deviations: a trial that
     does not suit it costs those of the coefficients that no other trial tells, not all.
     """
-    whole = joint_stage(campaign)
-    reasons = unfit_trials(campaign, whole) if campaign.file.polish is None else {}
+    whole = joint_stage(problem)
+    reasons = unfit_trials(problem, whole) if problem.joint is None else {}
     if not 0 < len(reasons) < len(whole.trials):
         return whole, {}
     kept = [
         stage.model_copy(update={"trials": tuple(name for name in stage.trials if name not in reasons)})
-        for stage in campaign.stages
+        for stage in problem.stages
     ]
-    return _joint_stage(campaign, [stage for stage in kept if stage.trials]), reasons
+    return _joint_stage(problem, [stage for stage in kept if stage.trials]), reasons
 
 
-def _joint_stage(campaign: Campaign, stages: Sequence[Stage]) -> Stage:
+def _joint_stage(problem: Problem, stages: Sequence[Stage]) -> Stage:
     """The joint estimate of some stages."""
-    polish, where = campaign.file.polish or Polish(), f"{campaign.source}: polish"
+    polish, where = problem.joint or JointSettings(), f"{problem.source}: polish"
     coefficients: dict[str, Coefficient] = {}
     for stage in stages:
         coefficients |= stage.coefficients
@@ -184,10 +185,8 @@ def _joint_stage(campaign: Campaign, stages: Sequence[Stage]) -> Stage:
     used = tuple(dict.fromkeys(name for stage in stages for name in stage.trials))
     trials = polish.trials or used
     for name in trials:
-        if name not in campaign.trials:
-            raise CampaignError(
-                f"{where}, key trials: unknown trial {name!r}{nearest(name, campaign.trials)}"
-            )
+        if name not in problem.trials:
+            raise CampaignError(f"{where}, key trials: unknown trial {name!r}{nearest(name, problem.trials)}")
     axes = polish.axes
     if axes is None:
         free = {letter for stage in stages for letter in stage.axes.free}
@@ -200,7 +199,7 @@ def _joint_stage(campaign: Campaign, stages: Sequence[Stage]) -> Stage:
     if not channels:
         wanted = [CHANNELS[AXES.index(letter)] for letter in axes.free]
         wanted += [c for stage in stages for c in stage.channels if c not in wanted]
-        known = [c for c in wanted if all(c in campaign.trials[name].channels for name in trials)]
+        known = [c for c in wanted if all(c in problem.trials[name].channels for name in trials)]
         channels = dict.fromkeys(dict.fromkeys(known), 1.0)
     return Stage(
         name="polish",
@@ -257,26 +256,26 @@ class Joint:
 
     def __init__(
         self,
-        campaign: Campaign,
+        problem: Problem,
         vehicle: Vehicle | None = None,
         *,
         threads: int | None = None,
         method: Method | None = None,
         hidden: Collection[str] = (),
     ) -> None:
-        self.campaign, self.threads, self.hidden = campaign, threads, frozenset(hidden)
-        self.vehicle = campaign.vehicle if vehicle is None else vehicle
-        self.polish = campaign.file.polish or Polish()
+        self.problem, self.threads, self.hidden = problem, threads, frozenset(hidden)
+        self.vehicle = problem.vehicle if vehicle is None else vehicle
+        self.polish = problem.joint or JointSettings()
         self.noise_model: NoiseModel | None = None
         self.settled: dict[bool | None, tuple[Any, ...]] = {}
-        self.stage, self.left_out = _usable(campaign)
-        found = method_of(campaign, self.stage.trials) if method is None else ByItself(method, "")
+        self.stage, self.left_out = _usable(problem)
+        found = method_of(problem, self.stage.trials) if method is None else ByItself(method, "")
         self.method, self.method_reason = found.method, found.why
-        where = f"{campaign.source}: polish"
-        chosen = parameters(self.stage, campaign.vehicle, where)
+        where = f"{problem.source}: polish"
+        chosen = parameters(self.stage, problem.vehicle, where)
         self.parameters = tuple(sorted(chosen, key=lambda one: one.name in self.hidden))
         self.estimated = tuple(one for one in self.parameters if one.name not in self.hidden)
-        self.data = cut(campaign, self.stage)
+        self.data = cut(problem, self.stage)
         if method is None and self.polish.method == "automatic" and not self._filtered():
             needed = f"{self.stage.segment_s:g} s of a trial without a gap of more than {_LONGEST_GAP_S:g} s"
             self.method = "output"
@@ -305,7 +304,7 @@ class Joint:
         )
         self.substeps = step.substeps
         self.initials, self.initial_sd = self._initial_conditions()
-        self.problem = Problem(
+        self.model = SegmentModel(
             self.vehicle,
             self.stage,
             self.data,
@@ -314,12 +313,12 @@ class Joint:
             threads,
             starts_count=bool(self.initials),
         )
-        self.coarser = tuple(replace(self.problem, substeps=n) for n in (step.search, step.slopes))
+        self.coarser = tuple(replace(self.model, substeps=n) for n in (step.search, step.slopes))
 
     def sentences(self) -> list[str]:
         """Which trials are left out and which coefficients have no standard deviation for it."""
         names = {p.name for p in self.parameters}
-        lost = [c for stage in self.campaign.stages for c in stage.coefficients if c not in names]
+        lost = [c for stage in self.problem.stages for c in stage.coefficients if c not in names]
         return [
             f"trial {name} is left out of the standard deviations"
             + (f", and there is none for {', '.join(dict.fromkeys(lost))}" if lost else "")
@@ -337,14 +336,14 @@ class Joint:
         places = np.sort(np.concatenate([np.flatnonzero(of == record)[::every] for record in np.unique(of)]))
         part = copy.copy(self)
         part.data, part.noise = self.data.of_segments(places.tolist()), self.noise.copy()
-        part.problem = replace(self.problem, data=part.data)
+        part.model = replace(self.model, data=part.data)
         part.coarser = tuple(replace(one, data=part.data) for one in self.coarser)
         return part, places
 
     def at_search_step(self) -> Joint:
         """The same estimate with all flights at the step of the global search, to come near its optimum."""
         rough = copy.copy(self)
-        rough.problem, rough.noise = self.coarser[0], self.noise.copy()
+        rough.model, rough.noise = self.coarser[0], self.noise.copy()
         rough.coarser = (self.coarser[0], self.coarser[0])
         return rough
 
@@ -358,7 +357,7 @@ class Joint:
         """
         spans, segments = [], []
         for index, trial in enumerate(self.data.trials):
-            wanted: Mask = np.asarray(self.campaign.held_out(self.data.names[index]) == held_out)
+            wanted: Mask = np.asarray(self.problem.held_out(self.data.names[index]) == held_out)
             if held_out is None:
                 wanted = np.ones(len(trial), dtype=bool)
             for first, end in runs(wanted & ~self._blind(trial)):
@@ -401,7 +400,7 @@ class Joint:
     @property
     def unstaged(self) -> tuple[int, ...]:
         """Places of the coefficients that no stage freed."""
-        staged = {name for stage in self.campaign.stages for name in stage.coefficients}
+        staged = {name for stage in self.problem.stages for name in stage.coefficients}
         found = tuple(i for i, one in enumerate(self.parameters) if one.name not in staged)
         return found if len(found) < len(self.parameters) else ()
 
@@ -422,7 +421,7 @@ class Joint:
         found: dict[str, dict[str, float]] = {}
         for nuisance, value in zip(self.nuisances, values[len(self.parameters) :].tolist(), strict=True):
             whole = len(nuisance.trials) == len(self.data.names) and _prior(nuisance.key)[2]
-            names = self.campaign.trials if whole else [self.data.names[i] for i in nuisance.trials]
+            names = self.problem.trials if whole else [self.data.names[i] for i in nuisance.trials]
             for name in names:
                 found.setdefault(name, {})[nuisance.key] = value
         return found
@@ -436,7 +435,7 @@ class Joint:
         initial : ndarray, shape (segments, 12)
             Initial conditions, added to the smoothed ones.
         """
-        found = self.problem.residuals(
+        found = self.model.residuals(
             values[: len(self.parameters)], nuisance=self._nuisance(values), initial=initial
         )
         return [np.take(error, self.used, axis=1) for error in found]
@@ -468,8 +467,8 @@ class Joint:
         keys = tuple(dict.fromkeys(nuisance.key for nuisance in sought))
         errors = self.residuals(values, initial) if residuals is None else residuals
 
-        def flown(problem: Problem) -> list[tuple[Array, Array]]:
-            return problem.sensitivities(
+        def flown(model: SegmentModel) -> list[tuple[Array, Array]]:
+            return model.sensitivities(
                 values[:count],
                 extra=extra,
                 held=starts_only,
@@ -482,7 +481,7 @@ class Joint:
 
         found = flown(self.coarser[judging])
         if not self._near(errors, [error for error, _ in found]):
-            found = flown(self.problem)
+            found = flown(self.model)
         last, before = len(self.unknowns), inside + len(extra)
         starts = range(before + len(keys), before + len(keys) + len(self.initials))
         result = []
@@ -512,7 +511,7 @@ class Joint:
 
     def counted(self, index: int) -> NDArray[np.bool_]:
         """Mask (n, C) of the samples of a segment that count."""
-        return np.take(self.problem.counted(index), self.used, axis=1)
+        return np.take(self.model.counted(index), self.used, axis=1)
 
     def _nuisance(self, values: Array) -> Array:
         """The core's rows (trials, 38) of the nuisance parameters among the unknowns' values."""
@@ -534,7 +533,7 @@ class Joint:
 
     def _start_coefficients(self) -> list[float]:
         """Values of the vehicle for what a stage estimated, the campaign's start for the rest."""
-        kept = {name for stage in self.campaign.stages for name in stage.coefficients} | self.hidden
+        kept = {name for stage in self.problem.stages for name in stage.coefficients} | self.hidden
         return [
             self._own(parameter)
             if parameter.name in kept

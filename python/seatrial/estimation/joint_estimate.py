@@ -170,7 +170,7 @@ def polish(
     for other in also:
         if not found[-1].interrupted:
             found.append(search.run(np.asarray(other, dtype=float)))
-    generator = np.random.default_rng(joint.campaign.seed)
+    generator = np.random.default_rng(joint.problem.seed)
     for _ in range(joint.polish.starts - 1):
         if found[-1].interrupted:
             break

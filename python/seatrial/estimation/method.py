@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from seatrial.campaign.campaign import Campaign
-from seatrial.campaign.file import Polish
+from seatrial.problem.joint import JointSettings
+from seatrial.problem.problem import Problem
 from seatrial.trial.instability import runs_away
 from seatrial.trial.verdict import REPLAYED, Verdict, best
 from seatrial.trial.waves import waves
@@ -33,7 +33,7 @@ class ByItself:
     why: str
 
 
-def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
+def method_of(problem: Problem, trials: Sequence[str]) -> ByItself:
     """Method of the joint estimate of some trials: what the campaign asks for, or what they call for.
 
     Parameters
@@ -42,41 +42,41 @@ def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
     trials : sequence of str
         Names of the trials that are estimated jointly.
     """
-    asked = campaign.file.polish
+    asked = problem.joint
     if asked is None:  # standard deviations only
         return ByItself("output", "")
     if asked.method == "innovations":
         return ByItself(asked.method, "the campaign asks for it")
-    if fled := _runs_away(campaign, asked, trials):
+    if fled := _runs_away(problem, asked, trials):
         if asked.method == "automatic" and not asked.nuisances:
             return ByItself("innovations", fled)
         return ByItself("output", f"{fled}, so that a simulation diverges from the log: {_remedy(asked)}")
-    if seen := _answered_waves(campaign, trials) or _answered(campaign, trials):
+    if seen := _answered_waves(problem, trials) or _answered(problem, trials):
         if asked.method == "automatic" and not asked.nuisances:
             return ByItself("innovations", seen)
         return ByItself("output", f"{seen}, which biases gains: {_remedy(asked)}")
     return ByItself("output", "")
 
 
-def _answered_waves(campaign: Campaign, trials: Sequence[str]) -> str:
+def _answered_waves(problem: Problem, trials: Sequence[str]) -> str:
     """Which commands answer measurements in a trial with waves; "" where none do."""
-    for name in _commanded(campaign, trials):
-        closed = [one for one in campaign.verdicts(name).values() if one.kind != "open"]
-        swell = waves(campaign.trials[name]) if closed else None
+    for name in _commanded(problem, trials):
+        closed = [one for one in problem.verdicts(name).values() if one.kind != "open"]
+        swell = waves(problem.trials[name]) if closed else None
         if swell is not None:
             return f"in trial {name} feedback drives {_commands(closed)}, in waves of {swell.period_s:.1f} s"
     return ""
 
 
-def _answered(campaign: Campaign, trials: Sequence[str]) -> str:
+def _answered(problem: Problem, trials: Sequence[str]) -> str:
     """Which commands answer measurements in every trial that has them, too much for a replay; "" for none.
 
     One trial that a replay judges is enough for output error, as it is for the verdict on an axis.
     """
-    chosen = _commanded(campaign, trials)
+    chosen = _commanded(problem, trials)
     if len(chosen) < len(trials):
         return ""
-    verdicts = best(campaign.verdicts(name) for name in chosen)
+    verdicts = best(problem.verdicts(name) for name in chosen)
     closed = [one for one in verdicts.values() if one.kind != "open" and not one.told >= REPLAYED]
     if not closed:
         return ""
@@ -86,23 +86,23 @@ def _answered(campaign: Campaign, trials: Sequence[str]) -> str:
     return f"feedback drives {_commands(closed)} in every trial{share if told == told else ''}"
 
 
-def _commanded(campaign: Campaign, trials: Sequence[str]) -> list[str]:
+def _commanded(problem: Problem, trials: Sequence[str]) -> list[str]:
     """Trials that commands drive: a measured force is none."""
-    return [name for name in trials if campaign.input_of(name) == "commands"]
+    return [name for name in trials if problem.input_of(name) == "commands"]
 
 
 def _commands(closed: Sequence[Verdict]) -> str:
     return ", ".join(dict.fromkeys(command for one in closed for command in one.commands))
 
 
-def _runs_away(campaign: Campaign, asked: Polish, trials: Sequence[str]) -> str:
+def _runs_away(problem: Problem, asked: JointSettings, trials: Sequence[str]) -> str:
     """Why a simulation of the campaign's vehicle leaves these trials; "" where it does not."""
-    stages = {letter for stage in campaign.stages for letter in stage.axes.free}
+    stages = {letter for stage in problem.stages for letter in stage.axes.free}
     free = asked.axes.free if asked.axes is not None else "".join(stages)
-    return runs_away(campaign.vehicle, [campaign.trials[name] for name in trials], free, asked.segment_s)
+    return runs_away(problem.vehicle, [problem.trials[name] for name in trials], free, asked.segment_s)
 
 
-def _remedy(asked: Polish) -> str:
+def _remedy(asked: JointSettings) -> str:
     """How to compare with a filter that knows waves."""
     if asked.nuisances:
         return (

@@ -24,9 +24,9 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import CampaignError
 from seatrial.base.rotation import from_euler, matrix, shorter, to_euler
-from seatrial.campaign.parameters import coefficient_names, expansion_matrix
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.step import RATE_LIMIT
+from seatrial.problem.parameter import coefficient_names, expansion_matrix
 from seatrial.trial.record import Record, Replay
 
 _ANGLES = ("roll", "pitch", "yaw")
@@ -141,7 +141,7 @@ class OneStep:
         self.channels = tuple(CHANNELS[c] for c in kept)
         if not self.channels:
             raise CampaignError(
-                f'{joint.campaign.source}: joint, key method: "innovations" needs a measured velocity or'
+                f'{joint.problem.source}: joint, key method: "innovations" needs a measured velocity or'
                 ' angle of a simulated axis and found none; use method = "output"'
             )
         self._columns, self._shown = columns, kept
@@ -149,7 +149,7 @@ class OneStep:
         self._spans, self._segments = joint.steps(held_out=held_out)
         if not self._spans and not held_out:
             raise CampaignError(
-                f'{joint.campaign.source}: joint, key method: "innovations" needs'
+                f'{joint.problem.source}: joint, key method: "innovations" needs'
                 f" {joint.stage.segment_s:g} s of a trial without a long gap and found none; use method ="
                 ' "output"'
             )

@@ -29,13 +29,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.campaign.file import Anchor, Ballast, Bollard, DryMass
 from seatrial.estimation.homogeneity import Homogeneity, homogeneity, ratios, thrust_factors
+from seatrial.problem.anchor import Anchor, Ballast, Bollard, DryMass
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
 
 MOTIONS = {"X": "surge", "Y": "sway", "Z": "heave"}
 
@@ -350,7 +350,7 @@ class ScaleReport:
         return [f"WARNING the anchors disagree: {values}; one of them, or what it assumes, is wrong"]
 
 
-def judge_scale(campaign: Campaign, vehicle: Vehicle | None = None) -> ScaleReport:
+def judge_scale(problem: Problem, vehicle: Vehicle | None = None) -> ScaleReport:
     """Judgement of a campaign's scale.
 
     Parameters
@@ -364,17 +364,17 @@ def judge_scale(campaign: Campaign, vehicle: Vehicle | None = None) -> ScaleRepo
     CampaignError
         An anchor names an unknown actuator, commands without force or a hull without measures.
     """
-    direction, anchor = homogeneity(campaign), campaign.file.anchor
-    tested = () if campaign.bench is None else tuple(campaign.bench.pulls)
+    direction, anchor = homogeneity(problem), problem.anchor
+    tested = () if problem.bench is None else tuple(problem.bench.pulls)
     if vehicle is None:
         try:
-            every = implied(campaign.vehicle, anchor)  # refuses here what could not be judged later
+            every = implied(problem.vehicle, anchor)  # refuses here what could not be judged later
         except CampaignError as error:
-            raise CampaignError(f"{campaign.source}: {error}") from None
+            raise CampaignError(f"{problem.source}: {error}") from None
         waiting = [one.factor.anchor for one in every[len(anchor.bollard) :]]
         return ScaleReport(direction, every[: len(anchor.bollard)], tuple(waiting), {}, False, tested)
-    known = implied(vehicle, anchor, reference=campaign.vehicle)
-    return ScaleReport(direction, known, (), ratios(vehicle, campaign.vehicle), True, tested)
+    known = implied(vehicle, anchor, reference=problem.vehicle)
+    return ScaleReport(direction, known, (), ratios(vehicle, problem.vehicle), True, tested)
 
 
 def implied(vehicle: Vehicle, anchor: Anchor, *, reference: Vehicle | None = None) -> tuple[Implied, ...]:
@@ -397,7 +397,7 @@ def implied(vehicle: Vehicle, anchor: Anchor, *, reference: Vehicle | None = Non
     Examples
     --------
     >>> import seatrial as st
-    >>> from seatrial.campaign.file import Anchor
+    >>> from seatrial.problem.anchor import Anchor
     >>> [one] = implied(st.Vehicle.load("cwolf"), Anchor.model_validate({"dry_mass": {"mass_kg": 135.0}}))
     >>> round(one.factor.value, 2)
     1.0

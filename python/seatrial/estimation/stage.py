@@ -25,17 +25,17 @@ from seatrial.base.channels import AXES, CHANNELS, DEGREE
 from seatrial.base.errors import CampaignError, SimulationError, VehicleError
 from seatrial.base.fallback import is_numerical
 from seatrial.base.progress import Step
-from seatrial.campaign.file import Stage
-from seatrial.campaign.parameters import Parameter, coefficients
 from seatrial.estimation.criterion import Criterion, with_initial_velocities
 from seatrial.estimation.descent import descend
-from seatrial.estimation.problem import Problem, StageData, cut
 from seatrial.estimation.search import LANES, batch_size, evolve, join, refine, refine_rounds
+from seatrial.estimation.segment_model import SegmentModel, StageData, cut
 from seatrial.estimation.step import StageStep, around, stage_step
+from seatrial.problem.parameter import Parameter, coefficients
+from seatrial.problem.stage import Stage
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
 
 _TOLERANCE = 1e-4
 
@@ -139,7 +139,7 @@ class StageResult:
         return cls(**plain)
 
 
-def plan(campaign: Campaign) -> tuple[StagePlan, ...]:
+def plan(problem: Problem) -> tuple[StagePlan, ...]:
     """Plans of all stages in the order of their run; everything that can be refused is refused here.
 
     Raises
@@ -149,25 +149,25 @@ def plan(campaign: Campaign) -> tuple[StagePlan, ...]:
     """
     plans: dict[str, StagePlan] = {}
     roaming: dict[str, tuple[Parameter, ...]] = {}
-    for stage in campaign.stages:
-        data = cut(campaign, stage)
-        own = campaign.parameters[stage.name]
+    for stage in problem.stages:
+        data = cut(problem, stage)
+        own = problem.parameters[stage.name]
         earlier = {p.name: p for name in stage.after for p in roaming[name]}
         roaming[stage.name] = (*(earlier | {p.name: p for p in own}).values(),)
         step = stage_step(
-            campaign.vehicle,
+            problem.vehicle,
             roaming[stage.name],
             free=stage.axes.free,
             speeds=data.largest_speeds(),
             dt=data.dt,
         )
-        budget = campaign.budget(stage)
+        budget = problem.budget(stage)
         plans[stage.name] = StagePlan(
             stage=stage,
             parameters=own,
             data=data,
             step=step,
-            seed=campaign.seed << 32 | zlib.crc32(stage.name.encode()),
+            seed=problem.seed << 32 | zlib.crc32(stage.name.encode()),
             population=batch_size(len(own), budget.population),
             generations=budget.generations or 100 + 15 * len(own),
             rounds=budget.simplex_rounds or refine_rounds(len(own)),
@@ -177,7 +177,7 @@ def plan(campaign: Campaign) -> tuple[StagePlan, ...]:
 
 
 def run_stage(
-    campaign: Campaign,
+    problem: Problem,
     plan: StagePlan,
     *,
     vehicle: Vehicle,
@@ -208,7 +208,7 @@ def run_stage(
     start = np.array([_start(parameter, found) for parameter in chosen])
 
     def stepped(substeps: int) -> Criterion:
-        return Criterion(Problem(vehicle, stage, plan.data, chosen, substeps, threads))
+        return Criterion(SegmentModel(vehicle, stage, plan.data, chosen, substeps, threads))
 
     criterion = stepped(plan.step.search)
     box: dict[str, Any] = {
@@ -217,7 +217,7 @@ def run_stage(
         "tolerance": plan.tolerance,
         "watch": watch,
     }
-    _check_influence(criterion, chosen, start, campaign.where(stage))
+    _check_influence(criterion, chosen, start, problem.where(stage))
     first = search_start(criterion, chosen, start, seed=plan.seed)
     best = evolve(
         criterion,
@@ -251,7 +251,7 @@ def run_stage(
             best = join(best, refine(criterion, starts, rounds=max(rounds, 1), axes=valley, **box))
     if not math.isfinite(best.cost) and not best.interrupted:
         raise SimulationError(
-            f"{campaign.where(stage)}: every one of {best.evaluations} candidates diverged; check the units"
+            f"{problem.where(stage)}: every one of {best.evaluations} candidates diverged; check the units"
             " and signs of the commands, the vehicle's masses and the bounds"
         )
     values = _possible(vehicle, chosen, np.vstack([best.x, best.elite]))
@@ -297,7 +297,7 @@ def _possible(vehicle: Vehicle, chosen: tuple[Parameter, ...], found: Array) -> 
 
 
 def refitted_stage(
-    campaign: Campaign, plan: StagePlan, optimum: StageResult, *, vehicle: Vehicle, threads: int | None = None
+    problem: Problem, plan: StagePlan, optimum: StageResult, *, vehicle: Vehicle, threads: int | None = None
 ) -> dict[str, float]:
     """Coefficients of a stage on other data, by a descent from its optimum at the step of the global search.
 
@@ -316,8 +316,8 @@ def refitted_stage(
     """
     start = np.array([optimum.estimates[parameter.name] for parameter in plan.parameters])
     substeps = _fine_step(plan, vehicle, start[None, :]).search
-    problem = Problem(vehicle, plan.stage, plan.data, plan.parameters, substeps, threads)
-    criterion = Criterion(problem)
+    model = SegmentModel(vehicle, plan.stage, plan.data, plan.parameters, substeps, threads)
+    criterion = Criterion(model)
     if plan.stage.start == "estimated":
         criterion = with_initial_velocities(criterion, start, criterion.nu)
     lower, upper = ([getattr(p, end) for p in plan.parameters] for end in ("lower", "upper"))
@@ -349,7 +349,7 @@ def search_start(
     return tried[best] if math.isfinite(float(costs[best])) else None
 
 
-def start_cost(campaign: Campaign, plan: StagePlan, *, threads: int | None = None) -> float:
+def start_cost(problem: Problem, plan: StagePlan, *, threads: int | None = None) -> float:
     """Cost of a stage's start values in the campaign's vehicle, infinite where it diverges.
 
     Raises
@@ -360,13 +360,13 @@ def start_cost(campaign: Campaign, plan: StagePlan, *, threads: int | None = Non
         The start diverges, and so does all that `search_start` tries.
     """
     start = np.array([_start(parameter, {}) for parameter in plan.parameters])
-    problem = Problem(campaign.vehicle, plan.stage, plan.data, plan.parameters, plan.step.search, threads)
-    criterion = Criterion(problem)
-    _check_influence(criterion, plan.parameters, start, campaign.where(plan.stage))
+    model = SegmentModel(problem.vehicle, plan.stage, plan.data, plan.parameters, plan.step.search, threads)
+    criterion = Criterion(model)
+    _check_influence(criterion, plan.parameters, start, problem.where(plan.stage))
     cost = float(criterion(start[None, :])[0])
     if not math.isfinite(cost) and search_start(criterion, plan.parameters, start, seed=plan.seed) is None:
         raise SimulationError(
-            f"{campaign.where(plan.stage)}: the start vehicle and every one of {_PROBED} candidates diverged;"
+            f"{problem.where(plan.stage)}: the start vehicle and every one of {_PROBED} candidates diverged;"
             " check the units and signs of the commands, the vehicle's masses and the bounds"
         )
     return cost

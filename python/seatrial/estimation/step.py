@@ -29,7 +29,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.base.errors import SeatrialError
-from seatrial.campaign.parameters import Parameter
+from seatrial.problem.parameter import Parameter
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

@@ -27,7 +27,6 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
-from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.joint import Joint
 from seatrial.experiment.coverage_result import Coverage, CoverageRow, rows
 from seatrial.experiment.generated_trials import GeneratedTrials
@@ -124,7 +123,7 @@ def coverage(
                 "coverage",
                 campaign.name,
                 clock=clock,
-                inputs=input_hashes(campaign) | {"truth": sha256(generated.truth.vehicle.to_toml())},
+                inputs=campaign.input_hashes() | {"truth": sha256(generated.truth.vehicle.to_toml())},
                 seed=first,
                 options={"repetitions": seeds, "analysed": analysed},
                 interrupted=interrupted,
@@ -228,6 +227,6 @@ def _inputs(generated: GeneratedTrials) -> str:
         "vehicle": campaign.vehicle.to_toml(),
         "truth": generated.truth.vehicle.to_toml(),
         "sensors": {kind: asdict(sensor) for kind, sensor in generated.truth.sensors.items()},
-        "recipes": {name: campaign.file_hash(name) for name in generated.recipes},
+        "recipes": {name: campaign.problem().file_hash(name) for name in generated.recipes},
     }
     return sha256(to_json(described))

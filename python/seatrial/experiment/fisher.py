@@ -29,12 +29,12 @@ from seatrial._core import OpenLoop, Record, initial_names
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import CampaignError, SimulationError, nearest
-from seatrial.campaign.file import Axes, Coefficient, Stage
-from seatrial.campaign.parameters import Parameter, coefficient_names, expansion_matrix
-from seatrial.campaign.parameters import parameters as parsed
 from seatrial.estimation.joint import ANGLE_SD, PLACE_SD, VELOCITY_NOISES
 from seatrial.estimation.step import stage_step
 from seatrial.experiment.forecast import simulated
+from seatrial.problem.parameter import Parameter, coefficient_names, expansion_matrix
+from seatrial.problem.parameter import parameters as parsed
+from seatrial.problem.stage import Axes, Coefficient, Stage
 from seatrial.sensors.sensor import KINDS
 from seatrial.statistics.autocorrelation import variance_inflation
 from seatrial.statistics.information import eliminate
@@ -42,8 +42,8 @@ from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
 if TYPE_CHECKING:
     from seatrial._core import Run, Vehicle
-    from seatrial.campaign.campaign import Campaign
     from seatrial.experiment.manoeuvre import Manoeuvre
+    from seatrial.problem.problem import Problem
     from seatrial.statistics.linearisation import Linearisation
 
 NOISE = {"dvl": 0.01, "gyro": 0.2, "attitude": 0.5, "depth": 0.02}
@@ -287,24 +287,22 @@ def _parsed(wanted: Mapping[str, Coefficient], vehicle: Vehicle, where: str) -> 
     return parsed(stage, vehicle, where)
 
 
-def of_campaign(campaign: Campaign, names: Sequence[str] = ()) -> tuple[Parameter, ...]:
+def of_campaign(problem: Problem, names: Sequence[str] = ()) -> tuple[Parameter, ...]:
     """Parameters of all stages of a campaign and of its joint estimate, and others of the vehicle by name.
 
     What the joint estimate frees besides (a thruster's gain) leaves less to tell the rest by.
     """
     found = {
-        parameter.name: parameter
-        for stage in campaign.stages
-        for parameter in campaign.parameters[stage.name]
+        parameter.name: parameter for stage in problem.stages for parameter in problem.parameters[stage.name]
     }
-    polish = campaign.file.polish
+    polish = problem.joint
     if polish is not None and polish.coefficients:
         found |= {
-            p.name: p for p in _parsed(polish.coefficients, campaign.vehicle, f"{campaign.source}: polish")
+            p.name: p for p in _parsed(polish.coefficients, problem.vehicle, f"{problem.source}: polish")
         }
     missing = [name for name in names if name not in found]
     if missing:
-        found |= {p.name: p for p in of_vehicle(campaign.vehicle, missing) if p.name in missing}
+        found |= {p.name: p for p in of_vehicle(problem.vehicle, missing) if p.name in missing}
     return tuple(found.values())
 
 

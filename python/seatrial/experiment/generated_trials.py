@@ -17,6 +17,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
+from seatrial.problem.problem import Problem
 from seatrial.sensors.log import biases
 from seatrial.trial.generated import Recipe
 from seatrial.trial.truth import Truth
@@ -74,15 +75,16 @@ class GeneratedTrials:
                 )
         self._runs: dict[str, Run | Flight] = {}
 
-    def logged(self, seed: int) -> Campaign:
-        """The campaign with trials as the sensors log them with this seed."""
+    def logged(self, seed: int) -> Problem:
+        """The campaign's problem with trials as the sensors log them with this seed."""
         tables = {}
         for name, recipe in self.recipes.items():
             if recipe.sailed is None and name not in self._runs:
                 self._runs[name] = recipe.run()
             tables[name] = recipe.table(run=self._runs.get(name), seed=sensor_seed(name, seed))
         here = self.campaign
-        return Campaign(here.file, text=here.text, source=here.source, folder=here.folder, trials=tables)
+        other = Campaign(here.file, text=here.text, source=here.source, folder=here.folder, trials=tables)
+        return other.problem()
 
     def true_values(self, joint: Joint, seed: int) -> Array:
         """True values (m,) of the unknowns of a joint estimate of ``logged(seed)``; NaN where there is none.

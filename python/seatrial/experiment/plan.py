@@ -26,14 +26,15 @@ from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import CampaignError, SeatrialError, nearest
 from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.run import run_facts, sha256
-from seatrial.campaign.campaign import Campaign, input_hashes
-from seatrial.campaign.parameters import Parameter
+from seatrial.campaign.campaign import Campaign
 from seatrial.experiment import fisher
 from seatrial.experiment.dither import Dither, dithers
 from seatrial.experiment.fisher import Instruments, information
 from seatrial.experiment.forecast import Limits, Proposal, forecast, proposals, uneven
 from seatrial.experiment.manoeuvre import Manoeuvre
 from seatrial.experiment.plan_result import IDENTIFIED, START, VEHICLE, Change, Plan, Ranked
+from seatrial.problem.parameter import Parameter
+from seatrial.problem.problem import Problem
 from seatrial.statistics.information import covariance
 from seatrial.trial.verdict import judge
 from seatrial.vehicle.actuators import NOMINAL_V
@@ -49,7 +50,7 @@ _ALIKE = 1.01  # of trials that are as good within a per cent, the one that need
 
 @callers_errors_pass
 def plan(
-    what: Vehicle | Campaign | Identification,
+    what: Vehicle | Campaign | Problem | Identification,
     *,
     fit: Identification | Vehicle | str | Path | None = None,
     coefficients: Sequence[str] | None = None,
@@ -136,7 +137,7 @@ def plan(
 
 
 def _planned(
-    where: tuple[Vehicle, Campaign | None, str],
+    where: tuple[Vehicle, Problem | None, str],
     names: list[str],
     *,
     budget_s: float,
@@ -151,7 +152,7 @@ def _planned(
     progress: Callable[[Progress], None] | None,
 ) -> Plan:
     """The plan at the coefficients of a vehicle, which come `_split` from what was given."""
-    vehicle, campaign, at = where
+    vehicle, problem, at = where
     clock = Clock()
 
     def tell(fraction: float, what: str, done: int = 0, total: int = 0) -> None:
@@ -159,13 +160,13 @@ def _planned(
             left_s = clock.left_s(fraction, 1.0 - fraction)
             progress(Progress(what, done, total, fraction, clock.elapsed_s, left_s))
 
-    sought = fisher.of_vehicle(vehicle, names) if campaign is None else fisher.of_campaign(campaign, names)
+    sought = fisher.of_vehicle(vehicle, names) if problem is None else fisher.of_campaign(problem, names)
     counting = _counting(sought, names)
 
-    tell(0.0, "information in the recorded trials" if campaign else "manoeuvres that fit into the limits")
+    tell(0.0, "information in the recorded trials" if problem else "manoeuvres that fit into the limits")
     given = instruments or Instruments.on_board()
-    if recorded is None and campaign is not None and use_recorded:
-        recorded = _linearised(campaign, vehicle, given if at == START else None, threads)
+    if recorded is None and problem is not None and use_recorded:
+        recorded = _linearised(problem, vehicle, given if at == START else None, threads)
     if recorded is not None and instruments is None:
         seen = fisher.seen_by(recorded)
         # Before a fit the residuals hold the model's errors, so that they only shorten the usual memory.
@@ -207,13 +208,13 @@ def _planned(
         instruments=given,
         recorded=recorded is not None and use_recorded,
         at=at,
-        dithers=_dithers(campaign, vehicle, voltage_v) if use_recorded else (),
+        dithers=_dithers(problem, vehicle, voltage_v) if use_recorded else (),
         facts=run_facts(
             "plan",
             vehicle.name,
             clock=clock,
             inputs={"vehicle": sha256(vehicle.to_toml())}
-            | ({} if campaign is None else input_hashes(campaign, trials=use_recorded)),
+            | ({} if problem is None else problem.input_hashes(trials=use_recorded)),
             options={"budget_s": budget_s, "count": count, "coefficients": names, "recorded": use_recorded},
         ),
     )
@@ -280,9 +281,9 @@ class _Judge:
 
 
 def _split(
-    what: Vehicle | Campaign | Identification, fit: Identification | Vehicle | str | Path | None
-) -> tuple[Vehicle, Campaign | None, str]:
-    """The vehicle at whose coefficients is planned, its campaign, and whence these coefficients are.
+    what: Vehicle | Campaign | Problem | Identification, fit: Identification | Vehicle | str | Path | None
+) -> tuple[Vehicle, Problem | None, str]:
+    """The vehicle at whose coefficients is planned, its problem, and whence these coefficients are.
 
     Raises
     ------
@@ -291,24 +292,26 @@ def _split(
     """
     from seatrial.identification.fitted import Fitted
 
-    if fit is not None and not isinstance(what, Campaign):
+    if fit is not None and not isinstance(what, Campaign | Problem):
         raise CampaignError(
             f"fit: expected only beside a campaign, found it beside {type(what).__name__}; give one of them"
         )
     if isinstance(what, Vehicle):
         return what, None, VEHICLE
-    if not isinstance(what, Campaign):
-        return what.vehicle, what.campaign, IDENTIFIED
+    if isinstance(what, Campaign):
+        what = what.problem()
+    if not isinstance(what, Problem):
+        return what.vehicle, what.problem, IDENTIFIED
     if fit is None:
         return what.vehicle, what, START
     return Fitted.of(fit).vehicle, what, IDENTIFIED
 
 
-def _dithers(campaign: Campaign | None, vehicle: Vehicle, voltage_v: float) -> tuple[Dither, ...]:
+def _dithers(problem: Problem | None, vehicle: Vehicle, voltage_v: float) -> tuple[Dither, ...]:
     """Dither for each axis that feedback dominates in the campaign's trials."""
-    if campaign is None:
+    if problem is None:
         return ()
-    trials = list(campaign.trials.values())
+    trials = list(problem.trials.values())
     return dithers(trials, vehicle, judge(trials, vehicle), voltage_v=voltage_v)
 
 
@@ -357,14 +360,14 @@ def _fitting(
 
 
 def _linearised(
-    campaign: Campaign, vehicle: Vehicle, instruments: Instruments | None, threads: int | None
+    problem: Problem, vehicle: Vehicle, instruments: Instruments | None, threads: int | None
 ) -> Linearisation:
     """Linearisation of the campaign's trials, with the instruments' noise before the model is fitted."""
     from seatrial.estimation.joint import Joint
     from seatrial.estimation.joint_estimate import linearise
 
     try:
-        joint = Joint(campaign, vehicle, threads=threads, method="output")
+        joint = Joint(problem, vehicle, threads=threads, method="output")
         if instruments is None:
             return linearise(joint, joint.start)
         own = zip(joint.channels, joint.noise, strict=True)

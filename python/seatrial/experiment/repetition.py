@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.identifiability import judge
 from seatrial.diagnosis.residual_analysis import analyse_joint
 from seatrial.diagnosis.weak_combination import WEAK
@@ -22,6 +21,7 @@ from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, polish
 from seatrial.experiment.generated_trials import GeneratedTrials
+from seatrial.problem.problem import Problem
 from seatrial.statistics.uncertainty import covariance
 
 if TYPE_CHECKING:
@@ -158,8 +158,8 @@ def run_repetition(
         The polish was interrupted: half a repetition is none.
     """
     began = time.monotonic()
-    campaign = generated.logged(seed)
-    joint = Joint(campaign, threads=threads)
+    problem = generated.logged(seed)
+    joint = Joint(problem, threads=threads)
     polished = polish(joint, watch=watch)
     if polished.interrupted:
         raise KeyboardInterrupt
@@ -170,7 +170,7 @@ def run_repetition(
         for one in judge(lin, dict(zip(found.names, found.sigma, strict=True))).coefficients
     }
     vehicles = {
-        "start": campaign.vehicle,
+        "start": problem.vehicle,
         "estimate": joint.identified(polished.values),
         "truth": generated.truth.vehicle,
     }
@@ -189,7 +189,7 @@ def run_repetition(
             for one, sd in zip(lin.unknowns, found.sigma, strict=True)
         ),
         residual_analysis=_analysis(joint, polished) if analysed else None,
-        hold_out={name: _hold_out(campaign, joint, vehicle) for name, vehicle in vehicles.items()},
+        hold_out={name: _hold_out(problem, joint, vehicle) for name, vehicle in vehicles.items()},
         converged=polished.converged,
         rounds=polished.rounds,
         wall_s=time.monotonic() - began,
@@ -246,21 +246,21 @@ def _cost(joint: Joint, found: Polished, noise: Array) -> float:
     return rounds.cost(found.values, initial, centre)
 
 
-def _hold_out(campaign: Campaign, joint: Joint, vehicle: Vehicle) -> dict[str, float]:
+def _hold_out(problem: Problem, joint: Joint, vehicle: Vehicle) -> dict[str, float]:
     """R2 by channel on all trials that are held out as a whole, pooled, some seconds ahead."""
     from seatrial.trial.score import score
 
-    names = [name for name in campaign.trials if campaign.source_of(name).hold_out]
+    names = [name for name in problem.trials if problem.uses[name].hold_out]
     if not names:
         return {}
     axes = joint.stage.axes
     found = score(
         vehicle,
-        [campaign.trials[name] for name in names],
+        [problem.trials[name] for name in names],
         ahead_s=_AHEAD_S,
         training=None,
         channels=joint.channels,
-        input=campaign.input_of(names[0]),
+        input=problem.input_of(names[0]),
         free=axes.free,
         measured=axes.measured,
     )

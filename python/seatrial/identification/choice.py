@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -36,12 +36,12 @@ import numpy as np
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import SeatrialError
 from seatrial.base.progress import Step
-from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.stage import StageResult, plan, refitted_stage
 from seatrial.identification.hold_out import AHEAD_S, POOLED, part_scores
+from seatrial.problem.problem import Problem
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -146,7 +146,7 @@ class Choice:
 
 
 def choose(
-    campaign: Campaign,
+    problem: Problem,
     joint: Joint,
     polished: Polished,
     *,
@@ -169,7 +169,7 @@ def choose(
     threads : int, optional
         Threads of the core; the choice does not depend on it.
     """
-    words, first, second, rivals = _outside(campaign, joint, polished, begun)
+    words, first, second, rivals = _outside(problem, joint, polished, begun)
     if joint.method == "innovations" and not first:
         why = (
             "not compared with the stages, because nothing is held out (set hold_out_s); replaying commands"
@@ -183,7 +183,7 @@ def choose(
             )
         words = f"the last {100 * _SHARE:g} % of every trial, after a fit without it,"
         start = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
-        first, second = _refitted(campaign, stages, start, threads)
+        first, second = _refitted(problem, stages, start, threads)
     judged = [channel for channel in first if channel in second]
     # Positions and angles barely move in ten seconds and score well with any model: velocities tell.
     judged = [channel for channel in judged if channel in VELOCITIES] or judged
@@ -221,22 +221,22 @@ def with_or_without_presumed(
         The joint estimate that predicts held-out data better, how it went, the names of what it leaves out,
         and a sentence on that; with them where nothing is held out.
     """
-    own = joint.campaign.file.polish
+    own = joint.problem.joint
     names = () if own is None else tuple(name for name, one in own.coefficients.items() if one.sd is not None)
-    staged = {name for stage in joint.campaign.stages for name in stage.coefficients}
+    staged = {name for stage in joint.problem.stages for name in stage.coefficients}
     names = tuple(name for name in names if name not in staged)
     if not names or polished.interrupted:
         return joint, polished, (), ""
-    words, _, rich, _ = _outside(joint.campaign, joint, polished)
-    campaign = joint.campaign.without_coefficients(set(names))
+    words, _, rich, _ = _outside(joint.problem, joint, polished)
+    problem = joint.problem.without_coefficients(set(names))
     plain = Joint(
-        campaign, joint.vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden - set(names)
+        problem, joint.vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden - set(names)
     )
     plain.method_reason = joint.method_reason
     again = polish(plain, watch=watch) if rich else polished
     if not rich or again.interrupted:
         return joint, polished, (), ""
-    _, _, poor, _ = _outside(campaign, plain, again)
+    _, _, poor, _ = _outside(problem, plain, again)
     judged = [channel for channel in poor if channel in rich]
     judged = [channel for channel in judged if channel in VELOCITIES] or judged
     _, worse = _compared(poor, rich, judged)
@@ -262,15 +262,15 @@ def _compared(
 
 
 def _outside(
-    campaign: Campaign, joint: Joint, polished: Polished, begun: Joint | None = None
+    problem: Problem, joint: Joint, polished: Polished, begun: Joint | None = None
 ) -> tuple[str, dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
     """What the campaign holds out, in words; errors of stages, joint estimate and rivals on it."""
     if joint.method == "output":
         start, end = joint.identified(joint.start), joint.identified(polished.values)
         return (
             "held-out data",
-            _errors(campaign, start, None),
-            _errors(campaign, end, joint.records(polished.values)),
+            _errors(problem, start, None),
+            _errors(problem, end, joint.records(polished.values)),
             {},
         )
     ahead_s = _horizon(joint)
@@ -310,11 +310,11 @@ def _nats(error: float) -> float:
 
 
 def _errors(
-    campaign: Campaign, vehicle: Vehicle, nuisances: Mapping[str, Mapping[str, float]] | None
+    problem: Problem, vehicle: Vehicle, nuisances: Mapping[str, Mapping[str, float]] | None
 ) -> dict[str, float]:
     """SSE / SST per channel ten seconds ahead on what is held out, pooled over trials."""
     scores = part_scores(
-        campaign, vehicle, nuisances=nuisances, parts=("hold_out",), kinds=("ahead",), baselines=False
+        problem, vehicle, nuisances=nuisances, parts=("hold_out",), kinds=("ahead",), baselines=False
     ).scores
     errors: dict[str, list[tuple[float, float]]] = {}
     for trial, score in scores.get("hold_out", {}).get("ahead", {}).items():
@@ -341,7 +341,7 @@ def _collect(errors: dict[str, list[tuple[float, float]]], score: Score) -> None
 
 
 def _refitted(
-    campaign: Campaign, stages: tuple[StageResult, ...], optimum: Mapping[str, float], threads: int | None
+    problem: Problem, stages: tuple[StageResult, ...], optimum: Mapping[str, float], threads: int | None
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Errors of both on the last part of every trial after fits without it; empty where that cannot be.
 
@@ -349,7 +349,7 @@ def _refitted(
     search, which move an estimate by too little to change a prediction.
     """
     try:
-        shorter = _without_ends(campaign)
+        shorter = _without_ends(problem)
         vehicle = shorter.vehicle
         optima = {stage.name: stage for stage in stages}
         for one in plan(shorter):
@@ -370,16 +370,14 @@ def _refitted(
         return {}, {}
 
 
-def _without_ends(campaign: Campaign) -> Campaign:
-    """The campaign with the last part of every trial held out."""
-    sources = {}
-    for name, trial in campaign.trials.items():
+def _without_ends(problem: Problem) -> Problem:
+    """The problem with the last part of every trial held out."""
+    uses = {}
+    for name, trial in problem.trials.items():
         stop = float(trial.t[-1])
         start = stop - _SHARE * (stop - float(trial.t[0]))
-        sources[name] = campaign.source_of(name).model_copy(
-            update={"hold_out_s": ((start, stop + trial.dt),)}
-        )
-    return campaign.with_file(campaign.file.model_copy(update={"trials": sources}))
+        uses[name] = replace(problem.uses[name], hold_out_s=((start, stop + trial.dt),))
+    return problem.with_uses(uses)
 
 
 def _pair(channel: str, before: float, after: float) -> str:

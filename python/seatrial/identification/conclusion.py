@@ -30,10 +30,10 @@ from seatrial.identification.noise_of_filter import with_model_error
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.base.progress import Step
-    from seatrial.campaign.campaign import Campaign
     from seatrial.estimation.joint import Joint
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.preparation import Preparation
+    from seatrial.problem.problem import Problem
 
 _STAGES = "the result of the stages"
 
@@ -51,7 +51,7 @@ class Conclusion:
     nuisance parameters of the trials' records, by trial and name.
     """
 
-    campaign: Campaign
+    problem: Problem
     vehicle: Vehicle
     notes: tuple[str, ...] = ()
     assessment: Assessment | None = None
@@ -62,9 +62,9 @@ class Conclusion:
     interrupted: bool = False
 
 
-def staged(campaign: Campaign, stages: Sequence[StageResult], fallbacks: Fallbacks) -> Vehicle:
+def staged(problem: Problem, stages: Sequence[StageResult], fallbacks: Fallbacks) -> Vehicle:
     """The campaign's vehicle with what the stages found, without a stage that makes it impossible."""
-    vehicle = campaign.vehicle
+    vehicle = problem.vehicle
     for stage in stages:
         vehicle = fallbacks.attempt(
             f"stage {stage.name!r}",
@@ -106,17 +106,17 @@ def concluded(
     Conclusion
         After Ctrl-C: the stages, marked as interrupted.
     """
-    campaign = start.campaign
+    problem = start.problem
 
     def begun() -> Joint:
-        return joint_estimate_of(campaign, ready.whole, ready.held, start.vehicle, threads=threads)
+        return joint_estimate_of(problem, ready.whole, ready.held, start.vehicle, threads=threads)
 
     try:
         joint = fallbacks.attempt("joint estimate", begun, None, kept=_STAGES, remedy=_CHECK)
         if joint is None:
             return start
         result, polished = start, None
-        if campaign.file.polish is not None and campaign.file.polish.rounds:
+        if problem.joint is not None and problem.joint.rounds:
             result, joint, polished = jointly(start, joint, stages, fallbacks, watch=watch, threads=threads)
         done = _assessed(ready, result, joint, polished, fallbacks, spoilt)
         if done is None and polished is not None:
@@ -162,7 +162,7 @@ def jointly(
                 _CHECK,
             )
         )
-    campaign, notes = start.campaign, start.notes
+    problem, notes = start.problem, start.notes
     begun, best, dropped, why = fallbacks.attempt(
         "comparison without coefficients that have a prior (sd)",
         lambda: with_or_without_presumed(joint, polished, watch=watch),
@@ -171,8 +171,8 @@ def jointly(
         remedy="leave them out of [polish] if their values are implausible",
     )
     if dropped:
-        campaign, notes = campaign.without_coefficients(set(dropped)), (*notes, why)
-    same: Callable[[Campaign], Campaign] = lambda campaign: campaign  # noqa: E731
+        problem, notes = problem.without_coefficients(set(dropped)), (*notes, why)
+    same: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
     other, best_other, kind, compared = fallbacks.attempt(
         "comparison with cross-flow drag by strips",
         lambda: quadratic_or_strips(begun, best, watch=watch),
@@ -183,7 +183,7 @@ def jointly(
     choice = fallbacks.attempt(
         "choice between stages and joint estimate",
         lambda: choose(
-            kind(campaign), other, _finite(best_other), stages=stages, begun=begun, threads=threads
+            kind(problem), other, _finite(best_other), stages=stages, begun=begun, threads=threads
         ),
         None,
         kept=f"{_STAGES}, because nothing judged the joint estimate",
@@ -191,7 +191,7 @@ def jointly(
     )
     result = replace(
         start,
-        campaign=campaign,
+        problem=problem,
         notes=notes,
         choice=choice,
         interrupted=start.interrupted or best_other.interrupted,
@@ -199,7 +199,7 @@ def jointly(
     if choice is None or choice.result == "stages":
         return result, begun, None
     result = replace(
-        result, campaign=kind(campaign), notes=(*notes, *compared), nuisances=other.records(best_other.values)
+        result, problem=kind(problem), notes=(*notes, *compared), nuisances=other.records(best_other.values)
     )
     return result, other, best_other
 
@@ -243,7 +243,7 @@ def _assessed(
     )
     restarts = fallbacks.attempt(
         "states of the filter for the scores",
-        lambda: Restarts.of(result.campaign, joint, found.values, sure.vehicle),
+        lambda: Restarts.of(result.problem, joint, found.values, sure.vehicle),
         Restarts(),
         kept="scores that restart from the smoothed log",
         remedy=_CHECK,
@@ -260,10 +260,10 @@ def _assessed(
 
 def scored(result: Conclusion, fallbacks: Fallbacks) -> tuple[Vehicle, PartScores]:
     """The vehicle with the noise of a filter on it in its file, and its scores."""
-    campaign, vehicle = result.campaign, result.vehicle
+    problem, vehicle = result.problem, result.vehicle
     noisy = fallbacks.attempt(
         "noise of a navigation filter",
-        lambda: with_model_error(vehicle, campaign),
+        lambda: with_model_error(vehicle, problem),
         vehicle.without_model_error(),
         kept="the default noise of a filter (the vehicle file has no [model_error])",
         remedy="give NavigationFilter its force and acceleration, or check the vehicle: one sample of the log"
@@ -271,7 +271,7 @@ def scored(result: Conclusion, fallbacks: Fallbacks) -> tuple[Vehicle, PartScore
     )
     scores = fallbacks.attempt(
         "scores",
-        lambda: part_scores(campaign, noisy, nuisances=result.nuisances, restarts=result.restarts),
+        lambda: part_scores(problem, noisy, nuisances=result.nuisances, restarts=result.restarts),
         PartScores({}, ()),
         kept="the result without scores",
         remedy=_CHECK,

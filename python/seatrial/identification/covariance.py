@@ -36,8 +36,8 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.campaign.parameters import coefficient_names, expansion_matrix
 from seatrial.estimation.homogeneity import STATIC
+from seatrial.problem.parameter import coefficient_names, expansion_matrix
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:

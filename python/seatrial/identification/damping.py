@@ -23,13 +23,13 @@ import numpy as np
 from seatrial._core import Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.progress import Step
-from seatrial.campaign.campaign import Campaign
-from seatrial.campaign.parameters import STRIPS
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.specification import other_damping
+from seatrial.problem.parameter import STRIPS
+from seatrial.problem.problem import Problem
 
 _LIKELIER = 10.0
 """Log-likelihood of all held-out data from which the other damping is the result."""
@@ -49,7 +49,7 @@ _STRIPS = 0.8
 
 def quadratic_or_strips(
     joint: Joint, polished: Polished, *, watch: Callable[[Step], None] | None = None
-) -> tuple[Joint, Polished, Callable[[Campaign], Campaign], tuple[str, ...]]:
+) -> tuple[Joint, Polished, Callable[[Problem], Problem], tuple[str, ...]]:
     """The joint estimate with quadratic damping, or with cross-flow drag by strips in place of it.
 
     Each plane whose quadratic damping is free in both axes (``Y_vv`` and ``N_rr``, ``Z_ww`` and ``M_qq``) is
@@ -71,7 +71,7 @@ def quadratic_or_strips(
         The joint estimate that is likelier, how it went, what makes a campaign one of its kind, and a
         sentence for each plane that was compared.
     """
-    kind: Callable[[Campaign], Campaign] = lambda campaign: campaign  # noqa: E731
+    kind: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
     if joint.method != "innovations" or polished.interrupted or not _slender(joint.vehicle):
         return joint, polished, kind, ()
     said: list[str] = []
@@ -82,12 +82,12 @@ def quadratic_or_strips(
             continue
         replaced = made[0], made[-1]
         change = partial(
-            Campaign.with_strips, name=name, bounds=(0.0, float(info[name]["upper"])), start=_STRIPS
+            Problem.with_strips, name=name, bounds=(0.0, float(info[name]["upper"])), start=_STRIPS
         )
         known = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
         vehicle = joint.vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {name: _STRIPS})
         other = Joint(
-            change(joint.campaign), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
+            change(joint.problem), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
         )
         other.method_reason = joint.method_reason
         noises: list[NoiseModel | None] = [None] if joint.noise_model is None else [joint.noise_model, None]
@@ -167,6 +167,6 @@ def likelier_by(before: Array, after: Array) -> tuple[float, float]:
 
 
 def _after(
-    first: Callable[[Campaign], Campaign], second: Callable[[Campaign], Campaign]
-) -> Callable[[Campaign], Campaign]:
-    return lambda campaign: second(first(campaign))
+    first: Callable[[Problem], Problem], second: Callable[[Problem], Problem]
+) -> Callable[[Problem], Problem]:
+    return lambda problem: second(first(problem))

@@ -11,15 +11,15 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.channels import MOTIONS
-from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
+from seatrial.problem.parameter import Parameter
 from seatrial.statistics.uncertainty import bound_reached
 from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
     from seatrial.diagnosis.assessment import Assessment
+    from seatrial.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def derived(vehicle: Vehicle) -> dict[str, float]:
 
 
 def estimates(
-    campaign: Campaign,
+    problem: Problem,
     stages: tuple[StageResult, ...],
     assessment: Assessment | None = None,
     *,
@@ -181,37 +181,37 @@ def estimates(
     """
     rows: dict[str, Estimate] = {}
     for stage in stages:
-        for parameter in campaign.parameters.get(stage.name, ()):
+        for parameter in problem.parameters.get(stage.name, ()):
             if parameter.name not in stage.estimates:
                 continue  # strips that the joint estimate took in place of the stage's quadratic damping
             value, start = stage.estimates[parameter.name], stage.starts[parameter.name]
-            rows |= _rows(campaign, parameter, value, start=start, stage=stage.name)
+            rows |= _rows(problem, parameter, value, start=start, stage=stage.name)
     for parameter in () if assessment is None else assessment.parameters:
         known = assessment.of(parameter.name) if assessment is not None else None
         if known is not None:
             moved = assessment is not None and assessment.polished.rounds > 0
             before = rows.get(parameter.members[0][0])
             rows |= _rows(
-                campaign,
+                problem,
                 parameter,
                 known["estimate"],
                 start=parameter.start,
                 stage=before.stage if before is not None and not moved else "joint estimate",
                 known=known,
             )
-    own = campaign.vehicle.coefficients()
+    own = problem.vehicle.coefficients()
     for name in failed:
-        for parameter in campaign.parameters.get(name, ()):
+        for parameter in problem.parameters.get(name, ()):
             member, factor = parameter.members[0]
             if member not in rows:
                 value = own.get(member, 0.0) / factor
-                lost = _rows(campaign, parameter, value, start=value, stage=name)
+                lost = _rows(problem, parameter, value, start=value, stage=name)
                 rows |= {key: replace(row, verdict="not identifiable") for key, row in lost.items()}
     return tuple(rows.values())
 
 
 def _rows(
-    campaign: Campaign,
+    problem: Problem,
     parameter: Parameter,
     value: float,
     *,
@@ -220,7 +220,7 @@ def _rows(
     known: Mapping[str, Any] | None = None,
 ) -> dict[str, Estimate]:
     """A row per coefficient that a parameter sets."""
-    initial, info = campaign.vehicle.coefficients(), campaign.vehicle.coefficient_info()
+    initial, info = problem.vehicle.coefficients(), problem.vehicle.coefficient_info()
     reached = bound_reached(value, parameter.lower, parameter.upper)
     rows = {}
     for member, factor in parameter.members:

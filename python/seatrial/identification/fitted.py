@@ -292,7 +292,7 @@ def _found(source: Any) -> Fitted:
     from seatrial._core import Vehicle, file_text
 
     if isinstance(source, Identification):
-        return _with(source.vehicle, source.covariance, f"the identification {source.campaign.name}")
+        return _with(source.vehicle, source.covariance, f"the identification {source.problem.name}")
     if isinstance(source, str | Path) and Path(source).is_dir():
         folder = Path(source)
         path = folder / RESULT

@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.campaign.parameters import Parameter, parameters
 from seatrial.estimation.joint import Joint, joint_stage
 from seatrial.estimation.joint_estimate import Polished, linearise
+from seatrial.problem.parameter import Parameter, parameters
 from seatrial.trial.verdict import Verdict, best, untold
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
     from seatrial.statistics.uncertainty import Uncertainty
 
 SHARE = 0.2
@@ -128,7 +128,7 @@ def conditional(
 
 
 def joint_estimate_of(
-    campaign: Campaign, whole: Campaign, held: Sequence[Held], vehicle: Vehicle, *, threads: int | None = None
+    problem: Problem, whole: Problem, held: Sequence[Held], vehicle: Vehicle, *, threads: int | None = None
 ) -> Joint:
     """The joint estimate beside held coefficients.
 
@@ -144,13 +144,13 @@ def joint_estimate_of(
     vehicle
         Gives the start values.
     """
-    joint = Joint(campaign, vehicle, threads=threads)
+    joint = Joint(problem, vehicle, threads=threads)
     if not held or joint.method == "output":
         return joint
     return Joint(whole, vehicle, threads=threads, hidden={one.parameter for one in held})
 
 
-def hold_untold(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
+def hold_untold(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
     """The campaign without what feedback hides in all trials that it fits, and what that is.
 
     Parameters
@@ -158,25 +158,23 @@ def hold_untold(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
     campaign : Campaign
         Trials whose forces are measured have no commands and tell every axis.
     """
-    polish = campaign.file.polish
-    names = dict.fromkeys(name for stage in campaign.stages for name in stage.trials)
+    polish = problem.joint
+    names = dict.fromkeys(name for stage in problem.stages for name in stage.trials)
     names |= dict.fromkeys(() if polish is None else polish.trials)
-    if any(campaign.input_of(name) != "commands" for name in names):
-        return campaign, ()
-    verdicts = best(campaign.verdicts(name) for name in names)
+    if any(problem.input_of(name) != "commands" for name in names):
+        return problem, ()
+    verdicts = best(problem.verdicts(name) for name in names)
     if not any(verdict.dominated for verdict in verdicts.values()):
-        return campaign, ()
-    freed = {one.name: one for stage in campaign.stages for one in campaign.parameters[stage.name]}
+        return problem, ()
+    freed = {one.name: one for stage in problem.stages for one in problem.parameters[stage.name]}
     if polish is not None:
-        whole = joint_stage(campaign)
-        freed |= {one.name: one for one in parameters(whole, campaign.vehicle, f"{campaign.source}: polish")}
+        whole = joint_stage(problem)
+        freed |= {one.name: one for one in parameters(whole, problem.vehicle, f"{problem.source}: polish")}
     members = dict.fromkeys(member for one in freed.values() for member, _ in one.members)
-    axis_of = {
-        name: axis for axis, own in untold(members, verdicts, campaign.vehicle).items() for name in own
-    }
+    axis_of = {name: axis for axis, own in untold(members, verdicts, problem.vehicle).items() for name in own}
     chosen = [one for one in freed.values() if all(member in axis_of for member, _ in one.members)]
-    found = tuple(row for one in chosen for row in _rows(campaign, one, axis_of, verdicts))
-    return campaign.without_coefficients({one.name for one in chosen}), found
+    found = tuple(row for one in chosen for row in _rows(problem, one, axis_of, verdicts))
+    return problem.without_coefficients({one.name for one in chosen}), found
 
 
 def sentences(held: Sequence[Held]) -> tuple[str, ...]:
@@ -202,10 +200,10 @@ def comment(held: Sequence[Held]) -> str:
 
 
 def _rows(
-    campaign: Campaign, parameter: Parameter, axis_of: dict[str, str], verdicts: dict[str, Verdict]
+    problem: Problem, parameter: Parameter, axis_of: dict[str, str], verdicts: dict[str, Verdict]
 ) -> list[Held]:
     """A row per coefficient that a parameter sets."""
-    values, info = campaign.vehicle.coefficients(), campaign.vehicle.coefficient_info()
+    values, info = problem.vehicle.coefficients(), problem.vehicle.coefficient_info()
     rows = []
     for name, _ in parameter.members:
         verdict = verdicts[axis_of[name]]

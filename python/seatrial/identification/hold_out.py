@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import TrialError
-from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
+from seatrial.problem.problem import Problem
 from seatrial.trial.baseline_fit import fit_baselines
 from seatrial.trial.baselines import Baselines
 from seatrial.trial.ceiling import Unpredictable
@@ -65,7 +65,7 @@ class Restarts:
     limits: Mapping[str, Unpredictable] | None = None
 
     @classmethod
-    def of(cls, campaign: Campaign, joint: Joint, values: Array, vehicle: Vehicle) -> Restarts:
+    def of(cls, problem: Problem, joint: Joint, values: Array, vehicle: Vehicle) -> Restarts:
         """Restarts after a joint estimate: from its filter, if it has a noise model.
 
         Waves that no spectrum shows but the filter found leave the axes whose commands answer them without a
@@ -81,13 +81,13 @@ class Restarts:
         """
         if joint.method == "output" or joint.noise_model is None:
             return cls()
-        begun, free = campaign.vehicle, joint.stage.axes.free
+        begun, free = problem.vehicle, joint.stage.axes.free
         ahead_s = judged_s((begun, vehicle), joint.data.trials, free, AHEAD_S)
         limits = None
         if joint.noise_model.wave_hz is not None:
             limits = {
-                name: replace(one, blind=blind(campaign.verdicts(name), waves=True))
-                for name, one in campaign.limits().items()
+                name: replace(one, blind=blind(problem.verdicts(name), waves=True))
+                for name, one in problem.limits().items()
             }
         return cls(Innovations(joint, held_out=None).followed(values, ahead_s), ahead_s, limits)
 
@@ -104,7 +104,7 @@ class Restarts:
 
 
 def part_scores(
-    campaign: Campaign,
+    problem: Problem,
     vehicle: Vehicle,
     *,
     nuisances: Mapping[str, Mapping[str, float]] | None = None,
@@ -128,16 +128,16 @@ def part_scores(
     baselines : bool
         Whether the baselines are fitted to the training part and judged on the same windows.
     """
-    fitted = list(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
+    fitted = list(dict.fromkeys(name for stage in problem.stages for name in stage.trials))
     missing: list[str] = []
     found: dict[str, dict[str, dict[str, Score]]] = {}
-    training = _part(campaign, fitted, "fit") if "fit" in parts or baselines else {}
+    training = _part(problem, fitted, "fit") if "fit" in parts or baselines else {}
     restarts = restarts or Restarts()
     ahead_s = restarts.ahead_s
-    simple = _baselines(campaign, training, ahead_s) if baselines else None
-    limits = campaign.limits() if restarts.limits is None else restarts.limits
+    simple = _baselines(problem, training, ahead_s) if baselines else None
+    limits = problem.limits() if restarts.limits is None else restarts.limits
     for part in parts:
-        trials = training if part == "fit" else _part(campaign, list(campaign.trials), part)
+        trials = training if part == "fit" else _part(problem, list(problem.trials), part)
         trials = {
             name: trial if known is None else replace(known, valid=trial.valid)
             for name, trial in trials.items()
@@ -146,7 +146,7 @@ def part_scores(
         if trials:
             found[part] = {
                 kind: _scores(
-                    campaign, vehicle, trials, ahead_s, kind == "free", nuisances, missing, simple, limits
+                    problem, vehicle, trials, ahead_s, kind == "free", nuisances, missing, simple, limits
                 )
                 for kind in kinds
             }
@@ -208,8 +208,8 @@ def _log_likelihood(trained: Score, judged: Score, channel: str, r2_trained: flo
 
 
 def left_out_score(
-    campaign: Campaign,
-    rest: Campaign,
+    problem: Problem,
+    rest: Problem,
     vehicle: Vehicle,
     name: str,
     *,
@@ -236,42 +236,42 @@ def left_out_score(
     """
     fitted = list(dict.fromkeys(trial for stage in rest.stages for trial in stage.trials))
     shared = set.intersection(*({*one.items()} for one in nuisances.values())) if len(nuisances) > 1 else ()
-    axes = freed(campaign, name) or freed(campaign)
-    trial = campaign.trials[name]
+    axes = freed(problem, name) or freed(problem)
+    trial = problem.trials[name]
     return score(
         vehicle,
         trial,
         channels=[c for i, c in enumerate(CHANNELS) if AXES[i % 6] in axes and c in trial.channels],
-        input=campaign.input_of(name),
-        free=freed(campaign),
-        measured=replayed(campaign),
+        input=problem.input_of(name),
+        free=freed(problem),
+        measured=replayed(problem),
         nuisances={name: dict(shared)},
-        training=_baselines(campaign, _part(rest, fitted, "fit")),
-        limits=campaign.limits(),
+        training=_baselines(problem, _part(rest, fitted, "fit")),
+        limits=problem.limits(),
     )
 
 
-def _part(campaign: Campaign, names: Sequence[str], part: str) -> dict[str, Trial]:
+def _part(problem: Problem, names: Sequence[str], part: str) -> dict[str, Trial]:
     """Trials of which some samples belong to a part ("fit", "hold_out"), the others masked."""
-    found = {name: campaign.part(name, held_out=part != "fit") for name in names}
+    found = {name: problem.part(name, held_out=part != "fit") for name in names}
     return {name: trial for name, trial in found.items() if trial is not None}
 
 
-def _baselines(campaign: Campaign, training: Mapping[str, Trial], ahead_s: float = AHEAD_S) -> Baselines:
+def _baselines(problem: Problem, training: Mapping[str, Trial], ahead_s: float = AHEAD_S) -> Baselines:
     """Baselines of the training part; forces are those of the vehicle before its identification."""
-    inputs = {campaign.input_of(name) for name in training}
+    inputs = {problem.input_of(name) for name in training}
     return fit_baselines(
         list(training.values()),
-        vehicle=campaign.vehicle,
+        vehicle=problem.vehicle,
         input=inputs.pop() if len(inputs) == 1 else None,
-        free=freed(campaign),
-        measured=replayed(campaign),
+        free=freed(problem),
+        measured=replayed(problem),
         ahead_s=ahead_s,
     )
 
 
 def _scores(
-    campaign: Campaign,
+    problem: Problem,
     vehicle: Vehicle,
     trials: Mapping[str, Trial],
     ahead_s: float,
@@ -281,7 +281,7 @@ def _scores(
     simple: Baselines | None,
     limits: Mapping[str, Unpredictable],
 ) -> dict[str, Score]:
-    free, measured = freed(campaign), replayed(campaign)
+    free, measured = freed(problem), replayed(problem)
 
     def judged(names: Iterable[str], axes: str) -> list[str]:
         own = [channel for i, channel in enumerate(CHANNELS) if AXES[i % 6] in axes]
@@ -294,9 +294,9 @@ def _scores(
                 vehicle,
                 trial,
                 ahead_s=ahead_s,
-                channels=judged([name], freed(campaign, name) or free),
+                channels=judged([name], freed(problem, name) or free),
                 free_run=free_run,
-                input=campaign.input_of(name),
+                input=problem.input_of(name),
                 free=free,
                 measured=measured,
                 nuisances=nuisances,
@@ -305,7 +305,7 @@ def _scores(
             )
         except TrialError as error:
             missing.append(f"not scored: {error}")
-    if len(found) < 2 or len({campaign.input_of(name) for name in found}) > 1:
+    if len(found) < 2 or len({problem.input_of(name) for name in found}) > 1:
         return found
     everything = pooled(
         list(found.values()), channels=judged(found, free), measured=measured, training=simple, limits=limits
@@ -313,13 +313,13 @@ def _scores(
     return found | {POOLED: everything}
 
 
-def replayed(campaign: Campaign) -> str:
+def replayed(problem: Problem) -> str:
     """Letters of the axes that no stage freed: every score replays them from the recording."""
-    free = freed(campaign)
+    free = freed(problem)
     return "".join(axis for axis in AXES if axis not in free)
 
 
-def freed(campaign: Campaign, trial: str | None = None) -> str:
+def freed(problem: Problem, trial: str | None = None) -> str:
     """Letters of the axes that some stage freed, on this trial or on any."""
-    stages = [stage for stage in campaign.stages if trial is None or trial in stage.trials]
+    stages = [stage for stage in problem.stages if trial is None or trial in stage.trials]
     return "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in stages))

@@ -29,11 +29,11 @@ from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
     from seatrial.diagnosis.assessment import Assessment
     from seatrial.diagnosis.identifiability import Identifiability
     from seatrial.diagnosis.missing_terms import Suggestion
     from seatrial.estimation.scale import ScaleReport
+    from seatrial.problem.problem import Problem
     from seatrial.trial.score import Score
 
 _NEAR_ONE = 0.985
@@ -87,7 +87,7 @@ class Identification(RunResult):
         A `Fallback` per step that failed: which, why, what the result has instead, what to do.
     """
 
-    campaign: Campaign
+    problem: Problem
     vehicle: Vehicle
     coefficients: tuple[Estimate, ...]
     stages: tuple[StageResult, ...]
@@ -126,7 +126,7 @@ class Identification(RunResult):
 
         Without a stage whose estimates make it impossible beside those of the stages before.
         """
-        vehicle = self.campaign.vehicle
+        vehicle = self.problem.vehicle
         for stage in self.stages:
             with contextlib.suppress(VehicleError):
                 vehicle = vehicle.with_coefficients(stage.coefficients)
@@ -148,7 +148,7 @@ class Identification(RunResult):
                 self.vehicle,
                 scale=self.scale,
                 staged=[row.name for row in self.coefficients],
-                bench=self.campaign.bench,
+                bench=self.problem.bench,
                 held=list(dict.fromkeys(one.parameter for one in self.held)),
             )
         except ValueError as error:
@@ -163,13 +163,13 @@ class Identification(RunResult):
         Those that are known beforehand (``sd`` under [polish]) and that no stage frees are not asked for:
         they stand for what is not known exactly, as a nuisance parameter does.
         """
-        polish = self.campaign.file.polish
+        polish = self.problem.joint
         known = (
             set()
             if polish is None
             else {name for name, one in polish.coefficients.items() if one.sd is not None}
         )
-        known -= {name for stage in self.campaign.stages for name in stage.coefficients}
+        known -= {name for stage in self.problem.stages for name in stage.coefficients}
         sought = [row for row in self.coefficients if row.parameter not in known]
         return tally(sought, [one.parameter for one in self.held if one.parameter not in known])
 
@@ -208,7 +208,7 @@ class Identification(RunResult):
     def to_dict(self) -> dict[str, Any]:
         """Everything but the trials as plain numbers, texts, lists and dicts."""
         return {
-            "campaign": self.campaign.name,
+            "campaign": self.problem.name,
             "vehicle": self.vehicle.name,
             "interrupted": self.interrupted,
             "not_run": list(self.not_run),
@@ -234,7 +234,7 @@ class Identification(RunResult):
                 c: {"best_baseline": name, "nats_per_sample": nats}
                 for c, (name, nats) in self.likelihood.items()
             },
-            "replayed": list(replayed(self.campaign)),
+            "replayed": list(replayed(self.problem)),
             "choice": None if self.choice is None else self.choice.to_dict(),
             "notes": list(self.notes),
             "fallbacks": [asdict(one) for one in self.fallbacks],
@@ -255,7 +255,7 @@ class Identification(RunResult):
         )
         scores = pl.DataFrame(list(self.score_rows()), infer_schema_length=None)
         files: dict[str, str | bytes] = {
-            "campaign.toml": self.campaign.text,
+            "campaign.toml": self.problem.text,
             "vehicle.toml": comment(self.held) + self.vehicle.to_toml(),
             "vehicle_stages.toml": comment(self.held) + self.stages_vehicle.to_toml(),
             "identification.json": to_json(self.to_dict()),
@@ -291,7 +291,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         _choice_table(fit),
     )
     return Report(
-        title=fit.campaign.name,
+        title=fit.problem.name,
         outcome="interrupted" if fit.interrupted else fit.tally.outcome,
         good=_how_good(fit),
         worst=worst,
@@ -681,7 +681,7 @@ def _score_table(fit: Identification) -> Table:
 
 def _replayed_words(fit: Identification) -> str:
     """Axes that every score replays from the recording, to add to a title; empty where there are none."""
-    axes = replayed(fit.campaign)
+    axes = replayed(fit.problem)
     return f"; {', '.join(MOTIONS[axis] for axis in axes)} replayed, not predicted" if axes else ""
 
 
@@ -718,7 +718,7 @@ def advice(fit: Identification) -> list[str]:
 
 def _implausible(fit: Identification) -> list[str]:
     """Apparent masses that the vehicle cannot have, however well the data determine them."""
-    return [*implausible_masses(fit.campaign.vehicle, fit.coefficients, masses_of(fit.vehicle)).values()]
+    return [*implausible_masses(fit.problem.vehicle, fit.coefficients, masses_of(fit.vehicle)).values()]
 
 
 def _joint_remarks(choice: Choice) -> list[str]:

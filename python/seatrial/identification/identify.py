@@ -1,6 +1,6 @@
 """Identification: data judged, stages searched, result estimated jointly, assessed and kept.
 
-`identify` is the public function, with a campaign or with a vehicle and its trials. `StageOrder` runs
+`identify` is the public function, with a vehicle and its trials or with a `Problem`. `StageOrder` runs
 dependent stages one after the other and independent ones side by side; finished ones are kept, so that an
 interrupted run goes on where it stopped.
 
@@ -28,8 +28,6 @@ from seatrial.base.fallback import Fallbacks
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
-from seatrial.campaign.campaign import Campaign, input_hashes
-from seatrial.campaign.from_trials import Bounds, Trials, campaign_from_trials
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.conclusion import Conclusion, concluded, scored, staged
@@ -38,17 +36,21 @@ from seatrial.identification.fitted import Fitted
 from seatrial.identification.identification import Identification
 from seatrial.identification.preparation import prepare
 from seatrial.intake.consistency_trials import late_velocity
+from seatrial.problem.by_hand import Bounds, Trials
+from seatrial.problem.problem import Problem
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.base.fleet import Fleet, Workers
     from seatrial.bench_test.result import BenchTest
+    from seatrial.problem.anchor import Anchor
+    from seatrial.problem.joint import JointSettings
     from seatrial.trial.trial import Input
 
 
 @overload
 def identify(
-    campaign: Campaign,
+    problem: Problem,
     *,
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
@@ -71,7 +73,8 @@ def identify(
     channels: Sequence[str] | Mapping[str, float] | None = None,
     input: Input | None = None,
     segment_s: float = 10.0,
-    joint: bool = True,
+    joint: bool | JointSettings = True,
+    anchor: Anchor | None = None,
     bench: BenchTest | None = None,
     name: str | None = None,
     seed: int = 0,
@@ -85,7 +88,7 @@ def identify(
 
 @callers_errors_pass
 def identify(
-    campaign: Campaign | Vehicle | str | Path,
+    problem: Problem | Vehicle | str | Path,
     trials: Trials | None = None,
     *,
     run_dir: str | Path | None = None,
@@ -97,41 +100,18 @@ def identify(
 ) -> Identification:
     """Identification of a vehicle from its trials.
 
-    ``identify(campaign)`` or, without a file, ``identify(vehicle, trials, free=...)``: one stage that frees
-    the coefficients on all trials, then the joint estimate. A campaign file can do more: stages in an order,
-    ties, anchors of the scale, nuisance parameters.
+    ``identify(vehicle, trials, free=...)`` is ``Problem(vehicle, trials, free=...).identify()``: one stage
+    that frees the coefficients on all trials, then the joint estimate. A campaign file can ask for more
+    (stages in an order, ties, anchors of the scale, nuisance parameters): ``Campaign.load(file).identify()``.
 
     Parameters
     ----------
-    campaign : Campaign; or Vehicle, str or Path
-        Without a campaign: the vehicle, its built-in name or its file.
-    trials : Trial, str or Path, or several
-        A trial, a list, or a dict by name. A file needs canonical columns; read others with `Trial.read`.
-    free : str, sequence or mapping
-        Coefficients to identify: names (``"X_uu"``, ``"stern.gain"``) or patterns (``"N_*"``: those that are
-        not zero). As a dict with bounds ``(lower, upper)`` in SI, None for the vehicle's default bounds.
-    start : mapping, optional
-        Start values by coefficient; the vehicle's own otherwise.
-    hold_out : float, or trials
-        Share of every trial, at its end, that judges the result and is not fitted; or trials that only judge.
-    axes : str, optional
-        Letters among ``XYZKMN`` of the axes that are simulated; by default those on which the free
-        coefficients act. Others are replayed where all trials recorded them, else frozen.
-    channels : sequence or mapping, optional
-        Channels that are compared, or their weights; the velocities of the simulated axes by default.
-    input : "commands", "measured" or "tau", optional
-        What drives the model; the first of these that a trial has by default.
-    segment_s : float
-        The simulation restarts from the measured state after this time, s.
-    joint : bool
-        Whether the stage's result is estimated jointly once more, which refines it. Standard deviations are
-        given in any case.
-    bench : BenchTest, optional
-        Of `seatrial.bench`: its vehicle is taken, and its thrust anchors the scale of all forces.
-    name : str, optional
-        Of the campaign; the vehicle's by default.
-    seed : int
-        Of the search: the same seed gives the same result.
+    problem : Problem; or Vehicle, str or Path
+        What is asked; or the vehicle, its built-in name or its file.
+    trials : Trial, frame, str or Path, or several
+        With a vehicle: a trial, a list, or a dict by name, as of `Problem`.
+    free, start, hold_out, axes, channels, input, segment_s, joint, anchor, bench, name, seed
+        With a vehicle: as of `Problem`.
     run_dir : str or Path, optional
         Folder for the results. Finished stages are kept beside it while the run goes on.
     progress : callable, optional
@@ -168,31 +148,31 @@ def identify(
     >>> commands = {name: 400.0 * np.sign(np.sin(0.2 * t)) + 500.0 for name in true.actuators}
     >>> run = true.simulate(t, commands)
     >>> logged = {f"cmd.{name}": signal for name, signal in commands.items()}
-    >>> trial = st.Trial.read({"t_s": t, "u_m_s": run.nu[:, 0]} | logged, name="straight")
+    >>> table = {"t_s": t, "u_m_s": run.nu[:, 0]} | logged
     >>> start = true.with_coefficients({"X_uu": 0.7 * true.coefficients()["X_uu"]})
-    >>> fit = st.identify(start, trial, free={"X_uu": (-40.0, -1.0)})
+    >>> fit = st.identify(start, table, free={"X_uu": (-40.0, -1.0)})
     >>> round(fit.vehicle.coefficients()["X_uu"] / true.coefficients()["X_uu"], 2)
     1.0
 
-    >>> fit = st.identify(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
+    >>> fit = st.Campaign.load("examples/cwolf/campaign.toml").identify()  # doctest: +SKIP
     >>> print(fit.summary())  # doctest: +SKIP
     """
     checked_threads(threads)
-    if not isinstance(campaign, Campaign):
+    if not isinstance(problem, Problem):
+        if callable(getattr(problem, "problem", None)):
+            raise CampaignError("identify: found a campaign; use campaign.identify(run_dir=..., ...)")
         if trials is None or "free" not in asked:
             raise CampaignError(
-                "identify: expected a campaign, or a vehicle, its trials and free=...: the coefficients to"
+                "identify: expected a Problem, or a vehicle, its trials and free=...: the coefficients to"
                 " identify"
             )
-        campaign = campaign_from_trials(campaign, trials, **asked)
+        problem = Problem(problem, trials, **asked)
     elif trials is not None or asked:
         given = "trials" if trials is not None else next(iter(asked))
-        raise CampaignError(
-            f"identify: {given}: the campaign file says that; give it only without a campaign"
-        )
+        raise CampaignError(f"identify: {given}: the problem says that; give it only beside a vehicle")
     with fleet_of(executor) as fleet:
         return run_identification(
-            campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads, fleet=fleet
+            problem, run_dir=run_dir, progress=progress, resume=resume, threads=threads, fleet=fleet
         )
 
 
@@ -204,7 +184,7 @@ _WORTH_SAYING_S = 10.0
 class _Stage:
     """What the search of a stage needs, wherever it runs."""
 
-    campaign: Campaign
+    problem: Problem
     plan: StagePlan
     vehicle: Vehicle
     found: Mapping[str, float]
@@ -216,7 +196,7 @@ def search_stage(
 ) -> StageResult:
     """Result of a stage: a chunk of the work."""
     return run_stage(
-        stage.campaign,
+        stage.problem,
         stage.plan,
         vehicle=stage.vehicle,
         found=stage.found,
@@ -231,7 +211,7 @@ class StageOrder:
 
     def __init__(
         self,
-        campaign: Campaign,
+        problem: Problem,
         plans: tuple[StagePlan, ...],
         run: RunDirectory,
         *,
@@ -241,7 +221,7 @@ class StageOrder:
         fleet: Fleet | None = None,
     ) -> None:
         self.fleet = fleet
-        self.campaign, self.plans, self.run, self.part = campaign, plans, run, part
+        self.problem, self.plans, self.run, self.part = problem, plans, run, part
         self.progress, self.threads = progress, threads
         self.stop = threading.Event()
         self.steps: queue.SimpleQueue[tuple[StagePlan, Step] | None] = queue.SimpleQueue()
@@ -315,16 +295,16 @@ class StageOrder:
         name = plan.stage.name
         try:
             found: dict[str, float] = {}
-            for earlier in self.campaign.stages_before(plan.stage):
+            for earlier in self.problem.stages_before(plan.stage):
                 found |= {} if earlier in self.failed else self.results[earlier].coefficients
-            vehicle = self.campaign.vehicle.with_coefficients(found)
-            inputs = _inputs(self.campaign, plan, vehicle, found)
+            vehicle = self.problem.vehicle.with_coefficients(found)
+            inputs = _inputs(self.problem, plan, vehicle, found)
             kept = self.run.finished(f"{self.part}{name}", inputs)
             if kept is not None:
                 self.outcomes[name] = replace(StageResult.from_dict(kept), reused=True)
             else:
                 search = self._here if self.fleet is None else self._elsewhere
-                self.outcomes[name] = search(_Stage(self.campaign, plan, vehicle, found, inputs), watch)
+                self.outcomes[name] = search(_Stage(self.problem, plan, vehicle, found, inputs), watch)
         except BaseException as error:  # raised again in the caller's thread
             self.outcomes[name] = error
         self.steps.put(None)
@@ -371,14 +351,14 @@ class StageOrder:
         )
 
 
-def _inputs(campaign: Campaign, plan: StagePlan, vehicle: Vehicle, found: Mapping[str, float]) -> str:
+def _inputs(problem: Problem, plan: StagePlan, vehicle: Vehicle, found: Mapping[str, float]) -> str:
     """SHA-256 of everything that the result of a stage depends on."""
     data = plan.data
     digest = hashlib.sha256()
     described = {
         "version": version("seatrial"),
         "stage": plan.stage.model_dump(),
-        "inputs": [campaign.input_of(name) for name in plan.stage.trials],
+        "inputs": [problem.input_of(name) for name in plan.stage.trials],
         "vehicle": vehicle.to_toml(),
         "found": found,
         "plan": [
@@ -411,7 +391,7 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: Vehicle, found: Mappin
 
 
 def run_identification(
-    campaign: Campaign,
+    problem: Problem,
     *,
     run_dir: str | Path | None,
     progress: Callable[[Progress], None] | None,
@@ -422,18 +402,16 @@ def run_identification(
     """Identification of the campaign's vehicle: every stage run, the result polished and judged."""
     clock = Clock()
     with RunDirectory(run_dir, "identification", resume=resume) as run:
-        ready = prepare(campaign, threads=threads)  # refuses a bad campaign before a search
-        campaign, plans, before, notes = ready.campaign, ready.plans, ready.sentences, ready.no_joint
+        ready = prepare(problem, threads=threads)  # refuses a bad campaign before a search
+        problem, plans, before, notes = ready.problem, ready.plans, ready.sentences, ready.no_joint
         fitted = dict.fromkeys(name for plan in plans for name in plan.stage.trials)
-        late = late_velocity(campaign, tuple(fitted))
+        late = late_velocity(problem, tuple(fitted))
         before = (*(() if late is None else (late.sentence,)), *before)
-        order = StageOrder(campaign, plans, run, progress=progress, threads=threads, fleet=fleet)
+        order = StageOrder(problem, plans, run, progress=progress, threads=threads, fleet=fleet)
         if progress is not None and before:
             progress(replace(order.state(plans[0], None), notes=before))
         stages, fallbacks = order.stages(), order.fallbacks
-        end = Conclusion(
-            campaign, staged(campaign, stages, fallbacks), notes, interrupted=order.stop.is_set()
-        )
+        end = Conclusion(problem, staged(problem, stages, fallbacks), notes, interrupted=order.stop.is_set())
         if not end.interrupted and not notes:
             if progress is not None:
                 progress(_joint_progress(order))
@@ -448,11 +426,11 @@ def run_identification(
                 threads=threads,
             )
         vehicle, judged = scored(end, fallbacks)
-        campaign, sure = end.campaign, end.assessment
+        problem, sure = end.problem, end.assessment
         fit = Identification(
-            campaign=campaign,
+            problem=problem,
             vehicle=vehicle,
-            coefficients=estimates(campaign, stages, sure, failed=order.failed),
+            coefficients=estimates(problem, stages, sure, failed=order.failed),
             stages=stages,
             assessment=sure,
             scores=judged.scores,
@@ -461,22 +439,22 @@ def run_identification(
             conditional=end.conditional,
             scale=fallbacks.attempt(
                 "scale of the forces",
-                lambda: judge_scale(campaign, vehicle),
-                judge_scale(campaign),
+                lambda: judge_scale(problem, vehicle),
+                judge_scale(problem),
                 kept="the anchors, without what they say of the identified vehicle",
                 remedy="check the anchors of the campaign against the identified masses",
             ),
             notes=(*end.notes, *end.restarts.sentences, *judged.missing),
             facts=run_facts(
                 "identification",
-                campaign.name,
+                problem.name,
                 clock=clock,
-                inputs=input_hashes(campaign),
-                seed=campaign.seed,
+                inputs=problem.input_hashes(),
+                seed=problem.seed,
                 interrupted=end.interrupted,
             ),
             interrupted=end.interrupted,
-            not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
+            not_run=tuple(s.name for s in problem.stages if s.name not in {stage.name for stage in stages}),
             choice=end.choice,
             restarts=end.restarts,
         )

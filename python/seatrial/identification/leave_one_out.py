@@ -34,7 +34,6 @@ from seatrial.base.errors import CampaignError, SeatrialError
 from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass, part_of
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version
-from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.stage import plan
 from seatrial.identification.conclusion import Conclusion, jointly, staged
 from seatrial.identification.held import joint_estimate_of
@@ -45,7 +44,7 @@ from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import score_text
 
 if TYPE_CHECKING:
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
 
 _SHARED = 0.1  # ratio below which a deviation is not that of the trials
 
@@ -106,7 +105,7 @@ class LeaveOneOut(RunResult):
         Whether Ctrl-C ended the run early, the campaign file, and what the result rests on.
     """
 
-    campaign: str
+    problem: str
     left_out: tuple[LeftOut, ...]
     sigma: Mapping[str, float]
     units: Mapping[str, str]
@@ -162,7 +161,7 @@ class LeaveOneOut(RunResult):
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data."""
         return {
-            "campaign": self.campaign,
+            "campaign": self.problem,
             "interrupted": self.interrupted,
             "left_out": [asdict(one) for one in self.left_out],
             "coefficients": list(self.coefficients()),
@@ -191,7 +190,7 @@ class LeaveOneOut(RunResult):
 
 @callers_errors_pass
 def leave_one_out(
-    campaign: Campaign,
+    problem: Problem,
     *,
     sigma: Mapping[str, float] | None = None,
     run_dir: str | Path | None = None,
@@ -236,47 +235,47 @@ def leave_one_out(
     >>> print(leave_one_out(campaign))  # doctest: +SKIP
     """
     checked_threads(threads)
-    names = list(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
+    names = list(dict.fromkeys(name for stage in problem.stages for name in stage.trials))
     if len(names) < 2:
         raise CampaignError(
-            f"{campaign.source}: leave one out: expected two trials or more in the stages, found"
+            f"{problem.source}: leave one out: expected two trials or more in the stages, found"
             f" {len(names)}: nothing would be left to identify from; hold out a part of the trial"
             " (hold_out_s)"
         )
-    plan(campaign)  # refuses a bad campaign before a folder appears
+    plan(problem)  # refuses a bad campaign before a folder appears
     clock = Clock()
     found: list[LeftOut] = []
     interrupted = False
-    hashes = input_hashes(campaign)
+    hashes = problem.input_hashes()
     with RunDirectory(run_dir, "leave one out", resume=resume) as run:
         try:
             for number, name in enumerate(names):
                 part = f"without {name} ({number + 1} of {len(names)})"
                 show = None if progress is None else part_of(progress, part, number, len(names), clock)
-                inputs = _inputs(campaign, name, hashes)
+                inputs = _inputs(problem, name, hashes)
                 kept = run.finished(f"without {name}", inputs)
                 if kept is not None:
                     kept = {key: value for key, value in kept.items() if key != "inputs"}
                     found.append(LeftOut(**kept | {"lost": tuple(kept["lost"])}))
                     continue
-                found.append(_without(campaign, name, run, show, threads))
+                found.append(_without(problem, name, run, show, threads))
                 run.keep(f"without {name}", inputs, asdict(found[-1]))
         except KeyboardInterrupt:
             interrupted = True
-        info = campaign.vehicle.coefficient_info()
+        info = problem.vehicle.coefficient_info()
         result = LeaveOneOut(
-            campaign.name,
+            problem.name,
             tuple(found),
             dict(sigma or {}),
             {key: str(info[key]["unit"]) for one in found for key in one.coefficients},
             interrupted,
-            campaign.text,
+            problem.text,
             run_facts(
                 "leave one out",
-                campaign.name,
+                problem.name,
                 clock=clock,
                 inputs=hashes,
-                seed=campaign.seed,
+                seed=problem.seed,
                 interrupted=interrupted,
             ),
         )
@@ -286,7 +285,7 @@ def leave_one_out(
 
 
 def _without(
-    campaign: Campaign,
+    problem: Problem,
     name: str,
     run: RunDirectory,
     progress: Callable[[Progress], None] | None,
@@ -301,7 +300,7 @@ def _without(
     """
     lost: tuple[str, ...] = ()
     try:
-        whole, lost = campaign.without_trial(name)
+        whole, lost = problem.without_trial(name)
         rest, held = identifiable(whole)
         order = StageOrder(
             rest, plan(rest), run, part=f"without {name}, ", progress=progress, threads=threads
@@ -314,7 +313,7 @@ def _without(
         if fallbacks.findings:  # a stage has no result without the trial
             return LeftOut(name, {}, {}, {}, "", lost, fallbacks.findings[0].sentence)
         vehicle, freed = result.vehicle, {name for stage in stages for name in stage.coefficients}
-        if rest.file.polish is not None and rest.file.polish.rounds:
+        if rest.joint is not None and rest.joint.rounds:
             joint = joint_estimate_of(rest, whole, held, vehicle, threads=threads)
             watch = None if progress is None else _polishing(progress, order)
             result, joint, polished = jointly(result, joint, stages, fallbacks, watch=watch, threads=threads)
@@ -323,7 +322,7 @@ def _without(
             if polished is not None:
                 vehicle = joint.identified(polished.values)
                 freed |= {member for parameter in joint.estimated for member, _ in parameter.members}
-        score = left_out_score(campaign, rest, vehicle, name, nuisances=result.nuisances)
+        score = left_out_score(problem, rest, vehicle, name, nuisances=result.nuisances)
     except SeatrialError as error:
         return LeftOut(name, {}, {}, {}, "", lost, str(error))
     # What kept its start value, for want of a trial, is no estimate.
@@ -338,17 +337,17 @@ def _without(
     )
 
 
-def _inputs(campaign: Campaign, name: str, hashes: Mapping[str, str]) -> str:
+def _inputs(problem: Problem, name: str, hashes: Mapping[str, str]) -> str:
     """SHA-256 of everything that the fit without a trial depends on."""
     described = {
         "version": version("seatrial"),
-        "file": campaign.file.model_dump(mode="json"),
-        "vehicle": campaign.vehicle.to_toml(),
+        "problem": problem.described(),
+        "vehicle": problem.vehicle.to_toml(),
         "hashes": dict(hashes),
         "left_out": name,
     }
     digest = hashlib.sha256(to_json(described).encode())
-    for trial in campaign.trials.values():  # a trial that was given has no file to hash
+    for trial in problem.trials.values():  # a trial that was given has no file to hash
         for values in (trial.t, trial.observed, trial.valid, *trial.commands.values()):
             digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
@@ -383,7 +382,7 @@ def _report(found: LeaveOneOut) -> Report:
         good = f"Does not beat a baseline in {'; '.join(worse)}. {good}"
     worst, next_step = _worst(found)
     return Report(
-        title=f"{found.campaign}, leave one out",
+        title=f"{found.problem}, leave one out",
         outcome="interrupted" if found.interrupted else "judged",
         good=good,
         worst=worst,

@@ -26,8 +26,8 @@ from seatrial.trial.record import Record, Replay, Segment
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
+    from seatrial.problem.problem import Problem
 
 _NEAR_S, _FAR_S = 1.0, 3.0
 """Lags between which the memory of the force is read: beyond what the smoothing of the velocities joins."""
@@ -81,27 +81,27 @@ def filter_noise(fit: Identification) -> FilterNoise:
     TrialError
         No trial has three seconds of fitted samples without a gap.
     """
-    return residual_noise(fit.vehicle, _fitted_records(fit.campaign))
+    return residual_noise(fit.vehicle, _fitted_records(fit.problem))
 
 
-def with_model_error(vehicle: Vehicle, campaign: Campaign) -> Vehicle:
+def with_model_error(vehicle: Vehicle, problem: Problem) -> Vehicle:
     """The identified vehicle with ``[model_error]`` in its file: `filter_noise` of its campaign.
 
     Without the table where no trial has enough fitted samples.
     """
     try:
-        return vehicle.with_model_error(**residual_noise(vehicle, _fitted_records(campaign)))
+        return vehicle.with_model_error(**residual_noise(vehicle, _fitted_records(problem)))
     except TrialError:
         return vehicle.without_model_error()
 
 
-def _fitted_records(campaign: Campaign) -> list[Record]:
+def _fitted_records(problem: Problem) -> list[Record]:
     """Trials of a campaign, of which the fitted samples count."""
     records = []
-    for name in campaign.trials:
-        trial = campaign.trials[name]
-        fitted = ~campaign.held_out(name)[: len(trial.t)] & trial.startable
-        records.append(Record(trial, campaign.input_of(name), trial.valid & fitted[:, None]))
+    for name in problem.trials:
+        trial = problem.trials[name]
+        fitted = ~problem.held_out(name)[: len(trial.t)] & trial.startable
+        records.append(Record(trial, problem.input_of(name), trial.valid & fitted[:, None]))
     return records
 
 

@@ -22,7 +22,7 @@ from seatrial.intake.wiring import wiring
 from seatrial.vehicle.actuators import actuator_groups, drivers
 
 if TYPE_CHECKING:
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -33,15 +33,15 @@ class Preparation:
     what the data cannot tell, ``no_joint`` why there can be no joint estimate.
     """
 
-    campaign: Campaign
-    whole: Campaign
+    problem: Problem
+    whole: Problem
     held: tuple[Held, ...]
     plans: tuple[StagePlan, ...]
     sentences: tuple[str, ...]
     no_joint: tuple[str, ...]
 
 
-def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
+def prepare(problem: Problem, *, threads: int | None = None) -> Preparation:
     """Plan of an identification, with all that is refused before a search.
 
     Raises
@@ -49,30 +49,30 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
     CampaignError, TrialError
         The campaign asks for what cannot be done, or a recording lacks what it needs.
     """
-    if not campaign.stages:
+    if not problem.stages:
         raise CampaignError(
-            f"{campaign.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
+            f"{problem.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
             " only tunes or verifies an autopilot"
         )
-    silent = (*_wired(campaign), *repeated_sentences(campaign), *_actuators_without_column(campaign))
-    whole, commandless = without_commandless(campaign)
-    campaign, held = identifiable(whole)
-    plans = plan(campaign)
-    judge_scale(campaign)
+    silent = (*_wired(problem), *repeated_sentences(problem), *_actuators_without_column(problem))
+    whole, commandless = without_commandless(problem)
+    problem, held = identifiable(whole)
+    plans = plan(problem)
+    judge_scale(problem)
     diverging = tuple(
         f"WARNING: stage {one.stage.name!r}: the vehicle that the search starts from diverges on its trials;"
         " give damping to its free axes, check the signs and units of its coefficients, or narrow the bounds"
         for one in plans
-        if not one.stage.after and not math.isfinite(start_cost(campaign, one, threads=threads))
+        if not one.stage.after and not math.isfinite(start_cost(problem, one, threads=threads))
     )
-    conditions, no_joint = _conditioning(campaign, threads, linear=not diverging)
+    conditions, no_joint = _conditioning(problem, threads, linear=not diverging)
     warnings = tuple(f"WARNING: {one}" for one in sentences(held))
     steps = (*step_sentences(plans), *frozen_sentences(plans))
     said = (*warnings, *commandless, *silent, *diverging, *conditions, *steps)
-    return Preparation(campaign, whole, held, plans, said, no_joint)
+    return Preparation(problem, whole, held, plans, said, no_joint)
 
 
-def identifiable(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
+def identifiable(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
     """The campaign without what no command explains and what feedback hides in all trials, and the latter.
 
     Raises
@@ -80,13 +80,13 @@ def identifiable(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
     CampaignError
         Nothing is left.
     """
-    rest, held = hold_untold(without_commandless(campaign)[0])
+    rest, held = hold_untold(without_commandless(problem)[0])
     if not rest.stages:
-        raise CampaignError(f"{campaign.source}: nothing is left to identify. {' '.join(sentences(held))}")
+        raise CampaignError(f"{problem.source}: nothing is left to identify. {' '.join(sentences(held))}")
     return rest, held
 
 
-def without_commandless(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
+def without_commandless(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
     """The campaign without the coefficients of axes whose actuators no trial commands, and what that is.
 
     Such an axis is driven, and nothing says by what: a fit would take the unknown force for damping.
@@ -96,14 +96,14 @@ def without_commandless(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     CampaignError
         Nothing is left.
     """
-    driven = drivers(campaign.vehicle)
+    driven = drivers(problem.vehicle)
     said, dropped = [], set()
     for axis, names in driven.items():
-        freeing = [stage for stage in campaign.stages if axis in stage.axes.free]
+        freeing = [stage for stage in problem.stages if axis in stage.axes.free]
         trials = dict.fromkeys(name for stage in freeing for name in stage.trials)
-        if not trials or any(_records(campaign, trial, names) for trial in trials):
+        if not trials or any(_records(problem, trial, names) for trial in trials):
             continue
-        freed = dict.fromkeys(one.name for stage in freeing for one in campaign.parameters[stage.name])
+        freed = dict.fromkeys(one.name for stage in freeing for one in problem.parameters[stage.name])
         own = [name for name in freed if name.startswith(f"{axis}_")]
         if not own:
             continue
@@ -113,28 +113,28 @@ def without_commandless(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
             f" {', '.join(own)} not identified, kept at the vehicle file's values. Map their columns, or add"
             " columns of zeros if they stood still"
         )
-    rest = campaign.without_coefficients(dropped)
+    rest = problem.without_coefficients(dropped)
     if not rest.stages:
-        raise CampaignError(f"{campaign.source}: nothing is left to identify. {' '.join(said)}")
+        raise CampaignError(f"{problem.source}: nothing is left to identify. {' '.join(said)}")
     return rest, tuple(said)
 
 
-def _records(campaign: Campaign, trial: str, names: Sequence[str]) -> bool:
+def _records(problem: Problem, trial: str, names: Sequence[str]) -> bool:
     """Whether a trial knows what one of these actuators does, or the wrench of all."""
-    kind, found = campaign.input_of(trial), campaign.trials[trial]
+    kind, found = problem.input_of(trial), problem.trials[trial]
     recorded = {"commands": found.commands, "measured": found.measured}.get(kind)
     return recorded is None or any(name in recorded for name in names)
 
 
-def _wired(campaign: Campaign) -> tuple[str, ...]:
+def _wired(problem: Problem) -> tuple[str, ...]:
     """Sentences on actuators of the trials that are fitted whose signs or places contradict the vehicle."""
-    names = dict.fromkeys(name for stage in campaign.stages for name in stage.trials)
-    driven = [name for name in names if campaign.input_of(name) == "commands"]
-    judged = {name: wiring(campaign.trials[name], campaign.vehicle) for name in driven}
+    names = dict.fromkeys(name for stage in problem.stages for name in stage.trials)
+    driven = [name for name in names if problem.input_of(name) == "commands"]
+    judged = {name: wiring(problem.trials[name], problem.vehicle) for name in driven}
     return tuple(f"WARNING: {one.sentence} (trial {name})" for name, one in judged.items() if one is not None)
 
 
-def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:
+def _actuators_without_column(problem: Problem) -> tuple[str, ...]:
     """Sentences on groups of actuators that a trial does not record: they stand still in it.
 
     Raises
@@ -143,9 +143,9 @@ def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:
         Part of a group is recorded: the rest is missing from the column map.
     """
     said: dict[str, list[str]] = {}
-    groups = actuator_groups(campaign.vehicle)
-    for name in dict.fromkeys(name for stage in campaign.stages for name in stage.trials):
-        trial, kind = campaign.trials[name], campaign.input_of(name)
+    groups = actuator_groups(problem.vehicle)
+    for name in dict.fromkeys(name for stage in problem.stages for name in stage.trials):
+        trial, kind = problem.trials[name], problem.input_of(name)
         recorded = {"commands": trial.commands, "measured": trial.measured}.get(kind)
         if not recorded:
             continue
@@ -155,7 +155,7 @@ def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:
             columns = ", ".join(f"{prefix}.{member}" for member in missing)
             if missing and len(missing) < len(members):
                 raise CampaignError(
-                    f"{campaign.source}: trial {name!r}: no column {columns}, but others of the group"
+                    f"{problem.source}: trial {name!r}: no column {columns}, but others of the group"
                     f" {group!r} are recorded; map it, or add a column of zeros if it stood still"
                 )
             if missing:
@@ -167,16 +167,16 @@ def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:
 
 
 def _conditioning(
-    campaign: Campaign, threads: int | None, *, linear: bool
+    problem: Problem, threads: int | None, *, linear: bool
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Sentences on what the data cannot tell, and why there can be no joint estimate, if so.
 
     A vehicle that diverges has no sensitivities: without `linear` only refusals are looked for.
     """
     try:
-        left_out = tuple(Joint(campaign, threads=threads).sentences())
-        return (*left_out, *(conditioning(campaign, threads=threads) if linear else ())), ()
+        left_out = tuple(Joint(problem, threads=threads).sentences())
+        return (*left_out, *(conditioning(problem, threads=threads) if linear else ())), ()
     except (CampaignError, TrialError) as error:
-        if campaign.file.polish is not None:
+        if problem.joint is not None:
             raise
         return (), (f"no standard deviations: the trials cannot be judged jointly ({error})",)

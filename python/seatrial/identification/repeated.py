@@ -18,13 +18,13 @@ from seatrial.base.run import sha256
 from seatrial.estimation.inputs import trained
 
 if TYPE_CHECKING:
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
     from seatrial.trial.trial import Trial
 
 _SAME = 0.49  # of the longer interval: samples this close in time are the same
 
 
-def repeated_sentences(campaign: Campaign) -> tuple[str, ...]:
+def repeated_sentences(problem: Problem) -> tuple[str, ...]:
     """Warnings of trials that are fitted to the same samples.
 
     Raises
@@ -32,12 +32,12 @@ def repeated_sentences(campaign: Campaign) -> tuple[str, ...]:
     CampaignError
         A trial holds out samples that another one is fitted to.
     """
-    fitted, said = set(trained(campaign)), list[str]()
-    for names in _alike(campaign):
+    fitted, said = set(trained(problem)), list[str]()
+    for names in _alike(problem):
         used = [name for name in names if name in fitted]
         for name in names:
-            _refuse_fitted(campaign, name, [other for other in used if other != name])
-        twice = [pair for pair in combinations(used, 2) if _share(campaign, *pair)]
+            _refuse_fitted(problem, name, [other for other in used if other != name])
+        twice = [pair for pair in combinations(used, 2) if _share(problem, *pair)]
         if same := [name for name in used if any(name in pair for pair in twice)]:
             said.append(
                 f"WARNING: trials {listed(same)} hold the same recording, which counts {len(same)} times:"
@@ -46,26 +46,26 @@ def repeated_sentences(campaign: Campaign) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _refuse_fitted(campaign: Campaign, name: str, fitted: list[str]) -> None:
+def _refuse_fitted(problem: Problem, name: str, fitted: list[str]) -> None:
     """Refuse a trial that holds out what one of those with its recording is fitted to."""
     for other in fitted:
-        if _meet(_times(campaign, name, held_out=True), _times(campaign, other, held_out=False)):
+        if _meet(_times(problem, name, held_out=True), _times(problem, other, held_out=False)):
             raise CampaignError(
-                f"{campaign.source}: trial {name!r} holds out what trial {other!r} is fitted to: both are"
+                f"{problem.source}: trial {name!r} holds out what trial {other!r} is fitted to: both are"
                 " of one recording, so that its score would judge nothing; give another one, or hold the same"
                 " times out of both with hold_out_s"
             )
 
 
-def _share(campaign: Campaign, one: str, other: str) -> bool:
+def _share(problem: Problem, one: str, other: str) -> bool:
     """Whether two trials with the same recording are fitted to the same times."""
-    return _meet(_times(campaign, one, held_out=False), _times(campaign, other, held_out=False))
+    return _meet(_times(problem, one, held_out=False), _times(problem, other, held_out=False))
 
 
-def _times(campaign: Campaign, name: str, *, held_out: bool) -> tuple[Array, float]:
+def _times(problem: Problem, name: str, *, held_out: bool) -> tuple[Array, float]:
     """Times (n,) in s from the recording's first on that are held out, or not; and their interval."""
-    trial = campaign.trials[name]
-    return trial.t[campaign.held_out(name) == held_out] - trial.t[0], trial.dt
+    trial = problem.trials[name]
+    return trial.t[problem.held_out(name) == held_out] - trial.t[0], trial.dt
 
 
 def _meet(one: tuple[Array, float], other: tuple[Array, float]) -> bool:
@@ -78,11 +78,11 @@ def _meet(one: tuple[Array, float], other: tuple[Array, float]) -> bool:
     return bool(np.min(near) < _SAME * max(step, wide))
 
 
-def _alike(campaign: Campaign) -> list[list[str]]:
+def _alike(problem: Problem) -> list[list[str]]:
     """Names of the trials with the same recording, where there are several."""
     groups: list[tuple[set[str], list[str]]] = []
-    for name in campaign.trials:
-        keys = {_content(campaign.trials[name])} | ({key} if (key := campaign.file_hash(name)) else set())
+    for name in problem.trials:
+        keys = {_content(problem.trials[name])} | ({key} if (key := problem.file_hash(name)) else set())
         found = [group for group in groups if group[0] & keys]
         groups = [group for group in groups if group not in found]
         groups.append((keys.union(*(own for own, _ in found)), [*(n for _, of in found for n in of), name]))

@@ -20,7 +20,6 @@ from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, callers_errors_pass, part_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
-from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.stage import StageResult, plan
 from seatrial.identification.identify import StageOrder
 from seatrial.identification.preparation import identifiable
@@ -28,14 +27,14 @@ from seatrial.identification.restarts_result import Restarts, StageRestarts
 
 if TYPE_CHECKING:
     from seatrial.base.fleet import Workers
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
 
 Stages = tuple[StageResult, ...]
 
 
 @callers_errors_pass
 def restarts(
-    campaign: Campaign,
+    problem: Problem,
     *,
     starts: int = 10,
     seed: int | None = None,
@@ -94,16 +93,16 @@ def restarts(
             f"random starts: expected two or more, found {starts}; a single one has nothing to be"
             " compared with"
         )
-    seed = campaign.seed if seed is None else seed
-    campaign, _ = identifiable(campaign)
-    plan(campaign)  # refuses a bad campaign before a folder appears
+    seed = problem.seed if seed is None else seed
+    problem, _ = identifiable(problem)
+    plan(problem)  # refuses a bad campaign before a folder appears
     clock = Clock()
     rows: list[Stages] = []
     records: list[Mapping[str, Any]] = []
     interrupted = False
     threads = threads_of(threads, executor)
     with RunDirectory(run_dir, "random starts", resume=resume) as run, fleet_of(executor) as fleet:
-        shared, inputs = Shared(campaign), _inputs(campaign, seed)
+        shared, inputs = Shared(problem), _inputs(problem, seed)
 
         def part(number: int) -> str:
             return f"start {number + 1} of {starts}"
@@ -112,7 +111,7 @@ def restarts(
             """One start in this process, whose stages are kept one by one and tell how far they are."""
             number = chunk.arguments[1]
             told = None if progress is None else part_of(progress, part(number), number, starts, clock)
-            return _stages(campaign, seed, number, run=run, progress=told, threads=threads)
+            return _stages(problem, seed, number, run=run, progress=told, threads=threads)
 
         chunks = (
             Chunk(f"start {number + 1}", inputs, search_start, shared, (seed, number, threads))
@@ -128,20 +127,20 @@ def restarts(
         except KeyboardInterrupt:
             interrupted = True
         ends = Restarts(
-            campaign.name,
+            problem.name,
             tuple(
-                StageRestarts.of([row[index] for row in rows], campaign.parameters[stage.name], sigma or {})
-                for index, stage in enumerate(campaign.stages)
+                StageRestarts.of([row[index] for row in rows], problem.parameters[stage.name], sigma or {})
+                for index, stage in enumerate(problem.stages)
                 if rows
             ),
             seed,
             interrupted,
-            campaign.text,
+            problem.text,
             run_facts(
                 "random starts",
-                campaign.name,
+                problem.name,
                 clock=clock,
-                inputs=input_hashes(campaign),
+                inputs=problem.input_hashes(),
                 seed=seed,
                 options={"starts": starts},
                 interrupted=interrupted,
@@ -152,13 +151,13 @@ def restarts(
     return ends
 
 
-def search_start(campaign: Campaign, seed: int, number: int, threads: int | None) -> Stages:
+def search_start(problem: Problem, seed: int, number: int, threads: int | None) -> Stages:
     """Ends of all stages from one random start: a chunk of the work."""
-    return _stages(campaign, seed, number, run=RunDirectory(None), progress=None, threads=threads)
+    return _stages(problem, seed, number, run=RunDirectory(None), progress=None, threads=threads)
 
 
 def _stages(
-    campaign: Campaign,
+    problem: Problem,
     seed: int,
     number: int,
     *,
@@ -166,7 +165,7 @@ def _stages(
     progress: Callable[[Progress], None] | None,
     threads: int | None,
 ) -> Stages:
-    own = campaign.with_start_values(start_values(campaign, seed, number), seed=_stream(seed, number))
+    own = problem.with_start_values(start_values(problem, seed, number), seed=_stream(seed, number))
     part = f"start {number + 1}, "
     order = StageOrder(own, plan(own), run, part=part, progress=progress, threads=threads)
     found = order.stages()
@@ -177,11 +176,9 @@ def _stages(
     return found
 
 
-def _inputs(campaign: Campaign, seed: int) -> str:
+def _inputs(problem: Problem, seed: int) -> str:
     """SHA-256 of everything that a start depends on besides its number."""
-    return sha256(
-        to_json([version("seatrial"), seed, input_hashes(campaign), campaign.file.model_dump_json()])
-    )
+    return sha256(to_json([version("seatrial"), seed, problem.input_hashes(), problem.described()]))
 
 
 def _finished(stages: Stages) -> Progress:
@@ -189,13 +186,13 @@ def _finished(stages: Stages) -> Progress:
     return Progress(stages[-1].name, len(stages), len(stages), 1.0, 0.0, 0.0)
 
 
-def start_values(campaign: Campaign, seed: int, number: int) -> dict[str, dict[str, float]]:
+def start_values(problem: Problem, seed: int, number: int) -> dict[str, dict[str, float]]:
     """Start values by stage and parameter, SI, of one random start: uniform inside the bounds."""
     found = {}
-    for stage in campaign.stages:
+    for stage in problem.stages:
         generator = np.random.default_rng([seed, number, zlib.crc32(stage.name.encode())])
         found[stage.name] = {
-            p.name: float(generator.uniform(p.lower, p.upper)) for p in campaign.parameters[stage.name]
+            p.name: float(generator.uniform(p.lower, p.upper)) for p in problem.parameters[stage.name]
         }
     return found
 

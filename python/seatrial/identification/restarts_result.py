@@ -28,8 +28,8 @@ from seatrial.base.atomic_write import parquet
 from seatrial.base.progress import Step
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunResult, to_json
-from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
+from seatrial.problem.parameter import Parameter
 
 Verdict = Literal["same optimum", "flat direction", "several optima"]
 
@@ -237,7 +237,7 @@ class Restarts(RunResult):
         What the result rests on, see `seatrial.base.run.run_facts`.
     """
 
-    campaign: str
+    problem: str
     stages: tuple[StageRestarts, ...]
     seed: int
     interrupted: bool
@@ -272,7 +272,7 @@ class Restarts(RunResult):
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data."""
         return {
-            "campaign": self.campaign,
+            "campaign": self.problem,
             "seed": self.seed,
             "starts": self.starts,
             "interrupted": self.interrupted,
@@ -322,7 +322,7 @@ def _report(found: Restarts) -> Report:
     agreed = [stage.name for stage in found.stages if stage.verdict == "same optimum"]
     worst, next_step = _worst(found)
     return Report(
-        title=f"{found.campaign}, random starts",
+        title=f"{found.problem}, random starts",
         outcome=_outcome(found),
         good=(
             f"{len(agreed)} of {len(found.stages)} stages reach the same optimum from all {found.starts}"

@@ -18,7 +18,7 @@ from seatrial.trial.sensor_position import to_origin
 from seatrial.trial.signals import RecordingReport
 
 if TYPE_CHECKING:
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
     from seatrial.trial.recording import Recording
 
 _DIFFERENT = 4.0  # deviations that trials are apart whose corrections are not one
@@ -48,7 +48,7 @@ def series_of(found: Recording) -> dict[str, Series]:
     return series
 
 
-def consistency_of_trial(campaign: Campaign, name: str) -> Consistency | None:
+def consistency_of_trial(problem: Problem, name: str) -> Consistency | None:
     """What would make the channels of a trial tell one motion; None where it was given as a trial.
 
     Raises
@@ -56,7 +56,7 @@ def consistency_of_trial(campaign: Campaign, name: str) -> Consistency | None:
     SeatrialError
         The recording cannot be read.
     """
-    found = campaign.recording(name)
+    found = problem.recordings[name]
     if found is None:
         return None
     told = consistency(series_of(found), quaternion="q_w" in found.sources)
@@ -90,7 +90,7 @@ class LateVelocity:
     line: str
     before: float
     after: float
-    campaign: str
+    problem: str
 
     @property
     def spoils(self) -> bool:
@@ -105,12 +105,12 @@ class LateVelocity:
             f"{LATE}{self.trial} is {abs(self.delay_s):.2f} s {word} (it differs from the rate of depth by"
             f" {self.before:.3g} m/s rms, without the delay by {self.after:.3g}), and the log has too few"
             " positions to correct this on reading, so forces are fitted at the wrong times; run"
-            f" seatrial check {self.campaign}, paste its proposal ({self.line} under [corrections]) and"
+            f" seatrial check {self.problem}, paste its proposal ({self.line} under [corrections]) and"
             " identify again"
         )
 
 
-def late_velocity(campaign: Campaign, names: Sequence[str]) -> LateVelocity | None:
+def late_velocity(problem: Problem, names: Sequence[str]) -> LateVelocity | None:
     """A late velocity that reading leaves; None where there is none.
 
     Reading removes what it can estimate from the position. Where that comes too slowly or not at all, the
@@ -124,22 +124,22 @@ def late_velocity(campaign: Campaign, names: Sequence[str]) -> LateVelocity | No
     """
 
     def left(name: str) -> bool:
-        trial = campaign.trials[name]
+        trial = problem.trials[name]
         if not {"x", "y"} & set(trial.channels):
             return True
         findings = trial.report.findings
         return any(one.channel == "velocity" and one.message.startswith(_NOT_ESTIMATED) for one in findings)
 
-    slow = sorted((name for name in names if left(name)), key=lambda name: len(campaign.trials[name]))
+    slow = sorted((name for name in names if left(name)), key=lambda name: len(problem.trials[name]))
     for name in slow[:1]:
-        found = campaign.recording(name)
+        found = problem.recordings[name]
         if found is None or "delay_s.velocity" in found.corrections.given:
             continue
         series = {key: one for key, one in series_of(found).items() if key in _TELLS_DELAY}
         for one in consistency(series).corrections:
             if one.key == "delay_s.velocity":
                 delay = float(one.value)
-                return LateVelocity(name, delay, one.line, one.before, one.after, str(campaign.source))
+                return LateVelocity(name, delay, one.line, one.before, one.after, str(problem.source))
     return None
 
 

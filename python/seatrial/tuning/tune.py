@@ -22,7 +22,7 @@ from seatrial.base.fleet import fleet_of
 from seatrial.base.progress import Progress, callers_errors_pass
 from seatrial.base.run import RunDirectory, sha256
 from seatrial.base.toml_file import checked, loaded
-from seatrial.campaign.campaign import Campaign, input_hashes
+from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.tuning_table import TuningTable
 from seatrial.control_design.autopilot_facts import refuse_misfit, refuse_other_laws
 from seatrial.flight.sensor_channels import sensors_of
@@ -167,7 +167,7 @@ def tune(
                 " into the campaign's file"
             )
         of, plan = campaign, plan_of(campaign, fit)
-        inputs = input_hashes(campaign, trials=False)
+        inputs = campaign.input_hashes(trials=False)
     else:
         if fit is None:
             raise CampaignError(

@@ -23,7 +23,6 @@ from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
-from seatrial.campaign.campaign import input_hashes
 from seatrial.statistics.failure_boundary import BoundarySurface
 from seatrial.statistics.proportions import share
 from seatrial.verification.boundary_survey import BoundarySurvey, coefficients_at, flights_at, variables_of
@@ -421,7 +420,7 @@ def run_boundary(
                 "failure boundary",
                 prepared.campaign.name,
                 clock=clock,
-                inputs=input_hashes(prepared.campaign, trials=False)
+                inputs=prepared.campaign.input_hashes(trials=False)
                 | {
                     name: sha256(text)
                     for name, text in input_files(prepared.campaign, prepared.flights).items()

@@ -23,7 +23,6 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.report import Report, Section
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
-from seatrial.campaign.campaign import input_hashes
 from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.regression import case_text
@@ -359,7 +358,7 @@ def run_falsification(
                 "falsification",
                 prepared.campaign.name,
                 clock=clock,
-                inputs=input_hashes(prepared.campaign, trials=False)
+                inputs=prepared.campaign.input_hashes(trials=False)
                 | {name: sha256(text) for name, text in files.items()},
                 seed=prepared.flights.seed,
                 options={"within": within, "budget": budget},

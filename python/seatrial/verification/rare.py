@@ -22,7 +22,6 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, sha256
-from seatrial.campaign.campaign import input_hashes
 from seatrial.statistics.draws import generator
 from seatrial.statistics.subset_simulation import Population, importance, population, rare_event
 from seatrial.verification.campaign import verified_campaign
@@ -155,7 +154,7 @@ def run_rare(
                 "rare failures",
                 prepared.campaign.name,
                 clock=clock,
-                inputs=input_hashes(prepared.campaign, trials=False)
+                inputs=prepared.campaign.input_hashes(trials=False)
                 | {
                     name: sha256(text)
                     for name, text in input_files(prepared.campaign, prepared.flights).items()

@@ -14,7 +14,6 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, sha256
-from seatrial.campaign.campaign import input_hashes
 from seatrial.verification.comparison import AutopilotComparison, compared
 from seatrial.verification.judgement import (
     beyond_the_vehicle,
@@ -335,7 +334,7 @@ def _verified(
             "verification",
             prepared.campaign.name,
             clock=clock,
-            inputs=input_hashes(prepared.campaign, trials=False)
+            inputs=prepared.campaign.input_hashes(trials=False)
             | {name: sha256(text) for name, text in input_files(prepared.campaign, prepared.flights).items()},
             seed=prepared.flights.seed,
             options={

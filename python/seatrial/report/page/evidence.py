@@ -60,7 +60,7 @@ def save_trials(fit: Identification, folder: Path) -> Path:
     import polars as pl
 
     tables, done = [], {}
-    for name, trial in fit.campaign.trials.items():
+    for name, trial in fit.problem.trials.items():
         try:
             tables.append(_table(fit, name))
         except TrialError:  # such a trial is named among the notes of the identification
@@ -86,7 +86,7 @@ def _table(fit: Identification, name: str) -> pl.DataFrame:
     import polars as pl
 
     trial, windows, channels = predicted(fit, name)
-    columns: dict[str, Any] = {"t_s": trial.t, "held_out": fit.campaign.held_out(name)}
+    columns: dict[str, Any] = {"t_s": trial.t, "held_out": fit.problem.held_out(name)}
     restart = np.zeros(len(trial.t), bool)
     restart[[window.start for window in windows]] = True
     columns["restart"] = restart

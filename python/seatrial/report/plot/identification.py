@@ -325,7 +325,7 @@ def _figures(fit: Identification) -> Iterator[tuple[str, Figure]]:
         yield "intervals", intervals(fit.assessment)
         yield "residual_analysis", residual_figure(fit.assessment.residual_analysis)
     taken: list[str] = []
-    for trial in fit.campaign.trials:
+    for trial in fit.problem.trials:
         try:
             figure = trial_figure(fit, trial)
         except TrialError:  # such a trial is named among the notes of the identification
@@ -345,9 +345,9 @@ def trial_figure(fit: Identification, name: str) -> Figure:
     TrialError
         No window can start, or an input is missing.
     """
-    campaign = fit.campaign
+    problem = fit.problem
     trial, windows, channels = predicted(fit, name)
-    held_out = campaign.held_out(name)
+    held_out = problem.held_out(name)
     remark = " (held out as a whole)" if held_out.all() else ""
     restart = f"{fit.restarts.ahead_s:g} s ahead from the"
     restart += " filter's state" if name in fit.restarts.trials else " measured state"
@@ -369,10 +369,10 @@ def predicted(fit: Identification, name: str) -> tuple[Trial, Sequence[Window], 
     TrialError
         No window can start, or an input is missing.
     """
-    campaign = fit.campaign
-    trial = fit.restarts.trials.get(name, campaign.trials[name])
-    free = "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in campaign.stages))
-    own = [stage for stage in campaign.stages if name in stage.trials] or list(campaign.stages)
+    problem = fit.problem
+    trial = fit.restarts.trials.get(name, problem.trials[name])
+    free = "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in problem.stages))
+    own = [stage for stage in problem.stages if name in stage.trials] or list(problem.stages)
     shown = {CHANNELS[AXES.index(axis)] for stage in own for axis in stage.axes.free}
     if name in {trial for stage in own for trial in stage.trials}:
         shown |= {channel for stage in own for channel in stage.weights()}
@@ -385,7 +385,7 @@ def predicted(fit: Identification, name: str) -> tuple[Trial, Sequence[Window], 
         ahead_s=fit.restarts.ahead_s,
         training=None,
         channels=channels,
-        input=campaign.input_of(name),
+        input=problem.input_of(name),
         free=free,
         measured="".join(axis for axis in AXES if axis not in free),
     )

@@ -17,8 +17,8 @@ import numpy as np
 
 from seatrial.base.arrays import Array, runs
 from seatrial.base.channels import CHANNELS, DEGREE
-from seatrial.campaign.parameters import Parameter
-from seatrial.estimation.problem import Problem, StageData, cut
+from seatrial.estimation.segment_model import SegmentModel, StageData, cut
+from seatrial.problem.parameter import Parameter
 from seatrial.report.plot.identification import Row, coefficient_bars
 from seatrial.report.plot.style import (
     MEASURED,
@@ -42,9 +42,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial._core import Vehicle
-    from seatrial.campaign.file import Stage
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.identification import Identification
+    from seatrial.problem.stage import Stage
     from seatrial.trial.trial import Trial
 
 _NAMED = 4
@@ -88,7 +88,7 @@ def moving_inputs(fit: Identification, pieces: Sequence[Piece]) -> dict[str, Inp
 
 
 def _signal(fit: Identification, piece: Piece, actuator: str) -> Array:
-    source = fit.campaign.input_of(piece.name)
+    source = fit.problem.input_of(piece.name)
     recorded = {"commands": piece.trial.commands, "measured": piece.trial.measured}.get(source, {})
     return np.asarray(recorded.get(actuator, np.full(len(piece.trial.t), np.nan)))
 
@@ -137,9 +137,9 @@ def stage_result(fit: Identification, result: StageResult) -> Figure:
     TrialError, CampaignError
         A trial of the stage can no longer be read or simulated.
     """
-    stage = next(one for one in fit.campaign.stages if one.name == result.name)
-    parameters = fit.campaign.parameters[stage.name]
-    data = cut(fit.campaign, stage)
+    stage = next(one for one in fit.problem.stages if one.name == result.name)
+    parameters = fit.problem.parameters[stage.name]
+    data = cut(fit.problem, stage)
     pieces = _pieces(fit, stage, data, _models(fit, result))
     channels = [channel for channel in CHANNELS if channel in stage.weights()]
     inputs = moving_inputs(fit, pieces)
@@ -162,7 +162,7 @@ def stage_result(fit: Identification, result: StageResult) -> Figure:
         grid[-1].set_xlim(pieces[0].trial.t[0] + pieces[0].shift, last.trial.t[-1] + last.shift)
         grid[-1].set_xlabel("time, s" if len(pieces) == 1 else "time of the trials one after the other, s")
         left.align_ylabels(list(grid))
-        held_out = any(fit.campaign.held_out(piece.name).any() for piece in pieces)
+        held_out = any(fit.problem.held_out(piece.name).any() for piece in pieces)
         _legend(figure, len(pieces[0].windows), held_out=held_out)
         coefficient_bars(right.subplots(), _rows(fit, result, parameters))
         figure.suptitle(_heading(fit, result, parameters), x=0.01, ha="left", fontweight="bold", fontsize=9)
@@ -175,10 +175,12 @@ def polished_cost(fit: Identification, result: StageResult) -> float | None:
 
     if fit.assessment is None or not fit.assessment.polished.rounds:
         return None
-    stage = next(one for one in fit.campaign.stages if one.name == result.name)
-    chosen = fit.campaign.parameters[stage.name]
-    data = cut(fit.campaign, stage)
-    criterion = Criterion(Problem(fit.assessment.vehicle, stage, data, chosen, result.substeps, threads=1))
+    stage = next(one for one in fit.problem.stages if one.name == result.name)
+    chosen = fit.problem.parameters[stage.name]
+    data = cut(fit.problem, stage)
+    criterion = Criterion(
+        SegmentModel(fit.assessment.vehicle, stage, data, chosen, result.substeps, threads=1)
+    )
     values = fit.assessment.vehicle.coefficients()
     candidate = np.array([[values[p.members[0][0]] / p.members[0][1] for p in chosen]])
     return float(criterion(candidate)[0])
@@ -187,13 +189,13 @@ def polished_cost(fit: Identification, result: StageResult) -> float | None:
 def _models(fit: Identification, result: StageResult) -> list[Vehicle]:
     """Vehicles to compare: at the stage's start, at its optimum, at the joint estimate where there is one."""
     before: dict[str, float] = {}
-    stage = next(one for one in fit.campaign.stages if one.name == result.name)
-    for name in fit.campaign.stages_before(stage):
+    stage = next(one for one in fit.problem.stages if one.name == result.name)
+    for name in fit.problem.stages_before(stage):
         before |= next(one.coefficients for one in fit.stages if one.name == name)
     start = dict(before)
-    for parameter in fit.campaign.parameters[result.name]:
+    for parameter in fit.problem.parameters[result.name]:
         start |= parameter.coefficients(result.starts[parameter.name])
-    vehicle = fit.campaign.vehicle
+    vehicle = fit.problem.vehicle
     made = [vehicle.with_coefficients(start), vehicle.with_coefficients(before | result.coefficients)]
     if fit.assessment is not None and fit.assessment.polished.rounds:
         made.append(fit.assessment.vehicle)
@@ -209,7 +211,7 @@ def _pieces(fit: Identification, stage: Stage, data: StageData, models: Sequence
                 vehicle,
                 trial,
                 spans,
-                input=fit.campaign.input_of(name),
+                input=fit.problem.input_of(name),
                 free=stage.axes.free,
                 measured=stage.axes.measured,
             )
@@ -272,7 +274,7 @@ def _joined(
 def _mark(axes: Axes, fit: Identification, pieces: Sequence[Piece]) -> None:
     """What is held out is shaded; a line stands where the next trial begins."""
     for piece in pieces:
-        mask = fit.campaign.held_out(piece.name)
+        mask = fit.problem.held_out(piece.name)
         t = piece.trial.t + piece.shift
         for first, end in runs(mask):
             axes.axvspan(t[first], t[min(end, len(t) - 1)], color=SHADE, linewidth=0.0, zorder=0)

@@ -108,7 +108,11 @@ def campaign_log(campaign: Campaign, source: str | Path) -> CampaignLog:
         )
     trial = campaign.trials[name]
     return CampaignLog(
-        MissionLog.of(trial), name, _held_out(campaign, name), campaign.input_of(name), _file(campaign, name)
+        MissionLog.of(trial),
+        name,
+        _held_out(campaign, name),
+        campaign.problem().input_of(name),
+        _file(campaign, name),
     )
 
 
@@ -184,7 +188,7 @@ def _input(campaign: Campaign, log: MissionLog) -> Input:
 
 def _held_out(campaign: Campaign, name: str) -> tuple[float, float] | None:
     """The longest part of a trial that was held out, in its own time; None where all or nothing was."""
-    mask = campaign.held_out(name)
+    mask = campaign.problem().held_out(name)
     if mask.all() or not mask.any():
         return None
     first, last = max(runs(mask), key=lambda span: span[1] - span[0])
@@ -256,7 +260,7 @@ def campaign_reference(
         if sum(len(one.spans) for one in own) >= 2 * FEWEST_WINDOWS:
             return spread_of_reference(own)
     _refuse_missing(campaign)
-    trials = [name for name in campaign.trials if campaign.input_of(name) == judged.input]
+    trials = [name for name in campaign.trials if campaign.problem().input_of(name) == judged.input]
     if not trials:
         raise CampaignError(
             f"{judged.log.trial.name}: the log has {_HAS[judged.input]}, but no trial of {campaign.source}"

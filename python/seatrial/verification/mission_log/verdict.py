@@ -22,7 +22,6 @@ from seatrial.base.channels import readable
 from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
-from seatrial.campaign.campaign import input_hashes
 from seatrial.verification.junit import JUnitCase, junit_xml
 from seatrial.verification.mission_log.power import Power, Shown
 from seatrial.verification.mission_log.validity import Validity
@@ -480,7 +479,7 @@ def _files(found: LogVerdict, campaign: Campaign | None) -> dict[str, str | byte
 
 def _facts(found: LogVerdict, campaign: Campaign | None, source: str | Path) -> dict[str, Any]:
     """What the verdict rests on."""
-    hashes = {} if campaign is None else input_hashes(campaign, trials=False)
+    hashes = {} if campaign is None else campaign.input_hashes(trials=False)
     hashes |= {name: sha256(text) for name, text in _inputs(found, campaign).items()}
     if (log := _file(source)) is not None:
         hashes["log"] = sha256(log.read_bytes())

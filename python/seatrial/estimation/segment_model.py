@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS, deviations
 from seatrial.base.errors import CampaignError
-from seatrial.campaign.file import Stage
-from seatrial.campaign.parameters import Parameter, coefficient_names, expansion_matrix
+from seatrial.problem.parameter import Parameter, coefficient_names, expansion_matrix
+from seatrial.problem.stage import Stage
 from seatrial.trial.record import Record, Replay, Segment, cut_spans, restarted
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.campaign import Campaign
+    from seatrial.problem.problem import Problem
     from seatrial.trial.trial import Trial
 
 
@@ -75,7 +75,7 @@ class StageData:
         return replace(self, segments=segments, counts=_counts(self.records, segments))
 
 
-def cut(campaign: Campaign, stage: Stage) -> StageData:
+def cut(problem: Problem, stage: Stage) -> StageData:
     """Training data of a stage, cut into segments.
 
     Raises
@@ -83,13 +83,13 @@ def cut(campaign: Campaign, stage: Stage) -> StageData:
     CampaignError
         A channel is missing or does not move, everything is held out, or no segment fits.
     """
-    where = campaign.where(stage)
+    where = problem.where(stage)
     weights = np.array([stage.weights().get(channel, 0.0) for channel in CHANNELS])
     counting = weights > 0
     records: list[Record] = []
     segments: list[Segment] = []
     for index, name in enumerate(stage.trials):
-        record, pieces = _of_trial(campaign, stage, name, index)
+        record, pieces = _of_trial(problem, stage, name, index)
         records.append(record)
         segments += pieces
     scale = _scale(records)
@@ -111,22 +111,22 @@ def _counts(records: Sequence[Record], segments: Sequence[Segment]) -> Array:
     return counts
 
 
-def unfit_trials(campaign: Campaign, stage: Stage) -> dict[str, str]:
+def unfit_trials(problem: Problem, stage: Stage) -> dict[str, str]:
     """Trials of a stage that cannot be cut into its segments, and why."""
     found = {}
     for name in stage.trials:
         try:
-            _of_trial(campaign, stage, name, 0)
+            _of_trial(problem, stage, name, 0)
         except CampaignError as error:
             found[name] = str(error)
     return found
 
 
-def _of_trial(campaign: Campaign, stage: Stage, name: str, index: int) -> tuple[Record, list[Segment]]:
+def _of_trial(problem: Problem, stage: Stage, name: str, index: int) -> tuple[Record, list[Segment]]:
     """Record and segments of one trial of a stage."""
-    trial, where = campaign.trials[name], campaign.where(stage)
+    trial, where = problem.trials[name], problem.where(stage)
     _check_channels(stage, trial, where)
-    training = ~campaign.held_out(name)
+    training = ~problem.held_out(name)
     if not training.any():
         raise CampaignError(
             f"{where}: the hold-out of trial {name!r} covers all of it; leave a part to fit to"
@@ -141,7 +141,7 @@ def _of_trial(campaign: Campaign, stage: Stage, name: str, index: int) -> tuple[
             " one piece besides what is held out: give a longer one or shorten segment_s"
         )
     counting = np.array([stage.weights().get(channel, 0.0) for channel in CHANNELS]) > 0
-    return Record(trial, campaign.input_of(name), trial.valid & training[:, None] & counting), pieces
+    return Record(trial, problem.input_of(name), trial.valid & training[:, None] & counting), pieces
 
 
 def _check_channels(stage: Stage, trial: Trial, where: str) -> None:
@@ -190,7 +190,7 @@ def _scale(records: Sequence[Record]) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class SegmentModel:
     """Segments of a stage's records and the parameters that are free: what candidates show and how far off.
 
     Attributes
@@ -218,7 +218,7 @@ class Problem:
     starts_count: bool = False
     _replays: dict[tuple[str, ...], Replay] = field(default_factory=dict, init=False, repr=False)
 
-    def started(self, nu: Array) -> Problem:
+    def started(self, nu: Array) -> SegmentModel:
         """The same problem with segments that start at other velocities (segments, 6)."""
         moved = tuple(
             replace(segment, nu=tuple(map(float, row)))

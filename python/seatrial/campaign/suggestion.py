@@ -18,10 +18,10 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.progress import callers_errors_pass
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import parse
-from seatrial.campaign.parameters import axes_of
 from seatrial.diagnosis.missing_terms import Suggestion
 from seatrial.diagnosis.refitting import campaign_line
 from seatrial.identification.hold_out import POOLED
+from seatrial.problem.parameter import axes_of
 
 if TYPE_CHECKING:
     from seatrial.base.progress import Progress
@@ -168,12 +168,10 @@ def try_suggestion(
     CampaignError
         The suggestion cannot be followed, or nothing is held out.
     """
-    from seatrial.identification.identify import identify
-
     followed = follow(campaign, suggestion)
-    first = identify(campaign, progress=progress, threads=threads) if before is None else before
+    first = campaign.identify(progress=progress, threads=threads) if before is None else before
     _held_out(first)  # refuses before the second search
-    second = identify(followed, run_dir=run_dir, progress=progress, threads=threads)
+    second = followed.identify(run_dir=run_dir, progress=progress, threads=threads)
     return second, hold_out_change(first, second)
 
 
@@ -183,7 +181,7 @@ def _held_out(fit: Identification) -> dict[str, float]:
     score = trials.get(POOLED) or (next(iter(trials.values())) if len(trials) == 1 else None)
     if score is None:
         raise CampaignError(
-            f"{fit.campaign.source}: nothing is held out or it has no common score, so a further coefficient"
+            f"{fit.problem.source}: nothing is held out or it has no common score, so a further coefficient"
             " cannot be judged; set hold_out or hold_out_s of a trial"
         )
     return {channel: value for channel, value in score.r2.items() if math.isfinite(value)}
@@ -192,9 +190,9 @@ def _held_out(fit: Identification) -> dict[str, float]:
 def _stage(campaign: Campaign, name: str) -> int:
     """Place in the file of the last stage that frees the axis of a coefficient's force."""
     axes = axes_of(name)
-    free = [[letter for letter in axes if letter in stage.axes.free] for stage in campaign.stages]
+    free = [[letter for letter in axes if letter in stage.axes.free] for stage in campaign.problem().stages]
     most = max(map(len, free))
-    fitting = [stage for stage, own in zip(campaign.stages, free, strict=True) if len(own) == most]
+    fitting = [stage for stage, own in zip(campaign.problem().stages, free, strict=True) if len(own) == most]
     return [stage.name for stage in campaign.file.stages].index(fitting[-1].name)
 
 

@@ -1,0 +1,28 @@
+"""What an identification is asked: vehicle, trials, free coefficients, stages, joint estimate, anchors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from seatrial.base.front import front
+
+if TYPE_CHECKING:
+    from seatrial.problem.anchor import Anchor as Anchor
+    from seatrial.problem.joint import JointSettings as JointSettings
+    from seatrial.problem.problem import Problem as Problem
+    from seatrial.problem.stage import Stage as Stage
+    from seatrial.problem.stage import TrialUse as TrialUse
+
+__all__ = ["Anchor", "JointSettings", "Problem", "Stage", "TrialUse"]
+
+if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
+    __getattr__ = front(
+        __name__,
+        {
+            "Anchor": "anchor",
+            "JointSettings": "joint",
+            "Problem": "problem",
+            "Stage": "stage",
+            "TrialUse": "stage",
+        },
+    )

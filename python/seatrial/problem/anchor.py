@@ -1,0 +1,73 @@
+"""Absolute anchors of the force scale: motion data fix only ratios of mass, damping and thrust.
+
+Tests: ``tests/campaign/test_campaign_file.py``, ``tests/estimation/test_scale.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from seatrial.base.toml_file import Number, Positive, Section
+
+
+def _as_list(entry: Any) -> Any:
+    return [entry] if isinstance(entry, Mapping) else entry
+
+
+class DryMass(Section):
+    """Mass on the scales and the water carried along; ``added`` is added mass over both, [least, most]."""
+
+    mass_kg: Positive
+    water_kg: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    axis: Literal["X", "Y", "Z"] = "X"
+    added: tuple[Positive, Positive] | None = None
+    sd_percent: Positive | None = None
+
+
+class Bollard(Section):
+    """Force measured at rest under steady commands of actuators or groups."""
+
+    commands: Annotated[dict[str, Number], Field(min_length=1)]
+    force_n: Number
+    axis: Literal["X", "Y", "Z"] = "X"
+    voltage_v: Positive | None = None
+    sd_percent: Positive | None = None
+
+
+class Ballast(Section):
+    """A known ballast and one answer to it: steady sinking, an angle at rest or commands that hold depth."""
+
+    mass_kg: Positive
+    volume_m3: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    sink_m_s: Number | None = None
+    roll_deg: Number | None = None
+    pitch_deg: Number | None = None
+    position_m: tuple[Number, Number, Number] | None = None
+    commands: dict[str, Number] = Field(default_factory=dict)
+    voltage_v: Positive | None = None
+    sd_percent: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_answer(self) -> Ballast:
+        angles = [key for key in ("roll_deg", "pitch_deg") if getattr(self, key) is not None]
+        given = [*angles, *(["sink_m_s"] if self.sink_m_s is not None else [])]
+        given += ["commands"] if self.commands else []
+        if len(given) != 1:
+            raise ValueError(
+                "give one answer to the ballast: sink_m_s, roll_deg, pitch_deg or commands; found"
+                f" {' and '.join(given) or 'none'}"
+            )
+        if angles and self.position_m is None:
+            raise ValueError(f"{angles[0]} needs position_m, where the ballast hangs")
+        return self
+
+
+class Anchor(Section):
+    """Absolute anchors of the force scale: motion data fix only ratios of mass, damping and thrust."""
+
+    dry_mass: DryMass | None = None
+    bollard: Annotated[tuple[Bollard, ...], BeforeValidator(_as_list)] = ()
+    ballast: Annotated[tuple[Ballast, ...], BeforeValidator(_as_list)] = ()

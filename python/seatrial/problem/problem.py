@@ -1,0 +1,473 @@
+"""Problem of an identification: a vehicle, its trials, what is free in stages, and what is known beforehand.
+
+It is made by hand in three lines (vehicle, trials, free coefficients), or filled in by a campaign file. It
+does not change: variants (`without_trial`, `with_strips`) are other problems that share trials already read.
+
+Tests: ``tests/identification/test_identify_without_file.py``, ``tests/campaign/test_campaign.py``.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.run import sha256
+from seatrial.problem.anchor import Anchor
+from seatrial.problem.budget import Budget
+from seatrial.problem.by_name import ByName
+from seatrial.problem.joint import JointSettings
+from seatrial.problem.parameter import Parameter, coefficient_names, parameters
+from seatrial.problem.stage import Stage, TrialUse, in_order
+from seatrial.problem.variants import strips_freed, without_free, without_trial
+from seatrial.trial.ceiling import Unpredictable, unpredictable
+from seatrial.trial.verdict import Verdict, judge_trial
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.base.fleet import Workers
+    from seatrial.base.progress import Progress
+    from seatrial.bench_test.result import BenchTest
+    from seatrial.identification.identification import Identification
+    from seatrial.problem.by_hand import Bounds, Trials
+    from seatrial.trial.recording import Recording
+    from seatrial.trial.trial import Input, Trial
+
+
+class Problem:
+    """What an identification is asked: vehicle, trials, free coefficients; `seatrial.identify` solves it.
+
+    Parameters
+    ----------
+    vehicle : Vehicle, str or Path
+        The vehicle that the search starts from, its built-in name or its file.
+    trials : Trial, frame, str or Path, or several
+        A trial, a table or a file with canonical columns, a list of them, or a dict by name.
+    free : str, sequence or mapping
+        Coefficients to identify: names (``"X_uu"``, ``"stern.gain"``) or patterns (``"N_*"``: those that are
+        not zero). As a dict with bounds ``(lower, upper)`` in SI, None for the vehicle's default bounds.
+    start : mapping, optional
+        Start values by coefficient; the vehicle's own otherwise.
+    hold_out : float, or trials
+        Share of every trial, at its end, that judges the result and is not fitted; or trials that only judge.
+    axes : str, optional
+        Letters among ``XYZKMN`` of the axes that are simulated; by default those on which the free
+        coefficients act. Others are replayed where all trials recorded them, else frozen.
+    channels : sequence or mapping, optional
+        Channels that are compared, or their weights; the velocities of the simulated axes by default.
+    input : "commands", "measured" or "tau", optional
+        What drives the model; the first of these that a trial has by default.
+    segment_s : float
+        The simulation restarts from the measured state after this time, s.
+    joint : bool or JointSettings
+        Whether the stage's result is estimated jointly once more, which refines it, and how.
+    anchor : Anchor
+        What is known of the absolute scale of the forces.
+    bench : BenchTest, optional
+        Of `seatrial.bench`: its vehicle is taken, and its thrust anchors the scale of all forces.
+    name : str, optional
+        Of the problem; the vehicle's by default.
+    seed : int
+        Of the search: the same seed gives the same result.
+
+    Raises
+    ------
+    CampaignError
+        A coefficient is unknown or has no bounds, a trial lacks a channel, two trials share a name.
+    TrialError, VehicleError
+        A file cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seatrial as st
+    >>> t = np.arange(0.0, 60.0, 0.1)
+    >>> vehicle = st.Vehicle.load("cwolf")
+    >>> commands = {name: 400.0 * np.sign(np.sin(0.2 * t)) + 500.0 for name in vehicle.actuators}
+    >>> run = vehicle.simulate(t, commands)
+    >>> table = {"t_s": t, "u_m_s": run.nu[:, 0]} | {f"cmd.{name}": c for name, c in commands.items()}
+    >>> problem = st.Problem(vehicle, table, free={"X_uu": (-40.0, -1.0)})
+    >>> [(parameter.name, parameter.upper) for parameter in problem.parameters["all"]]
+    [('X_uu', -1.0)]
+    """
+
+    vehicle: Vehicle
+    bench: BenchTest | None
+    trials: Mapping[str, Trial]
+    uses: Mapping[str, TrialUse]
+    files: Mapping[str, Path | None]
+    recordings: Mapping[str, Recording | None]
+    stages: tuple[Stage, ...]
+    joint: JointSettings | None
+    anchor: Anchor
+    common_budget: Budget
+    name: str
+    seed: int
+    source: str
+    given_text: str | None
+
+    def __init__(
+        self,
+        vehicle: Vehicle | str | Path,
+        trials: Trials,
+        *,
+        free: str | Sequence[str] | Mapping[str, Bounds | None],
+        start: Mapping[str, float] | None = None,
+        hold_out: float | Trials = 0.2,
+        axes: str | None = None,
+        channels: Sequence[str] | Mapping[str, float] | None = None,
+        input: Input | None = None,
+        segment_s: float = 10.0,
+        joint: bool | JointSettings = True,
+        anchor: Anchor | None = None,
+        bench: BenchTest | None = None,
+        name: str | None = None,
+        seed: int = 0,
+    ) -> None:
+        from seatrial.problem.by_hand import fields_of
+
+        settings = joint if isinstance(joint, JointSettings) else JointSettings() if joint else None
+        self._fill(
+            **fields_of(
+                vehicle,
+                trials,
+                free=free,
+                start=start,
+                hold_out=hold_out,
+                axes=axes,
+                channels=channels,
+                input=input,
+                segment_s=segment_s,
+                bench=bench,
+                name=name,
+            ),
+            joint=settings,
+            anchor=anchor or Anchor(),
+            seed=seed,
+        )
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        vehicle: Vehicle,
+        trials: Mapping[str, Trial],
+        uses: Mapping[str, TrialUse],
+        stages: Sequence[Stage],
+        joint: JointSettings | None = None,
+        **known: Any,
+    ) -> Self:
+        """Problem of several stages, as a campaign file states it.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+        trials : mapping
+            Trials by name; they may be read when first asked for.
+        uses : mapping
+            How each of them is used, by the same names.
+        stages : sequence of Stage
+            In any order that their ``after`` allows.
+        joint : JointSettings, optional
+            The joint estimate after them; None for none.
+        **known
+            Further attributes: ``bench``, ``files`` and ``recordings`` (by trial the file that it was read
+            from, and its signals on their own stamps; None for a trial that was given), ``anchor``,
+            ``common_budget``, ``name``, ``seed``, ``source`` (what messages call the problem) and
+            ``given_text`` (the campaign file, kept with the results).
+
+        Raises
+        ------
+        CampaignError
+            Stages wait for one another, name trials that are not there or free a coefficient twice.
+        """
+        problem = cls.__new__(cls)
+        problem._fill(vehicle=vehicle, trials=trials, uses=uses, stages=stages, joint=joint, **known)
+        return problem
+
+    def _fill(
+        self,
+        *,
+        vehicle: Vehicle,
+        trials: Mapping[str, Trial],
+        uses: Mapping[str, TrialUse],
+        stages: Sequence[Stage],
+        joint: JointSettings | None,
+        bench: BenchTest | None = None,
+        files: Mapping[str, Path | None] | None = None,
+        recordings: Mapping[str, Recording | None] | None = None,
+        anchor: Anchor | None = None,
+        common_budget: Budget | None = None,
+        name: str | None = None,
+        seed: int = 0,
+        source: str = "identify",
+        given_text: str | None = None,
+    ) -> None:
+        """Set all attributes, and check them."""
+        self.vehicle, self.bench = vehicle, bench
+        self.trials, self.uses = trials, uses
+        self.files = dict.fromkeys(trials) if files is None else files
+        self.recordings = dict.fromkeys(trials) if recordings is None else recordings
+        self.joint, self.anchor = joint, anchor or Anchor()
+        self.common_budget = common_budget or Budget()
+        self.name, self.seed, self.source, self.given_text = name or vehicle.name, seed, source, given_text
+        self._verdicts: dict[str, dict[str, Verdict]] = {}
+        self._limits: dict[str, Unpredictable] = {}
+        self._set_stages(stages)
+
+    def _set_stages(self, stages: Sequence[Stage]) -> None:
+        """Take these stages in the order of their run; parts of trials depend on what is held out."""
+        self._parts: dict[tuple[str, bool], Trial | None] = {}
+        self._listed = tuple(stages)
+        self.stages = in_order(self._listed, self.source)
+        self.parameters: dict[str, tuple[Parameter, ...]] = {
+            stage.name: parameters(stage, self.vehicle, self.where(stage)) for stage in self.stages
+        }
+        self._check_trial_names()
+        self._check_side_by_side()
+
+    def _variant(self, **changed: Any) -> Self:
+        """The same problem with other attributes; trials, verdicts and limits are shared, the text stays."""
+        other = copy.copy(self)
+        other.__dict__.pop("text", None)
+        vars(other).update(changed)
+        other._set_stages(changed.get("stages", self._listed))
+        return other
+
+    def identify(
+        self,
+        *,
+        run_dir: str | Path | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        resume: bool = True,
+        threads: int | None = None,
+        executor: Workers | None = None,
+    ) -> Identification:
+        """Identification of the vehicle; parameters and errors are those of `seatrial.identify`."""
+        from seatrial.identification.identify import identify
+
+        return identify(
+            self, run_dir=run_dir, progress=progress, resume=resume, threads=threads, executor=executor
+        )
+
+    def with_start_values(self, starts: Mapping[str, Mapping[str, float]], *, seed: int) -> Self:
+        """Problem with other start values, by stage and parameter, and another seed.
+
+        Parameters
+        ----------
+        starts : mapping
+            Stage to parameter to value, SI; what it leaves out starts where it did.
+        seed : int
+        """
+        stages = []
+        for stage in self._listed:
+            entries = dict(stage.coefficients)
+            for parameter in self.parameters[stage.name]:
+                if parameter.name in starts.get(stage.name, {}):
+                    entry, value = entries[parameter.name], starts[stage.name][parameter.name]
+                    first = self.vehicle.coefficients()[parameter.members[0][0]]
+                    scale = first if entry.relative else 1.0
+                    entries[parameter.name] = entry.model_copy(update={"start": value / scale})
+            stages.append(stage.model_copy(update={"coefficients": entries}))
+        return self._variant(stages=tuple(stages), seed=seed)
+
+    def without_trial(self, name: str) -> tuple[Self, tuple[str, ...]]:
+        """Problem that does not know a trial, and the stages that no other trial is left for.
+
+        Parameters
+        ----------
+        name
+            Of the trial.
+
+        Raises
+        ------
+        CampaignError
+            There is no such trial, or the rest is no problem.
+        """
+        if name not in self.trials:
+            raise CampaignError(f"{self.source}: there is no trial {name!r}{nearest(name, self.trials)}")
+        stages, joint, lost = without_trial(self._listed, self.joint, name)
+        others = [trial for trial in self.trials if trial != name]
+        other = self._variant(
+            stages=stages,
+            joint=joint,
+            trials=ByName(others, self.trials.__getitem__),
+            uses={trial: self.uses[trial] for trial in others},
+        )
+        return other, lost
+
+    def without_coefficients(self, names: Collection[str]) -> Self:
+        """Problem that frees none of these coefficients, by the names that its stages give them.
+
+        A stage that frees nothing else is gone; there may be none left.
+        """
+        if not names:
+            return self
+        stages, joint = without_free(self._listed, self.joint, names)
+        return self._variant(stages=stages, joint=joint)
+
+    def with_strips(self, name: str, bounds: tuple[float, float], start: float) -> Self:
+        """Problem that frees ``C_Dy`` or ``C_Dz`` in place of the quadratic damping that its strips make.
+
+        Parameters
+        ----------
+        name
+            ``C_Dy`` or ``C_Dz``.
+        bounds, start
+            Of the drag coefficient.
+        """
+        stages, joint = strips_freed(self._listed, self.joint, name, (bounds, start))
+        return self._variant(stages=stages, joint=joint)
+
+    def with_joint(self, joint: JointSettings | None) -> Self:
+        """Problem that asks something else of the joint estimate, or nothing."""
+        return self._variant(joint=joint)
+
+    def with_uses(self, uses: Mapping[str, TrialUse]) -> Self:
+        """Problem that uses its trials otherwise: another input, another part held out."""
+        return self._variant(uses={**self.uses, **uses})
+
+    @cached_property
+    def text(self) -> str:
+        """The campaign file that states this problem: the one it came from, or one written of it."""
+        if self.given_text is not None:
+            return self.given_text
+        from seatrial.problem.written import as_campaign_file
+
+        return as_campaign_file(
+            {"format": 1, "name": self.name, "vehicle": self.vehicle.name, "seed": self.seed},
+            trials={name: (self.trials[name].source, use) for name, use in self.uses.items()},
+            stages=self.stages,
+            joint=self.joint,
+            anchor=self.anchor,
+        )
+
+    def where(self, stage: Stage) -> str:
+        """File and stage, as messages begin."""
+        return f"{self.source}: stage {stage.name!r}"
+
+    def stages_before(self, stage: Stage) -> list[str]:
+        """Names of the stages that a stage runs after, directly or not, in the order of their run."""
+        names = set(stage.after)
+        for earlier in reversed(self.stages):
+            if earlier.name in names:
+                names |= set(earlier.after)
+        return [earlier.name for earlier in self.stages if earlier.name in names]
+
+    def budget(self, stage: Stage) -> Budget:
+        """Budget of a stage: its own, then the one of all stages."""
+        return stage.budget.over(self.common_budget)
+
+    def input_of(self, trial: str) -> Input:
+        """What drives the model in a trial: "commands", "tau" or "measured"."""
+        return self.uses[trial].input
+
+    def held_out(self, trial: str) -> NDArray[np.bool_]:
+        """Mask (n,): True where a sample of the trial is held out of the fit."""
+        use, t = self.uses[trial], self.trials[trial].t
+        mask = np.full(len(t), use.hold_out)
+        rounding = 1e-6 * self.trials[trial].dt  # a sample that lies on an end up to the clock's rounding
+        for start, stop in use.hold_out_s:
+            mask |= (t >= start - rounding) & (t < stop - rounding)
+            if stop <= t[0] or start > t[-1]:
+                raise CampaignError(
+                    f"{self.source}: trial {trial!r}, key hold_out_s: [{start:g}, {stop:g}] lies outside the"
+                    f" recording, which runs from {t[0]:g} to {t[-1]:g} s; use the trial's own time"
+                )
+        return mask
+
+    def part(self, trial: str, *, held_out: bool) -> Trial | None:
+        """The trial with only what is fitted, or what is held out, valid; None where nothing is.
+
+        The same object at every call, so that its splines are made once.
+
+        Parameters
+        ----------
+        trial
+            Its name.
+        held_out
+            Whether what is held out is wanted, rather than what is fitted.
+        """
+        key = trial, held_out
+        if key not in self._parts:
+            whole, mask = self.trials[trial], self.held_out(trial) == held_out
+            part = dataclasses.replace(whole, valid=whole.valid & mask[:, None]) if mask.any() else None
+            self._parts[key] = whole if mask.all() else part
+        return self._parts[key]
+
+    def verdicts(self, trial: str) -> dict[str, Verdict]:
+        """By axis whether a trial tells how it answers its commands, judged once."""
+        if trial not in self._verdicts:
+            self._verdicts[trial] = judge_trial(self.trials[trial], self.vehicle)
+        return self._verdicts[trial]
+
+    def limits(self) -> dict[str, Unpredictable]:
+        """By trial what no model of the vehicle can predict of it, estimated once."""
+        for name in self.trials:
+            if name not in self._limits:
+                self._limits[name] = unpredictable(self.trials[name], self.verdicts(name))
+        return dict(self._limits)
+
+    def file_hash(self, trial: str) -> str | None:
+        """SHA-256 of a trial's file, None for a trial that was given."""
+        file = self.files[trial]
+        return None if file is None else sha256(file.read_bytes())
+
+    def input_hashes(self, *, trials: bool = True) -> dict[str, Any]:
+        """SHA-256 of what a run over the problem reads, by name.
+
+        Parameters
+        ----------
+        trials
+            Whether the recordings are among the inputs.
+        """
+        return {
+            "campaign": sha256(self.text),
+            "vehicle": sha256(self.vehicle.to_toml()),
+            **({} if self.bench is None else self.bench.facts["sha256"]),
+            **{f"trial {name}": self.file_hash(name) for name in (self.trials if trials else ())},
+        }
+
+    def described(self) -> dict[str, Any]:
+        """What is asked, as JSON holds it, without vehicle and trials: part of the key of a kept result."""
+        return {
+            "name": self.name,
+            "seed": self.seed,
+            "uses": {name: dataclasses.asdict(use) for name, use in self.uses.items()},
+            "stages": [stage.model_dump(mode="json") for stage in self.stages],
+            "joint": None if self.joint is None else self.joint.model_dump(mode="json"),
+            "anchor": self.anchor.model_dump(mode="json"),
+            "budget": self.common_budget.model_dump(mode="json"),
+        }
+
+    def _check_trial_names(self) -> None:
+        for stage in self.stages:
+            for name in stage.trials:
+                if name not in self.uses:
+                    raise CampaignError(
+                        f"{self.where(stage)}, key trials: unknown trial {name!r}" + nearest(name, self.uses)
+                    )
+                if self.uses[name].hold_out:
+                    raise CampaignError(
+                        f"{self.where(stage)}, key trials: trial {name!r} is held out as a whole;"
+                        " remove it from the stage or its hold_out"
+                    )
+
+    def _check_side_by_side(self) -> None:
+        """Refuse two stages that set one coefficient with no order between them."""
+        for i, stage in enumerate(self.stages):
+            for other in self.stages[:i]:
+                own, others = (set(coefficient_names(self.parameters[s.name])) for s in (stage, other))
+                shared = own & others
+                if shared and other.name not in self.stages_before(stage):
+                    raise CampaignError(
+                        f"{self.where(stage)}: coefficient {min(shared)!r} is also freed by stage"
+                        f" {other.name!r}, and neither runs after the other; set after = [{other.name!r}]"
+                    )

@@ -1,0 +1,183 @@
+"""Stages of an identification: which coefficients they free, on which trials, in which order.
+
+A coefficient and a stage check themselves when they are made, from Python as from a campaign file.
+
+Tests: ``tests/campaign/test_campaign_file.py``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from seatrial.base.channels import AXES, CHANNELS
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.toml_file import Interval, Name, Number, Positive, Section, twice
+from seatrial.problem.budget import Budget
+from seatrial.trial.trial import Input
+
+
+def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
+    if (name := twice(names)) is not None:
+        raise ValueError(f"trial {name!r} stands twice, and data that count twice look surer; name it once")
+    return names
+
+
+TrialNames = Annotated[tuple[Name, ...], AfterValidator(_each_once)]
+
+
+@dataclass(frozen=True)
+class TrialUse:
+    """How a problem uses a trial.
+
+    ``input`` drives the model; ``hold_out`` holds the whole trial out of the fit, ``hold_out_s`` the
+    intervals ``[start, stop)`` of its own time, s.
+    """
+
+    input: Input = "commands"
+    hold_out: bool = False
+    hold_out_s: tuple[tuple[float, float], ...] = ()
+
+
+class Axes(Section):
+    """Modes of the axes by letter; an axis that is not mentioned is frozen."""
+
+    free: str = ""
+    measured: str = ""
+    frozen: str = ""
+
+    @model_validator(mode="after")
+    def _each_axis_once(self) -> Axes:
+        for mode, letters in (("free", self.free), ("measured", self.measured), ("frozen", self.frozen)):
+            for letter in letters:
+                if letter not in AXES:
+                    raise ValueError(f"{mode} holds letters of {AXES}, found {letter!r}")
+        letters = self.free + self.measured + self.frozen
+        for letter in letters:
+            if letters.count(letter) > 1:
+                raise ValueError(f"axis {letter} has two modes; name it once in free, measured or frozen")
+        return self
+
+
+def _short_tie(entry: Any) -> Any:
+    return {"name": entry} if isinstance(entry, str) else entry
+
+
+class Tie(Section):
+    """A coefficient that follows another one by a factor (symmetry)."""
+
+    name: Name
+    factor: Number = 1.0
+
+
+def _short_coefficient(entry: Any) -> Any:
+    if entry == "default":
+        return {}
+    if isinstance(entry, str):
+        raise ValueError(f'expected [lower, upper], "default" or a table, found {entry!r}')
+    return {"bounds": entry} if isinstance(entry, list | tuple) else entry
+
+
+class Coefficient(Section):
+    """A free coefficient: bounds, start value, how well that is known beforehand, and those tied to it."""
+
+    advice: ClassVar[str] = '. A name with a dot needs quotes: "stern.gain" = [0.5, 2.0].'
+
+    bounds: Interval | None = None
+    start: Number | None = None
+    sd: Positive | None = None
+    relative: bool = False
+    tie: tuple[Annotated[Tie, BeforeValidator(_short_tie)], ...] = ()
+
+    @model_validator(mode="after")
+    def _bounds_in_order(self) -> Coefficient:
+        if self.bounds is not None:
+            lower, upper = self.bounds
+            if lower >= upper:
+                raise ValueError(f"bounds are [lower, upper] with lower < upper, found [{lower}, {upper}]")
+        elif self.relative:
+            raise ValueError("relative = true needs bounds: two factors of the vehicle's value")
+        return self
+
+
+EntryOfCoefficient = Annotated[Coefficient, BeforeValidator(_short_coefficient)]
+"""A coefficient, also as ``[lower, upper]`` or ``"default"``."""
+
+
+class Stage(Section):
+    """One step of the identification: these coefficients from those trials."""
+
+    name: Name
+    trials: Annotated[TrialNames, Field(min_length=1)]
+    axes: Axes
+    coefficients: dict[str, EntryOfCoefficient] = Field(default_factory=dict)
+    after: tuple[Name, ...] = ()
+    segment_s: Positive = 10.0
+    overlap_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    channels: dict[str, Positive] = Field(default_factory=dict)
+    loss: Literal["absolute", "squared", "huber"] = "absolute"
+    knee: Positive = 1.8
+    start: Literal["smoothed", "estimated"] = "smoothed"
+    budget: Budget = Budget()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Stage:
+        for channel in self.channels:
+            if channel not in CHANNELS:
+                raise ValueError(f"unknown channel {channel!r}{nearest(channel, CHANNELS)}")
+        if self.overlap_s >= self.segment_s:
+            raise ValueError(
+                f"overlap_s = {self.overlap_s} must be shorter than segment_s = {self.segment_s}"
+            )
+        if not self.axes.free:
+            raise ValueError('frees no axis, so nothing can be identified; set axes = { free = "X", ... }')
+        if not self.coefficients:
+            raise ValueError("frees no coefficient; list at least one under [stages.coefficients]")
+        return self
+
+    def weights(self) -> dict[str, float]:
+        """Weight per channel; by default 1 for the velocity of every free axis."""
+        if self.channels:
+            return dict(self.channels)
+        return {CHANNELS[AXES.index(axis)]: 1.0 for axis in sorted(self.axes.free, key=AXES.index)}
+
+
+def in_order(stages: tuple[Stage, ...], source: str) -> tuple[Stage, ...]:
+    """Stages so that each comes after those it names, otherwise as in the file."""
+    known = [stage.name for stage in stages]
+    if (name := twice(known)) is not None:
+        raise CampaignError(f"{source}: two stages are called {name!r}; rename one")
+    names = set(known)
+    for stage in stages:
+        for name in stage.after:
+            if name == stage.name:
+                raise CampaignError(
+                    f"{source}: stage {name!r}, key after: it names the stage itself; remove it"
+                )
+            if name not in names:
+                raise CampaignError(
+                    f"{source}: stage {stage.name!r}, key after: unknown stage {name!r}{nearest(name, known)}"
+                )
+    # The first of the file that waits for nothing comes next: by their places, smallest first.
+    open_ = [set(stage.after) for stage in stages]
+    after: dict[str, list[int]] = {}
+    for k, waits in enumerate(open_):
+        for name in waits:
+            after.setdefault(name, []).append(k)
+    ready = [k for k, waits in enumerate(open_) if not waits]
+    ordered: list[Stage] = []
+    while ready:
+        stage = stages[heappop(ready)]
+        ordered.append(stage)
+        for k in after.get(stage.name, ()):
+            open_[k].discard(stage.name)
+            if not open_[k]:
+                heappush(ready, k)
+    if len(ordered) < len(stages):
+        done = {stage.name for stage in ordered}
+        waiting = ", ".join(repr(name) for name in known if name not in done)
+        raise CampaignError(f"{source}: the stages {waiting} wait for one another; remove one of their after")
+    return tuple(ordered)
