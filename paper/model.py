@@ -283,7 +283,7 @@ def optimisation_diagram(problem: Problem, *, results: Sequence[StageResult] = (
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
     results : sequence of StageResult
         Of an identification: criterion before and after stand in the boxes of the stages.
     """

@@ -20,16 +20,16 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 447,
-    "Python lines": 117_400,
-    "modules that import the campaign": 89,
+    "Python files": 455,
+    "Python lines": 117_700,
+    "modules that import the campaign": 53,
     "lines that build text below the verbs": 8_200,
     "functions over 8 parameters": 65,
     "parameters of the widest function": 32,
-    "numeric constants of modules": 1_710,
+    "numeric constants of modules": 1_708,
     "numeric constants of modules without a reason": 575,
     "comment lines per 1,000 lines of long functions, at least": 12,
-    "bindings named by a pronoun or a participle": 2_270,
+    "bindings named by a pronoun or a participle": 2_250,
     "words of documentation": 115_700,
 }
 """Beyond these the build fails."""

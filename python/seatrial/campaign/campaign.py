@@ -53,8 +53,6 @@ class Campaign:
         Instead of those that the file names.
     progress : callable, optional
         Called with a `Progress` before each step of the reading of a trial.
-    known : mapping, optional
-        Trials by name that were read already.
 
     Examples
     --------
@@ -87,7 +85,6 @@ class Campaign:
         vehicle: Vehicle | None = None,
         bench: BenchTest | None = None,
         progress: Callable[[Progress], None] | None = None,
-        known: Mapping[str, Trial] | None = None,
     ) -> None:
         self.file = file
         self.progress = progress
@@ -98,7 +95,7 @@ class Campaign:
         self.bench = self._bench_test()
         self.vehicle = self._load_vehicle() if self.bench is None else self.bench.vehicle
         self._sources, self._data = self._trial_sources(dict(trials or {}))
-        self.trials: Mapping[str, Trial] = ByName(self._sources, self.read) if known is None else known
+        self.trials: Mapping[str, Trial] = ByName(self._sources, self.read)
         self._problem = self._asked()
         self._check_sensor_positions()
 
@@ -219,7 +216,7 @@ class Campaign:
             The file contradicts itself or names what does not exist.
         """
         text = self.text if text is None else text
-        return Campaign(
+        other = Campaign(
             file,
             text=text,
             source=self.source,
@@ -228,8 +225,9 @@ class Campaign:
             vehicle=self._given_vehicle,
             bench=self._given_bench,
             progress=self.progress,
-            known=self.trials,
         )
+        other.trials, other._problem = self.trials, other._problem.with_trials(self.trials)
+        return other
 
     def problem(self) -> Problem:
         """What the campaign asks of an identification: the same object at every call."""
@@ -244,7 +242,13 @@ class Campaign:
         threads: int | None = None,
         executor: Workers | None = None,
     ) -> Identification:
-        """Identification of the vehicle; parameters and errors are those of `seatrial.identify`."""
+        """Identification of the vehicle.
+
+        Parameters
+        ----------
+        run_dir, progress, resume, threads, executor
+            As of `seatrial.identify`, whose result and errors these are.
+        """
         return self._problem.identify(
             run_dir=run_dir, progress=progress, resume=resume, threads=threads, executor=executor
         )

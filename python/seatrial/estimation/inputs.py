@@ -271,7 +271,7 @@ def judge_inputs(problem: Problem) -> InputJudgement:
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
 
     Raises
     ------

@@ -216,7 +216,7 @@ class Joint:
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
     vehicle : Vehicle, optional
         Gives the start values and what is not estimated; by default the campaign's.
     threads : int, optional

@@ -38,7 +38,7 @@ def method_of(problem: Problem, trials: Sequence[str]) -> ByItself:
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
     trials : sequence of str
         Names of the trials that are estimated jointly.
     """

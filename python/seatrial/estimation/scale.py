@@ -355,7 +355,7 @@ def judge_scale(problem: Problem, vehicle: Vehicle | None = None) -> ScaleReport
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
     vehicle : Vehicle, optional
         The identified one; without it only bollard pulls are judged, on the thrust of the vehicle file.
 

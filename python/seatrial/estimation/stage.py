@@ -190,7 +190,7 @@ def run_stage(
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
     plan : StagePlan
     vehicle : Vehicle
         With the estimates of the stages before.
@@ -303,7 +303,7 @@ def refitted_stage(
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
         With the other data.
     plan : StagePlan
         Of the stage in that campaign.

@@ -158,7 +158,7 @@ def choose(
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
     joint : Joint
         With the stages' vehicle.
     polished : Polished

@@ -155,7 +155,7 @@ def hold_untold(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
         Trials whose forces are measured have no commands and tell every axis.
     """
     polish = problem.joint

@@ -117,7 +117,7 @@ def part_scores(
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
     vehicle : Vehicle
     nuisances : mapping, optional
         Nuisance parameters of the trials' records by trial and name, SI (`Assessment.records`).
@@ -219,7 +219,7 @@ def left_out_score(
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
         With the trial: it says on which axes the trial is judged.
     rest : Campaign
         Without it: what vehicle and baselines learnt from.

@@ -45,10 +45,10 @@ class Identification(RunResult):
 
     Attributes
     ----------
-    campaign
+    problem
         What was asked for, without what is ``held``.
     vehicle
-        The campaign's vehicle with the estimates.
+        The problem's vehicle with the estimates.
     coefficients
         An `Estimate` per coefficient: start value, estimate, bounds, bound hit or not.
     stages

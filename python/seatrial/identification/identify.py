@@ -4,7 +4,7 @@
 dependent stages one after the other and independent ones side by side; finished ones are kept, so that an
 interrupted run goes on where it stopped.
 
-Tests: ``tests/identification/test_identify.py``, ``tests/identification/test_identify_without_file.py``.
+Tests: ``tests/identification/test_identify.py``, ``tests/problem/test_by_hand.py``.
 """
 
 from __future__ import annotations

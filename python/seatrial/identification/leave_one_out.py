@@ -40,11 +40,12 @@ from seatrial.identification.held import joint_estimate_of
 from seatrial.identification.hold_out import left_out_score
 from seatrial.identification.identify import StageOrder
 from seatrial.identification.preparation import identifiable
+from seatrial.problem.problem import stated
 from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import score_text
 
 if TYPE_CHECKING:
-    from seatrial.problem.problem import Problem
+    from seatrial.problem.problem import Asks, Problem
 
 _SHARED = 0.1  # ratio below which a deviation is not that of the trials
 
@@ -105,7 +106,7 @@ class LeaveOneOut(RunResult):
         Whether Ctrl-C ended the run early, the campaign file, and what the result rests on.
     """
 
-    problem: str
+    campaign: str
     left_out: tuple[LeftOut, ...]
     sigma: Mapping[str, float]
     units: Mapping[str, str]
@@ -161,7 +162,7 @@ class LeaveOneOut(RunResult):
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data."""
         return {
-            "campaign": self.problem,
+            "campaign": self.campaign,
             "interrupted": self.interrupted,
             "left_out": [asdict(one) for one in self.left_out],
             "coefficients": list(self.coefficients()),
@@ -190,7 +191,7 @@ class LeaveOneOut(RunResult):
 
 @callers_errors_pass
 def leave_one_out(
-    problem: Problem,
+    asked: Problem | Asks,
     *,
     sigma: Mapping[str, float] | None = None,
     run_dir: str | Path | None = None,
@@ -202,7 +203,7 @@ def leave_one_out(
 
     Parameters
     ----------
-    campaign : Campaign
+    asked : Problem or Campaign
         With at least two trials in its stages.
     sigma : mapping, optional
         Standard deviation of coefficients by name, SI, as `Identification.sigma` gives them.
@@ -235,6 +236,7 @@ def leave_one_out(
     >>> print(leave_one_out(campaign))  # doctest: +SKIP
     """
     checked_threads(threads)
+    problem = stated(asked)
     names = list(dict.fromkeys(name for stage in problem.stages for name in stage.trials))
     if len(names) < 2:
         raise CampaignError(
@@ -382,7 +384,7 @@ def _report(found: LeaveOneOut) -> Report:
         good = f"Does not beat a baseline in {'; '.join(worse)}. {good}"
     worst, next_step = _worst(found)
     return Report(
-        title=f"{found.problem}, leave one out",
+        title=f"{found.campaign}, leave one out",
         outcome="interrupted" if found.interrupted else "judged",
         good=good,
         worst=worst,

@@ -24,17 +24,18 @@ from seatrial.estimation.stage import StageResult, plan
 from seatrial.identification.identify import StageOrder
 from seatrial.identification.preparation import identifiable
 from seatrial.identification.restarts_result import Restarts, StageRestarts
+from seatrial.problem.problem import stated
 
 if TYPE_CHECKING:
     from seatrial.base.fleet import Workers
-    from seatrial.problem.problem import Problem
+    from seatrial.problem.problem import Asks, Problem
 
 Stages = tuple[StageResult, ...]
 
 
 @callers_errors_pass
 def restarts(
-    problem: Problem,
+    asked: Problem | Asks,
     *,
     starts: int = 10,
     seed: int | None = None,
@@ -49,7 +50,7 @@ def restarts(
 
     Parameters
     ----------
-    campaign : Campaign
+    asked : Problem or Campaign
     starts : int
         Number of random starts, at least two.
     seed : int, optional
@@ -88,6 +89,7 @@ def restarts(
     >>> print(restarts(campaign, starts=10))  # doctest: +SKIP
     """
     checked_threads(threads)
+    problem = stated(asked)
     if starts < 2:
         raise CampaignError(
             f"random starts: expected two or more, found {starts}; a single one has nothing to be"

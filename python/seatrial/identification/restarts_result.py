@@ -237,7 +237,7 @@ class Restarts(RunResult):
         What the result rests on, see `seatrial.base.run.run_facts`.
     """
 
-    problem: str
+    campaign: str
     stages: tuple[StageRestarts, ...]
     seed: int
     interrupted: bool
@@ -272,7 +272,7 @@ class Restarts(RunResult):
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data."""
         return {
-            "campaign": self.problem,
+            "campaign": self.campaign,
             "seed": self.seed,
             "starts": self.starts,
             "interrupted": self.interrupted,
@@ -322,7 +322,7 @@ def _report(found: Restarts) -> Report:
     agreed = [stage.name for stage in found.stages if stage.verdict == "same optimum"]
     worst, next_step = _worst(found)
     return Report(
-        title=f"{found.problem}, random starts",
+        title=f"{found.campaign}, random starts",
         outcome=_outcome(found),
         good=(
             f"{len(agreed)} of {len(found.stages)} stages reach the same optimum from all {found.starts}"

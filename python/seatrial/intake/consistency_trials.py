@@ -118,7 +118,7 @@ def late_velocity(problem: Problem, names: Sequence[str]) -> LateVelocity | None
 
     Parameters
     ----------
-    campaign : Campaign
+    problem : Problem
     names : sequence of str
         Trials to look at.
     """

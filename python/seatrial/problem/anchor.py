@@ -1,6 +1,6 @@
 """Absolute anchors of the force scale: motion data fix only ratios of mass, damping and thrust.
 
-Tests: ``tests/campaign/test_campaign_file.py``, ``tests/estimation/test_scale.py``.
+Tests: ``tests/campaign/test_campaign_file.py``, ``tests/estimation/test_anchor.py``.
 """
 
 from __future__ import annotations
@@ -66,7 +66,17 @@ class Ballast(Section):
 
 
 class Anchor(Section):
-    """Absolute anchors of the force scale: motion data fix only ratios of mass, damping and thrust."""
+    """Absolute anchors of the force scale: motion data fix only ratios of mass, damping and thrust.
+
+    Parameters
+    ----------
+    dry_mass : DryMass, optional
+        Mass on the scales, and the water that the hull carries along, kg.
+    bollard : tuple of Bollard
+        Forces measured at rest, N, under steady commands.
+    ballast : tuple of Ballast
+        Known weights, kg, and how the vehicle answered each.
+    """
 
     dry_mass: DryMass | None = None
     bollard: Annotated[tuple[Bollard, ...], BeforeValidator(_as_list)] = ()

@@ -3,7 +3,7 @@
 One stage frees all of them on all trials, the joint estimate follows. The axes on which a free coefficient
 acts are simulated; other axes are replayed where every trial recorded them and frozen elsewhere.
 
-Tests: ``tests/identification/test_identify_without_file.py``.
+Tests: ``tests/problem/test_by_hand.py``.
 """
 
 from __future__ import annotations
@@ -18,15 +18,13 @@ from pydantic import ValidationError
 
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.base.toml_file import loaded
 from seatrial.problem.parameter import axes_of
-from seatrial.problem.stage import Axes, Coefficient, Stage, TrialUse
+from seatrial.problem.stage import Axes, Coefficient, Stage
 from seatrial.trial.trial import Input, Trial
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.bench_test.result import BenchTest
 
 Recorded = Any
 """A trial that was read, or what one is read from: a table (dict of columns, pandas or polars), or a file."""
@@ -37,42 +35,50 @@ Trials = Recorded | Sequence[Recorded] | Mapping[str, Recorded]
 Bounds = tuple[float, float]
 """Lower and upper bound, SI."""
 
-_SOURCE = "identify"
+SOURCE = "identify"
+"""What messages call a problem without a file."""
 
 _TIME = "t_s"
 """The column that a table of a trial has, and a dict of trials has not."""
 
 
-def fields_of(
-    vehicle: Vehicle | str | Path,
-    trials: Trials,
-    *,
-    free: str | Sequence[str] | Mapping[str, Bounds | None],
-    start: Mapping[str, float] | None,
-    hold_out: float | Trials,
-    axes: str | None,
-    channels: Sequence[str] | Mapping[str, float] | None,
-    input: Input | None,
-    segment_s: float,
-    bench: BenchTest | None,
-    name: str | None,
-) -> dict[str, Any]:
-    """Attributes of a `Problem` of one stage. Parameters and errors are those of the problem."""
-    from seatrial._core import Vehicle
+def fitted_and_judging(trials: Trials, hold_out: float | Trials) -> tuple[dict[str, Trial], dict[str, Trial]]:
+    """Trials by name that are fitted, and those that only judge.
 
+    Raises
+    ------
+    CampaignError
+        There is none, two share a name, or one is in both.
+    """
     fitted = _named(trials)
     judging = {} if isinstance(hold_out, float | int) else _named(hold_out)
     if shared := sorted(set(fitted) & set(judging)):
-        raise CampaignError(f"{_SOURCE}: trial {shared[0]!r} is fitted and held out; leave it out of one")
-    known = loaded(Vehicle, vehicle) if bench is None else bench.vehicle
-    freed = _freed(known, free, start or {})
+        raise CampaignError(f"{SOURCE}: trial {shared[0]!r} is fitted and held out; leave it out of one")
+    return fitted, judging
+
+
+def stage_of(
+    vehicle: Vehicle,
+    fitted: Mapping[str, Trial],
+    freed: dict[str, Coefficient],
+    axes: str | None,
+    channels: Sequence[str] | Mapping[str, float] | None,
+    segment_s: float,
+) -> Stage:
+    """The one stage of a problem by hand, which frees these coefficients on all fitted trials.
+
+    Raises
+    ------
+    CampaignError
+        A key holds what it may not.
+    """
     simulated = axes or _axes(list(freed))
     recorded = set(CHANNELS[:6]).intersection(*(trial.channels for trial in fitted.values()))
     others = "".join(letter for letter in AXES if letter not in simulated)
     replayed = "".join(letter for letter in others if CHANNELS[AXES.index(letter)] in recorded)
     weights = channels if isinstance(channels, Mapping) else dict.fromkeys(channels or (), 1.0)
     try:
-        stage = Stage(
+        return Stage(
             name="all",
             trials=tuple(fitted),
             axes=Axes(free=simulated, measured=replayed),
@@ -81,26 +87,15 @@ def fields_of(
             channels={channel: float(weight) for channel, weight in weights.items()},
         )
     except ValidationError as error:
-        said = error.errors()[0]
-        place = ".".join(str(part) for part in said["loc"])
-        message = said["msg"].removeprefix("Value error, ")
-        raise CampaignError(f"{_SOURCE}: {place + ': ' if place else ''}{message}") from None
-    return {
-        "vehicle": known,
-        "bench": bench,
-        "trials": fitted | judging,
-        "uses": {
-            label: TrialUse(
-                input=input or _input(known, trial),
-                hold_out=label in judging,
-                hold_out_s=() if label in judging else _share(hold_out, trial),
-            )
-            for label, trial in (fitted | judging).items()
-        },
-        "stages": (stage,),
-        "name": name,
-        "source": _SOURCE,
-    }
+        raise _refused(error, "") from None
+
+
+def _refused(error: ValidationError, where: str) -> CampaignError:
+    """The first complaint as one sentence."""
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    words = first["msg"].removeprefix("Value error, ")
+    return CampaignError(": ".join(part for part in (SOURCE, where, place, words) if part))
 
 
 def _named(trials: Trials) -> dict[str, Trial]:
@@ -110,12 +105,12 @@ def _named(trials: Trials) -> dict[str, Trial]:
     single = _is_table(trials) or isinstance(trials, Trial | str | Path)
     listed = [trials] if single else list(trials)
     if not listed:
-        raise CampaignError(f"{_SOURCE}: expected a trial or several, found none")
+        raise CampaignError(f"{SOURCE}: expected a trial or several, found none")
     named: dict[str, Trial] = {}
     for trial in (_read(source, number, len(listed)) for number, source in enumerate(listed, 1)):
         if trial.name in named:
             raise CampaignError(
-                f"{_SOURCE}: two trials are named {trial.name!r}; give each its own name, or a dict"
+                f"{SOURCE}: two trials are named {trial.name!r}; give each its own name, or a dict"
                 " {name: trial}"
             )
         named[trial.name] = trial
@@ -136,10 +131,16 @@ def _read(source: Recorded, number: int = 1, of: int = 1) -> Trial:
     return Trial.read(source)
 
 
-def _freed(
+def entries(
     vehicle: Vehicle, free: str | Sequence[str] | Mapping[str, Bounds | None], start: Mapping[str, float]
 ) -> dict[str, Coefficient]:
-    """Entries of the coefficients by name, groups and patterns resolved."""
+    """Entries of the freed coefficients by name, groups and patterns resolved.
+
+    Raises
+    ------
+    CampaignError
+        The vehicle has no such coefficient, or a start value is of one that is not free.
+    """
     present, info = vehicle.coefficients(), vehicle.coefficient_info()
     groups = actuator_groups(vehicle)
     wanted = free if isinstance(free, Mapping) else dict.fromkeys([free] if isinstance(free, str) else free)
@@ -151,13 +152,13 @@ def _freed(
         names = [pattern] if single else matching
         if not names:
             raise CampaignError(
-                f"{_SOURCE}: free: {vehicle.name} has no coefficient {pattern!r}{nearest(pattern, info)}"
+                f"{SOURCE}: free: {vehicle.name} has no coefficient {pattern!r}{nearest(pattern, info)}"
             )
         for name in names:
             freed[name] = _entry(name, bounds, start.get(name))
     for name in start:
         if name not in freed:
-            raise CampaignError(f"{_SOURCE}: start: {name!r} is not free{nearest(name, freed)}")
+            raise CampaignError(f"{SOURCE}: start: {name!r} is not free{nearest(name, freed)}")
     return freed
 
 
@@ -168,8 +169,7 @@ def _entry(name: str, bounds: Bounds | None, start: float | None) -> Coefficient
             start=None if start is None else float(start),
         )
     except ValidationError as error:
-        message = error.errors()[0]["msg"].removeprefix("Value error, ")
-        raise CampaignError(f"{_SOURCE}: free: {name}: {message}") from None
+        raise _refused(error, f"free: {name}") from None
 
 
 def _axes(names: Sequence[str]) -> str:
@@ -178,19 +178,20 @@ def _axes(names: Sequence[str]) -> str:
     return "".join(letter for letter in AXES if letter in acted) or AXES
 
 
-def _input(vehicle: Vehicle, trial: Trial) -> Input:
+def own_input(vehicle: Vehicle, trial: Trial) -> Input:
+    """What drives the model where nobody says it: the first of commands, revolutions and forces recorded."""
     from seatrial.trial.windows import default_input
 
     return default_input(vehicle, trial)
 
 
-def _share(hold_out: Any, trial: Trial) -> tuple[Bounds, ...]:
+def share(hold_out: Any, trial: Trial) -> tuple[Bounds, ...]:
     """The last part of a trial as held out, where a share is asked for."""
     if not isinstance(hold_out, float | int) or hold_out == 0:
         return ()
     if not 0.0 < hold_out < 1.0:
         raise CampaignError(
-            f"{_SOURCE}: hold_out: expected a share from 0 to below 1, or trials; found {hold_out!r}"
+            f"{SOURCE}: hold_out: expected a share from 0 to below 1, or trials; found {hold_out!r}"
         )
     first, last = float(trial.t[0]), float(trial.t[-1])
     return ((last - float(hold_out) * (last - first), last + trial.dt),)

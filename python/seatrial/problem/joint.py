@@ -31,7 +31,33 @@ class Nuisance(Section):
 
 
 class JointSettings(Section):
-    """The joint estimate after the stages: every coefficient, trial and nuisance parameter at once."""
+    """The joint estimate after the stages: every coefficient, trial and nuisance parameter at once.
+
+    Parameters
+    ----------
+    trials : tuple of str
+        All of the stages when empty.
+    axes : Axes, optional
+        Those of the stages together when absent.
+    coefficients, fixed
+        Entries of coefficients that no stage frees, and names of those that keep the stages' values.
+    nuisances : dict
+        `Nuisance` by name: sensors' biases and latencies, current, a trial's own.
+    channels : dict
+        Weight by channel; the velocities of the free axes when empty.
+    segment_s : float
+        Length of a segment, s.
+    loss, knee
+        ``"huber"`` counts residuals beyond ``knee`` standard deviations linearly, ``"squared"`` none.
+    start : "estimated" or "smoothed"
+        Whether initial velocities of segments are estimated, or those of the smoothed recording.
+    starts, rounds : int
+        Starts, and rounds of Gauss and Newton at most; 0 rounds keep the stages' result.
+    method : "automatic", "output" or "innovations"
+        Residuals of a simulation, or innovations of a Kalman filter.
+    horizon_s, horizons_s
+        How far ahead innovations look, s; 0 for the next sample; ``horizons_s`` are compared with it.
+    """
 
     trials: TrialNames = ()
     axes: Axes | None = None

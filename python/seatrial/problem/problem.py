@@ -3,7 +3,7 @@
 It is made by hand in three lines (vehicle, trials, free coefficients), or filled in by a campaign file. It
 does not change: variants (`without_trial`, `with_strips`) are other problems that share trials already read.
 
-Tests: ``tests/identification/test_identify_without_file.py``, ``tests/campaign/test_campaign.py``.
+Tests: ``tests/problem/test_by_hand.py``, ``tests/campaign/test_campaign.py``.
 """
 
 from __future__ import annotations
@@ -13,15 +13,17 @@ import dataclasses
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.run import sha256
+from seatrial.base.toml_file import loaded
 from seatrial.problem.anchor import Anchor
 from seatrial.problem.budget import Budget
+from seatrial.problem.by_hand import SOURCE, entries, fitted_and_judging, own_input, share, stage_of
 from seatrial.problem.by_name import ByName
 from seatrial.problem.joint import JointSettings
 from seatrial.problem.parameter import Parameter, coefficient_names, parameters
@@ -131,25 +133,27 @@ class Problem:
         name: str | None = None,
         seed: int = 0,
     ) -> None:
-        from seatrial.problem.by_hand import fields_of
+        from seatrial._core import Vehicle
 
-        settings = joint if isinstance(joint, JointSettings) else JointSettings() if joint else None
+        fitted, judging = fitted_and_judging(trials, hold_out)
+        known = loaded(Vehicle, vehicle) if bench is None else bench.vehicle
+        stage = stage_of(known, fitted, entries(known, free, start or {}), axes, channels, segment_s)
+        own = {label: own_input(known, trial) for label, trial in (fitted | judging).items()}
         self._fill(
-            **fields_of(
-                vehicle,
-                trials,
-                free=free,
-                start=start,
-                hold_out=hold_out,
-                axes=axes,
-                channels=channels,
-                input=input,
-                segment_s=segment_s,
-                bench=bench,
-                name=name,
-            ),
-            joint=settings,
+            stages=(stage,),
+            vehicle=known,
+            bench=bench,
+            trials=fitted | judging,
+            uses={
+                **{
+                    label: TrialUse(input or own[label], False, share(hold_out, fitted[label]))
+                    for label in fitted
+                },
+                **{label: TrialUse(input or own[label], True) for label in judging},
+            },
+            joint=joint if isinstance(joint, JointSettings) else JointSettings() if joint else None,
             anchor=anchor or Anchor(),
+            name=name or known.name,
             seed=seed,
         )
 
@@ -192,32 +196,23 @@ class Problem:
         problem._fill(vehicle=vehicle, trials=trials, uses=uses, stages=stages, joint=joint, **known)
         return problem
 
-    def _fill(
-        self,
-        *,
-        vehicle: Vehicle,
-        trials: Mapping[str, Trial],
-        uses: Mapping[str, TrialUse],
-        stages: Sequence[Stage],
-        joint: JointSettings | None,
-        bench: BenchTest | None = None,
-        files: Mapping[str, Path | None] | None = None,
-        recordings: Mapping[str, Recording | None] | None = None,
-        anchor: Anchor | None = None,
-        common_budget: Budget | None = None,
-        name: str | None = None,
-        seed: int = 0,
-        source: str = "identify",
-        given_text: str | None = None,
-    ) -> None:
+    def _fill(self, *, stages: Sequence[Stage], **known: Any) -> None:
         """Set all attributes, and check them."""
-        self.vehicle, self.bench = vehicle, bench
-        self.trials, self.uses = trials, uses
-        self.files = dict.fromkeys(trials) if files is None else files
-        self.recordings = dict.fromkeys(trials) if recordings is None else recordings
-        self.joint, self.anchor = joint, anchor or Anchor()
-        self.common_budget = common_budget or Budget()
-        self.name, self.seed, self.source, self.given_text = name or vehicle.name, seed, source, given_text
+        nothing = dict.fromkeys(known["trials"])
+        vars(self).update(
+            {
+                "bench": None,
+                "files": nothing,
+                "recordings": nothing,
+                "anchor": Anchor(),
+                "common_budget": Budget(),
+                "name": known["vehicle"].name,
+                "seed": 0,
+                "source": SOURCE,
+                "given_text": None,
+            }
+            | known
+        )
         self._verdicts: dict[str, dict[str, Verdict]] = {}
         self._limits: dict[str, Unpredictable] = {}
         self._set_stages(stages)
@@ -250,7 +245,13 @@ class Problem:
         threads: int | None = None,
         executor: Workers | None = None,
     ) -> Identification:
-        """Identification of the vehicle; parameters and errors are those of `seatrial.identify`."""
+        """Identification of the vehicle.
+
+        Parameters
+        ----------
+        run_dir, progress, resume, threads, executor
+            As of `seatrial.identify`, whose result and errors these are.
+        """
         from seatrial.identification.identify import identify
 
         return identify(
@@ -329,6 +330,10 @@ class Problem:
     def with_joint(self, joint: JointSettings | None) -> Self:
         """Problem that asks something else of the joint estimate, or nothing."""
         return self._variant(joint=joint)
+
+    def with_trials(self, trials: Mapping[str, Trial]) -> Self:
+        """Problem on other records of the same trials, by the same names; verdicts and limits are shared."""
+        return self._variant(trials=trials)
 
     def with_uses(self, uses: Mapping[str, TrialUse]) -> Self:
         """Problem that uses its trials otherwise: another input, another part held out."""
@@ -471,3 +476,15 @@ class Problem:
                         f"{self.where(stage)}: coefficient {min(shared)!r} is also freed by stage"
                         f" {other.name!r}, and neither runs after the other; set after = [{other.name!r}]"
                     )
+
+
+class Asks(Protocol):
+    """What states a problem: a campaign."""
+
+    def problem(self) -> Problem:
+        """The problem that it states."""
+
+
+def stated(asked: Problem | Asks) -> Problem:
+    """A problem, or the one that a campaign states."""
+    return asked if isinstance(asked, Problem) else asked.problem()

@@ -108,7 +108,30 @@ EntryOfCoefficient = Annotated[Coefficient, BeforeValidator(_short_coefficient)]
 
 
 class Stage(Section):
-    """One step of the identification: these coefficients from those trials."""
+    """One step of the identification: these coefficients from those trials.
+
+    Parameters
+    ----------
+    name : str
+    trials : tuple of str
+        Names of the trials it is fitted to.
+    axes : Axes
+        Letters of the simulated, replayed and frozen axes.
+    coefficients : dict
+        `Coefficient` by name: bounds, start, prior, ties.
+    after : tuple of str
+        Stages whose results it starts from.
+    segment_s, overlap_s : float
+        Length of a segment and how much of it is shared with the next, s.
+    channels : dict
+        Weight by channel; the velocities of the free axes when empty.
+    loss, knee
+        Loss of a residual; ``"huber"`` counts those beyond ``knee`` standard deviations linearly.
+    start : "smoothed" or "estimated"
+        Initial velocities of segments: smoothed from the recording, or estimated.
+    budget : Budget
+        Limits of the search.
+    """
 
     name: Name
     trials: Annotated[TrialNames, Field(min_length=1)]

@@ -3,7 +3,7 @@
 Only what differs from the defaults is written. Trials that were given as tables stand under the name of what
 they were read from.
 
-Tests: ``tests/identification/test_identify_without_file.py``.
+Tests: ``tests/problem/test_by_hand.py``.
 """
 
 from __future__ import annotations

@@ -139,7 +139,7 @@ def tune(
     --------
     >>> import seatrial as st
     >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
-    >>> tuning = st.tune(campaign, st.identify(campaign))  # doctest: +SKIP
+    >>> tuning = st.tune(campaign, campaign.identify())  # doctest: +SKIP
     >>> tuning.autopilot.gains()["surge.K_P.4"]  # doctest: +SKIP
 
     Without a file, and with a search that is much too short:

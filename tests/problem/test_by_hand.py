@@ -1,4 +1,4 @@
-"""Identification of a vehicle and trials without a file: the same campaign, the same numbers as with one."""
+"""A problem by hand, without a file: the same question, the same numbers as with a campaign file."""
 
 from __future__ import annotations
 
