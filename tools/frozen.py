@@ -52,10 +52,13 @@ RECIPES = {
 """Commands of `seatrial` of each recipe in their order; {examples} and {data} are folders."""
 
 PASSING = re.compile(
-    r"seconds|_time|time_|started|ended|date|version|host|path|folder|python|platform|sha256|hash|command",
+    r"^pid$|seconds|elapsed|wall|_time|time_|started|ended|_utc|date|version|host|path|folder|python|platform|sha256|hash|command",
     re.IGNORECASE,
 )
 """Keys that differ from run to run, or with the sources."""
+
+DURATION = re.compile(r"\b[\d.]+ s\b|\btime=\"[\d.]+\"|/\S*/examples/")
+"""How long something took, and where the examples lie, in text; numbers in seconds stand in JSON as well."""
 
 READ = (".json", ".csv", ".toml", ".txt", ".c", ".h", ".xml")
 """Endings that are compared; archives and figures hold the same numbers again."""
@@ -129,7 +132,7 @@ def leaves(path: Path) -> Iterator[tuple[str, str]]:
     else:
         for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
             if not PASSING.search(line) or path.suffix == ".csv":
-                yield f"line {number}", line
+                yield f"line {number}", line if path.suffix == ".csv" else DURATION.sub("_", line)
 
 
 def below(key: str, value: object) -> Iterator[tuple[str, str]]:
@@ -141,6 +144,8 @@ def below(key: str, value: object) -> Iterator[tuple[str, str]]:
     elif isinstance(value, list):
         for i, child in enumerate(value):
             yield from below(f"{key}[{i}]", child)
+    elif isinstance(value, str):
+        yield key, DURATION.sub("_", value)
     else:
         yield key, value.hex() if isinstance(value, float) else repr(value)
 
