@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from seatrial.trial.comparison import Comparison, compare
     from seatrial.trial.score import Score, score
     from seatrial.trial.trial import Trial
+    from seatrial.tuning.control_problem import ControlProblem
     from seatrial.tuning.result import Tuning
     from seatrial.tuning.tune import tune
     from seatrial.verification.boundary import FailureBoundary, failure_boundary
@@ -72,6 +73,7 @@ _HOME = {
     "Campaign": "seatrial.campaign.campaign",
     "CampaignError": "seatrial.base.errors",
     "Comparison": "seatrial.trial.comparison",
+    "ControlProblem": "seatrial.tuning.control_problem",
     "Coverage": "seatrial.experiment.coverage_result",
     "Falsification": "seatrial.verification.falsify",
     "FailureBoundary": "seatrial.verification.boundary",
@@ -141,6 +143,7 @@ __all__ = [
     "Campaign",
     "CampaignError",
     "Comparison",
+    "ControlProblem",
     "Coverage",
     "FailureBoundary",
     "Falsification",

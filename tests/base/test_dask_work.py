@@ -15,7 +15,6 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.experiment.coverage import coverage
 from seatrial.identification.restarts import restarts
-from seatrial.tuning.tune import tune
 from seatrial.verification.boundary import run_boundary
 from seatrial.verification.rare import run_rare
 from tests.cli.test_cli_rare import CAMPAIGN
@@ -49,7 +48,7 @@ def test_a_boundary(fleet: Fleet) -> None:
 
 
 def test_a_tuning(fleet: Fleet) -> None:
-    assert tune(quick(), executor=fleet).autopilot.gains() == tune(quick()).autopilot.gains()
+    assert quick().tune(executor=fleet).autopilot.gains() == quick().tune().autopilot.gains()
 
 
 def test_identification_and_random_starts(fleet: Fleet) -> None:

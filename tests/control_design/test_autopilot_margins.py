@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 import seatrial as st
-from seatrial.campaign.tuning_table import (
+from seatrial.control_design.lqr import design_lqr
+from seatrial.control_design.margin_report import MarginRow, autopilot_margins, sound_speeds
+from seatrial.control_design.margins import small
+from seatrial.control_design.tuning_table import (
     ACCEPTED_GAIN_DB,
     ACCEPTED_PHASE_DEG,
     ACCEPTED_SENSITIVITY,
     LeastMargins,
 )
-from seatrial.control_design.lqr import design_lqr
-from seatrial.control_design.margin_report import MarginRow, autopilot_margins, sound_speeds
-from seatrial.control_design.margins import small
 
 CWOLF = st.Vehicle.load("cwolf")
 STARTER = st.Vehicle.load(Path(__file__).parents[2] / "examples" / "starter" / "vehicle.toml")

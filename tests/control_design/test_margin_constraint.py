@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 import seatrial as st
 from seatrial.base.errors import CampaignError
-from seatrial.campaign.tuning_table import Margins
 from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
 from seatrial.control_design.margin_report import (
     ReportedMargins,
@@ -24,6 +23,7 @@ from seatrial.control_design.margin_report import (
 )
 from seatrial.control_design.margins import decibel
 from seatrial.control_design.operating_points import reachable_points
+from seatrial.control_design.tuning_table import Margins
 
 CWOLF = st.Vehicle.load("cwolf")
 LAUV = st.Vehicle.load("lauv")

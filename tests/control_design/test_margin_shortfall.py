@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.campaign.tuning_table import LeastMargins, Margins
 from seatrial.control_design.margin_constraint import PointMargins
 from seatrial.control_design.margin_report import ReportedMargins
 from seatrial.control_design.margins import LoopMargins
+from seatrial.control_design.tuning_table import LeastMargins, Margins
 from seatrial.tuning.result import Tuning
-from tests.tuning.tuning_campaigns import HEADING, campaign, plan, start
+from tests.tuning.tuning_campaigns import HEADING, plan, start
 
 LIMITS = Margins(phase_deg=40.0, gain_db=8.0, delay_s=0.5)
 AMPLE = {"phase_deg": 80.0, "gain": 10.0, "reduction": 10.0, "delay_s": 5.0}
@@ -94,7 +94,7 @@ ASKED = HEADING.replace(
 
 def named(*rows: ReportedMargins) -> tuple[str, ...]:
     """What a tuning says of margins."""
-    one = Tuning(campaign(ASKED), plan(ASKED), start(), (), (), None, (), 0.0, False)
+    one = Tuning(plan(ASKED), start(), (), (), None, (), 0.0, False)
     vars(one)["margins"] = {"tuned": list(rows)}
     return one.short_margins
 

@@ -17,9 +17,9 @@ from seatrial import _core
 from seatrial.base.channels import CHANNELS
 from seatrial.base.toml_file import Section
 from seatrial.campaign import file as campaign_file
-from seatrial.campaign import tuning_table as tuning_file
 from seatrial.campaign import verification_table as verification_file
 from seatrial.cli import app
+from seatrial.control_design import tuning_table as tuning_file
 from seatrial.flight import mission
 from seatrial.problem import anchor, budget, joint, stage
 from seatrial.trial.columns import CANONICAL

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 from seatrial.base.errors import SimulationError
-from seatrial.campaign.corridor import Corridor
+from seatrial.control_design.corridor import Corridor
 from seatrial.report.plot.corridors import (
     Course,
     InCorridor,

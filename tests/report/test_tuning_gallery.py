@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.campaign.tuning_table import TuningTable
+from seatrial.control_design.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
 from seatrial.report.plot.corridors import course_of_set_points, speed_steps
 from seatrial.report.plot.tuning import corridors, responses
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.performance import Performance, StepPerformance, assess
-from seatrial.tuning.plan import TuningPlan
 from tests.tuning.tuning_campaigns import plan, start
 
 SURGE = """
@@ -107,7 +107,7 @@ def test_the_speed_climbs_and_falls_through_all_that_is_reached() -> None:
 
 
 def test_a_hull_that_cannot_stop_keeps_to_its_breakpoints() -> None:
-    lauv = TuningPlan(TuningTable(), Fitted.of("lauv"), st.Autopilot.load("lauv"))
+    lauv = ControlProblem.of_table(TuningTable(), Fitted.of("lauv"), st.Autopilot.load("lauv"))
     _, levels = course_of_set_points(lauv)
     assert levels.min() == pytest.approx(min(lauv.autopilot.speeds_m_s))
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.campaign.tuning_table import Margins
 from seatrial.control_design.margin_constraint import MarginConstraint
+from seatrial.control_design.tuning_table import Margins
 from seatrial.report.plot.margins import tuning_margins
 from seatrial.report.plot.style import MEASURED, SIMULATED, save
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import seatrial as st
-from seatrial.campaign.corridor import Corridor
+from seatrial.control_design.corridor import Corridor
 from seatrial.tuning.criterion import normalised, time_weighted_error, violations
 from tests.flight.flying import OUT
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 import seatrial as st
-from seatrial.campaign.tuning_table import Loops, LoopTable, TuningTable
 from seatrial.control_design.margin_constraint import MarginConstraint
+from seatrial.control_design.tuning_table import Loops, LoopTable, TuningTable
 from seatrial.identification.fitted import Fitted
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.holdable import beyond_gains
-from seatrial.tuning.plan import TuningPlan
 from seatrial.tuning.result import Tuning, sentences
 from seatrial.tuning.search import search_margins
 from tests.tuning.tuning_campaigns import cwolf, plan, start
@@ -26,13 +26,13 @@ RESTING = ("hover", -0.118)
 
 
 @cache
-def tender() -> TuningPlan:
+def tender() -> ControlProblem:
     """A tuning of the heading of a hull that hardly rights itself, without an actuator for pitch."""
     whole = st.Vehicle.load(STARTER)
     vehicle = whole.with_coefficients({"z_b": 0.2 * whole.coefficients()["z_b"]})
     autopilot = st.Autopilot.from_toml(st.start_autopilot(whole))
     table = TuningTable(loops=Loops(heading=LoopTable(speeds_m_s=(0.3,))))
-    return TuningPlan(table, Fitted.of(vehicle), autopilot)
+    return ControlProblem.of_table(table, Fitted.of(vehicle), autopilot)
 
 
 def test_points_that_no_gains_hold_are_found_and_others_are_not() -> None:
@@ -71,7 +71,7 @@ def test_margins_count_where_gains_can_hold_the_motion_and_no_gain_moves_for_the
 
 def test_such_points_are_told_with_what_to_do() -> None:
     one = tender()
-    tuning = Tuning(None, one, one.autopilot, (), (), None, (), 0.0, interrupted=False)
+    tuning = Tuning(one, one.autopilot, (), (), None, (), 0.0, interrupted=False)
     short = tuning.short_margins
     # Ahead first: missions do not go astern.
     assert short[0] == "hover at 0.75 m/s (unstable, with any gains within the bounds)"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.campaign.tuning_table import TuningTable
+from seatrial.control_design.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.path_following import GUIDANCE, course_lookahead, path_trials, search_paths
-from seatrial.tuning.plan import TuningPlan
 from seatrial.tuning.result import sentences
 from seatrial.tuning.step_trial import Samples
 from seatrial.tuning.tune import tune
@@ -39,14 +39,14 @@ depth_m = 20.0
 
 
 @cache
-def made(name: str, lookahead_m: float | None = None) -> TuningPlan:
+def made(name: str, lookahead_m: float | None = None) -> ControlProblem:
     autopilot = st.Autopilot.load(name)
     if lookahead_m is not None:
         autopilot = autopilot.with_gains({"guidance.lookahead_m": lookahead_m})
-    return TuningPlan(TuningTable(voltage_v=16.0, samples=0), Fitted.of(name), autopilot)
+    return ControlProblem.of_table(TuningTable(voltage_v=16.0, samples=0), Fitted.of(name), autopilot)
 
 
-def rig(of: TuningPlan) -> Any:
+def rig(of: ControlProblem) -> Any:
     return of.rig(of.autopilot, max_step_s=0.04)
 
 
@@ -84,7 +84,7 @@ def test_a_path_that_is_searched_with_its_loop_is_left_to_it_within_reach_of_wha
     one = plan(text)
     assert one.followed == ()
     table = TuningTable.model_validate({"loops": {"heading": {}, "cross_track": {}}})
-    far = TuningPlan(table, Fitted.of("cwolf"), made("cwolf", FAR_M).autopilot)
+    far = ControlProblem.of_table(table, Fitted.of("cwolf"), made("cwolf", FAR_M).autopilot)
     (group,) = far.groups
     (lookahead,) = (p for p in group.parameters.parameters if p.name == GUIDANCE["cross_track"][0])
     fits = course_lookahead(far, far.autopilot, "cross_track")[0]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.performance import Performance, assess
-from seatrial.tuning.plan import TuningPlan
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 from seatrial.tuning.tables import comparison_rows, on_another_vehicle, trial_rows
 from tests.tuning.tuning_campaigns import plan
@@ -40,7 +40,7 @@ OUTSIDE = {
 
 
 @cache
-def made() -> TuningPlan:
+def made() -> ControlProblem:
     return plan(TEXT)
 
 

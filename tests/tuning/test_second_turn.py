@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import seatrial as st
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.performance import assess
-from seatrial.tuning.plan import TuningPlan
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan
 from tests.tuning.tuning_runs import Told
 
@@ -24,7 +24,7 @@ GAIN = {group: f"{group}.K_P.5" for group in GROUPS}
 
 
 @cache
-def of() -> tuple[st.Campaign, TuningPlan]:
+def of() -> tuple[st.Campaign, ControlProblem]:
     return campaign(TEXT), plan(TEXT)
 
 

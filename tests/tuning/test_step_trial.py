@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.campaign.tuning_table import LOOPS
+from seatrial.control_design.tuning_table import LOOPS
 from seatrial.tuning.criterion import criterion, time_weighted_error, violations
 from seatrial.tuning.objective import violated
 from seatrial.tuning.step_trial import CHANNELS, PATHS, LoopTrials, Samples

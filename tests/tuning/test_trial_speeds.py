@@ -11,10 +11,10 @@ from hypothesis import strategies as some
 
 import seatrial as st
 from seatrial.base.errors import CampaignError
-from seatrial.campaign.tuning_table import TuningTable
+from seatrial.control_design.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.loop_steps import MOST, apart, thinned, tried_speeds
-from seatrial.tuning.plan import TuningPlan
 from seatrial.tuning.scope import slowest_level_m_s
 
 EVERY = (-math.inf, math.inf)
@@ -59,14 +59,14 @@ def test_points_that_are_clipped_to_the_same_are_tried_once() -> None:
 
 @pytest.mark.long
 def test_a_vehicle_that_cannot_hover_has_a_slowest_speed() -> None:
-    remus = TuningPlan(TuningTable(), Fitted.of("remus100"), st.Autopilot.load("remus100"))
+    remus = ControlProblem.of_table(TuningTable(), Fitted.of("remus100"), st.Autopilot.load("remus100"))
     slowest = slowest_level_m_s(remus.vehicle, remus.autopilot)
     assert slowest is not None
     # The built-in autopilot's breakpoints begin there.
     assert slowest == pytest.approx(remus.autopilot.speeds_m_s[0], rel=0.01)
     assert min(remus.speeds_of("heading")) >= slowest + remus.current_m_s
     table = TuningTable.model_validate({"loops": {"heading": {"speeds_m_s": [0.0]}}})
-    refused = TuningPlan(table, remus.fitted, remus.autopilot)
+    refused = ControlProblem.of_table(table, remus.fitted, remus.autopilot)
     with pytest.raises(CampaignError, match=r"heading.*at least 1\.54 m/s, the slowest.*found 0"):
         refused.trials("heading")
     assert slowest_level_m_s(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")) is None

@@ -15,14 +15,13 @@ import tomlkit
 import seatrial as st
 from seatrial.base.errors import CampaignError, SeatrialError
 from seatrial.base.progress import Progress
-from seatrial.campaign.tuning_table import TuningTable
 from seatrial.control_design.margin_constraint import MarginConstraint
+from seatrial.control_design.tuning_table import TuningTable
 from seatrial.tuning import tuning_run
 from seatrial.tuning.performance import assess
 from seatrial.tuning.result import sentences, tuned_autopilot
 from seatrial.tuning.search import GroupResult, search_group, search_margins
 from seatrial.tuning.tables import comparison_head, comparison_rows, gain_rows, trial_rows
-from seatrial.tuning.tune import plan_of, tune
 from tests.base.killed import kill
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, start, tuned
 
@@ -108,9 +107,9 @@ def test_the_autopilot_flies_as_it_was_assessed_and_only_searched_gains_differ()
 
 
 def test_law_neither_threads_nor_workers_nor_a_second_run_change_the_result() -> None:
-    one, two = (tune(quick(), threads=threads) for threads in (1, 2))
+    one, two = (quick().tune(threads=threads) for threads in (1, 2))
     with ThreadPoolExecutor(2) as pool:
-        other = tune(quick(), executor=pool)
+        other = quick().tune(executor=pool)
     assert one.autopilot.gains() == two.autopilot.gains() == other.autopilot.gains()
     assert [trial for performance in one.performance for trial in performance.trials] == [
         trial for performance in two.performance for trial in performance.trials
@@ -127,13 +126,13 @@ def test_a_killed_tuning_goes_on_and_equals_an_undisturbed_one(tmp_path: Path) -
         def watch(state):
             if state.what == "surge":
                 die()
-        st.tune(quick(TWO), run_dir=folder / "run", progress=watch, threads=1)
+        quick(TWO).tune(run_dir=folder / "run", progress=watch, threads=1)
         """,
         tmp_path,
     )
     assert not (tmp_path / "run").exists()
-    whole, seen = tune(quick(TWO), threads=1), Watch()
-    resumed = tune(quick(TWO), run_dir=tmp_path / "run", progress=seen, threads=1)
+    whole, seen = quick(TWO).tune(threads=1), Watch()
+    resumed = quick(TWO).tune(run_dir=tmp_path / "run", progress=seen, threads=1)
     assert "heading" not in seen.stages
     assert resumed.autopilot.gains() == whole.autopilot.gains()
     assert resumed.performance[-1].trials == whole.performance[-1].trials
@@ -142,8 +141,8 @@ def test_a_killed_tuning_goes_on_and_equals_an_undisturbed_one(tmp_path: Path) -
 
 @pytest.mark.long
 def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) -> None:
-    whole = tune(quick(TWO), threads=1)
-    first = tune(quick(TWO), run_dir=tmp_path / "run", progress=Watch(stop="surge"), threads=1)
+    whole = quick(TWO).tune(threads=1)
+    first = quick(TWO).tune(run_dir=tmp_path / "run", progress=Watch(stop="surge"), threads=1)
     assert first.interrupted
     assert first.performance == ()
     assert not first.feasible
@@ -161,24 +160,24 @@ def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) 
     assert last.after["violation"] <= last.before["violation"]
 
     seen = Watch()
-    second = tune(quick(TWO), run_dir=tmp_path / "run", progress=seen, threads=1)
+    second = quick(TWO).tune(run_dir=tmp_path / "run", progress=seen, threads=1)
     assert not second.interrupted
     assert {state.what for state in seen.seen[:1]} == {"surge"}
     assert second.autopilot.gains() == whole.autopilot.gains()
     assert (tmp_path / "run" / "tuning.json").is_file()
 
     third = Watch()
-    tune(quick(TWO), run_dir=tmp_path / "run", progress=third, threads=1)
+    quick(TWO).tune(run_dir=tmp_path / "run", progress=third, threads=1)
     assert third.seen == []  # all of it is there
 
     fresh = Watch(stop="heading")
-    tune(quick(TWO), run_dir=tmp_path / "run", progress=fresh, resume=False, threads=1)
+    quick(TWO).tune(run_dir=tmp_path / "run", progress=fresh, resume=False, threads=1)
     assert fresh.stages == {"heading"}
 
 
 def test_progress_grows_from_search_to_search() -> None:
     seen = Watch()
-    tune(quick(TWO), progress=seen, threads=1)
+    quick(TWO).tune(progress=seen, threads=1)
     # A search that has to be done again was planned from the beginning.
     shares = [state.fraction for state in seen.seen]
     assert shares == sorted(shares)
@@ -193,7 +192,7 @@ def test_ctrl_c_while_start_gains_are_tried_again_keeps_what_was_found(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(tuning_run, "revert_gains", stopped)
-    one = tune(quick(), run_dir=tmp_path / "run", threads=1)
+    one = quick().tune(run_dir=tmp_path / "run", threads=1)
     assert one.interrupted
     assert one.performance == ()
     assert one.kept is not None
@@ -303,7 +302,7 @@ def test_summary_and_tables_tell_verdict_gains_and_margins() -> None:
 
 def test_a_response_outside_its_corridor_is_named() -> None:
     hard = HEADING.replace("rise_s = 7.0", "rise_s = 1.2")
-    one = tune(quick(hard), threads=1)
+    one = quick(hard).tune(threads=1)
     vars(one)["margins"] = found().margins  # taking them takes seconds
     assert not one.feasible
     said = " ".join(sentences(one))
@@ -348,7 +347,7 @@ def test_results_are_plain_data_and_files(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_a_relay_autotuning_is_assessed_beside() -> None:
     text = HEADING.replace("generations = 6, simplex_rounds = 3", "generations = 1, simplex_rounds = 1")
-    one = tune(campaign(text), relay=True, threads=1)
+    one = campaign(text).tune(relay=True, threads=1)
     assert [performance.name for performance in one.performance] == ["start", "relay", "tuned"]
     assert one.relay is not None
     beside = one.of("relay")
@@ -360,14 +359,14 @@ def test_a_relay_autotuning_is_assessed_beside() -> None:
 def test_a_refused_tuning_leaves_nothing_behind(tmp_path: Path) -> None:
     lost = HEADING.replace("samples = 1", 'samples = 1\nsensors = "lost.toml"')
     with pytest.raises(SeatrialError, match=r"lost\.toml"):
-        tune(campaign(lost, folder=tmp_path), run_dir=tmp_path / "run", threads=1)
+        campaign(lost, folder=tmp_path).tune(run_dir=tmp_path / "run", threads=1)
     with pytest.raises(SeatrialError, match="expected a fit of cwolf, found one of lauv"):
-        tune(campaign(), "lauv", run_dir=tmp_path / "run", threads=1)
+        campaign().tune("lauv", run_dir=tmp_path / "run", threads=1)
     assert not list(tmp_path.iterdir())
 
 
 def test_without_loops_every_loop_at_work_is_planned() -> None:
-    assert set(plan_of(campaign("[tuning]")).loops) == {"surge", "heave", "pitch", "heading"}
+    assert set(campaign("[tuning]").control_problem().loops) == {"surge", "heave", "pitch", "heading"}
     assert start().name == plan().autopilot.name == "cwolf start"
 
 
@@ -385,7 +384,7 @@ SHORT = {
 def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(tmp_path: Path) -> None:
     text = tomlkit.dumps({"format": 1, "name": "small", "seed": 5, "vehicle": "cwolf", "autopilot": "cwolf"})
     text += tomlkit.dumps({"tuning": {"loops": LOOPS} | SHORT})
-    by_file = st.tune(st.Campaign.from_toml(text), threads=1)
+    by_file = st.Campaign.from_toml(text).tune(threads=1)
     given = st.tune(
         "cwolf",
         "cwolf",
@@ -396,7 +395,7 @@ def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(
         run_dir=tmp_path / "run",
         threads=1,
     )
-    assert given.campaign is None
+    assert given.plan.given_text is None
     assert given.autopilot.gains() == by_file.autopilot.gains()
     assert given.performance[-1].trials == by_file.performance[-1].trials
     assert sentences(given) == sentences(by_file)
@@ -409,7 +408,9 @@ def test_what_a_tuning_without_a_file_lacks_is_named() -> None:
         st.tune("cwolf")  # type: ignore[call-overload]
     with pytest.raises(CampaignError, match="heding"):
         st.tune("cwolf", "cwolf", loops={"heding": {}})
-    with pytest.raises(CampaignError, match="seed: expected only without a campaign"):
-        st.tune(campaign(), seed=3)  # type: ignore[call-overload]
+    with pytest.raises(CampaignError, match="seed: the problem says that"):
+        st.tune(st.ControlProblem("cwolf", "cwolf"), seed=3)  # type: ignore[call-overload]
+    with pytest.raises(CampaignError, match=r"use campaign\.tune\("):
+        st.tune(campaign())  # type: ignore[call-overload]
     with pytest.raises(CampaignError, match="voltage_v"):
         st.tune("bluerov2-heavy", "bluerov2-heavy")

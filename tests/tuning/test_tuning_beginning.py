@@ -5,16 +5,16 @@ from __future__ import annotations
 import pytest
 
 import seatrial as st
-from seatrial.campaign.tuning_table import TuningTable
+from seatrial.control_design.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
-from seatrial.tuning.plan import TuningPlan
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.search import search_group, search_margins
 from tests.tuning.tuning_campaigns import plan
 
 
 @pytest.mark.long
 def test_few_factors_for_all_points_are_tried_first_where_margins_are_short() -> None:
-    one = TuningPlan(TuningTable(), Fitted.of("remus100"), st.Autopilot.load("remus100"))
+    one = ControlProblem.of_table(TuningTable(), Fitted.of("remus100"), st.Autopilot.load("remus100"))
     result = search_margins(one, seed=5)
     assert result is not None
     assert result.before["margin"] > 0.5

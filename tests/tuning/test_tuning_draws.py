@@ -11,7 +11,7 @@ import seatrial as st
 from seatrial.campaign.verification_table import parse_verification
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning import tuning_run
-from seatrial.tuning.plan import TuningPlan
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.step_trial import Samples
 from seatrial.verification.draws import draw_missions
 from tests.flight.flying import OUT, mission
@@ -23,12 +23,12 @@ RUNS = 200
 
 
 @cache
-def made() -> tuple[st.Campaign, TuningPlan]:
+def made() -> tuple[st.Campaign, ControlProblem]:
     """A tuning of a vehicle whose drag is known to a tenth."""
     text = HEADING.replace("samples = 1", "samples = 6")
     given, one = campaign(text), plan(text)
     fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})
-    return given, TuningPlan(one.table, fitted, one.autopilot, given.name, given.seed)
+    return given, ControlProblem.of_table(one.table, fitted, one.autopilot, name=given.name, seed=given.seed)
 
 
 def test_responses_are_assessed_in_finer_steps_of_integration_than_they_are_searched_in(
@@ -49,7 +49,7 @@ def flown(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Samples]]:
     told, taken = Told(outside_s=lambda group, gains: 1.0), list[Samples]()
 
     def revert_gains(
-        _: TuningPlan, gains: dict[str, float], samples: Samples, **__: object
+        _: ControlProblem, gains: dict[str, float], samples: Samples, **__: object
     ) -> tuple[dict[str, float], tuple[str, ...]]:
         taken.append(samples)
         return dict(gains), ()

@@ -15,7 +15,7 @@ import seatrial as st
 from seatrial.base.run import RunDirectory, part_file
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning import loop_steps, tuning_run
-from seatrial.tuning.plan import TuningPlan
+from seatrial.tuning.control_problem import ControlProblem
 from tests.tuning.tuning_campaigns import HEAD, campaign, cwolf, start
 from tests.tuning.tuning_runs import Told
 
@@ -61,7 +61,7 @@ class Bench:
         # What comes after the searches takes time and keeps nothing.
         self.monkeypatch.setattr(tuning_run, "revert_gains", lambda _, gains, *__, **___: (dict(gains), ()))
         self.monkeypatch.setattr(tuning_run, "tuned_autopilot", lambda start, *_: start)
-        plan = TuningPlan(table, self.fitted, self.autopilot, given.name, given.seed)
+        plan = ControlProblem.of_table(table, self.fitted, self.autopilot, name=given.name, seed=given.seed)
         told.run(self.monkeypatch, given, plan, self.directory)
         return [search.group for search in told.searches]
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st_
 
-from seatrial.campaign.corridor import Corridor
-from seatrial.campaign.tuning_table import Margins
+from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.margin_constraint import MarginConstraint
+from seatrial.control_design.tuning_table import Margins
 from seatrial.tuning.gain_parameters import GainParameters
 from seatrial.tuning.objective import Objective, Terms, robust, violated
 from seatrial.tuning.step_trial import LoopTrials

@@ -13,13 +13,12 @@ import tomlkit
 
 import seatrial as st
 from seatrial.base.errors import CampaignError
-from seatrial.campaign.tuning_table import LOOPS, TuningTable, Weights, default_steps
 from seatrial.control_design.autopilot_facts import autopilot_facts
 from seatrial.control_design.operating_points import reachable_points
+from seatrial.control_design.tuning_table import LOOPS, TuningTable, Weights, default_steps
 from seatrial.identification.fitted import Fitted
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.corridors import StartMetrics, default_corridor, start_metrics, steps_above_noise
-from seatrial.tuning.plan import TuningPlan
-from seatrial.tuning.tune import plan_of
 from tests.tuning.tuning_campaigns import HEAD, plan, start
 
 VEHICLES = ("cwolf", "bluerov2-heavy", "lauv", "remus100", "beluga")
@@ -27,14 +26,14 @@ SHORT = {"rise_s": 5.0, "until_s": 20.0}
 
 
 @cache
-def built_in(name: str) -> TuningPlan:
+def built_in(name: str) -> ControlProblem:
     # Supply of the BlueROV2's thrusters, on which the others do not depend.
-    return TuningPlan(TuningTable(voltage_v=16.0), Fitted.of(name), st.Autopilot.load(name))
+    return ControlProblem.of_table(TuningTable(voltage_v=16.0), Fitted.of(name), st.Autopilot.load(name))
 
 
-def with_loops(name: str = "cwolf", autopilot: st.Autopilot | None = None, **table: Any) -> TuningPlan:
+def with_loops(name: str = "cwolf", autopilot: st.Autopilot | None = None, **table: Any) -> ControlProblem:
     pilot = st.Autopilot.load(name) if autopilot is None else autopilot
-    return TuningPlan(TuningTable.model_validate(table), Fitted.of(name), pilot)
+    return ControlProblem.of_table(TuningTable.model_validate(table), Fitted.of(name), pilot)
 
 
 def to_si(loop: str) -> float:
@@ -131,7 +130,7 @@ def test_a_default_step_grows_with_the_noise_up_to_a_limit(noise: float, size: f
 
 def test_top_speeds_are_those_of_the_supply() -> None:
     weak, strong = (
-        TuningPlan(
+        ControlProblem.of_table(
             TuningTable(voltage_v=volt), Fitted.of("bluerov2-heavy"), st.Autopilot.load("bluerov2-heavy")
         )
         for volt in (10.0, 16.0)
@@ -227,7 +226,7 @@ def test_the_path_alone_moves_the_loop_that_it_rides_on() -> None:
 
 def test_samples_begin_with_the_vehicle_itself_in_still_water() -> None:
     fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})
-    one = TuningPlan(TuningTable(current_m_s=0.2), fitted, start())
+    one = ControlProblem.of_table(TuningTable(current_m_s=0.2), fitted, start())
     found = one.samples(12, 3)
     assert len(found) == 13
     assert found.coefficients["X_uu"][0] == fitted.vehicle.coefficients()["X_uu"]
@@ -302,7 +301,7 @@ def test_a_loop_without_gains_is_refused_where_it_is_asked_for_and_left_out_wher
 def test_a_vehicle_with_other_actuators_is_refused() -> None:
     campaign = st.Campaign.from_toml(HEAD, source="small.toml")
     with pytest.raises(CampaignError, match=r"small\.toml: expected a fit of cwolf, found one of lauv"):
-        plan_of(campaign, "lauv")
+        campaign.control_problem("lauv")
 
 
 @pytest.mark.parametrize(
@@ -315,14 +314,14 @@ def test_a_vehicle_with_other_actuators_is_refused() -> None:
 )
 def test_what_no_flight_could_do_is_refused_with_its_key(text: str, message: str) -> None:
     with pytest.raises(CampaignError, match=message):
-        assert plan_of(st.Campaign.from_toml(HEAD + text)).groups
+        assert st.Campaign.from_toml(HEAD + text).control_problem().groups
 
 
 def test_a_supply_that_is_missing_is_asked_for_by_its_key() -> None:
     text = HEAD.replace('vehicle = "cwolf"', 'vehicle = "bluerov2-heavy"')
     text = "\n".join(line for line in text.splitlines() if not line.startswith("autopilot"))
     with pytest.raises(CampaignError, match="add voltage_v"):
-        plan_of(st.Campaign.from_toml(text + "\n[tuning]\n"))
+        st.Campaign.from_toml(text + "\n[tuning]\n").control_problem()
 
 
 @pytest.mark.parametrize("name", VEHICLES)

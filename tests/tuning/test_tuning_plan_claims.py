@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from seatrial.campaign.tuning_table import TuningTable
+from seatrial.control_design.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
-from seatrial.tuning.plan import TuningPlan
+from seatrial.tuning.control_problem import ControlProblem
 from tests.tuning.tuning_campaigns import start
 
 
-def of(**table: Any) -> TuningPlan:
-    return TuningPlan(TuningTable.model_validate(table), Fitted.of("cwolf"), start())
+def of(**table: Any) -> ControlProblem:
+    return ControlProblem.of_table(TuningTable.model_validate(table), Fitted.of("cwolf"), start())
 
 
 def corridor(until_s: float) -> dict[str, float]:

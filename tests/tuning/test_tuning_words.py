@@ -8,12 +8,11 @@ from typing import Any
 import pytest
 
 from seatrial.base.progress import Progress
-from seatrial.campaign.corridor import Corridor
+from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.margin_report import ReportedMargins
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.performance import Performance, StepPerformance, why_outside
 from seatrial.tuning.result import Tuning, sentences
-from seatrial.tuning.tune import tune
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, tuned
 
 
@@ -64,7 +63,7 @@ def test_a_campaign_without_a_table_is_told_that_defaults_are_searched() -> None
         if state.step is not None and state.step.generation > 1:
             raise KeyboardInterrupt
 
-    one = tune(campaign(""), progress=stop, threads=1)
+    one = campaign("").tune(progress=stop, threads=1)
     assert one.interrupted
     notes = [note for state in seen for note in state.notes]
     assert len(notes) == 1  # once, and at once
@@ -84,7 +83,7 @@ def test_an_unstable_motion_falls_short_where_no_margin_is_asked_for_too() -> No
 def tuning_of(text: str) -> Tuning:
     """A tuning that has changed nothing."""
     one = plan(text)
-    return Tuning(campaign(text), one, one.autopilot, (), (), None, (), 0.0, interrupted=False)
+    return Tuning(one, one.autopilot, (), (), None, (), 0.0, interrupted=False)
 
 
 def outside_by(name: str, tuning: Tuning, **loops: float) -> Performance:

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 import seatrial as st
-from seatrial.campaign.corridor import Corridor
-from seatrial.tuning.plan import TuningPlan
+from seatrial.control_design.corridor import Corridor
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.result import Tuning
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
-from seatrial.tuning.tune import plan_of, tune
 
 START = Path(__file__).parents[2] / "examples" / "cwolf" / "start_autopilot.toml"
 
@@ -52,8 +51,8 @@ def campaign(tuning: str = HEADING, head: str = HEAD, folder: str | Path = ".") 
     return st.Campaign.from_toml(head + tuning, source="small.toml", folder=folder)
 
 
-def plan(tuning: str = HEADING, head: str = HEAD) -> TuningPlan:
-    return plan_of(campaign(tuning, head))
+def plan(tuning: str = HEADING, head: str = HEAD) -> ControlProblem:
+    return campaign(tuning, head).control_problem()
 
 
 @cache
@@ -100,4 +99,4 @@ def trials(
 @cache
 def tuned() -> Tuning:
     """The tuning of `HEADING`."""
-    return tune(campaign(), threads=1)
+    return campaign().tune(threads=1)

@@ -13,8 +13,8 @@ import seatrial as st
 from seatrial.base.run import RunDirectory
 from seatrial.tuning import search as revert_gains
 from seatrial.tuning import tuning_run
+from seatrial.tuning.control_problem import ControlProblem, Group
 from seatrial.tuning.performance import Performance, StepPerformance
-from seatrial.tuning.plan import Group, TuningPlan
 from seatrial.tuning.result import Tuning
 from seatrial.tuning.search import GroupResult
 from seatrial.tuning.step_trial import Rig, Samples
@@ -69,7 +69,7 @@ class Told:
     assessments: list[Asked] = field(default_factory=list)
 
     def search(
-        self, plan: TuningPlan, group: Group, rig: Rig, samples: Samples, *, seed: int, **given: Any
+        self, plan: ControlProblem, group: Group, rig: Rig, samples: Samples, *, seed: int, **given: Any
     ) -> GroupResult:
         start = dict(given["start"])
         self.searches.append(Search(group.name, rig, samples, seed, start))
@@ -77,7 +77,9 @@ class Told:
         after = TERMS | {"margin": self.given_away.get(group.name, 0.0)}
         return GroupResult(group.name, gains, TERMS, after, 1, 1.0, (), (), interrupted=False)
 
-    def assess(self, plan: TuningPlan, name: str, rig: Rig, samples: Samples, **given: Any) -> Performance:
+    def assess(
+        self, plan: ControlProblem, name: str, rig: Rig, samples: Samples, **given: Any
+    ) -> Performance:
         groups = given.get("only") or plan.groups
         self.assessments.append(Asked(name, tuple(group.name for group in groups), rig, samples))
         trials = []
@@ -93,17 +95,17 @@ class Told:
         self,
         monkeypatch: pytest.MonkeyPatch,
         campaign: st.Campaign,
-        plan: TuningPlan,
+        plan: ControlProblem,
         directory: RunDirectory | None = None,
     ) -> Tuning:
         monkeypatch.setattr(tuning_run, "search_group", self.search)
         monkeypatch.setattr(tuning_run, "search_margins", lambda *_, **__: None)
-        monkeypatch.setattr(TuningPlan, "followed", ())  # guidance stays what it is
+        monkeypatch.setattr(ControlProblem, "followed", ())  # guidance stays what it is
         monkeypatch.setattr(tuning_run, "assess", self.assess)
         monkeypatch.setattr(revert_gains, "assess", self.assess)
         quiet = Performance("", plan.autopilot, (), 0, {})
         monkeypatch.setattr(tuning_run, "assess_without_noise", lambda *_: quiet)
-        return TuningRun(plan, directory or RunDirectory(None), campaign=campaign, threads=1).run(relay=False)
+        return TuningRun(plan, directory or RunDirectory(None), threads=1).run(relay=False)
 
 
 def values(samples: Samples, name: str = "X_uu") -> set[float]:

@@ -9,7 +9,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import CampaignError, SimulationError, TrialError
-from seatrial.campaign.corridor import Corridor
+from seatrial.control_design.corridor import Corridor
 from seatrial.verification.mission_log.envelope import FEWEST_FLIGHTS, mission_envelope, prediction_band
 from seatrial.verification.mission_log.log import MissionLog
 from seatrial.verification.mission_log.metrics import errors_of_guidance, log_metrics, logged_steps

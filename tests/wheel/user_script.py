@@ -74,7 +74,7 @@ def judge(fit: st.Identification, trial: st.Trial) -> dict[str, float]:
 
 def tune(campaign: st.Campaign, fit: st.Identification, folder: Path) -> st.Autopilot:
     """The autopilot with gains that keep to the corridors."""
-    tuning: st.Tuning = st.tune(campaign, fit, run_dir=folder / "tuned")
+    tuning: st.Tuning = campaign.tune(fit, run_dir=folder / "tuned")
     tuned = tuning.of("tuned")
     assert tuned is not None
     for response in tuned.trials:

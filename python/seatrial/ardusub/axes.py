@@ -25,8 +25,8 @@ from seatrial._core import ardusub_defaults, ardusub_pulses
 from seatrial.ardusub.flights import Rig
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
-from seatrial.campaign.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 from seatrial.control_design.margins import loop_margins
+from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 from seatrial.identification.apparent_mass import AGREE, implausible_masses, mass_in_words
 from seatrial.vehicle.actuators import bollard
 from seatrial.vehicle.authority import delays

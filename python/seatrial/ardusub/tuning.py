@@ -23,7 +23,7 @@ from seatrial.ardusub.course import ROW_S, Course, still_targets
 from seatrial.ardusub.flights import Cases, Rig, fly_course
 from seatrial.ardusub.parameters import Change
 from seatrial.base.arrays import Array
-from seatrial.campaign.corridor import Corridor
+from seatrial.control_design.corridor import Corridor
 
 if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted

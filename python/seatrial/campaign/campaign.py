@@ -28,9 +28,12 @@ if TYPE_CHECKING:
     from seatrial.base.fleet import Workers
     from seatrial.base.progress import Progress
     from seatrial.bench_test.result import BenchTest
+    from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
     from seatrial.trial.recording import Recording
     from seatrial.trial.trial import Trial
+    from seatrial.tuning.control_problem import ControlProblem
+    from seatrial.tuning.result import Tuning
 
 
 class Campaign:
@@ -251,6 +254,83 @@ class Campaign:
         """
         return self._problem.identify(
             run_dir=run_dir, progress=progress, resume=resume, threads=threads, executor=executor
+        )
+
+    def control_problem(
+        self, fit: Identification | Fitted | Vehicle | str | Path | None = None
+    ) -> ControlProblem:
+        """What the campaign asks of a tuning.
+
+        Parameters
+        ----------
+        fit : Identification, run directory, Vehicle, built-in name or file, optional
+            What is known of the vehicle; the campaign's own vehicle, taken as exact, when missing.
+
+        Raises
+        ------
+        CampaignError
+            The fit is of another vehicle, or vehicle and autopilot cannot do what is asked.
+        VehicleError, TrialError
+            A file is not usable.
+        """
+        from seatrial.control_design.tuning_table import TuningTable
+        from seatrial.identification.fitted import Fitted
+        from seatrial.tuning.control_problem import ControlProblem
+
+        table = self.file.tuning or TuningTable()
+        fitted = Fitted.of(self.vehicle if fit is None else fit)
+        if table.sensors not in ("typical", "perfect"):
+            path = self.resolve(table.sensors, "tuning.sensors")
+            table = table.model_copy(update={"sensors": str(path)})
+        autopilot = self.autopilot
+        if set(fitted.vehicle.actuators) != set(self.vehicle.actuators):
+            raise CampaignError(
+                f"{self.source}: expected a fit of {self.vehicle.name}, found one of"
+                f" {fitted.vehicle.name} with other actuators; give the run directory of this campaign"
+            )
+        problem = ControlProblem.of_table(
+            table,
+            fitted,
+            autopilot,
+            name=self.name,
+            seed=self.seed,
+            origin=f"the campaign {self.name}",
+            given_text=self.text,
+            inputs=self.input_hashes(trials=False),
+        )
+        problem.refuse_what_cannot_fly(f"{self.source}: tuning")
+        return problem
+
+    def tune(
+        self,
+        fit: Identification | Fitted | Vehicle | str | Path | None = None,
+        *,
+        run_dir: str | Path | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        resume: bool = True,
+        relay: bool = False,
+        threads: int | None = None,
+        executor: Workers | None = None,
+    ) -> Tuning:
+        """Tuning of the campaign's autopilot.
+
+        Parameters
+        ----------
+        fit
+            As of `control_problem`.
+        run_dir, progress, resume, relay, threads, executor
+            As of `seatrial.tune`, whose result and errors these are.
+        """
+        from seatrial.tuning.tune import tune
+
+        return tune(
+            self.control_problem(fit),
+            run_dir=run_dir,
+            progress=progress,
+            resume=resume,
+            relay=relay,
+            threads=threads,
+            executor=executor,
         )
 
     def input_hashes(self, *, trials: bool = True) -> dict[str, Any]:

@@ -25,8 +25,8 @@ from seatrial.base.toml_file import (
     tables,
 )
 from seatrial.campaign.mixer_table import MixerTable
-from seatrial.campaign.tuning_table import TuningTable
 from seatrial.campaign.verification_table import VerificationTable
+from seatrial.control_design.tuning_table import TuningTable
 from seatrial.problem.anchor import Anchor
 from seatrial.problem.budget import Budget
 from seatrial.problem.joint import JointSettings

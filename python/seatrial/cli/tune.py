@@ -99,11 +99,9 @@ def tuned(
 ) -> Tuning:
     """Tuning of a campaign into a run directory, with progress on standard error."""
     from seatrial.cli.console import search_progress, workers
-    from seatrial.tuning.tune import tune as tuning
 
     with workers(dask) as fleet, search_progress("making ready", quiet=quiet) as progress:
-        return tuning(
-            campaign,
+        return campaign.tune(
             source,
             run_dir=folder,
             progress=progress,

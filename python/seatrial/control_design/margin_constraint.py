@@ -25,7 +25,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.campaign.tuning_table import Margins
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, refuse_other_laws
 from seatrial.control_design.loops import closed, feedback, responses
 from seatrial.control_design.margins import (
@@ -44,6 +43,7 @@ from seatrial.control_design.operating_points import (
     reachable_speeds,
 )
 from seatrial.control_design.pole_placement import LoopGain, law
+from seatrial.control_design.tuning_table import Margins
 from seatrial.vehicle.authority import LOOPS, ROWS
 
 if TYPE_CHECKING:

@@ -17,7 +17,6 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.report import Column, Table
-from seatrial.campaign.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.control_design.loops import Sampled, closed
 from seatrial.control_design.lqr import Tolerances
@@ -40,6 +39,7 @@ from seatrial.control_design.operating_points import (
     operating_points,
     reachable_speeds,
 )
+from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.authority import LOOPS, ROWS
 

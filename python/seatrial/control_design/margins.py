@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 from seatrial.control_design.loops import Sampled, closed, feedback, responses
+from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 
 Complex = NDArray[np.complex128]
 
@@ -301,7 +301,7 @@ def small(phase_deg: float, gain_db: float, sensitivity: float) -> tuple[str, ..
 
     A gain that may not fall much shows as sensitivity.
 
-    Source of the limits: `seatrial.campaign.tuning_table.ACCEPTED_PHASE_DEG`.
+    Source of the limits: `seatrial.control_design.tuning_table.ACCEPTED_PHASE_DEG`.
 
     Examples
     --------

@@ -4,8 +4,8 @@ Which loops there are follows from the rows that the actuators can command. Each
 `seatrial.control_design.pole_placement`; its bandwidth is then moved in a trial of all loops on the coupled
 motion behind lag and dead time, until the motion is stable with and without the restoring feed-forward, the
 phase margin is 35 deg, gain margin and sensitivity are accepted
-(`seatrial.campaign.tuning_table.ACCEPTED_PHASE_DEG`), and the step response overshoots less than 24 % and
-settles.
+(`seatrial.control_design.tuning_table.ACCEPTED_PHASE_DEG`), and the step response overshoots less than 24 %
+and settles.
 
 The largest demand of a row is 80 % of its reach, half of it where the actuators that give it also drive
 ahead. The reference filters are five times as fast as their position loops: they hold back a jump, not the

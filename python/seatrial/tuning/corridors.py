@@ -26,9 +26,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.corridor import Corridor
-from seatrial.campaign.tuning_table import LOOPS, Weights, default_steps
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts
+from seatrial.control_design.corridor import Corridor
+from seatrial.control_design.tuning_table import LOOPS, Weights, default_steps
 from seatrial.tuning.criterion import step_metrics
 from seatrial.tuning.step_trial import LoopTrials, Samples
 from seatrial.vehicle.actuators import NOMINAL_V

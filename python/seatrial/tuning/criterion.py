@@ -7,7 +7,7 @@ sampled controller acts once per period, and the core adds up the same numbers. 
 stays inside; among those the tie-breaker decides, the time-weighted absolute error (ITAE) ``sum t |y -
 target| dt`` in s^2 (Graham and Lathrop, 1953).
 
-Held by tests/campaign/test_corridor.py and tests/tuning/test_corridor_core.py.
+Held by tests/control_design/test_corridor.py and tests/tuning/test_corridor_core.py.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 
 if TYPE_CHECKING:
-    from seatrial.campaign.corridor import Corridor
+    from seatrial.control_design.corridor import Corridor
 
 _BEGUN, _RISES_FROM, _RISEN = 0.05, 0.1, 0.9
 
@@ -108,7 +108,7 @@ def violations(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
 
     Examples
     --------
-    >>> from seatrial.campaign.corridor import Corridor
+    >>> from seatrial.control_design.corridor import Corridor
     >>> corridor = Corridor([(1.0, 0.9)], [(0.0, 1.1), (4.0, 1.1)])
     >>> violations([0.0, 1.0, 2.0, 3.0], [[0.0, 0.8, 1.3, 1.0]], corridor).round(3).tolist()
     [[0.1, 0.2]]
@@ -138,7 +138,7 @@ def criterion(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
 
     Examples
     --------
-    >>> from seatrial.campaign.corridor import Corridor
+    >>> from seatrial.control_design.corridor import Corridor
     >>> corridor = Corridor([(1.0, 0.9)], [(0.0, 1.1), (4.0, 1.1)], weight_upper=2.0)
     >>> round(float(criterion([0.0, 1.0, 2.0, 3.0], [0.0, 0.8, 1.3, 1.0], corridor)), 3)
     0.5

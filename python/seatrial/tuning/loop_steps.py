@@ -23,14 +23,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.errors import CampaignError
-from seatrial.campaign.tuning_table import LOOPS, default_steps
 from seatrial.control_design.mode_table import RANGE
+from seatrial.control_design.tuning_table import LOOPS, default_steps
 from seatrial.tuning.corridors import StartMetrics, default_corridor, start_metrics, steps_above_noise
 from seatrial.tuning.step_trial import DEPTH_M, RIDES_ON, LoopTrials
 
 if TYPE_CHECKING:
-    from seatrial.campaign.corridor import Corridor
-    from seatrial.campaign.tuning_table import LoopTable
+    from seatrial.control_design.corridor import Corridor
+    from seatrial.control_design.tuning_table import LoopTable
     from seatrial.tuning.scope import TuningScope
 
 MOST = 3

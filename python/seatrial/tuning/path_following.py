@@ -31,11 +31,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.corridor import Corridor
-from seatrial.campaign.tuning_table import LOOPS, default_steps
 from seatrial.control_design.autopilot_facts import autopilot_facts
+from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.operating_points import measurement_delays
 from seatrial.control_design.start_guidance import CRUISE_LEG, INTEGRAL_SHARES, LEAST_LENGTHS, lookahead_of
+from seatrial.control_design.tuning_table import LOOPS, default_steps
 from seatrial.tuning.loop_steps import usual_speeds
 from seatrial.tuning.objective import OUTSIDE, violated
 from seatrial.tuning.step_trial import RIDES_ON, LoopTrials, Rig, Samples

@@ -17,16 +17,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.corridor import RISEN
-from seatrial.campaign.tuning_table import LOOPS
+from seatrial.control_design.corridor import RISEN
+from seatrial.control_design.tuning_table import LOOPS
 from seatrial.tuning.criterion import step_metrics
 from seatrial.tuning.objective import violated
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
-    from seatrial.campaign.corridor import Corridor
-    from seatrial.tuning.plan import Group, TuningPlan
+    from seatrial.control_design.corridor import Corridor
+    from seatrial.tuning.control_problem import ControlProblem, Group
 
 _SHOWN = 9  # samples whose responses are kept for figures
 
@@ -142,7 +142,7 @@ class Performance:
 
 
 def assess(
-    plan: TuningPlan,
+    plan: ControlProblem,
     name: str,
     rig: Rig,
     samples: Samples,
@@ -154,7 +154,7 @@ def assess(
 
     Parameters
     ----------
-    plan : TuningPlan
+    plan : ControlProblem
     name : str
         What to call it.
     rig : Rig
@@ -229,12 +229,12 @@ def _step_performance(
 _AWAY = 3.0  # steps beyond the set point, which no overshoot is
 
 
-def assess_without_noise(plan: TuningPlan, rig: Rig) -> Performance:
+def assess_without_noise(plan: ControlProblem, rig: Rig) -> Performance:
     """How the vehicle itself keeps to its corridors in still water with perfect sensors.
 
     Parameters
     ----------
-    plan : TuningPlan
+    plan : ControlProblem
     rig : Rig
         With the gains in question.
     """

@@ -37,11 +37,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.campaign.campaign import Campaign
-    from seatrial.campaign.tuning_table import Margins
     from seatrial.control_design.margin_report import ReportedMargins
+    from seatrial.control_design.tuning_table import Margins
+    from seatrial.tuning.control_problem import ControlProblem
     from seatrial.tuning.performance import StepPerformance
-    from seatrial.tuning.plan import TuningPlan
     from seatrial.tuning.relay import RelayTuning
 
 _DIGITS = 4
@@ -83,8 +82,7 @@ class Tuning(RunResult):
         What the result rests on, see `seatrial.base.run.run_facts`.
     """
 
-    campaign: Campaign | None
-    plan: TuningPlan
+    plan: ControlProblem
     autopilot: Autopilot
     groups: tuple[GroupResult, ...]
     performance: tuple[Performance, ...]
@@ -232,8 +230,10 @@ class Tuning(RunResult):
         ]
         asked = {"tuning": self.plan.table.model_dump(mode="json", exclude_none=True, exclude_defaults=True)}
         return {
-            "campaign.toml" if self.campaign else "tuning.toml": (
-                self.campaign.text if self.campaign else tomlkit.dumps(asked)
+            **(
+                {"tuning.toml": tomlkit.dumps(asked)}
+                if self.plan.given_text is None
+                else {"campaign.toml": self.plan.given_text}
             ),
             "autopilot.toml": self.autopilot.to_toml(),
             "start_autopilot.toml": self.start.to_toml(),
@@ -469,7 +469,7 @@ def sentences(tuning: Tuning) -> list[str]:
         lines.append(f"Factors at a bound of the search: {', '.join(sorted(ended))}; widen [tuning] bounds.")
     if short := tuning.short_margins:
         lines.append(f"Margins short of their limits: {'; '.join(short)}.")
-    lines += without_table(tuning.campaign)
+    lines += without_table(tuning.plan)
     lines += list(tuning.plan.fitted.notes)
     return lines
 
@@ -487,9 +487,9 @@ def _why(tuning: Tuning, trial: StepPerformance) -> str:
     return ""
 
 
-def without_table(campaign: Campaign | None) -> tuple[str, ...]:
+def without_table(problem: ControlProblem) -> tuple[str, ...]:
     """A sentence where a campaign does not say what to tune."""
-    if campaign is None or campaign.file.tuning is not None:
+    if problem.given_text is None or problem.table.model_fields_set:
         return ()
     return (
         "The campaign has no [tuning]: steps, corridors and speeds are the defaults of its vehicle and its"

@@ -5,18 +5,19 @@ Held by tests/tuning/test_tuning_plan.py and tests/tuning/test_tuning_draws.py.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.campaign.tuning_table import TuningTable
 from seatrial.control_design.autopilot_facts import autopilot_facts
 from seatrial.control_design.mode_table import RANGE, breakpoint_speeds, top_speeds
 from seatrial.control_design.operating_points import reachable_points
 from seatrial.control_design.start_guidance import steady_speed
+from seatrial.control_design.tuning_table import TuningTable
 from seatrial.tuning.step_trial import RIDES_ON, Rig, Samples
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.authority import LOOPS, ROWS, reach
@@ -50,6 +51,10 @@ class TuningScope:
         Of the tuning; all its draws come from the seed.
     origin
         What the gains are tuned on, in words.
+    given_text
+        The campaign file that asks for the tuning, kept with the results; None without one.
+    inputs
+        SHA-256 of what the tuning reads, by name.
     """
 
     table: TuningTable
@@ -58,6 +63,8 @@ class TuningScope:
     name: str = "tuning"
     seed: int = 0
     origin: str = ""
+    given_text: str | None = None
+    inputs: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def vehicle(self) -> Vehicle:

@@ -37,7 +37,7 @@ from seatrial.tuning.step_trial import Rig, Samples
 if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
     from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
-    from seatrial.tuning.plan import Group, TuningPlan
+    from seatrial.tuning.control_problem import ControlProblem, Group
 
 GUIDANCE_SEARCH = "guidance"
 """Name of the result that holds the numbers of guidance for the tuned loops."""
@@ -105,7 +105,7 @@ class GroupResult:
         return cls(**fields)
 
 
-def search_margins(plan: TuningPlan, *, seed: int, watch: Watch | None = None) -> GroupResult | None:
+def search_margins(plan: ControlProblem, *, seed: int, watch: Watch | None = None) -> GroupResult | None:
     """Gains with sound margins, near those of the start; None where they are sound already."""
     limits = plan.margins
     if limits is None:
@@ -153,7 +153,7 @@ def _short_loops(point: PointMargins, limits: MarginConstraint, *, beyond: float
 
 
 def _of_points(
-    plan: TuningPlan, loops: Sequence[str], free: Sequence[int], *, own: Sequence[int]
+    plan: ControlProblem, loops: Sequence[str], free: Sequence[int], *, own: Sequence[int]
 ) -> GainParameters:
     """Factors on the gains of some loops at free points, those of `own` their own, the others with these."""
     gains, parameters = plan.autopilot.gains(), GainParameters(())
@@ -189,7 +189,7 @@ def _nearest_sound(
 
 
 def search_group(
-    plan: TuningPlan,
+    plan: ControlProblem,
     group: Group,
     rig: Rig,
     samples: Samples,
@@ -203,7 +203,7 @@ def search_group(
 
     Parameters
     ----------
-    plan : TuningPlan
+    plan : ControlProblem
     group : Group
     rig : Rig
         With the gains so far.
@@ -397,7 +397,7 @@ class Standing:
 
 
 def revert_gains(
-    plan: TuningPlan,
+    plan: ControlProblem,
     gains: Mapping[str, float],
     samples: Samples,
     *,
@@ -408,7 +408,7 @@ def revert_gains(
 
     Parameters
     ----------
-    plan : TuningPlan
+    plan : ControlProblem
     gains : mapping of str to float
         Found, by the names of `Autopilot.gains`.
     samples : Samples
@@ -486,13 +486,13 @@ def _is_better(one: Standing, now: Standing, start: Standing, margins_asked: boo
 
 
 def standing(
-    plan: TuningPlan, gains: Mapping[str, float], samples: Samples, *, threads: int | None = None
+    plan: ControlProblem, gains: Mapping[str, float], samples: Samples, *, threads: int | None = None
 ) -> Standing:
     """How some gains stand, all others those of the start.
 
     Parameters
     ----------
-    plan : TuningPlan
+    plan : ControlProblem
     gains : mapping of str to float
     samples : Samples
         The first are the vehicle itself.

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.corridor import Corridor
-from seatrial.campaign.tuning_table import LOOPS
+from seatrial.control_design.corridor import Corridor
+from seatrial.control_design.tuning_table import LOOPS
 from seatrial.flight.cases import Cases
 from seatrial.flight.mission import Mission
 

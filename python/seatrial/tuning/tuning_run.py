@@ -24,10 +24,10 @@ from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, version
 from seatrial.estimation.search import LANES, batch_size
 from seatrial.flight.sensor_channels import sensors_of
+from seatrial.tuning.control_problem import ControlProblem, Group
 from seatrial.tuning.objective import HEADROOM
 from seatrial.tuning.path_following import path_work_s, search_paths
 from seatrial.tuning.performance import Performance, assess, assess_without_noise
-from seatrial.tuning.plan import Group, TuningPlan
 from seatrial.tuning.relay import relay_autopilot
 from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
 from seatrial.tuning.search import (
@@ -45,7 +45,6 @@ from seatrial.tuning.step_trial import Rig, Samples
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
     from seatrial.base.fleet import Fleet
-    from seatrial.campaign.campaign import Campaign
 
 _PACE = 1.0 / 60_000.0  # s per s of flight before anything was measured: about two cores
 
@@ -71,13 +70,9 @@ class TuningRun:
 
     Parameters
     ----------
-    plan : TuningPlan
+    plan : ControlProblem
     run : RunDirectory
         Where finished groups are kept.
-    campaign : Campaign, optional
-        That the plan is of.
-    inputs : mapping, optional
-        SHA-256 of what the run reads, by name.
     progress : callable, optional
         Called with a `Progress`.
     threads : int, optional
@@ -88,23 +83,20 @@ class TuningRun:
 
     def __init__(
         self,
-        plan: TuningPlan,
+        plan: ControlProblem,
         run: RunDirectory,
         *,
-        campaign: Campaign | None = None,
-        inputs: Mapping[str, str] | None = None,
         progress: Callable[[Progress], None] | None = None,
         threads: int | None = None,
         fleet: Fleet | None = None,
     ) -> None:
         self.fleet = fleet
-        self.campaign, self.plan, self.directory = campaign, plan, run
-        self.inputs = inputs or {}
+        self.plan, self.directory = plan, run
         self.progress, self.threads = progress, threads
         self.clock = Clock()
         self.done, self.stages = 0, len(plan.groups) + 1
         self.stopped = False
-        self.notes = without_table(campaign)
+        self.notes = without_table(plan)
         self.work = WorkLeft(self._planned())
         self.results: list[GroupResult] = []
         self.gains: dict[str, float] = {}
@@ -299,7 +291,6 @@ class TuningRun:
     def _result(self, performance: tuple[Performance, ...], *, relay: Any) -> Tuning:
         interrupted = self.stopped or (bool(self.results) and self.results[-1].interrupted)
         return Tuning(
-            campaign=self.campaign,
             plan=self.plan,
             autopilot=self._tuned(),
             groups=tuple(self.results),
@@ -312,7 +303,7 @@ class TuningRun:
                 "tuning",
                 self.plan.name,
                 clock=self.clock,
-                inputs=self.inputs,
+                inputs=self.plan.inputs,
                 seed=self.plan.seed,
                 interrupted=interrupted,
             ),

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import SeatrialError
-from seatrial.campaign.tuning_table import Weights
+from seatrial.control_design.tuning_table import Weights
 from seatrial.flight.metrics import in_metric_units
 from seatrial.report.page.flown_run import FIGURE_ROWS, FlownRun, judgement, toml_lines
 from seatrial.report.page.loops import open_loops
@@ -24,7 +24,7 @@ from seatrial.report.page.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.campaign.tuning_table import CorridorTable, LoopTable
+    from seatrial.control_design.tuning_table import CorridorTable, LoopTable
     from seatrial.flight.cases import Cases
     from seatrial.flight.mission import Mission
 

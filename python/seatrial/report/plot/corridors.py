@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial._core import Autopilot
-    from seatrial.campaign.corridor import Corridor
-    from seatrial.tuning.plan import TuningPlan
+    from seatrial.control_design.corridor import Corridor
+    from seatrial.tuning.control_problem import ControlProblem
 
 _HEIGHT_IN = 2.65
 
@@ -109,7 +109,7 @@ def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
     Examples
     --------
     >>> import numpy as np
-    >>> from seatrial.campaign.corridor import Corridor
+    >>> from seatrial.control_design.corridor import Corridor
     >>> t = np.arange(0.0, 40.0, 0.1)
     >>> one = InCorridor("surge", Corridor.from_figures(rise_s=10.0), t, 1.0 - np.exp(-t / 6.0))
     >>> len(corridor_figure([one]).axes)
@@ -453,12 +453,12 @@ _HOLD_S = (15.0, 40.0)  # of a set point: at least, and at most
 _MAX_STEP_S = 0.02
 
 
-def course_of_set_points(plan: TuningPlan) -> tuple[Array, Array]:
+def course_of_set_points(plan: ControlProblem) -> tuple[Array, Array]:
     """Times (n,), s, from which set points of the speed (n,), m/s, hold, and the time of the end as last.
 
     Parameters
     ----------
-    plan : TuningPlan
+    plan : ControlProblem
     """
     slowest = min(plan.autopilot.speeds_m_s[place] for place in plan.places)
     ahead = [share * plan.top_m_s for share in _SHARES]
@@ -471,12 +471,12 @@ def course_of_set_points(plan: TuningPlan) -> tuple[Array, Array]:
     return times, np.array(levels)
 
 
-def speed_steps(plan: TuningPlan, start: Autopilot, tuned: Autopilot) -> Figure:
+def speed_steps(plan: ControlProblem, start: Autopilot, tuned: Autopilot) -> Figure:
     """Figure of the speed ahead over set points that change, before and after a tuning, heading held.
 
     Parameters
     ----------
-    plan : TuningPlan
+    plan : ControlProblem
         Its vehicle, as identified, in still water, with its sensors.
     start, tuned : Autopilot
     """
@@ -497,7 +497,7 @@ def speed_steps(plan: TuningPlan, start: Autopilot, tuned: Autopilot) -> Figure:
     return step_responses([course])
 
 
-def _flown(plan: TuningPlan, autopilot: Autopilot, times: Array, levels: Array) -> Array:
+def _flown(plan: ControlProblem, autopilot: Autopilot, times: Array, levels: Array) -> Array:
     """Speed ahead (n,), m/s, per control period."""
     from seatrial.flight.fly import fly_batch
     from seatrial.flight.mission import Mission

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.campaign.tuning_table import Margins
+    from seatrial.control_design.tuning_table import Margins
     from seatrial.sensors.sensor import Sensor
 
 Complex = NDArray[np.complex128]

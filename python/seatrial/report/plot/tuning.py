@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.tuning_table import LOOPS
+from seatrial.control_design.tuning_table import LOOPS
 from seatrial.report.plot.corridors import Course, InCorridor, SetPointStep, corridor_figure, step_responses
 from seatrial.report.plot.style import SECOND, SIMULATED, house_style, new_figure, save
 from seatrial.tuning.relay_trial import UNITS

@@ -35,7 +35,7 @@ from seatrial.verification.mission_log.validity import FEWEST_WINDOWS
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
     from seatrial.campaign.campaign import Campaign
-    from seatrial.campaign.corridor import Corridor
+    from seatrial.control_design.corridor import Corridor
     from seatrial.flight.mission import Mission
     from seatrial.trial.trial import Input
     from seatrial.verification.mission_log.verdict import LogVerdict

@@ -42,8 +42,8 @@ from seatrial.verification.mission_log.verdict import JudgedRequirement, LogVerd
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.campaign.corridor import Corridor
     from seatrial.campaign.verification_table import Obstacle
+    from seatrial.control_design.corridor import Corridor
     from seatrial.flight.mission import Mission
     from seatrial.identification.identification import Identification
     from seatrial.trial.trial import Input

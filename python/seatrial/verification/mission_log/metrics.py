@@ -33,8 +33,8 @@ from seatrial.flight.mission import Route
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.corridor import Corridor
     from seatrial.campaign.verification_table import Obstacle
+    from seatrial.control_design.corridor import Corridor
     from seatrial.flight.mission import Mission
     from seatrial.verification.mission_log.log import MissionLog
 

@@ -2,7 +2,7 @@
 
 These models are the only owner of its keys; unknown ones are refused with the nearest known name. What is
 absent and depends on the vehicle (steps, corridors, speeds) is None here and chosen in `seatrial.tuning`.
-Held by ``tests/campaign/test_tuning_file.py``.
+Held by ``tests/control_design/test_tuning_file.py``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from seatrial.base.toml_file import Interval, Name, NotNegative, Number, Positive, Section
-from seatrial.campaign.corridor import Corridor
+from seatrial.control_design.corridor import Corridor
 from seatrial.problem.budget import Budget
 
 

@@ -7,7 +7,7 @@ no bound, after its last one it stays there until the corridor ends at ``until_s
 
 Source: Taubert et al. (2014), figure 19 (corridor), (55)-(57); the staircase is that of the Nonlinear
 Control Design Blockset; rise, overshoot and settling as in Ogata, *Modern Control Engineering* (2010),
-section 5.3. Held by tests/campaign/test_corridor.py.
+section 5.3. Held by tests/control_design/test_corridor.py.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ import pytest
 
 from seatrial.base.errors import CampaignError
 from seatrial.base.toml_file import Section, checked, tables
-from seatrial.campaign.corridor import Corridor
-from seatrial.campaign.tuning_table import BESIDE, LOOPS, Beside, Loops, TuningTable, default_steps
+from seatrial.control_design.corridor import Corridor
+from seatrial.control_design.tuning_table import BESIDE, LOOPS, Beside, Loops, TuningTable, default_steps
 
 CONTRACT = """
 [tuning]
@@ -153,7 +153,7 @@ def test_wrong_values_are_refused_in_one_sentence(text: str) -> None:
 
 def test_reading_the_table_loads_no_heavy_library() -> None:
     code = (
-        "import sys, seatrial.campaign.tuning_table, seatrial.tuning.criterion\n"
+        "import sys, seatrial.control_design.tuning_table, seatrial.tuning.criterion\n"
         "print([m for m in ('scipy', 'polars', 'matplotlib', 'control', 'pint', 'cma') if m in sys.modules])"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

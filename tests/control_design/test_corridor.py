@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from seatrial.base.errors import CampaignError, SimulationError
-from seatrial.campaign.corridor import Corridor
+from seatrial.control_design.corridor import Corridor
 from seatrial.tuning.criterion import criterion, normalised, step_metrics, time_weighted_error, violations
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""What a tuning does: trials of every loop, and groups of loops searched together.
+"""What a tuning is asked and does: trials of every loop, and groups of loops searched together.
 
 A loop is tried at up to three of the breakpoints that the vehicle reaches (`seatrial.tuning.loop_steps`).
 Depth goes over pitch and the cross-track error over heading: they are searched with the loop that they ride
@@ -10,13 +10,20 @@ Held by tests/tuning/test_tuning_plan.py.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
 
-from seatrial.base.errors import CampaignError
-from seatrial.campaign.tuning_table import LoopTable
-from seatrial.control_design.autopilot_facts import autopilot_facts
+from seatrial._core import Autopilot
+from seatrial.base.errors import CampaignError, TrialError
+from seatrial.base.run import sha256
+from seatrial.base.toml_file import checked, loaded
+from seatrial.control_design.autopilot_facts import autopilot_facts, refuse_misfit, refuse_other_laws
+from seatrial.control_design.tuning_table import LoopTable, TuningTable
+from seatrial.flight.sensor_channels import sensors_of
+from seatrial.identification.fitted import Fitted
 from seatrial.tuning.gain_parameters import GainParameters, excited_points
 from seatrial.tuning.holdable import beyond_gains
 from seatrial.tuning.loop_steps import steps_of, usual_speeds
@@ -25,7 +32,9 @@ from seatrial.tuning.scope import TuningScope
 from seatrial.tuning.step_trial import CHANNELS, PATHS, RIDES_ON, LoopTrials
 
 if TYPE_CHECKING:
+    from seatrial._core import Vehicle
     from seatrial.control_design.margin_constraint import MarginConstraint
+    from seatrial.identification.identification import Identification
 
 GROUPS = (("heave",), ("heading", "cross_track"), ("surge",), ("sway",), ("pitch", "depth"))
 """Loops and paths that are searched together, in the order of the search: what holds the hull level first."""
@@ -46,9 +55,105 @@ class Group:
     parameters: GainParameters
 
 
-@dataclass(frozen=True, eq=False)
-class TuningPlan(TuningScope):
-    """A tuning, ready to run: the trials of every loop and the groups of the search."""
+@dataclass(frozen=True, eq=False, init=False)
+class ControlProblem(TuningScope):
+    """What a tuning is asked: a vehicle as well as it is known, its autopilot, what the loops shall do.
+
+    `seatrial.tune` solves it.
+
+    Parameters
+    ----------
+    fit : Identification, run directory, Vehicle, built-in name or file
+        What is known of the vehicle; a vehicle is taken as known exactly.
+    autopilot : Autopilot, built-in name or file
+        With the start gains.
+    loops : mapping, optional
+        The loops to tune, each with its steps, speeds_m_s, corridor, weights and beside, as in the tables
+        ``[tuning.loops.NAME]`` of a campaign file; every loop at work, in default corridors, when missing.
+    name : str, optional
+        Of the result; that of the vehicle by default.
+    seed : int
+        Of draws and searches.
+    **settings
+        The other keys of ``[tuning]``: margins, samples, sensors, current_m_s, budget and so on.
+
+    Raises
+    ------
+    CampaignError
+        A key is unknown, or the vehicle or the autopilot cannot do what is asked.
+    VehicleError, TrialError
+        A file is not usable.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> problem = st.ControlProblem("remus100", "remus100", loops={"heading": {"steps": [20.0]}}, samples=0)
+    >>> [group.name for group in problem.groups]
+    ['heading']
+    """
+
+    def __init__(
+        self,
+        fit: Identification | Fitted | Vehicle | str | Path,
+        autopilot: Autopilot | str | Path,
+        *,
+        loops: Mapping[str, Mapping[str, Any]] | None = None,
+        name: str | None = None,
+        seed: int = 0,
+        **settings: Any,
+    ) -> None:
+        table = checked(TuningTable, {"loops": loops or {}} | settings, "tune")
+        fitted, pilot = Fitted.of(fit), loaded(Autopilot, autopilot)
+        called = name or fitted.vehicle.name
+        self._fill(table, fitted, pilot, name=called, seed=seed, origin=f"the vehicle {fitted.vehicle.name}")
+        self.refuse_what_cannot_fly("tune")
+        inputs = {
+            "autopilot": sha256(pilot.to_toml()),
+            "tuning": sha256(table.model_dump_json()),
+            "vehicle": sha256(self.vehicle.to_toml()),
+        }
+        vars(self)["inputs"] = inputs
+
+    @classmethod
+    def of_table(cls, table: TuningTable, fitted: Fitted, autopilot: Autopilot, **known: Any) -> Self:
+        """Problem of a table ``[tuning]``; ``known`` are further attributes of the scope."""
+        problem = cls.__new__(cls)
+        problem._fill(table, fitted, autopilot, **known)
+        return problem
+
+    def _fill(self, table: TuningTable, fitted: Fitted, autopilot: Autopilot, **known: Any) -> None:
+        TuningScope.__init__(self, table, fitted, autopilot, **known)
+
+    def refuse_what_cannot_fly(self, where: str) -> None:
+        """Refuse before the search, and before a directory is made, what its first flight would refuse.
+
+        Parameters
+        ----------
+        where : str
+            Beginning of messages.
+
+        Raises
+        ------
+        CampaignError
+            Sensors, supply voltage or current do not suit the vehicle, or the laws are not seatrial's.
+        """
+        refuse_other_laws(self.autopilot)
+        refuse_misfit(self.autopilot, self.vehicle)
+        try:
+            sensors_of(self.sensors, self.vehicle)
+        except TrialError as error:
+            raise CampaignError(f"{where}, key sensors: {error}") from None
+        needed = [name for name, facts in self.vehicle.actuator_info().items() if facts["needs_voltage"]]
+        if needed and self.table.voltage_v is None:
+            raise CampaignError(
+                f"{where}: the thrust of {self.vehicle.name} ({needed[0]}) depends on the supply voltage; add"
+                " voltage_v, in V"
+            )
+        if self.current_m_s >= self.top_m_s:
+            raise CampaignError(
+                f"{where}, key current_m_s: expected less than the top speed of {self.vehicle.name},"
+                f" {self.top_m_s:.2f} m/s, found {self.current_m_s:g}; no set point is reached against it"
+            )
 
     @cached_property
     def loops(self) -> dict[str, LoopTable]:
