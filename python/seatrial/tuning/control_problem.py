@@ -116,7 +116,18 @@ class ControlProblem(TuningScope):
 
     @classmethod
     def of_table(cls, table: TuningTable, fitted: Fitted, autopilot: Autopilot, **known: Any) -> Self:
-        """Problem of a table ``[tuning]``; ``known`` are further attributes of the scope."""
+        """Problem of a table ``[tuning]``.
+
+        Parameters
+        ----------
+        table : TuningTable
+        fitted : Fitted
+            What is known of the vehicle.
+        autopilot : Autopilot
+            With the start gains.
+        **known
+            ``name``, ``seed``, ``origin``, ``given_text``, ``inputs``.
+        """
         problem = cls.__new__(cls)
         problem._fill(table, fitted, autopilot, **known)
         return problem
