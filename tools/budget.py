@@ -21,16 +21,16 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 455,
-    "Python lines": 117_700,
-    "modules that import the campaign": 53,
+    "Python lines": 117_800,
+    "modules that import the campaign": 35,
     "lines that build text below the verbs": 8_200,
-    "functions over 8 parameters": 65,
+    "functions over 8 parameters": 64,
     "parameters of the widest function": 32,
     "numeric constants of modules": 1_708,
     "numeric constants of modules without a reason": 575,
     "comment lines per 1,000 lines of long functions, at least": 12,
     "bindings named by a pronoun or a participle": 2_250,
-    "words of documentation": 115_700,
+    "words of documentation": 115_900,
 }
 """Beyond these the build fails."""
 

@@ -21,7 +21,7 @@ from seatrial.report.plot.corridors import (
     worst_response,
 )
 from seatrial.tuning.criterion import violations
-from tests.campaign.test_corridor import SURGE, Array, T, second_order
+from tests.control_design.test_corridor import SURGE, Array, T, second_order
 from tests.report.figures import assert_legends_beside, assert_on_page, line, panel, texts
 
 BUNDLE = np.array([second_order(T, damping, 0.25) for damping in (0.7, 0.3, 0.5)])
