@@ -14,15 +14,18 @@ import traceback
 import warnings
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from seatrial.base.errors import SeatrialError, TrialError
 from seatrial.intake.import_logs import import_logs
 from seatrial.intake.survey import survey
+from seatrial.logs import mavlink
 from seatrial.logs.formats import open_log, unpacked
 from tests.logs import log_files
-from tests.logs.fuzz import peak_mib
+from tests.logs.fuzz import mutated, peak_mib
 from tests.logs.strangers import WRITERS, written
 
 MOST_MIB = 1024
@@ -140,6 +143,55 @@ def test_types_of_a_ulog_within_one_another_are_refused(tmp_path: Path) -> None:
     path.write_bytes(b"".join(frames))
     with pytest.raises(TrialError, match="expected at most 10,000"):
         open_log(path)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_law_whole_frames_decoded_in_one_step_give_what_pymavlink_finds_byte_by_byte(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = log_files.tlog(tmp_path)
+    path.write_bytes(mutated(path.read_bytes(), np.random.default_rng(seed)))
+
+    def read() -> tuple[list[str], list[tuple[str, bytes, bytes]]] | str:
+        try:
+            log = open_log(path)
+            wanted = {topic: tuple(fields) for topic, fields in log.fields.items()}
+            chunks = [(c.topic, c.t.tobytes(), c.values.tobytes()) for c in log.chunks(wanted)]
+        except TrialError as error:
+            return str(error)
+        return log.notes, chunks
+
+    in_one_step = read()
+    monkeypatch.setattr(mavlink, "_whole", lambda stream: None)
+    assert read() == in_one_step
+
+
+def test_an_undamaged_telemetry_log_is_searched_for_its_first_message_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mavutil = pytest.importorskip("pymavlink.mavutil")
+    searches: list[Any] = []
+    search = mavutil.mavlogfile.recv_msg
+
+    def counted(stream: Any) -> Any:
+        searches.append(stream)
+        return search(stream)
+
+    monkeypatch.setattr(mavutil.mavlogfile, "recv_msg", counted)
+    log = open_log(log_files.tlog(tmp_path))
+    assert sum(topic.samples for topic in log.topics()) == len(log_files.T)
+    assert len(searches) == 4  # the first message and the end, when it is opened and when it is surveyed
+
+
+def test_what_the_callers_own_function_raises_in_a_survey_is_no_fault_of_the_log(tmp_path: Path) -> None:
+    mine = ValueError("mine")
+
+    def share(done: float, name: str) -> None:
+        raise mine
+
+    with pytest.raises(ValueError, match="mine") as raised:
+        survey([log_files.tlog(tmp_path)], share=share)
+    assert raised.value is mine
 
 
 @pytest.mark.parametrize(("noise", "ended"), [(2_000, "project"), (1_100_000, "refused")])

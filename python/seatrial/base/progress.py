@@ -117,7 +117,7 @@ class _OfTheCaller(BaseException):
 
 
 def callers_errors_pass(function: Callable[P, R]) -> Callable[P, R]:
-    """The function, of which what the caller's `progress` raises comes back as it was raised.
+    """The function, of which what the caller's `progress` or `share` raises comes back as it was raised.
 
     On its way it passes blocks that make a sentence of all that a damaged file raises, or go on where numbers
     fail: an error of the caller is neither.
@@ -137,7 +137,8 @@ def callers_errors_pass(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def passing(*args: P.args, **kwargs: P.kwargs) -> R:
-        given = cast("Callable[..., None] | None", kwargs.get("progress"))
+        name = "share" if "share" in kwargs else "progress"
+        given = cast("Callable[..., None] | None", kwargs.get(name))
         if given is None:
             return function(*args, **kwargs)
         call = object()  # of nested calls each hands on what its own caller raised
@@ -148,7 +149,7 @@ def callers_errors_pass(function: Callable[P, R]) -> Callable[P, R]:
             except Exception as error:
                 raise _OfTheCaller(call, error) from None
 
-        kwargs["progress"] = progress
+        kwargs[name] = progress
         try:
             return function(*args, **kwargs)
         except _OfTheCaller as carried:

@@ -60,7 +60,7 @@ def import_(
             show(share, words, ())
 
         if out is None and map is None:
-            seen = survey(logs, progress)
+            seen = survey(logs, share=progress)
         else:
             made = import_logs(logs, out=out, map=map, vehicle=vehicle, force=force, progress=progress)
     if out is None and map is None:

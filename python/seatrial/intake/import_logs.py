@@ -107,7 +107,7 @@ def _imported_logs(
 ) -> Imported:
     """The import, into a folder that nobody else writes."""
     say = progress or (lambda share, words: None)
-    seen = survey(logs, lambda s, w: say(0.5 * s, w))
+    seen = survey(logs, share=lambda s, w: say(0.5 * s, w))
     given = None if map is None else load_map(map)
     made = recordings(seen.logs, given.trials if given else None)
     columns = given.columns if given else proposed_columns(made)

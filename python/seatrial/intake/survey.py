@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from seatrial.base.budget import Budget, guarded, size_of
 from seatrial.base.errors import TrialError, printable
+from seatrial.base.progress import callers_errors_pass
 from seatrial.base.report import Report, Section, Table
 from seatrial.logs.formats import FORMATS, open_log
 from seatrial.logs.gravity import by_gravity
@@ -237,9 +238,10 @@ class Survey:
         )
 
 
-_IMPORT = Budget(cpu_s=120.0, cpu_s_per_mb=100.0, memory_mb=700.0, memory_mb_per_mb=25.0)
+_IMPORT = Budget(cpu_s=40.0, cpu_s_per_mb=40.0, memory_mb=700.0, memory_mb_per_mb=25.0)
 """What an import may cost beside the reading of its logs, which has budgets of its own: alignment,
-corrections and manoeuvres took 8 s per MB of the tests' recordings at most."""
+corrections and manoeuvres took 8 s per MB of the tests' recordings at most, of which this is five times.
+The constant part is as much for libraries, figures and the fits that take the same time whatever the size."""
 
 
 def importing(paths: Iterable[str | Path]) -> AbstractContextManager[None]:
@@ -254,7 +256,8 @@ def importing(paths: Iterable[str | Path]) -> AbstractContextManager[None]:
     )
 
 
-def survey(paths: Iterable[str | Path], share: Callable[[float, str], None] | None = None) -> Survey:
+@callers_errors_pass
+def survey(paths: Iterable[str | Path], *, share: Callable[[float, str], None] | None = None) -> Survey:
     """Survey of some logs: a pass over each.
 
     Parameters

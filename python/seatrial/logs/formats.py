@@ -30,8 +30,8 @@ class Format:
     """A format of logs: the module that reads it, its file endings, how its files begin, what it is.
 
     ``cpu_s_per_mb`` is the processor time that an honest file may take per MB and pass, s: some five times
-    the 2.3 (MAVLink), 0.9 (MCAP, ROS bags, chunks packed several times), 0.5 (IMC), 0.2 (MOOS, text of
-    DataFlash) and 0.05 s/MB (tables, arrays) that were measured.
+    the 0.9 (MAVLink of short messages, MCAP, ROS bags, chunks packed several times), 0.5 (IMC), 0.2 (MOOS,
+    text of DataFlash) and 0.05 s/MB (tables, arrays) that were measured.
     """
 
     module: str
@@ -48,7 +48,7 @@ class Format:
 
 FORMATS: dict[str, Format] = {
     "dataflash": Format("dataflash", (".bin",), (b"\xa3\x95", b"FMT, "), "ArduPilot DataFlash log", 1.0),
-    "mavlink": Format("mavlink", (".tlog",), (), "MAVLink telemetry log", 15.0),
+    "mavlink": Format("mavlink", (".tlog",), (), "MAVLink telemetry log", 5.0),
     "ulog": Format("ulog", (".ulg", ".ulog"), (b"ULog\x01\x12\x35",), "PX4 ULog", 0.3),
     "rosbag": Format("rosbag", (".bag", ".db3"), (b"#ROSBAG V", b"SQLite format 3"), "ROS bag", 5.0),
     "mcap": Format("mcap", (".mcap",), (b"\x89MCAP",), "MCAP", 5.0),

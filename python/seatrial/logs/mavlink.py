@@ -195,11 +195,13 @@ class _Telemetry(Log):
 
 
 def _whole(stream: Any) -> Any:
-    """Message of a whole frame at the place of the stream; None, and nothing is read, where it takes a search.
+    """Message of a whole frame that begins here; None, and nothing is read, where it takes a search.
 
     pymavlink's own way from byte to message, which finds its place again behind damage, takes twice as long.
     """
     if stream.first_byte or stream.mav.buf_len():  # the version is not known yet, or a search is under way
+        return None
+    if stream._last_message.get_type() == "BAD_DATA":  # pymavlink looks for a likely stamp behind it
         return None
     frame = stream.f.frame()
     if frame is None:
