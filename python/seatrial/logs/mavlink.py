@@ -303,7 +303,8 @@ _PLAIN = (float, int)
 
 def _since_boot(message: Any) -> tuple[float, float] | None:
     """Time since the sender booted and the period of its counter, s; None where none is carried."""
-    for name, unit, period in _counters(type(message)):
+    kind: Any = type(message)
+    for name, unit, period in _counters(kind):
         value = getattr(message, name)
         if value and value * unit < _UNIX_S:
             return float(value) * unit, period
