@@ -6,6 +6,7 @@ import copy
 import pickle
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -294,11 +295,26 @@ def test_the_text_of_a_problem_states_what_was_asked(fit: st.Identification) -> 
     assert again.described() == asked.described()
 
 
+def test_an_attribute_that_a_problem_has_not_is_named(fit: st.Identification) -> None:
+    asked = fit.problem
+    known: dict[str, Any] = {
+        "vehicle": asked.vehicle,
+        "trials": asked.trials,
+        "uses": asked.uses,
+        "stages": asked.stages,
+    }
+    assert st.Problem.of(**known, joint=asked.joint, seed=3).described()["seed"] == 3
+    with pytest.raises(st.CampaignError, match='unknown attribute .sead.; did you mean "seed"'):
+        st.Problem.of(**known, sead=3)
+
+
 def test_variants_leave_the_problem_as_it_was(fit: st.Identification) -> None:
     asked = fit.problem
     before = asked.described()
     assert asked.without_coefficients(["X_uu"]).stages == ()
     other = asked.with_uses({"straight": st.TrialUse(hold_out_s=((0.0, 5.0),))})
     assert other.held_out("straight").sum() == 50
+    with pytest.raises(AttributeError, match="seed: a problem does not change"):
+        asked.seed = 4
     assert asked.described() == before
     assert asked.part("straight", held_out=True) is not other.part("straight", held_out=True)

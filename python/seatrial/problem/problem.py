@@ -114,6 +114,11 @@ class Problem:
     seed: int
     source: str
     given_text: str | None
+    parameters: dict[str, tuple[Parameter, ...]]
+    _listed: tuple[Stage, ...]
+    _parts: dict[tuple[str, bool], Trial | None]
+    _verdicts: dict[str, dict[str, Verdict]]
+    _limits: dict[str, Unpredictable]
 
     def __init__(
         self,
@@ -155,6 +160,11 @@ class Problem:
             anchor=anchor or Anchor(),
             name=name or known.name,
             seed=seed,
+        )
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(
+            f"{name}: a problem does not change; its methods with_... and without_... give another"
         )
 
     @classmethod
@@ -199,32 +209,27 @@ class Problem:
     def _fill(self, *, stages: Sequence[Stage], **known: Any) -> None:
         """Set all attributes, and check them."""
         nothing = dict.fromkeys(known["trials"])
-        vars(self).update(
-            {
-                "bench": None,
-                "files": nothing,
-                "recordings": nothing,
-                "anchor": Anchor(),
-                "common_budget": Budget(),
-                "name": known["vehicle"].name,
-                "seed": 0,
-                "source": SOURCE,
-                "given_text": None,
-            }
-            | known
-        )
-        self._verdicts: dict[str, dict[str, Verdict]] = {}
-        self._limits: dict[str, Unpredictable] = {}
+        usual = {
+            "bench": None,
+            "files": nothing,
+            "recordings": nothing,
+            "anchor": Anchor(),
+            "common_budget": Budget(),
+            "name": known["vehicle"].name,
+            "seed": 0,
+            "source": SOURCE,
+            "given_text": None,
+        }
+        if unknown := sorted(known.keys() - usual.keys() - {"vehicle", "trials", "uses", "joint"}):
+            raise CampaignError(f"Problem.of: unknown attribute {unknown[0]!r}{nearest(unknown[0], usual)}")
+        vars(self).update(usual | known, _verdicts={}, _limits={})
         self._set_stages(stages)
 
     def _set_stages(self, stages: Sequence[Stage]) -> None:
         """Take these stages in the order of their run; parts of trials depend on what is held out."""
-        self._parts: dict[tuple[str, bool], Trial | None] = {}
-        self._listed = tuple(stages)
-        self.stages = in_order(self._listed, self.source)
-        self.parameters: dict[str, tuple[Parameter, ...]] = {
-            stage.name: parameters(stage, self.vehicle, self.where(stage)) for stage in self.stages
-        }
+        ordered = in_order(tuple(stages), self.source)
+        freed = {stage.name: parameters(stage, self.vehicle, self.where(stage)) for stage in ordered}
+        vars(self).update(_listed=tuple(stages), stages=ordered, parameters=freed, _parts={})
         self._check_trial_names()
         self._check_side_by_side()
 
