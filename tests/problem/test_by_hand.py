@@ -304,7 +304,7 @@ def test_an_attribute_that_a_problem_has_not_is_named(fit: st.Identification) ->
         "stages": asked.stages,
     }
     assert st.Problem.of(**known, joint=asked.joint, seed=3).described()["seed"] == 3
-    with pytest.raises(st.CampaignError, match='unknown attribute .sead.; did you mean "seed"'):
+    with pytest.raises(st.CampaignError, match=r'unknown attribute .sead.; did you mean "seed"'):
         st.Problem.of(**known, sead=3)
 
 

@@ -163,9 +163,7 @@ class Problem:
         )
 
     def __setattr__(self, name: str, value: Any) -> None:
-        raise AttributeError(
-            f"{name}: a problem does not change; its methods with_... and without_... give another"
-        )
+        raise AttributeError(f"{name}: a problem does not change; its methods with_... give another")
 
     @classmethod
     def of(
