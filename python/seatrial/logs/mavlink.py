@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,9 +26,9 @@ from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
 from seatrial.logs.senders import SenderClocks
 
 _STAMP_BYTES = 8
-_V1, _V2 = 0xFE, 0xFD  # marks of a frame of either version
-_BEGUN = _STAMP_BYTES + 3  # bytes up to the flags of a frame
-_SIGNED, _SIGNATURE_BYTES = 1, 13
+_BEGIN = struct.Struct(
+    ">QBBB"
+)  # of a frame: stamp in us, mark, bytes of its payload, flags from version 2 on
 _AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
 _GROUND = 255  # the usual system number of a ground station
 _COUNTS = 2.0**32  # of a counter of 32 bits
@@ -233,15 +234,16 @@ class _Judged:
 
     def frame(self) -> tuple[int, bytearray] | None:
         """Stamp in us and bytes of the frame that begins here; None, and nothing is read, where none does."""
-        content = head = self._file.read(_BEGUN)
-        if len(head) == _BEGUN:
-            mark, length, flags = head[_STAMP_BYTES:]
-            more = length + 5 if mark == _V1 else length + 9 + _SIGNATURE_BYTES * flags
-            if mark == _V1 or (mark == _V2 and flags in (0, _SIGNED)):
-                content += self._file.read(more)
-                if len(content) == _BEGUN + more:
+        content = self._file.read(_BEGIN.size)
+        if len(content) == _BEGIN.size:
+            stamp_us, mark, payload, flags = _BEGIN.unpack(content)
+            # Bytes after these, for the marks of version 1, and of version 2 without and with a signature.
+            header = {(0xFE, flags): 5, (0xFD, 0): 9, (0xFD, 1): 9 + 13}.get((mark, flags))
+            if header is not None:
+                content += self._file.read(header + payload)
+                if len(content) == _BEGIN.size + header + payload:
                     self.place += len(content)
-                    return int.from_bytes(content[:_STAMP_BYTES], "big"), bytearray(content[_STAMP_BYTES:])
+                    return stamp_us, bytearray(content[_STAMP_BYTES:])
         self._file.seek(-len(content), io.SEEK_CUR)
         return None
 
