@@ -26,7 +26,7 @@ LIMITS = {
     "lines that build text below the verbs": 8_200,
     "functions over 8 parameters": 64,
     "parameters of the widest function": 32,
-    "numeric constants of modules": 1_713,
+    "numeric constants of modules": 1_708,
     "numeric constants of modules without a reason": 575,
     "comment lines per 1,000 lines of long functions, at least": 12,
     "bindings named by a pronoun or a participle": 2_250,

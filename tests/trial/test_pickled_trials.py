@@ -66,7 +66,7 @@ def test_a_campaign_is_the_same_after_a_round_trip(through: Any, read: bool) -> 
         assert len(campaign.trials["surge"]) == len(T)
     again = through(campaign)
     assert again.file == campaign.file
-    assert again.parameters == campaign.problem().parameters
+    assert again.problem().parameters == campaign.problem().parameters
     assert again.vehicle.to_toml() == campaign.vehicle.to_toml()
     assert again.trials["surge"].table.equals(campaign.trials["surge"].table)
 

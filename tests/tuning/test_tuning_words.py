@@ -11,6 +11,7 @@ from seatrial.base.progress import Progress
 from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.margin_report import ReportedMargins
 from seatrial.identification.fitted import Fitted
+from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.performance import Performance, StepPerformance, why_outside
 from seatrial.tuning.result import Tuning, sentences
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, tuned
@@ -21,7 +22,9 @@ def test_it_is_told_whether_the_drawn_vehicles_are_others() -> None:
     said = " ".join(sentences(tuned()))
     assert "every one of 24 currents and noises (its coefficients count as exact)" in said
     known = Fitted.of("cwolf", percent={"N_rdot": 5.0})
-    one = replace(tuned(), plan=replace(tuned().plan, fitted=known))
+    plan = tuned().plan
+    of_drawn = ControlProblem.of_table(plan.table, known, plan.autopilot, name=plan.name, seed=plan.seed)
+    one = replace(tuned(), plan=of_drawn)
     assert "every one of 24 others that were drawn" in " ".join(sentences(one))
 
 

@@ -158,28 +158,25 @@ def _excursions(y: Array, values: Array) -> list[Sentinel]:
     x = y[index]
     steps = np.abs(np.diff(x))
     usual = float(np.quantile(steps, 0.75)) if len(steps) else 0.0
-    # The samples of a value stand together in sorted order: a pass over all for each would be quadratic.
-    order = np.argsort(x, kind="stable")
-    first = np.searchsorted(x[order], values, side="left")
-    last = np.searchsorted(x[order], values, side="right")
+    # All runs of equal samples at once: a pass over the column for each of its values would be quadratic.
+    starts = np.flatnonzero(np.append(True, x[1:] != x[:-1])) if len(x) else np.empty(0, np.intp)
+    stops = np.append(starts[1:], len(x))[: len(starts)]
+    place = np.minimum(np.searchsorted(values, x[starts]), len(values) - 1)
+    asked = values[place] == x[starts] if len(values) else np.zeros(len(starts), bool)
+    starts, stops, place = starts[asked], stops[asked], place[asked]
+    counts = np.bincount(place, stops - starts, len(values))
+    inside = (starts > 0) & (stops < len(x)) & (stops - starts <= _LONGEST)
+    starts, stops, place = starts[inside], stops[inside], place[inside]
+    before, after, own = x[starts - 1], x[stops], x[starts]
+    tall = np.minimum(np.abs(before - own), np.abs(after - own))
+    lone = (tall > _TALL * usual) & (np.abs(after - before) < _NEAR * tall)
+    # Nearly every time: a number that the column also passes through is one of its own.
+    share = np.bincount(place[lone], (stops - starts)[lone], len(values)) >= 0.8 * counts
+    often = np.bincount(place[lone], minlength=len(values)) >= _FEWEST
     found = []
-    for value, low, high in zip(values, first, last, strict=True):
-        at = order[low:high]
-        if not 0 < len(at) <= _MOST * len(x):
-            continue
-        breaks = np.flatnonzero(np.diff(at) > 1)
-        starts, stops = at[np.append(0, breaks + 1)], at[np.append(breaks, len(at) - 1)] + 1
-        inside = (starts > 0) & (stops < len(x)) & (stops - starts <= _LONGEST)
-        starts, stops = starts[inside], stops[inside]
-        if len(starts) < _FEWEST:
-            continue
-        before, after = x[starts - 1], x[stops]
-        tall = np.minimum(np.abs(before - value), np.abs(after - value))
-        lone = (tall > _TALL * usual) & (np.abs(after - before) < _NEAR * tall)
-        # Nearly every time: a number that the column also passes through is one of its own.
-        if np.count_nonzero(lone) >= _FEWEST and (stops - starts)[lone].sum() >= 0.8 * len(at):
-            samples = np.zeros(len(y), bool)
-            for start, stop in zip(starts[lone], stops[lone], strict=True):
-                samples[index[start:stop]] = True
-            found.append(Sentinel(float(value), samples))
+    for k in np.flatnonzero(often & share & (counts <= _MOST * len(x))):
+        samples = np.zeros(len(y), bool)
+        for run in np.flatnonzero(lone & (place == k)):
+            samples[index[starts[run] : stops[run]]] = True
+        found.append(Sentinel(float(values[k]), samples))
     return found
