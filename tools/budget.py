@@ -21,7 +21,7 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 455,
-    "Python lines": 117_800,
+    "Python lines": 117_810,
     "modules that import the campaign": 35,
     "lines that build text below the verbs": 8_200,
     "functions over 8 parameters": 64,
