@@ -13,6 +13,7 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
 from seatrial.identification.identification import Identification
+from seatrial.problem.problem import Problem
 
 TRUTH = {"X_uu": -13.0, "N_rr": -180.0, "N_rdot": -75.0}
 
@@ -167,8 +168,8 @@ def test_gains_with_a_prior_stay_in_a_joint_estimate_that_predicts_with_them() -
 def test_gains_with_a_prior_leave_a_joint_estimate_that_predicts_worse_with_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def outside(campaign: Campaign, *_: object) -> tuple[object, ...]:
-        freed = campaign.file.polish is not None and campaign.file.polish.coefficients
+    def outside(problem: Problem, *_: object) -> tuple[object, ...]:
+        freed = problem.joint is not None and problem.joint.coefficients
         return "held-out data", {"r": 0.3}, {"r": 0.2 if freed else 0.1}, {}
 
     monkeypatch.setattr("seatrial.identification.choice._outside", outside)
