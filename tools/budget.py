@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 455,
+    "Python files": 453,
     "Python lines": 117_810,
     "modules that import the campaign": 35,
     "lines that build text below the verbs": 8_200,

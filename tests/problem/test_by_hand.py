@@ -273,8 +273,8 @@ def test_a_problem_of_a_table_in_three_lines(fit: st.Identification) -> None:
         problem = st.Problem(START, frame, free={"X_uu": (-40.0, -1.0)}, seed=3)
         assert list(problem.trials) == ["trial"]
         assert problem.stages[0].axes.free == "X"
-    found = problem.identify(threads=1)
-    assert found.vehicle.coefficients()["X_uu"] == pytest.approx(TRUE.coefficients()["X_uu"], rel=1e-2)
+    again = problem.identify(threads=1)
+    assert again.vehicle.coefficients()["X_uu"] == pytest.approx(TRUE.coefficients()["X_uu"], rel=1e-2)
     two = st.Problem(START, [pl.DataFrame(table), pl.DataFrame(table)], free="X_uu")
     assert list(two.trials) == ["trial 1", "trial 2"]
 
@@ -318,3 +318,15 @@ def test_variants_leave_the_problem_as_it_was(fit: st.Identification) -> None:
         asked.seed = 4
     assert asked.described() == before
     assert asked.part("straight", held_out=True) is not other.part("straight", held_out=True)
+
+
+def test_what_was_judged_of_a_trial_goes_with_it() -> None:
+    trials = [trial(), trial("slow", 300.0)]
+    asked = st.Problem(START, trials, free="X_uu")
+    assert list(asked.limits()) == ["straight", "slow"]
+    rest, _ = asked.without_trial("slow")
+    assert list(rest.limits()) == ["straight"]
+    judged = asked.verdicts("slow")
+    other = asked.with_trials({"straight": trials[0], "slow": trial("slow", 900.0)})
+    assert other.verdicts("slow") is not judged
+    assert asked.verdicts("slow") is judged

@@ -229,7 +229,8 @@ class Campaign:
             bench=self._given_bench,
             progress=self.progress,
         )
-        other.trials, other._problem = self.trials, other._problem.with_trials(self.trials)
+        other.trials = self.trials
+        other._problem = other._asked()
         return other
 
     def problem(self) -> Problem:

@@ -28,9 +28,8 @@ from seatrial.campaign.mixer_table import MixerTable
 from seatrial.campaign.verification_table import VerificationTable
 from seatrial.control_design.tuning_table import TuningTable
 from seatrial.problem.anchor import Anchor
-from seatrial.problem.budget import Budget
 from seatrial.problem.joint import JointSettings
-from seatrial.problem.stage import Stage
+from seatrial.problem.stage import Budget, Stage
 from seatrial.trial.corrections import parse_corrections
 from seatrial.trial.trial import Input
 

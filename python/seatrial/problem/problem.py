@@ -22,12 +22,11 @@ from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.run import sha256
 from seatrial.base.toml_file import loaded
 from seatrial.problem.anchor import Anchor
-from seatrial.problem.budget import Budget
 from seatrial.problem.by_hand import SOURCE, entries, fitted_and_judging, own_input, share, stage_of
 from seatrial.problem.by_name import ByName
 from seatrial.problem.joint import JointSettings
 from seatrial.problem.parameter import Parameter, coefficient_names, parameters
-from seatrial.problem.stage import Stage, TrialUse, in_order
+from seatrial.problem.stage import Budget, Stage, TrialUse, in_order
 from seatrial.problem.variants import strips_freed, without_free, without_trial
 from seatrial.trial.ceiling import Unpredictable, unpredictable
 from seatrial.trial.verdict import Verdict, judge_trial
@@ -335,8 +334,9 @@ class Problem:
         return self._variant(joint=joint)
 
     def with_trials(self, trials: Mapping[str, Trial]) -> Self:
-        """Problem on other records of the same trials, by the same names; verdicts and limits are shared."""
-        return self._variant(trials=trials)
+        """Problem on other records of its trials, by the same names; what was judged of the old ones goes."""
+        given = dict.fromkeys(trials)
+        return self._variant(trials=trials, files=given, recordings=given, _verdicts={}, _limits={})
 
     def with_uses(self, uses: Mapping[str, TrialUse]) -> Self:
         """Problem that uses its trials otherwise: another input, another part held out."""
@@ -421,7 +421,7 @@ class Problem:
         for name in self.trials:
             if name not in self._limits:
                 self._limits[name] = unpredictable(self.trials[name], self.verdicts(name))
-        return dict(self._limits)
+        return {name: self._limits[name] for name in self.trials}
 
     def file_hash(self, trial: str) -> str | None:
         """SHA-256 of a trial's file, None for a trial that was given."""

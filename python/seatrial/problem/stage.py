@@ -15,8 +15,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.base.toml_file import Interval, Name, Number, Positive, Section, twice
-from seatrial.problem.budget import Budget
+from seatrial.base.toml_file import Count, Interval, Name, Number, Positive, Section, twice
 from seatrial.trial.trial import Input
 
 
@@ -27,6 +26,15 @@ def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 TrialNames = Annotated[tuple[Name, ...], AfterValidator(_each_once)]
+
+
+class Budget(Section):
+    """Limits of a search. What is absent is chosen from the number of its parameters."""
+
+    population: Annotated[int, Field(strict=True, ge=2)] | None = None
+    generations: Count | None = None
+    simplex_rounds: Count | None = None
+    tolerance: Positive | None = None
 
 
 @dataclass(frozen=True)

@@ -104,15 +104,21 @@ class ControlProblem(TuningScope):
     ) -> None:
         table = checked(TuningTable, {"loops": loops or {}} | settings, "tune")
         fitted, pilot = Fitted.of(fit), loaded(Autopilot, autopilot)
-        called = name or fitted.vehicle.name
-        self._fill(table, fitted, pilot, name=called, seed=seed, origin=f"the vehicle {fitted.vehicle.name}")
+        vehicle = fitted.vehicle
+        self._fill(
+            table,
+            fitted,
+            pilot,
+            name=name or vehicle.name,
+            seed=seed,
+            origin=f"the vehicle {vehicle.name}",
+            inputs={
+                "autopilot": sha256(pilot.to_toml()),
+                "tuning": sha256(table.model_dump_json()),
+                "vehicle": sha256(vehicle.to_toml()),
+            },
+        )
         self.refuse_what_cannot_fly("tune")
-        inputs = {
-            "autopilot": sha256(pilot.to_toml()),
-            "tuning": sha256(table.model_dump_json()),
-            "vehicle": sha256(self.vehicle.to_toml()),
-        }
-        vars(self)["inputs"] = inputs
 
     @classmethod
     def of_table(cls, table: TuningTable, fitted: Fitted, autopilot: Autopilot, **known: Any) -> Self:
