@@ -320,6 +320,22 @@ def test_variants_leave_the_problem_as_it_was(fit: st.Identification) -> None:
     assert asked.part("straight", held_out=True) is not other.part("straight", held_out=True)
 
 
+def test_a_table_may_judge_and_one_without_time_is_refused_as_a_table() -> None:
+    table = {"t_s": T, "u_m_s": np.sin(0.1 * T)} | {
+        f"cmd.{name}": 500.0 * np.cos(T) for name in TRUE.actuators
+    }
+    asked = st.Problem(TRUE, table, free="X_uu", hold_out=table)
+    assert [asked.uses[name].hold_out for name in ("trial", "judging")] == [False, True]
+    assert list(st.Problem(TRUE, {"a": table, "b": pl.DataFrame(table)}, free="X_uu").trials) == ["a", "b"]
+    with pytest.raises(st.TrialError, match="t_s"):
+        st.Problem(TRUE, {name: values for name, values in table.items() if name != "t_s"}, free="X_uu")
+    with pytest.raises(st.CampaignError, match="expected a trial or several, found none"):
+        st.Problem(TRUE, [], free="X_uu")
+    for wrong in (5, [table, 5]):
+        with pytest.raises(st.CampaignError, match="expected a trial, a table, a file"):
+            st.Problem(TRUE, wrong, free="X_uu")
+
+
 def test_what_was_judged_of_a_trial_goes_with_it() -> None:
     trials = [trial(), trial("slow", 300.0)]
     asked = st.Problem(START, trials, free="X_uu")

@@ -38,9 +38,6 @@ Bounds = tuple[float, float]
 SOURCE = "identify"
 """What messages call a problem without a file."""
 
-_TIME = "t_s"
-"""The column that a table of a trial has, and a dict of trials has not."""
-
 
 def fitted_and_judging(trials: Trials, hold_out: float | Trials) -> tuple[dict[str, Trial], dict[str, Trial]]:
     """Trials by name that are fitted, and those that only judge.
@@ -50,8 +47,8 @@ def fitted_and_judging(trials: Trials, hold_out: float | Trials) -> tuple[dict[s
     CampaignError
         There is none, two share a name, or one is in both.
     """
-    fitted = _named(trials)
-    judging = {} if isinstance(hold_out, float | int) else _named(hold_out)
+    fitted = _named(trials, "trial")
+    judging = {} if isinstance(hold_out, float | int) else _named(hold_out, "judging")
     if shared := sorted(set(fitted) & set(judging)):
         raise CampaignError(f"{SOURCE}: trial {shared[0]!r} is fitted and held out; leave it out of one")
     return fitted, judging
@@ -98,16 +95,20 @@ def _refused(error: ValidationError, where: str) -> CampaignError:
     return CampaignError(": ".join(part for part in (SOURCE, where, place, words) if part))
 
 
-def _named(trials: Trials) -> dict[str, Trial]:
-    """Trials by name; tables and files are read."""
-    if isinstance(trials, Mapping) and _TIME not in trials:
-        return {name: replace(_read(source), name=name) for name, source in trials.items()}
-    single = _is_table(trials) or isinstance(trials, Trial | str | Path)
-    listed = [trials] if single else list(trials)
+def _named(trials: Trials, table: str) -> dict[str, Trial]:
+    """Trials by name; files and tables are read, tables under this name and their number among several."""
+    if isinstance(trials, Mapping) and all(map(_is_recorded, trials.values())):
+        listed = [replace(_read(source, name), name=name) for name, source in trials.items()]
+    elif _is_recorded(trials):
+        listed = [_read(trials, table)]
+    else:
+        sources = list(trials) if isinstance(trials, Sequence) else [trials]
+        label = "{}" if len(sources) == 1 else "{} {}"
+        listed = [_read(source, label.format(table, k)) for k, source in enumerate(sources, 1)]
     if not listed:
         raise CampaignError(f"{SOURCE}: expected a trial or several, found none")
     named: dict[str, Trial] = {}
-    for trial in (_read(source, number, len(listed)) for number, source in enumerate(listed, 1)):
+    for trial in listed:
         if trial.name in named:
             raise CampaignError(
                 f"{SOURCE}: two trials are named {trial.name!r}; give each its own name, or a dict"
@@ -118,17 +119,24 @@ def _named(trials: Trials) -> dict[str, Trial]:
 
 
 def _is_table(source: Recorded) -> bool:
-    """Whether something is a table of columns: a dict with the time, or a pandas or polars frame."""
+    """Whether something is a table: a dict of columns, or a pandas or polars frame."""
     return isinstance(source, Mapping) or hasattr(source, "columns")
 
 
-def _read(source: Recorded, number: int = 1, of: int = 1) -> Trial:
-    """Trial; a table has no name of its own and gets its number."""
+def _is_recorded(source: Recorded) -> bool:
+    return isinstance(source, Trial | str | Path) or _is_table(source)
+
+
+def _read(source: Recorded, name: str) -> Trial:
+    """Trial; a table has no name of its own and takes this one."""
     if isinstance(source, Trial):
         return source
-    if _is_table(source):
-        return Trial.read(source, name="trial" if of == 1 else f"trial {number}")
-    return Trial.read(source)
+    if not _is_recorded(source):
+        raise CampaignError(
+            f"{SOURCE}: trials: expected a trial, a table, a file, or several in a list or dict, found"
+            f" {type(source).__name__}"
+        )
+    return Trial.read(source, name=name) if _is_table(source) else Trial.read(source)
 
 
 def entries(
