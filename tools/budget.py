@@ -20,10 +20,10 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 453,
-    "Python lines": 117_810,
+    "Python files": 466,
+    "Python lines": 118_100,
     "modules that import the campaign": 35,
-    "lines that build text below the verbs": 8_200,
+    "lines that build text below the verbs": 7_200,
     "functions over 8 parameters": 64,
     "parameters of the widest function": 32,
     "numeric constants of modules": 1_708,

@@ -9,7 +9,7 @@ import pytest
 import seatrial as st
 from seatrial.identification.apparent_mass import implausible_masses, masses_of
 from seatrial.identification.estimate import Estimate
-from seatrial.identification.identification import advice
+from seatrial.report.results.identification import advice
 
 
 def estimate(name: str, start: float, value: float) -> Estimate:

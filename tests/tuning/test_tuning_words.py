@@ -11,9 +11,10 @@ from seatrial.base.progress import Progress
 from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.margin_report import ReportedMargins
 from seatrial.identification.fitted import Fitted
+from seatrial.report.results.tuning import sentences
 from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.performance import Performance, StepPerformance, why_outside
-from seatrial.tuning.result import Tuning, sentences
+from seatrial.tuning.result import Tuning
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, tuned
 
 

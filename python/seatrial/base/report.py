@@ -1,11 +1,13 @@
 """A result described once, as plain data: three lines, then sections of tables and sentences.
 
-Every result has a method ``report()`` in its own room; ``summary()`` is `Report.text` of it, and the command
+A result holds numbers and findings. Its words are written in `seatrial.report.results`, above all results:
+``report()`` of a result asks for them by `report_of`, ``summary()`` is `Report.text` of it, and the command
 line shows the same report with rich (`seatrial.report.terminal`). Held by tests/report/test_report.py.
 """
 
 from __future__ import annotations
 
+import importlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -143,6 +145,10 @@ class Report:
         ]
         return count[0] - count[1]
 
+    def section(self, title: str) -> Section:
+        """The section of a title; an empty one where there is none."""
+        return next((part for part in self.sections if part.title == title), Section(title))
+
     def text(self, *, verbose: bool = True) -> str:
         """The report as plain text: the three lines, then the sections."""
         parts = ["\n".join(self.lines())]
@@ -182,6 +188,25 @@ class Report:
         """Files of a run directory by name: the report as text, and as plain data."""
         data = json.dumps(self.to_dict(), ensure_ascii=False, indent=1)
         return {"summary.txt": self.text() + "\n", REPORT_FILE: data + "\n"}
+
+
+def writer_of(result: object) -> Any:
+    """Module that writes the words of a result; it lies above all results and is loaded when first needed."""
+    return importlib.import_module("seatrial.report.results").writer_of(result)
+
+
+def report_of(result: object, **options: Any) -> Report:
+    """Report of a result, in the words of `seatrial.report.results`.
+
+    Parameters
+    ----------
+    result : object
+        A result of one of the classes that are named there.
+    **options
+        What the report of that class takes, such as ``truth`` of an identification.
+    """
+    report: Report = writer_of(result).report(result, **options)
+    return report
 
 
 def _section_of(data: Mapping[str, Any]) -> Section:

@@ -11,7 +11,7 @@ import numpy as np
 
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError, reason
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunDirectory, to_json
 from seatrial.bench_test.characteristic import actuator_ratios
 from seatrial.bench_test.vehicle_text import PER_MINUTE
@@ -24,11 +24,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_model import StepRecord
     from seatrial.bench_test.pulls import PullPoints
 
-WRITE = (
-    "write the results into the vehicle file (seatrial bench FILE --in-place, or --write FILE), then"
-    " run seatrial check on it"
-)
-"""What to do next as long as the results stand in no vehicle file."""
 
 _MOST = 4
 
@@ -42,7 +37,7 @@ def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> li
             p1, sd = (PER_MINUTE * float(x[0]) for x in (one.fit.coefficients, one.fit.standard_deviations))
             said.append(f"{unit} {side}: p1 = {p1:.5g} ± {sd:.2g} N s², thrust per n|n| with n in rev/s")
         if np.isfinite(one.exponent[0]) and not fit.regression.with_voltage:
-            said.append(f"{unit} {side}: {_exponent(one)}")
+            said.append(f"{unit} {side}: {exponent_text(one)}")
         if one.judgement:
             said.append(f"{unit} {side}: {one.judgement}")
         said += [f"{unit} {side}: {text}" for text in _outliers(fit, one)]
@@ -94,17 +89,19 @@ def _largest(fit: UnitFit, side: str) -> str:
 def _goodness(one: DirectionFit) -> str:
     fit = one.fit
     return (
-        f"R2 = 1 - SSE/SST {_is(share(fit.r2))} (squared correlation, blind to a wrong gain,"
-        f" {_is(share(fit.b))}); points scatter by {fit.sigma:.2g} N (standard"
+        f"R2 = 1 - SSE/SST {verb_of(share(fit.r2))} (squared correlation, blind to a wrong gain,"
+        f" {verb_of(share(fit.b))}); points scatter by {fit.sigma:.2g} N (standard"
         f" deviation, {fit.dof} degrees of freedom)"
     )
 
 
-def _is(value: str) -> str:
+def verb_of(value: str) -> str:
+    """The value behind "=", or as it is where it begins with ">"."""
     return value if value.startswith(">") else f"= {value}"
 
 
-def _exponent(one: DirectionFit) -> str:
+def exponent_text(one: DirectionFit) -> str:
+    """Power of the signal with which thrust grows, and whether it is that of n|n|."""
     value, sd = one.exponent
     low, high = one.exponent_interval
     said = (
@@ -206,7 +203,7 @@ class BenchTest:
 
     def report(self) -> Report:
         """How well the thrust is known, the worst problem, what to do next; then tables and sentences."""
-        return _report(self)
+        return report_of(self)
 
     def summary(self) -> str:
         """The report as text."""
@@ -305,174 +302,6 @@ class BenchTest:
                 f"{target}: cannot be written ({reason(error)}); choose a folder that you may write to"
             ) from None
         return target
-
-
-def _report(test: BenchTest) -> Report:
-    """Three lines, regression, fit, motors; sentences as details."""
-    worst, next_step = _worst(test)
-    said = test.sentences()
-    return Report(
-        title=test.file.name,
-        outcome=f"bench test of {test.before.name}",
-        good=_how_good(test),
-        worst=worst,
-        next_step=next_step,
-        sections=(
-            Section(
-                sentences=tuple(text for text in said if "WARNING" in text),
-                tables=(_regression_table(test), _fit_table(test), _table_errors(test), _motor_table(test)),
-            ),
-            Section("Remarks", tuple(said), details=True),
-        ),
-    )
-
-
-def _how_good(test: BenchTest) -> str:
-    """Fit of the pulls, the worst direction named; fit of the motors."""
-    parts = []
-    fits = {
-        f"{unit} {side}": one.fit for unit, fit in test.pulls.items() for side, one in fit.directions.items()
-    }
-    if fits:
-        worst = min(fits, key=lambda name: fits[name].r2)
-        parts.append(
-            f"thrust of {len(test.pulls)} group{'s' if len(test.pulls) > 1 else ''} fitted with"
-            f" R2 {_is(share(fits[worst].r2)).removeprefix('= ')} or better ({worst} is the worst; points"
-            f" scatter by {fits[worst].sigma:.2g} N)"
-        )
-    elif test.pulls:
-        rms = max(
-            row["rms_n"] for fit in test.pulls.values() if fit.table is not None for row in fit.table.errors()
-        )
-        plural = "s" if len(test.pulls) > 1 else ""
-        parts.append(
-            f"thrust table{plural} of {len(test.pulls)} group{plural}, points within {rms:.2g} N rms"
-        )
-    for unit, motor in test.motors.items():
-        known = sum(one.determined for one in motor.parameters.values())
-        parts.append(
-            f"motor of {unit}: {known} of {len(motor.parameters)} parameters determined, mean error"
-            f" {motor.fitness.absolute:.3g} {motor.unit}"
-        )
-    return "; ".join(parts)
-
-
-def _worst(test: BenchTest) -> tuple[str, str]:
-    """The worst problem of a bench test, and what to do about it."""
-    write = WRITE
-    if test.warnings:
-        return test.warnings[
-            0
-        ], "correct this in the bench file or repeat the test before the results are used"
-    for unit, motor in test.motors.items():
-        if missing := [one for one in motor.parameters.values() if not one.determined]:
-            names = ", ".join(one.name for one in missing)
-            return (
-                f"{unit} motor: {names} not determined: {missing[0].reason}",
-                "record the steps that this asks for, or keep the vehicle file's values; then use --in-place",
-            )
-    named = [
-        (f"{unit} {side}", len(one.outliers), len(one.points))
-        for unit, fit in test.pulls.items()
-        for side, one in fit.directions.items()
-        if len(one.outliers)
-    ]
-    if named:
-        where, count, points = max(named, key=lambda row: row[1])
-        return f"{where}: {count} outlier{'s' if count > 1 else ''} beside {points} fitted points", (
-            f"look at the pulls named below, then {write}"
-        )
-    bent = [
-        (abs(one.exponent[0] - 2.0), f"largest departure from n|n|: {unit} {side}, {_exponent(one)}")
-        for unit, fit in test.pulls.items()
-        for side, one in fit.directions.items()
-        if np.isfinite(one.exponent[0]) and not one.exponent_interval[0] <= 2.0 <= one.exponent_interval[1]
-    ]
-    return (max(bent)[1] if bent else "no outlier and no undetermined parameter found"), write
-
-
-def _regression_table(test: BenchTest) -> Table:
-    rows = [
-        (
-            f"{unit} {side}" if k == 0 else "",
-            name,
-            _coefficient_unit(one.fit.terms[k], fit.unit.command),
-            f"{one.fit.coefficients[k]:.5g}",
-            f"{one.fit.standard_deviations[k]:.2g}",
-            "{:.4g} to {:.4g}".format(*one.fit.intervals()[k]),
-        )
-        for unit, fit in test.pulls.items()
-        for side, one in fit.directions.items()
-        for k, name in enumerate(one.fit.names)
-    ]
-    head = ("group", "coefficient", "unit", "estimate", "sd", "95 % interval")
-    return Table.of("Regression per direction, of a single actuator", head, rows, left=3)
-
-
-def _fit_table(test: BenchTest) -> Table:
-    rows = [
-        (
-            f"{unit} {side}",
-            str(len(one.points)),
-            str(len(one.outliers)),
-            share(one.fit.r2).replace(" ", ""),
-            share(one.fit.b).replace(" ", ""),
-            f"{one.fit.sigma:.2g}",
-            f"{one.fit.condition:.2g}",
-        )
-        for unit, fit in test.pulls.items()
-        for side, one in fit.directions.items()
-    ]
-    head = ("group", "points", "outliers", "R2", "squared correlation", "scatter, N", "condition")
-    return Table.of(
-        "How well the points fit (R2 = 1 - SSE/SST; a squared correlation is blind to a wrong gain)",
-        head,
-        rows,
-    )
-
-
-def _table_errors(test: BenchTest) -> Table:
-    rows = [
-        (
-            unit,
-            "" if np.isnan(row["voltage_v"]) or not len(fit.table.voltage_v) else f"{row['voltage_v']:.4g}",
-            f"{row['points']:.0f}",
-            f"{row['rms_n']:.2g}",
-            f"{row['largest_n']:.2g}",
-        )
-        for unit, fit in test.pulls.items()
-        if fit.table is not None
-        for row in fit.table.errors()
-    ]
-    return Table.of(
-        "Points against the table", ("group", "supply, V", "points", "rms, N", "largest, N"), rows
-    )
-
-
-def _motor_table(test: BenchTest) -> Table:
-    rows = [
-        (
-            unit if k == 0 else "",
-            one.name,
-            one.unit,
-            "" if one.value is None else f"{one.value:.6g}",
-            "" if one.sigma is None else f"{one.sigma:.2g}",
-            "not determined"
-            if one.lower is None or one.upper is None
-            else f"{one.lower:.6g} to {one.upper:.6g}",
-        )
-        for unit, motor in test.motors.items()
-        for k, one in enumerate(motor.parameters.values())
-    ]
-    return Table.of("Motors", ("group", "parameter", "unit", "estimate", "sd", "95 % interval"), rows, left=3)
-
-
-def _coefficient_unit(term: tuple[int, ...], command: str) -> str:
-    """Unit of a coefficient: newton per powers of the command's unit and volt."""
-    below = [
-        f"{name}{'²³'[e - 2] if e > 1 else ''}" for name, e in zip((command, "V"), term, strict=False) if e
-    ]
-    return "N" + ("/" + "/".join(below) if below else "")
 
 
 def _unit_dict(fit: UnitFit) -> dict[str, Any]:

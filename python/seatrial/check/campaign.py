@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import SeatrialError
-from seatrial.base.report import Report, Section, Table
-from seatrial.intake.consistency_result import UNTOLD, current_sentence
-from seatrial.intake.consistency_trials import Proposal, accepted, consistency_of_trial, proposals
+from seatrial.base.report import Report, report_of
+from seatrial.intake.consistency_result import UNTOLD
+from seatrial.intake.consistency_trials import Proposal, consistency_of_trial, proposals
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.project import clocks_proposed
-from seatrial.intake.wiring import WIRED
-from seatrial.trial.assembly import MOSTLY_MASKED, UNCOMMANDED
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -21,10 +19,6 @@ if TYPE_CHECKING:
     from seatrial.estimation.scale import ScaleReport
     from seatrial.intake.consistency_result import Consistency
     from seatrial.trial.signals import RecordingReport
-
-_MOST_PROPOSALS = 6  # more are among the details
-
-_READY = {True: "Ready to identify", False: "Nothing to identify: it only tunes or verifies an autopilot"}
 
 
 @dataclass(frozen=True)
@@ -82,135 +76,11 @@ class CampaignCheck:
 
     def report(self) -> Report:
         """Whether it is ready, the worst problem, what to do next; then trials, stages, inputs, scale."""
-        return _report(self)
+        return report_of(self)
 
     def summary(self) -> str:
         """The report as text."""
         return self.report().text()
-
-
-def _report(check: CampaignCheck) -> Report:
-    """Three lines, trials, stages, inputs; what was found about each trial as details."""
-    worst, next_step = _worst(check)
-    inputs = () if check.inputs is None else tuple(check.inputs.sentences())
-    scale = () if check.scale is None else tuple(check.scale.sentences())
-    free = tuple(f"{stage.name}: {', '.join(stage.coefficients)}" for stage in check.stages)
-    findings = tuple(
-        Section(f"Trial {name}", tuple(str(report).splitlines()), details=True)
-        for name, report in check.reports.items()
-    )
-    samples = sum(stage.samples for stage in check.stages)
-    minutes = sum(report.duration_s for report in check.reports.values()) / 60.0
-    count = sum(len(stage.coefficients) for stage in check.stages)
-    return Report(
-        title=check.name,
-        outcome="not ready" if check.problems else _READY[bool(check.stages)],
-        good=(
-            f"{len(check.reports)} trial{'s' if len(check.reports) != 1 else ''} of {check.vehicle}"
-            f" ({minutes:.0f} min); {len(check.stages)} stages free {count} coefficients on {samples} samples"
-        ),
-        worst=worst,
-        next_step=next_step,
-        sections=(
-            Section(sentences=(*check.problems, *check.warnings)),
-            Section(sentences=free, tables=(_trial_table(check), _stage_table(check))),
-            Section("Corrections proposed", tuple(one.text for one in check.proposals[:_MOST_PROPOSALS])),
-            Section("Kind of data", check.data),
-            Section("Inputs over what is fitted", inputs, (_input_table(check),)),
-            Section("Scale of all forces", scale),
-            *findings,
-            *(_consistency(name, found) for name, found in check.consistency.items()),
-            *(Section(f"Motion of trial {n}", k.details, details=True) for n, k in check.kinds.items()),
-        ),
-    )
-
-
-def _consistency(name: str, found: Consistency) -> Section:
-    """Everything about the channels of one trial, as details."""
-    said = [*(one.sentence for one in found.corrections), *found.missing]
-    if (current := accepted(found)) is not None:
-        said.append(
-            f"a slow current, {current_sentence(current)}: [trials.{name}.corrections] {current.line}"
-        )
-    return Section(f"Consistency of trial {name}", tuple(said), (found.table(),), details=True)
-
-
-def _worst(check: CampaignCheck) -> tuple[str, str]:
-    """The worst problem of a campaign, and what to do about it."""
-    if check.problems:
-        return check.problems[0], "correct the campaign or the recording and check again"
-    identify = "run seatrial identify on this campaign"
-    if not check.stages:
-        identify = "run seatrial tune or seatrial verify on this campaign"
-    correct = f"correct the trial or its column map if it is used; then {identify}"
-    found = [
-        (finding.severity, f"trial {name}: {str(finding).removeprefix(finding.severity).strip()}")
-        for name, report in check.reports.items()
-        for finding in report.findings
-    ]
-    open_ = [one.text for one in check.proposals if not one.done]
-    unlike = [
-        f"trial {name}: {said}" for name, one in check.consistency.items() for said in one.contradictions
-    ]
-    unlike += [f"trial {name}: {said}" for name, one in check.kinds.items() for said in one.impossible]
-    unlike += [
-        text
-        for severity, text in found
-        if severity == "warning" and (UNCOMMANDED in text or MOSTLY_MASKED in text)
-    ]
-    if (text := next((text for severity, text in found if severity == "error"), None)) is not None:
-        return text, correct
-    if unlike:
-        problem, _, remedy = unlike[0].partition("; ")
-        return (problem, f"{remedy}; then {identify}") if WIRED in problem else (unlike[0], correct)
-    if open_:
-        return open_[0], f"paste the corrections that you accept into the campaign; then {identify}"
-    if (text := next((text for severity, text in found if severity == "warning"), None)) is not None:
-        return text, correct
-    said = [] if check.scale is None else check.scale.sentences()
-    for sentence in (*check.warnings, *([] if check.inputs is None else check.inputs.sentences()), *said):
-        if sentence.startswith("WARNING"):
-            return sentence.removeprefix("WARNING").strip(" :"), f"settle this first; then {identify}"
-    return "no warning about recordings, inputs or scale", identify
-
-
-def _trial_table(check: CampaignCheck) -> Table:
-    rows = [
-        (
-            name,
-            f"{report.duration_s:.1f}",
-            f"{report.rate_hz:.4g}",
-            str(report.samples),
-            str(max(report.masked.values(), default=0)),
-            str(sum(finding.severity != "info" for finding in report.findings) or ""),
-        )
-        for name, report in check.reports.items()
-    ]
-    return Table.of("Trials", ("trial", "duration, s", "rate, Hz", "samples", "masked", "warnings"), rows)
-
-
-def _stage_table(check: CampaignCheck) -> Table:
-    rows = [
-        (
-            stage.name,
-            ", ".join(stage.trials),
-            stage.free,
-            str(len(stage.coefficients)),
-            str(stage.segments),
-            str(stage.samples),
-            f"{1e3 * stage.step_s:.3g}",
-        )
-        for stage in check.stages
-    ]
-    head = ("stage", "trials", "free", "coefficients", "segments", "samples", "step, ms")
-    return Table.of("Stages in the order of their run", head, rows, left=3)
-
-
-def _input_table(check: CampaignCheck) -> Table:
-    drives = () if check.inputs is None else check.inputs.drives
-    rows = [(one.actuator, one.group, f"{one.rms_n:.3g}", f"{100.0 * one.ahead:.0f}") for one in drives]
-    head = ("actuator", "group", "thrust about its mean, N", "impulse ahead, %")
-    return Table.of("", head, rows, left=2)
 
 
 def check_campaign(campaign: Campaign) -> CampaignCheck:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, report_of
 from seatrial.check.plausibility import implausible, unused_rows
 from seatrial.vehicle.actuators import NOMINAL_V, Push, beyond_tables, pushes
 from seatrial.vehicle.authority import commanded_rows
@@ -102,7 +102,7 @@ def _cure(vehicle: Vehicle, plane: str) -> str:
             " the vehicle has fins"
         )
     return (
-        f"Too little lift aft against the Munk moment; {_IF_STABLE}, check {lift} of the"
+        f"Too little lift aft against the Munk moment; {IF_STABLE}, check {lift} of the"
         f" hull, and area and C_L_alpha of {' and '.join(fins)}"
     )
 
@@ -192,7 +192,7 @@ class VehicleCheck:
 
     def report(self) -> Report:
         """Top speed, the worst problem, what to do next; then actuators, speeds, turns and notes."""
-        return _report(self)
+        return report_of(self)
 
     def summary(self) -> str:
         """The report as text."""
@@ -202,121 +202,7 @@ class VehicleCheck:
         return self.summary()
 
 
-def _report(check: VehicleCheck) -> Report:
-    """Three lines, what every actuator does, speeds and turns, notes."""
-    worst = "nothing stands out: signs, buoyancy, damping and stability are plausible"
-    next_step = (
-        "compare the force of each actuator below with the real vehicle; then write start gains (seatrial"
-        " autopilot) or identify it from trials (seatrial identify)"
-    )
-    if check.warnings:
-        worst, next_step = check.warnings[0], _next(check.warnings)
-    count = len(check.warnings)
-    straight = [
-        _speed_table(
-            "Speed on a straight course", "all ahead", [(_command(row), row) for row in check.speeds]
-        ),
-        _speed_table("What a speed takes", "speed", [(f"{row.speed_kn:g} kn", row) for row in check.cruises]),
-    ]
-    pushes = [
-        sentence
-        for first, *others in check.by_actuator()
-        for sentence in (str(first), *(f"{push.size}: {push.words}" for push in others))
-    ]
-    return Report(
-        title=check.name,
-        outcome=f"{count} warning{'s' if count > 1 else ''}" if count else "nothing looks wrong",
-        good=_how_good(check),
-        worst=worst,
-        next_step=next_step,
-        sections=(
-            Section(check.description, sentences=tuple(pushes)),
-            Section(
-                sentences=(*(f"WARNING: {text}" for text in check.warnings), *check.notes),
-                tables=(*straight, _turn_table(check)),
-            ),
-        ),
-    )
-
-
-_IF_STABLE = "if the real vehicle is stable"
-
-
-def _next(warnings: Sequence[str]) -> str:
-    """What to do about warnings; a vehicle may rightly be unstable on its course or in pitch by itself."""
-    if all("unstable at" in text and _IF_STABLE in text for text in warnings):
-        return (
-            "where the real vehicle is stable, correct the vehicle file and check it again; where it is not,"
-            " go on: an autopilot holds it (seatrial autopilot), and its margins tell whether well enough"
-        )
-    return "correct the vehicle file and check it again before use"
-
-
-def _how_good(check: VehicleCheck) -> str:
-    """Top speed, what can be commanded, net buoyancy."""
-    fastest = max(check.speeds, key=lambda row: row.speed_m_s, default=None)
-    top = (
-        "No steady speed ahead"
-        if fastest is None
-        else (f"Top speed {fastest.speed_m_s:.2f} m/s at {_command(fastest)}")
-    )
-    able = (
-        f"commands {' '.join(check.rows)} independently" if check.rows else "commands no axis independently"
-    )
-    count = len(check.by_actuator())
-    actuators = "1 actuator" if count == 1 else f"{count} actuators"
-    return f"{top}; {actuators}, {able}; net buoyancy {check.statics.net_n:+.3g} N"
-
-
-_TURN_HEADS = {
-    "under way": "inner side at half",
-    "inner side stopped": "stopped",
-    "inner side half astern": "half astern",
-    "on the spot": "opposed",
-}
-
-
-def _speed_table(title: str, first: str, rows: Sequence[tuple[str, Speed]]) -> Table:
-    """Table of speeds; a column that no row fills is left out when shown."""
-    cells = [
-        (
-            label,
-            _command(row) if first == "speed" else "",
-            f"{row.speed_m_s:.2f}",
-            "" if first == "speed" else f"{row.speed_kn:.1f}",
-            f"{row.thrust_n:.3g}",
-            "" if row.power_w is None else _rounded(row.power_w),
-            "" if row.endurance_h is None else f"{row.endurance_h:.2g}",
-            "" if row.range_km is None else _rounded(row.range_km),
-        )
-        for label, row in rows
-    ]
-    head = (first, "all ahead", "m/s", "kn", "thrust, N", "power, W", "endurance, h", "range, km")
-    return Table.of(title, head, cells)
-
-
-def _turn_table(check: VehicleCheck) -> Table:
-    """One row per command of the outer side, one cell per kind of turn."""
-    kinds = list(dict.fromkeys(turn.kind for turn in check.turns))
-    cells: dict[str, dict[str, str]] = {}
-    for turn in check.turns:
-        digits = 2 if turn.radius_m < 10.0 else 1
-        cells.setdefault(f"{turn.command:.4g} {turn.unit}", {})[turn.kind] = (
-            f"{turn.radius_m:.{digits}f} m {abs(turn.rate_deg_s):.1f}°/s"
-        )
-    rows = [(command, *(row.get(kind, "") for kind in kinds)) for command, row in cells.items()]
-    head = ("outer side", *(_TURN_HEADS[kind] for kind in kinds))
-    return Table.of("Steady turns: radius and rate", head, rows)
-
-
-def _command(row: Speed) -> str:
-    """The command as a person sets it: whole revolutions and microseconds, newtons in three digits."""
-    return f"{row.command:.3g} N" if row.unit == "N" else f"{row.command:.0f} {row.unit}"
-
-
-def _rounded(value: float) -> str:
-    """Two digits of what is small, no decimals of what is not."""
-    return f"{value:.2g}" if value < 9.95 else f"{value:.0f}"
+IF_STABLE = "if the real vehicle is stable"
 
 
 def check_vehicle(

@@ -37,8 +37,8 @@ def bench(
     """Fit thrust and motor of every tested group, say how sure they are, write them into the vehicle file."""
     from seatrial.base.errors import SeatrialError
     from seatrial.bench_test.evaluate import bench as evaluate
-    from seatrial.bench_test.result import WRITE
     from seatrial.cli.console import answer, formats, print_json
+    from seatrial.report.results.bench_test import WRITE
 
     if write is not None and in_place:
         raise SeatrialError("--write and --in-place: give one of them")

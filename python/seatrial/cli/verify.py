@@ -430,7 +430,7 @@ def _replay(
     from seatrial.base.report import Section
     from seatrial.cli.console import answer, print_json
     from seatrial.cli.fly import draw_flight
-    from seatrial.verification.verification import reserve
+    from seatrial.report.results.verification import reserve
 
     flight = prepared.flights.replay(number)
     folder = flight.save(out or Path("runs") / f"{prepared.campaign.name}-mission-{number}")

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import write_atomic
-from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, to_json
 
 if TYPE_CHECKING:
@@ -28,12 +27,6 @@ _ZERO = 0.01
 
 VEHICLE, IDENTIFIED, START = "vehicle", "identification", "start values"
 """Whence the coefficients are at which a plan is made."""
-
-_AT = {
-    VEHICLE: "",
-    IDENTIFIED: "; planned at the identified coefficients",
-    START: "; planned at the campaign's start values, not at identified coefficients",
-}
 
 
 @dataclass(frozen=True)
@@ -212,7 +205,7 @@ class Plan(RunResult):
 
     def report(self) -> Report:
         """What the trials leave of the uncertainty, what stays unknown, what to do; then the trials."""
-        return _report(self)
+        return report_of(self)
 
     def summary(self) -> str:
         """The report as plain text."""
@@ -327,177 +320,9 @@ def _text(words: str) -> str:
     return json.dumps(words, ensure_ascii=False)
 
 
-_HEAD = ("thrust", "run", "area, m", "to depth, m", "score", "determines best")
-
-_OTHERS = 6
-
-_WORTH = 0.99
-
-_MOST_REFUSED = 4
-
-_UNKNOWN, _BETTER = 0.5, 0.9
-
-
-def _report(found: Plan) -> Report:
-    first, count = found.sequence[0].manoeuvre, len(found.sequence)
-    unknown = _still_unknown(found)
-    basis = (
-        "bounds and recorded trials, with sensor noise as the only error"
-        if found.recorded
-        else "the bounds only, nothing recorded"
-    )
-    return Report(
-        title=found.vehicle,
-        outcome=f"{count} {'trial' if count == 1 else 'trials'} planned",
-        good=(
-            f"{'it reduces' if count == 1 else 'they reduce'} the sum of the relative standard deviations of"
-            f" {len(found.coefficients)} coefficients from {_number(found.score_before)} to"
-            f" {_number(found.score_after)}; known so far:"
-            f" {basis}{_AT[found.at]}"
-        ),
-        worst=unknown[0] if unknown else f"no coefficient stays unknown to more than {100 * _UNKNOWN:.0f} %",
-        next_step=(
-            "identify first (seatrial identify) and plan again: at the identified coefficients a forecast is"
-            f" nearer to what a trial gives; otherwise run trial 1 ({first.name})"
-            if found.at == START and found.recorded
-            else f"run trial 1 ({first.name}), identify again, and plan again"
-        ),
-        sections=(
-            Section(tables=(_trials(found),), sentences=tuple(_sheets(found))),
-            *([Section(sentences=tuple(_on_top(found)))] if found.dithers else []),
-            Section(tables=(_precision(found),), sentences=tuple(unknown)),
-            Section(tables=(_others(found),), sentences=tuple(_rest(found)), details=True),
-        ),
-    )
-
-
-def _trials(found: Plan) -> Table:
-    rows = [["", "so far", "", "", "", "", _number(found.score_before), ""]]
-    rows += [[str(number), *_cells(ranked)] for number, ranked in enumerate(found.sequence, 1)]
-    title = (
-        f"Next trials of {found.budget_s:g} s, in this order (score: sum of relative std. deviations left)"
-    )
-    return Table.of(title, ["trial", "manoeuvre", *_HEAD], rows, left=2)
-
-
-def _sheets(found: Plan) -> Iterator[str]:
-    """How each trial is run, and what it may bring about."""
-    for number, ranked in enumerate(found.sequence, 1):
-        start = (
-            f"start {ranked.manoeuvre.start.words}, O {ranked.forecast.start_depth_m:.1f} m deep or deeper"
-        )
-        yield (
-            f"Trial {number}: {ranked.manoeuvre.words}; {start}; {_times(ranked)}; speed to"
-            f" {ranked.forecast.speed_m_s:.1f} m/s, heel to {ranked.forecast.roll_deg:.0f}, trim to"
-            f" {ranked.forecast.pitch_deg:.0f} deg."
-        )
-        yield from (f"WARNING: trial {number}: {warning}" for warning in ranked.forecast.warnings)
-
-
-def _on_top(found: Plan) -> Iterator[str]:
-    """What to add to the autopilot's output where feedback dominates an axis."""
-    for dither in found.dithers:
-        yield f"With the autopilot on, {dither.sentence}. Table: {dither.file_name}."
-
-
-def _precision(found: Plan) -> Table:
-    """Standard deviation of every coefficient, before and after each trial."""
-    after = [{change.name: change for change in ranked.gains} for ranked in found.sequence]
-    rows = [
-        [
-            change.name,
-            change.unit,
-            f"{change.value:.4g}",
-            change.told(change.before),
-            *(change.told(changes[change.name].after) for changes in after),
-        ]
-        for change in found.coefficients
-    ]
-    numbered = (f"after {number}" for number in range(1, len(after) + 1))
-    head = ["coefficient", "unit", "value", "so far", *numbered]
-    zero = "" if all(change.of_value for change in found.coefficients) else "; where it is zero, in its unit"
-    return Table.of(f"Standard deviations in per cent of the value{zero}", head, rows, left=2)
-
-
-def _others(found: Plan) -> Table:
-    """The best manoeuvres instead of the first one, those that leave less than what is known already."""
-    others, seen = [], {found.sequence[0].manoeuvre.name}
-    for ranked in found.ranking:
-        if ranked.manoeuvre.name not in seen and ranked.score < _WORTH * found.score_before:
-            seen.add(ranked.manoeuvre.name)
-            others.append(_cells(ranked, names=2))
-    title = f"The best of {len(others)} others"
-    return Table.of(title, ["instead of trial 1", *_HEAD], others[:_OTHERS])
-
-
-def _rest(found: Plan) -> Iterator[str]:
-    """The same time in staircases, manoeuvres that do not fit, what was assumed."""
-    if found.staircases_score is not None:
-        yield (
-            f"The same time in staircases alone would leave {_number(found.staircases_score)} instead of"
-            f" {_number(found.score_after)}."
-        )
-    refused = list(found.refused.items())
-    if refused:
-        words = "; ".join(f"{name}: {reason}" for name, reason in refused[:_MOST_REFUSED])
-        more = f"; and {len(refused) - _MOST_REFUSED} more" if len(refused) > _MOST_REFUSED else ""
-        yield f"Left out, even at its smallest: {words}{more}"
-    groups: dict[str, list[str]] = {}
-    for channel, noise in found.instruments.noise.items():
-        angle = channel in ("p", "q", "r", "roll", "pitch", "yaw")
-        unit = ("deg" if angle else "m") + ("/s" if channel in "uvwpqr" else "")
-        groups.setdefault(f"{noise / DEGREE if angle else noise:.3g} {unit}", []).append(channel)
-    sizes = ", ".join(f"{' '.join(channels)} {size}" for size, channels in groups.items())
-    yield (
-        f"Assumed: noise of {sizes}; one sample per {found.instruments.correlation_s:.2g} s counts; unknown"
-        f" current {found.instruments.current_m_s:g} m/s; the model as it is."
-    )
-
-
-def _still_unknown(found: Plan) -> list[str]:
-    """What stays unknown after the trials, and which manoeuvre would show it best."""
-    groups: dict[str, list[str]] = {}
-    for change in found.coefficients:
-        if change.after / change.whole <= _UNKNOWN:
-            continue
-        best, left = "", change.after
-        for ranked in found.ranking:
-            after = next(gain.after for gain in ranked.gains if gain.name == change.name)
-            if after < _BETTER * left:
-                best, left = ranked.manoeuvre.name, after
-        told = change.told(left, change.unit) + (" %" if change.of_value else "")
-        groups.setdefault(best, []).append(f"{change.name} ({told})" if best else change.name)
-    return [
-        f"Still unknown to more than {100 * _UNKNOWN:.0f} %, "
-        + (f"best shown by {best}" if best else "and no manoeuvre that fits improves it")
-        + f": {', '.join(names)}"
-        for best, names in groups.items()
-    ]
-
-
-def _cells(ranked: Ranked, *, names: int = 3) -> list[str]:
-    """Cells of a trial: name, thrust, times, area, depth, score, what it determines best."""
-    seen = ranked.forecast
-    return [
-        ranked.manoeuvre.name,
-        f"{100 * ranked.amplitude:.0f} %" if ranked.amplitude else "none",
-        _times(ranked),
-        f"{seen.along_m:.0f} x {seen.across_m:.0f}",
-        f"{seen.deepest_m:.0f}",
-        _number(ranked.score),
-        ", ".join(change.name for change in ranked.gains[:names]),
-    ]
-
-
-def _times(ranked: Ranked) -> str:
-    duration = f"{ranked.manoeuvre.duration_s:.0f} s"
-    return f"{ranked.repeats} x {duration}" if ranked.repeats > 1 else duration
+UNKNOWN, BETTER = 0.5, 0.9
 
 
 def _percent(share: float) -> str:
     """A share in per cent with two digits."""
     return f"{100.0 * share:.0f}" if share >= 0.1 else f"{100.0 * share:.2g}"
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}"

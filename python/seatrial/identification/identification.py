@@ -3,40 +3,30 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.channels import CHANNELS, MOTIONS, readable
 from seatrial.base.errors import VehicleError
 from seatrial.base.fallback import Fallback, is_numerical
-from seatrial.base.report import Column, Report, Section, Table, appended
+from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.estimation.stage import StageResult
-from seatrial.identification.apparent_mass import implausible_masses, masses_of
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
-from seatrial.identification.estimate import Estimate, Tally, derived, distinct, plus_minus, tally
-from seatrial.identification.held import SHARE, Conditional, Held, comment, sentences
+from seatrial.identification.estimate import Estimate, Tally, derived, tally
+from seatrial.identification.held import Conditional, Held, comment
 from seatrial.identification.hold_out import POOLED, Restarts, likelihood_gain, replayed
-from seatrial.intake.consistency_trials import LATE
-from seatrial.intake.wiring import WIRED
-from seatrial.trial.baselines import not_beaten
-from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.diagnosis.assessment import Assessment
     from seatrial.diagnosis.identifiability import Identifiability
-    from seatrial.diagnosis.missing_terms import Suggestion
     from seatrial.estimation.scale import ScaleReport
     from seatrial.problem.problem import Problem
     from seatrial.trial.score import Score
-
-_NEAR_ONE = 0.985
 
 
 @dataclass(frozen=True)
@@ -114,7 +104,7 @@ class Identification(RunResult):
         truth : mapping of str to float, optional
             True coefficients of generated trials, shown beside the estimates.
         """
-        return report(self, truth=truth)
+        return report_of(self, truth=truth)
 
     def summary(self) -> str:
         """The report as text."""
@@ -185,7 +175,7 @@ class Identification(RunResult):
         On the windows of the model's own score, after a fit of the baselines to the same training part
         (`seatrial.trial.baselines`); on the training part itself where nothing is held out.
         """
-        score = _judged(self)
+        score = judged_score(self)
         return {} if score is None else {name: dict(row) for name, row in score.baselines.items()}
 
     @property
@@ -270,463 +260,13 @@ class Identification(RunResult):
         return files
 
 
-def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> Report:
-    """Three lines, coefficients, scores, what they mean, stages and advice.
-
-    Parameters
-    ----------
-    fit : Identification
-    truth : mapping of str to float, optional
-        True coefficients of generated trials, shown beside the estimates.
-    """
-    worst, next_step = _worst(fit)
-    tables = (
-        _coefficient_table(fit, truth or {}),
-        _held_table(fit, truth or {}),
-        _conditional_table(fit),
-        _nuisance_table(fit),
-        *(() if fit.assessment is None else (fit.assessment.assumption_table(),)),
-        _held_out_table(fit),
-        *_beside_baselines(fit),
-        _choice_table(fit),
-    )
-    return Report(
-        title=fit.problem.name,
-        outcome="interrupted" if fit.interrupted else fit.tally.outcome,
-        good=_how_good(fit),
-        worst=worst,
-        next_step=next_step,
-        sections=(
-            Section(tables=(*tables, _meaning_table(fit), _stage_table(fit))),
-            Section(tables=(_score_table(fit),), details=True),
-            Section("Remarks", (*filter(None, [fit.doubt]), *advice(fit)), details=True),
-        ),
-    )
-
-
-def _how_good(fit: Identification) -> str:
-    """What the trials tell, what failed, how well it predicts, what its deviations are worth."""
-    said = [_prediction(fit)]
-    score = _judged(fit)
-    if score is not None and (simpler := not_beaten(score.evidence, score.baselines)):
-        said.insert(0, f"Does not beat a baseline in {simpler}.")
-    choice = fit.choice
-    if choice is not None and choice.result == "stages":
-        said.insert(0, "Result: the stages, because the joint estimate predicts worse outside its fit.")
-    if choice is not None and not (choice.polished.converged or choice.polished.interrupted):
-        count = choice.polished.rounds
-        said.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
-    line = " ".join((fit.tally.sentence, *said) if fit.coefficients or fit.held else said)
-    return appended(line, fit.doubt)
-
-
-def _judged(fit: Identification) -> Score | None:
+def judged_score(fit: Identification) -> Score | None:
     """The score that heads the summary: some seconds ahead on what is held out, else on the training part."""
-    return _pooled(fit.scores.get("hold_out", {}).get("ahead", {})) or _pooled(
+    return pooled_score(fit.scores.get("hold_out", {}).get("ahead", {})) or pooled_score(
         fit.scores.get("fit", {}).get("ahead", {})
     )
 
 
-def _prediction(fit: Identification) -> str:
-    """R2 of the prediction some seconds ahead: best and worst channel, on held-out trials if there are."""
-    part, words = "hold_out", "Predicts held-out motion"
-    if not fit.scores.get(part, {}).get("ahead"):
-        part, words = "fit", "Reproduces its own training data (nothing is held out)"
-    score = _pooled(fit.scores.get(part, {}).get("ahead", {}))
-    r2 = {} if score is None else {name: value for name, value in score.r2.items() if value == value}
-    if score is None or not r2:
-        if filtered := _filtered(fit):
-            return filtered
-        why = f": {score.blind_words}" if score is not None and score.blind else ""
-        return f"{len(fit.coefficients)} coefficients estimated; nothing could be scored{why}"
-    # Positions and angles barely move in seconds and score well with any model: velocities tell.
-    told = r2
-    r2 = {name: value for name, value in told.items() if name in CHANNELS[:6]} or told
-    best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
-    trials = len(score.trials)
-    # A ceiling is worth a word where it is below what rounds to one, and where it is one.
-    most = {
-        c: f" (ceiling {_r2(limit)})" if r2.get(c, -1.0) < limit < _NEAR_ONE else ""
-        for c, limit in score.ceiling.items()
-    }
-    channels = f"{_r2(r2[best])}{most.get(best, '')} in {best}"
-    if len(r2) > 1:
-        moving = "velocity " if len(r2) < len(told) else ""
-        channels += f", worst {moving}{_r2(r2[worst])}{most.get(worst, '')} in {worst}"
-    return (
-        f"{words} {score.ahead_s:g} s ahead with R2 {channels}"
-        f" ({trials} trial{'s' if trials > 1 else ''}; 1 is perfect, 0 no better than the mean)"
-    )
-
-
-def _filtered(fit: Identification) -> str:
-    """R2 of predictions from the state of a filter, where a replay judges no model; empty without any."""
-    choice = fit.choice
-    if choice is None or not choice.rivals:
-        return ""
-    r2 = choice.chosen
-    best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
-    simpler = not_beaten(r2, choice.rivals)
-    return (
-        f"{f'Does not beat a baseline in {simpler}. ' if simpler else ''}Predicts held-out motion"
-        f" {choice.ahead_s:g} s ahead from the filter's state with R2 {_r2(r2[best])} in {best}, worst"
-        f" {_r2(r2[worst])} in {worst} (1 is perfect, 0 no better than the mean); longer horizons are not"
-        " scored, because commands react to waves"
-    )
-
-
-def _worst(fit: Identification) -> tuple[str, str]:
-    """The worst problem of an identification, and what to do about it."""
-    verify = "tune the autopilot on this vehicle (seatrial tune) or check its scores on another log"
-    if fit.interrupted:
-        left = f"; not run: {', '.join(fit.not_run)}" if fit.not_run else ""
-        return f"Ctrl-C ended the search early{left}", "run the same command again; finished stages are kept"
-    if late := [sentence for sentence in fit.before if sentence.startswith(LATE)]:
-        problem, _, remedy = late[0].partition("; ")
-        return problem, remedy
-    if wired := _wired(fit):
-        problem, _, remedy = wired[0].partition("; ")
-        return problem, f"{remedy}; then identify again"
-    if fit.fallbacks:
-        first = fit.fallbacks[0]
-        others = len(fit.fallbacks) - 1
-        more = f" ({others} more step{'s' if others > 1 else ''} failed, see the remarks)" if others else ""
-        return f"{first.step} failed: {first.cause}. Kept instead: {first.kept}{more}", first.remedy
-    if strayed := [] if fit.assessment is None else fit.assessment.strayed():
-        return _problem_and_remedy(strayed[0], "a nuisance parameter left its prior")
-    if hidden := sentences(fit.held):
-        problem, _, remedy = hidden[0].rpartition("; ")
-        return problem, remedy
-    score = _judged(fit)
-    residual_analysis = None if fit.assessment is None else fit.assessment.residual_analysis
-    suggestions = () if residual_analysis is None else residual_analysis.suggestions
-    # What is missing where a baseline predicts better comes before what the data do not tell.
-    for one in suggestions:
-        if score is not None and not_beaten(
-            {c: r2 for c, r2 in score.evidence.items() if c == one.channel}, score.baselines
-        ):
-            return _missing(one)
-    if refused := [] if fit.assessment is None else fit.assessment.refused():
-        problem, _, remedy = refused[0].rpartition("; ")
-        return problem, remedy
-    if fit.choice is not None and fit.choice.result == "joint estimate" and fit.choice.spoilt:
-        return (
-            f"the joint estimate is better as a whole, but predicts {', '.join(fit.choice.spoilt)} worse"
-            " than the stages (table below)",
-            "take vehicle_stages.toml where these axes matter, or leave their coefficients out of [polish]"
-            " (fixed)",
-        )
-    if odd := _implausible(fit):
-        return odd[0], (
-            "measure this mass or inertia, or the thrust and its lever, and give it in the vehicle file;"
-            " until then the value describes the log and not the vehicle"
-        )
-    combinations = () if fit.identifiability is None else fit.identifiability.combinations
-    verdicts = {} if fit.identifiability is None else fit.identifiability.verdicts
-    absent = {name for name, verdict in verdicts.items() if verdict == "not identifiable"}
-    if missing := [one for one in combinations if absent.intersection(one.names)]:
-        return _problem_and_remedy(missing[0].sentence, "not identifiable")
-    if bounds := [row for row in distinct(fit.coefficients) if row.at_bound]:
-        names = ", ".join(
-            f"{row.name} ({row.at_bound} bound {row.estimate:.4g} {row.unit})" for row in bounds
-        )
-        return f"not identified, ended at a bound: {names}", (
-            "widen the bounds of these coefficients in the campaign if the values are plausible; otherwise"
-            " hold them, the data do not determine them"
-        )
-    if suggestions:
-        return _missing(suggestions[0])
-    if residual_analysis is not None and residual_analysis.warning:
-        loudest = max(residual_analysis.autocorrelations, key=lambda one: one.excess)
-        return (
-            f"the residual of {loudest.channel} is {loudest.excess:.2g} times the noise of its sensor and"
-            f" correlated over {loudest.correlation_s:.2g} s",
-            "take the intervals as those of the best model of this structure; judge a change by the held-out"
-            " scores alone",
-        )
-    if combinations:
-        return _problem_and_remedy(combinations[0].sentence, "weakly identifiable")
-    if fit.notes:
-        return fit.notes[0], verify
-    if score is not None and (simpler := not_beaten(score.evidence, score.baselines)):
-        return f"a baseline predicts as well as the model: {simpler}", (
-            "free what the model lacks in these axes, add trials that excite them, or use the baseline"
-        )
-    return "nothing stands out: all coefficients identifiable, none at a bound, residuals like noise", verify
-
-
-def _missing(term: Suggestion) -> tuple[str, str]:
-    """A term that the model misses, and how to free it."""
-    if term.faster:
-        return (
-            f"the residual of {term.channel} follows {term.follows}: the actuator responds faster than the"
-            " file says",
-            term.remedy,
-        )
-    return (
-        f"the residual of {term.channel} follows {term.follows}: the model misses a term"
-        f" (freeing {term.name} lowers the cost by {term.gain:.2g} %)",
-        f"{term.remedy} in a stage of the campaign ({term.line}), identify again and compare the held-out"
-        " scores",
-    )
-
-
-def _problem_and_remedy(sentence: str, verdict: str) -> tuple[str, str]:
-    """The two halves of a sentence of the diagnosis: what the data do not tell, and what would tell it."""
-    problem, semicolon, remedy = sentence.partition("; ")
-    if not semicolon:
-        problem, _, remedy = sentence.rpartition(": ")
-    return f"{verdict}: {problem or sentence}", remedy or "see the remarks"
-
-
-def _r2(value: float) -> str:
-    """An R2 with two decimals, or as many up to four as tell it from 1."""
-    if value <= -10.0:
-        return f"{value:.0f}"
-    digits = next((n for n in (2, 3) if float(f"{value:.{n}f}") < 1.0), 4)
-    return f"{value:.{digits}f}"
-
-
-def _pooled(scores: Mapping[str, Score]) -> Score | None:
+def pooled_score(scores: Mapping[str, Score]) -> Score | None:
     """Score over all trials together, or the only one there is."""
     return scores.get(POOLED) or next(iter(scores.values()), None)
-
-
-def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table:
-    rows = []
-    doubtful = fit.tally.identifiable < fit.tally.asked  # else the first line says it of all
-    for row in distinct(fit.coefficients):
-        true = truth.get(row.name, 0.0)
-        error = f"{round(100.0 * (row.estimate / true - 1.0), 1) + 0.0:+.1f} %" if true else ""
-        rows.append((
-            row.name,
-            row.unit,
-            f"{true:.4g}" if truth else "",
-            f"{row.start:.4g}",
-            plus_minus(row.estimate, None if row.at_bound else row.sigma),
-            "" if row.factor is None else f"{row.factor:.3g}",
-            error,
-            row.verdict or "not judged" if doubtful else "",
-            f"at {row.at_bound} {row.lower if row.at_bound == 'lower' else row.upper:.4g}"
-            if row.at_bound
-            else "",
-            row.stage,
-        ))
-    head = ["coefficient", "unit", "truth", "start", "estimate", "factor", "error", "verdict", "bound"]
-    return Table.of(
-        f"{fit.vehicle.name}: identified coefficients", [*head, Column("stage", align="left")], rows, left=2
-    )
-
-
-def _held_table(fit: Identification, truth: Mapping[str, float]) -> Table:
-    """What was to be identified and keeps its value; a row per group of equal coefficients."""
-    rows = {
-        one.parameter: (
-            one.parameter,
-            one.unit,
-            f"{truth[one.name]:.4g}" if one.name in truth else "",
-            f"{one.value:.4g}",
-            f"{one.axis} dominated by feedback",
-        )
-        for one in reversed(fit.held)
-    }
-    title = "Not identified, the vehicle file's values are kept"
-    head = ("coefficient", "unit", "truth", "value", Column("why", align="left"))
-    return Table.of(title, head, list(reversed(rows.values())), left=2)
-
-
-def _conditional_table(fit: Identification) -> Table:
-    """How far estimates would move were a held value larger."""
-    rows = [
-        (one.name, one.unit, one.on, f"{one.change:+.3g}", f"{one.deviations:+.1f}")
-        for one in fit.conditional
-    ]
-    title = f"Estimates that change if a held value is {100.0 * SHARE:g} % larger"
-    return Table.of(title, ("coefficient", "unit", "held", "change", "in deviations"), rows, left=3)
-
-
-def _nuisance_table(fit: Identification) -> Table:
-    """What the trials added to their records, estimated with the coefficients."""
-    nuisances = [] if fit.assessment is None else fit.assessment.nuisances()
-    rows = [
-        (
-            row["name"],
-            row["unit"],
-            plus_minus(row["estimate"], row["sigma"]),
-            f"{row['prior']:.3g} ± {row['prior_sd']:.3g}",
-            f"{row['away']:+.1f}",
-        )
-        for row in nuisances
-    ]
-    head = ("nuisance parameter", "unit", "estimate", "prior", "prior sd away")
-    return Table.of("Sensor errors and currents of the trials, estimated with them", head, rows, left=2)
-
-
-def _held_out_table(fit: Identification) -> Table:
-    """Scores per channel on the part that was held out, over all trials that have one."""
-    kinds = fit.scores.get("hold_out", {})
-    ahead, free = _pooled(kinds.get("ahead", {})), _pooled(kinds.get("free", {}))
-    rows = []
-    for channel, score in {} if ahead is None else ahead.items():
-        scale, unit = readable(channel)
-        run = free[channel].text if free is not None and channel in free else ""
-        band = ahead.bands.get(channel) if ahead is not None else None
-        parts = ("", "") if band is None else (score_text(band.below), score_text(band.at))
-        most = limit_text(ahead.ceiling.get(channel)) if ahead is not None else ""
-        cells = (
-            score.text,
-            most,
-            *parts,
-            run,
-            "" if score.blind else f"{scale * score.mae:.3g}",
-            str(score.n),
-        )
-        rows.append((channel, unit, *cells))
-    trials = "" if ahead is None else ", ".join(ahead.trials)
-    trials += _replayed_words(fit)
-    words = f"{fit.restarts.ahead_s:g} s ahead"
-    head = ("channel", "unit", f"R2 {words}", *LIMITS, "R2 free run", f"mean error {words}", "samples")
-    return Table.of(
-        f"Held-out data ({trials}; R2 = 1 is perfect, 0 no better than the mean)",
-        head,
-        rows,
-        left=2,
-        note="" if ahead is None else ahead.blind_words,
-    )
-
-
-def _beside_baselines(fit: Identification) -> tuple[Table, ...]:
-    """R2 of the model and of the baselines per velocity, some seconds ahead."""
-    score = _judged(fit)
-    held_out = fit.scores.get("hold_out", {}).get("ahead")
-    words = ", on held-out data" if held_out else ", on the training data"
-    gains = {channel: nats for channel, (_, nats) in fit.likelihood.items()}
-    return () if score is None else (baseline_table(score, words=words, gains=gains),)
-
-
-def _choice_table(fit: Identification) -> Table:
-    """R2 per channel of the stages and of the joint estimate, on data outside the fit."""
-    choice = fit.choice
-    rows = (
-        []
-        if choice is None
-        else [
-            (
-                c,
-                *(score_text(one[c]) for one in (choice.stages, choice.joint)),
-                *(score_text(row[c]) if c in row else "" for row in choice.rivals.values()),
-            )
-            for c in choice.stages
-        ]
-    )
-    words = "" if choice is None else f" ({choice.judged_on.rstrip(',')}; the result: {choice.result})"
-    words += _replayed_words(fit) if rows else ""
-    ahead = "" if choice is None else f"R2 {choice.ahead_s:g} s ahead, "
-    head = ["channel", f"{ahead}stages", f"{ahead}joint estimate"]
-    head += [] if choice is None else list(choice.rivals)
-    return Table.of(f"Stages and joint estimate outside the fit{words}", head, rows)
-
-
-def _meaning_table(fit: Identification) -> Table:
-    """Apparent masses, net buoyancy, gains and lags."""
-    rows = [(name, f"{value:.4g}") for name, value in derived(fit.vehicle).items()]
-    return Table.of("What the coefficients mean", ("quantity", "value"), rows)
-
-
-def _stage_table(fit: Identification) -> Table:
-    """Stages with cost before and after, candidates and time."""
-    rows: list[tuple[str, ...]] = [
-        (
-            stage.name + (" (interrupted)" if stage.interrupted else " (kept)" if stage.reused else ""),
-            f"{stage.start_cost:.4g}",
-            f"{stage.phases.get('evolution', math.nan):.4g}",
-            f"{stage.cost:.4g}",
-            str(stage.evaluations),
-            str(stage.samples),
-            f"{1e3 * stage.step_s:.3g} ms",
-            f"{stage.wall_s:.1f} s",
-        )
-        for stage in fit.stages
-    ]
-    if fit.choice is not None:
-        polished = fit.choice.polished
-        costs = [f"{polished.rms(cost):.4g}" for cost in (polished.start_cost, polished.cost)]
-        rows.append((
-            "joint estimate (rms in sd of the residual)" + ("" if polished.converged else ", not converged"),
-            costs[0],
-            "",
-            costs[1],
-            str(polished.evaluations),
-            "",
-            "",
-            f"{polished.wall_s:.1f} s",
-        ))
-    head = ("stage", "cost at start", "global search", "best", "candidates", "samples", "step", "time")
-    return Table.of("Stages (cost: mean weighted error in standard deviations)", head, rows)
-
-
-def _score_table(fit: Identification) -> Table:
-    titles = {"ahead": f"{fit.restarts.ahead_s:g} s ahead", "free": "free run"}
-    scored = {row["channel"] for row in fit.score_rows()}
-    channels = [channel for channel in CHANNELS if channel in scored]
-    rows = []
-    for part, kinds in fit.scores.items():
-        for kind, per_trial in kinds.items():
-            for trial, score in per_trial.items():
-                cells = (score[c].text if c in score else "" for c in channels)
-                rows.append((f"R2 {part.replace('_', ' ')}, {titles[kind]}", trial, *cells))
-    title = "Scores of every trial" + _replayed_words(fit)
-    return Table.of(title, ("score", "trial", *channels), rows, left=2)
-
-
-def _replayed_words(fit: Identification) -> str:
-    """Axes that every score replays from the recording, to add to a title; empty where there are none."""
-    axes = replayed(fit.problem)
-    return f"; {', '.join(MOTIONS[axis] for axis in axes)} replayed, not predicted" if axes else ""
-
-
-def _wired(fit: Identification) -> list[str]:
-    """Sentences on actuators whose signs or places contradict the vehicle file."""
-    return [said.removeprefix("WARNING: ") for said in fit.before if WIRED in said]
-
-
-def advice(fit: Identification) -> list[str]:
-    """Sentences: bounds that were hit, what the data cannot tell, what the model lacks, what did not run."""
-    wired = _wired(fit)
-    lines = [
-        f"{row.name} is not identified, it ended at its {row.at_bound} bound: widen the bound if the value"
-        " is plausible; otherwise hold the coefficient"
-        for row in distinct(fit.coefficients)
-        if row.at_bound and not wired  # a wrong sign drives coefficients to their bounds
-    ]
-    lines += [one.sentence for one in fit.fallbacks]
-    lines += _implausible(fit)
-    if fit.choice is not None:
-        lines += _joint_remarks(fit.choice)
-    if fit.assessment is not None:
-        lines += fit.assessment.sentences()
-    lines += fit.scale.sentences()
-    lines += fit.notes
-    if fit.interrupted:
-        lines.append(
-            "Interrupted: the best so far is shown"
-            + (f"; not run: {', '.join(fit.not_run)}" if fit.not_run else "")
-            + ". Run again with the same run directory to go on"
-        )
-    return lines
-
-
-def _implausible(fit: Identification) -> list[str]:
-    """Apparent masses that the vehicle cannot have, however well the data determine them."""
-    return [*implausible_masses(fit.problem.vehicle, fit.coefficients, masses_of(fit.vehicle)).values()]
-
-
-def _joint_remarks(choice: Choice) -> list[str]:
-    """Whether the joint estimate converged, and what it predicts beside the stages."""
-    polished, lines = choice.polished, []
-    if not (polished.converged or polished.interrupted):
-        lines.append(
-            f"The joint estimate stopped after {polished.rounds} rounds before it had converged: raise rounds"
-            " under [polish]; if that does not help, the data cannot determine all free values"
-        )
-    return [*lines, choice.sentence()]

@@ -5,7 +5,6 @@ Held by tests/tuning/test_tune.py.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,38 +13,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.report import Report, Section, Table, appended, listed
+from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, to_json
 from seatrial.flight.mismatch import tuned_for
 from seatrial.tuning.performance import Performance
-from seatrial.tuning.search import GUIDANCE_SEARCH, ROUNDING, GroupResult
-from seatrial.tuning.tables import (
-    COMPARISON_TITLE,
-    GAIN_HEAD,
-    TRIAL_HEAD,
-    comparison_head,
-    comparison_rows,
-    gain_rows,
-    named_step,
-    outside,
-    seconds,
-    trial_rows,
-)
-from seatrial.vehicle.authority import LOOPS
+from seatrial.tuning.search import ROUNDING, GroupResult
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from seatrial._core import Autopilot, Vehicle
     from seatrial.control_design.margin_report import ReportedMargins
     from seatrial.control_design.tuning_table import Margins
     from seatrial.tuning.control_problem import ControlProblem
-    from seatrial.tuning.performance import StepPerformance
     from seatrial.tuning.relay import RelayTuning
 
 _DIGITS = 4
 
-_NAMES = {"deg": "phase margin", "dB": "gain margin", "dB down": "gain margin", "s": "delay margin"}
 
 _ANY = ", with any gains within the bounds"
 
@@ -187,7 +171,7 @@ class Tuning(RunResult):
 
     def report(self) -> Report:
         """How good the responses are, the worst problem, what to do next; then tables and remarks."""
-        return report(self)
+        return report_of(self)
 
     def summary(self) -> str:
         """The report as text."""
@@ -263,10 +247,13 @@ def _plain_margins(margins: Mapping[str, list[ReportedMargins]]) -> dict[str, li
 
 def _told_short(row: ReportedMargins, margins: Margins) -> list[str]:
     """Margins of a loop that fall short of a campaign's limits, with what was asked."""
-    return [f"{_below(value, limit)} {unit} of {limit:g}" for value, limit, unit in _short(row, margins)]
+    return [
+        f"{shown_below(value, limit)} {unit} of {limit:g}"
+        for value, limit, unit in missed_limits(row, margins)
+    ]
 
 
-def _short(row: ReportedMargins, margins: Margins) -> list[tuple[float, float, str]]:
+def missed_limits(row: ReportedMargins, margins: Margins) -> list[tuple[float, float, str]]:
     """Margins of a loop that fall short of a campaign's limits: value, limit, unit."""
     limits = margins.at(row.speed_m_s)
     return [
@@ -281,210 +268,12 @@ def _short(row: ReportedMargins, margins: Margins) -> list[tuple[float, float, s
     ]
 
 
-def _below(value: float, limit: float) -> str:
+def shown_below(value: float, limit: float) -> str:
     """A number below a limit, with as many digits as tell the two apart."""
     for digits in range(2, 6):
         if float(told := f"{value:.{digits}g}") < limit:
             break
     return told
-
-
-_MARGINS = "margins"
-
-
-def report(tuning: Tuning) -> Report:
-    """Three lines, responses before and after, gains, margins; sentences."""
-    from seatrial.control_design.margin_report import margin_table
-
-    worst, next_step = _worst(tuning)
-    said = tuple(sentences(tuning))
-    responses = [
-        Table.of(
-            f"Responses with the {performance.name} gains (times in s)", TRIAL_HEAD, trial_rows(performance)
-        )
-        for performance in reversed(tuning.performance)
-    ]
-    tables, doubt = responses[:1], tuning.plan.fitted.doubt()
-    if len(tuning.performance) > 1:
-        tables.append(
-            Table.of(
-                COMPARISON_TITLE, comparison_head(tuning.performance), comparison_rows(tuning.performance)
-            )
-        )
-    gains = gain_rows(tuning.start, tuning.autopilot, tuning.plan.places)
-    tables.append(Table.of("Gains at the breakpoints that are reached", GAIN_HEAD, gains, left=2))
-    if not tuning.interrupted:
-        tables.append(margin_table(tuning.margins["tuned"], title="Margins with the tuned gains"))
-    return Report(
-        title=tuning.plan.name,
-        outcome=tuning.outcome,
-        good=_how_good(tuning),
-        worst=worst,
-        next_step=next_step,
-        sections=(
-            Section(tables=tuple(tables)),
-            Section(
-                "Remarks",
-                (*filter(None, [doubt]), *said, _effort(tuning)),
-                tuple(responses[1:]),
-                details=True,
-            ),
-        ),
-    )
-
-
-def _how_good(tuning: Tuning) -> str:
-    """Responses inside their corridors, against the start gains; the least phase margin."""
-    start, tuned = tuning.of("start"), tuning.of("tuned")
-    if tuned is None:
-        done = sum(not group.interrupted for group in tuning.groups)
-        return f"{done} searches finished; nothing was assessed"
-    inside = sum(trial.nominal_s == 0.0 for trial in tuned.trials)
-    before = (
-        "" if start is None else f", {sum(t.nominal_s == 0.0 for t in start.trials)} with the start gains"
-    )
-    phases = [
-        (row.phase_deg, row)
-        for row in tuning.margins["tuned"]
-        if row.stable and row.phase_deg is not None  # the margins of an unstable loop mean something else
-    ]
-    least = ""
-    if phases:
-        phase, row = min(phases, key=lambda pair: pair[0])
-        least = f"; least phase margin {phase:.0f} deg ({row.loop} at {row.speed_m_s:.2f} m/s)"
-    held = min((trial.held for trial in tuned.trials), default=1.0)
-    line = (
-        f"{inside} of {len(tuned.trials)} responses of the vehicle stay within their corridors{before}; of"
-        f" {tuned.samples} drawn vehicles at least {held:.0%}{least}"
-    )
-    line = "; ".join([line, *_worse_than_start(tuning), *_untuned(tuning)])
-    return appended(line, tuning.plan.fitted.doubt())
-
-
-def _worst(tuning: Tuning) -> tuple[str, str]:
-    """The worst problem of a tuning, and what to do about it."""
-    tuned = tuning.of("tuned")
-    if tuned is None:
-        return (
-            "Ctrl-C ended the search before the gains were assessed",
-            "run the same command again; it goes on with what is not finished",
-        )
-    out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
-    short = tuning.short_margins
-    if out:
-        trial = max(out, key=lambda one: one.nominal_s)
-        missed = f". Margin short of its limit, too: {_first_of(short)}" if short else ""
-        return (
-            f"{named_step(trial)}: {outside(trial.nominal_s)}{_why(tuning, trial)}{missed}",
-            f"widen the corridor of {trial.loop} if it asks too much, or give the search more room under"
-            " [tuning] (bounds, budget)",
-        )
-    if short:
-        return f"margin short of its limit: {_first_of(short)}", _advice(tuning)
-    verify = "verify the autopilot over drawn vehicles, currents and failures (seatrial verify CAMPAIGN)"
-    loosest = min(tuned.trials, key=lambda one: (one.held, -one.worst_s), default=None)
-    if loosest is not None and loosest.held < 1.0:
-        return (
-            f"{named_step(loosest)}: {1.0 - loosest.held:.0%} of the drawn vehicles leave the corridor"
-            f" (the worst: {outside(loosest.worst_s)})",
-            verify,
-        )
-    if tuning.reverted:
-        return f"start gains stay in {', '.join(tuning.reverted)}: the search found nothing better", verify
-    return "no response leaves its corridor and no margin is short", verify
-
-
-def _first_of(short: Sequence[str]) -> str:
-    """The first of the margins that fall short, and how many others do."""
-    return short[0] + (f" and {len(short) - 1} more" if len(short) > 1 else "")
-
-
-def _advice(tuning: Tuning) -> str:
-    """What to do about margins that fall short."""
-    unstable = {(row.mode, row.speed_m_s) for row in tuning.margins["tuned"] if not row.stable}
-    if unstable and unstable <= set(tuning.plan.beyond_gains):
-        sound = [row.speed_m_s for row in tuning.margins["tuned"] if row.stable]
-        kept = f" (stable from {min(sound):.2f} to {max(sound):.2f} m/s)" if sound else ""
-        return (
-            f"keep missions away from these speeds{kept}, widen [tuning] bounds, or add an actuator for what"
-            " grows there (seatrial check AUTOPILOT --vehicle VEHICLE)"
-        )
-    return "widen the corridor of this loop (a slower response has more margin), or lower [tuning] margins"
-
-
-def _effort(tuning: Tuning) -> str:
-    flown = sum(group.flown_s for group in tuning.groups)
-    return (
-        f"Tuned in {tuning.elapsed_s:.1f} s: {sum(group.evaluations for group in tuning.groups)} sets of"
-        f" gains, {flown / 3600.0:.0f} h of flight"
-    )
-
-
-def sentences(tuning: Tuning) -> list[str]:
-    """What a reader has to know, the verdict first."""
-    lines = []
-    tuned = tuning.of("tuned")
-    if tuned is None:
-        there = (
-            "" if tuning.kept is None else f" They are in {_beside(tuning.kept)}, which `seatrial fly` takes."
-        )
-        lines.append(
-            "The tuning was interrupted: the gains are the best so far, and nothing was assessed."
-            f"{there} Run the same command again to finish the rest."
-        )
-    elif tuned.feasible:
-        whole = [trial for trial in tuned.trials if trial.held == 1.0]
-        drawn = bool(tuning.plan.fitted.names)
-        lines.append(_all_inside(len(tuned.trials), len(whole), tuned.samples, drawn=drawn))
-        for trial in tuned.trials:
-            if trial.held < 1.0:
-                lines.append(
-                    f"{named_step(trial)}: within the corridor with {trial.held:.0%} of the samples; the"
-                    f" worst: {outside(trial.worst_s)}."
-                )
-    else:
-        out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
-        leave = "leave their corridors" if len(out) > 1 else "leaves its corridor"
-        lines.append(
-            f"{len(out)} of {len(tuned.trials)} responses of the vehicle itself {leave}: widen what is too"
-            " narrow, or give the search more room under [tuning] (bounds, budget)."
-        )
-        lines += [f"{named_step(trial)}: {outside(trial.nominal_s)}{_why(tuning, trial)}." for trial in out]
-    lines += [f"{said[0].upper()}{said[1:]}." for said in (*_worse_than_start(tuning), *_untuned(tuning))]
-    lines += _guided(tuning)
-    if tuning.reverted:
-        lines.append(
-            f"The start gains stay in {', '.join(tuning.reverted)}: the search found nothing"
-            " better that suits the other loops."
-        )
-    last = {group.name.partition(",")[0]: group for group in tuning.groups}
-    moved = {name for group in tuning.groups if group.name != _MARGINS for name in group.gains}
-    ended = {
-        name
-        for group in last.values()
-        for name in group.at_bound
-        if group.name != _MARGINS or name not in moved  # a group has moved it since
-    }
-    if ended:
-        lines.append(f"Factors at a bound of the search: {', '.join(sorted(ended))}; widen [tuning] bounds.")
-    if short := tuning.short_margins:
-        lines.append(f"Margins short of their limits: {'; '.join(short)}.")
-    lines += without_table(tuning.plan)
-    lines += list(tuning.plan.fitted.notes)
-    return lines
-
-
-def _why(tuning: Tuning, trial: StepPerformance) -> str:
-    """Reason of a violation, after a colon."""
-    from seatrial.tuning.performance import why_outside
-
-    if tuning.quiet is None:
-        return ""
-    key = (trial.loop, trial.speed_m_s, trial.step)
-    for quiet in tuning.quiet.trials:
-        if (quiet.loop, quiet.speed_m_s, quiet.step) == key:
-            return f": {why_outside(quiet, tuning.quiet.responses[quiet.loop].trials.corridor)}"
-    return ""
 
 
 def without_table(problem: ControlProblem) -> tuple[str, ...]:
@@ -494,109 +283,4 @@ def without_table(problem: ControlProblem) -> tuple[str, ...]:
     return (
         "The campaign has no [tuning]: steps, corridors and speeds are the defaults of its vehicle and its"
         " autopilot; a table [tuning] says what the loops shall do.",
-    )
-
-
-def _beside(path: Path) -> str:
-    """A path as a user would type it: from the working directory where it lies below it."""
-    here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)
-
-
-def _worse_than_start(tuning: Tuning) -> list[str]:
-    """Loops that the vehicle itself kept better to their corridors before, and what for."""
-    start, tuned = tuning.of("start"), tuning.of("tuned")
-    if start is None or tuned is None:
-        return []
-    was, now = start.outside_s, tuned.outside_s
-    worse = [loop for loop in now if now[loop] > was[loop]]
-    if not worse:
-        return []
-    better = [loop for loop in now if now[loop] < was[loop]]
-
-    def sides(loops: Sequence[str]) -> str:
-        return ", ".join(f"{_seconds(now[loop])} against {_seconds(was[loop])}" for loop in loops)
-
-    gained = _gained_margin(tuning)
-    if not gained and better:
-        gained = f"{' and '.join(better)} ({sides(better)})"
-    traded = f", traded for {gained}" if gained else ""
-    are = "is" if len(worse) == 1 else "are"
-    return [f"{' and '.join(worse)} {are} worse than with the start gains ({sides(worse)} outside){traded}"]
-
-
-def _gained_margin(tuning: Tuning) -> str:
-    """The margin that the start gains lack most of and the tuned ones less, in words; nothing where none."""
-    limits = tuning.plan.table.margins
-    found: list[tuple[float, str]] = []
-    for before, after in zip(tuning.margins["start"], tuning.margins["tuned"], strict=True):
-        where = f"in {before.mode} at {before.speed_m_s:.2f} m/s"
-        if after.stable and not before.stable:
-            found.append((math.inf, f"a stable motion {where}"))
-        lacking = {unit: (value, limit) for value, limit, unit in _short(before, limits)}
-        still = {unit: value for value, _, unit in _short(after, limits)}
-        for unit, (value, limit) in lacking.items():
-            now = still.get(unit, limit)
-            if before.stable and after.stable and now > value:
-                told = f"{_below(now, limit)} of {limit:g}" if unit in still else f"at least {limit:g}"
-                words = (
-                    f"the {_NAMES[unit]} of {before.loop} {where} ({_below(value, limit)} {unit}, now {told})"
-                )
-                found.append((1.0 - value / limit, words))
-    return max(found, key=lambda pair: pair[0])[1] if found else ""
-
-
-def _untuned(tuning: Tuning) -> list[str]:
-    """Loops that no corridor asks to tune and whose gains changed all the same, and why."""
-    if tuning.of("tuned") is None:
-        return []
-    start, tuned = tuning.start.gains(), tuning.autopilot.gains()
-    moved = dict.fromkeys(
-        loop
-        for name in tuned
-        if (loop := name.partition(".")[0]) in LOOPS
-        and loop not in tuning.plan.steered
-        and tuned[name] != start[name]
-    )
-    if not moved:
-        return []
-    return [
-        f"gains of {listed([*moved])}, which no corridor tunes, changed to mend margins that the start gains"
-        " lack"
-    ]
-
-
-def _guided(tuning: Tuning) -> list[str]:
-    """What guidance was given for the tuned loops, in a sentence."""
-    found = next((group for group in tuning.groups if group.name == GUIDANCE_SEARCH), None)
-    if found is None:
-        return []
-    start, tuned = tuning.start.gains(), tuning.autopilot.gains()
-    moved = "; ".join(
-        f"{name.partition('.')[2]} {tuned[name]:.4g}, before {start[name]:.4g}"
-        for name in sorted(found.gains)
-    )
-    return [
-        f"Guidance for the tuned loops: {moved}. Path steps with the tuned loops: time-weighted error"
-        f" {found.after['time']:.2g} s, before {found.before['time']:.2g} s; overshoot beyond 30 %:"
-        f" {seconds(found.after['violation'])} s, before {seconds(found.before['violation'])} s."
-    ]
-
-
-def _seconds(value: float) -> str:
-    return f"{seconds(value)} s" if np.isfinite(value) else seconds(value)
-
-
-def _all_inside(count: int, whole: int, samples: int, *, drawn: bool) -> str:
-    """The sentence on a feasible tuning; without a covariance what is drawn is the vehicle itself."""
-    every = f"every one of {samples} others that were drawn, in their currents"
-    if not drawn:
-        every = f"every one of {samples} currents and noises (its coefficients count as exact)"
-    if count == 1:
-        also = f", and so with {every}" if whole else ""
-        return f"The response of the vehicle itself stays within its corridor, there and back{also}."
-    also = f"{whole} of them" if whole < count else "all of them"
-    return (
-        f"All {count} responses of the vehicle itself stay within their corridors, there and back, and"
-        f" {also} with {every}, too."
     )

@@ -44,9 +44,9 @@ from seatrial.report.plot.track import (
     waypoint_label,
     waypoints,
 )
+from seatrial.report.results.verification import reserve
 from seatrial.statistics.proportions import FailureProbability, share, wilson
 from seatrial.verification.causes import odds
-from seatrial.verification.verification import reserve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

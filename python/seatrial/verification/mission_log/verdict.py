@@ -11,19 +11,17 @@ Tests: ``test_recorded_verdict.py``, ``test_recorded_campaign.py`` and ``test_re
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from seatrial.base.channels import readable
 from seatrial.base.progress import Clock
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.verification.junit import JUnitCase, junit_xml
-from seatrial.verification.mission_log.power import Power, Shown
+from seatrial.verification.mission_log.power import Power
 from seatrial.verification.mission_log.validity import Validity
 
 if TYPE_CHECKING:
@@ -142,7 +140,7 @@ class LogVerdict:
 
     def report(self) -> Report:
         """Whether the model holds, the worst finding, what to do next; then channels, suspects, mission."""
-        return report(self)
+        return report_of(self)
 
     def summary(self) -> str:
         """The report as text."""
@@ -217,254 +215,7 @@ class LogVerdict:
         return self.summary()
 
 
-_SHOWN = 6
-
-
-def report(verdict: LogVerdict) -> Report:
-    """Three lines, channels against their band, suspects, the mission's own requirements; notes."""
-    worst, next_step = _worst(verdict)
-    mission, checks = _mission(verdict)
-    said = [verdict.reason]
-    if verdict.validity is not None:
-        said.append(f"The band is that of {verdict.validity.spread.source}.")
-    suspects: list[str] = []
-    if verdict.suspects:
-        suspects = [f"{k}. {one.sentence()}" for k, one in enumerate(verdict.suspects[:_SHOWN], 1)]
-        suspects += _inseparable(verdict)
-        suspects += _look_first(verdict)
-    return Report(
-        title=verdict.log.trial.name,
-        outcome=f"{verdict.model} (verdict: {verdict.outcome})",
-        good=_how_good(verdict),
-        worst=worst,
-        next_step=next_step,
-        sections=(
-            Section(sentences=tuple(said), tables=(_channel_table(verdict),)),
-            Section("What may have changed, the best explanation first", tuple(suspects)),
-            Section("The mission", tuple(mission), (checks,)),
-            Section(
-                "Smallest changes that this log would have shown", (), (_power_table(verdict),), details=True
-            ),
-            Section("Notes", verdict.notes, details=True),
-        ),
-    )
-
-
-def cannot_judge(verdict: LogVerdict) -> list[str]:
-    """Channels that would have shown no group of coefficients halved and doubled."""
-    if verdict.validity is None or verdict.power is None:
-        return []
-    return [name for name in verdict.validity.channels if not verdict.power.shown_in(name)]
-
-
-def fails(verdict: LogVerdict) -> list[str]:
-    """Channels that leave their band, or whose own estimate refutes a group of coefficients."""
-    if verdict.validity is None:
-        return []
-    tests = () if verdict.power is None else verdict.power.refuted
-    against = {name for one in tests for name in one.against}
-    return [name for name, one in verdict.validity.channels.items() if one.fails or name in against]
-
-
-def _how_good(verdict: LogVerdict) -> str:
-    """Share of the log outside the 95 % band of a valid model, in the channel that speaks most against it."""
-    if verdict.validity is None or not verdict.validity.channels:
-        return "no window of this log could be judged"
-    channels = verdict.validity.channels
-    against = [name for name, one in channels.items() if one.fails] or [
-        name for name, one in channels.items() if one.doubtful
-    ]
-    name = min(against, key=lambda one: (channels[one].p, -channels[one].outside), default="")
-    name = name or max(channels, key=lambda one: channels[one].outside)
-    failing = fails(verdict)
-    unable = [one for one in cannot_judge(verdict) if one not in failing]
-    told = len(channels) - len(unable)
-    judged = f"{told - len(failing)} of {told} channels agree with the model"
-    if unable:
-        judged = (
-            f"{judged}, {len(unable)} cannot judge" if told else f"none of {len(unable)} channels can judge"
-        )
-    if not channels[name].outside:
-        return f"{judged}; none left its 95 % band"
-    one = channels[name]
-    most = "" if against else " most,"
-    chance = (
-        f", p = {one.p_text}"
-        if against
-        else "; model errors are correlated in time: a valid model is outside this long with probability"
-        f" {one.p_text}"
-    )
-    return (
-        f"{judged}; {name} is outside its"
-        f" 95 % band{most} {100.0 * one.outside:.1f} % of the time (5 % expected on average{chance})"
-    )
-
-
-def _worst(verdict: LogVerdict) -> tuple[str, str]:
-    """The worst finding, and what to do about it."""
-    if verdict.suspects:
-        first = verdict.suspects[0]
-        look = _look_first(verdict)
-        return f"suspected first: {first.sentence()}", (
-            look[0] if look else f"check {first.name} on the vehicle; if it has changed, identify again"
-        )
-    broken = [one for one in verdict.requirements if one.held is False]
-    if broken:
-        return f"requirement {broken[0].name} ({broken[0].holds}) was not held", (
-            "look at where the mission left it, then tune the autopilot or change the requirement"
-        )
-    if outside := [step for step in verdict.steps if step.criterion > 0.0]:
-        worst = max(outside, key=lambda step: step.criterion)
-        return f"the {worst.loop} step at {worst.at_s:.1f} s left its corridor by {worst.criterion:.3g} s", (
-            "tune this loop again, or widen its corridor"
-        )
-    if verdict.model == "not judged" and verdict.power is not None and verdict.power.unexplained:
-        return verdict.reason, (
-            "identify these axes on trials that move them (seatrial identify), or state the error that a"
-            " valid model may have per channel (reference={...} in Python)"
-        )
-    if not verdict.valid:
-        return verdict.reason, "record a longer log with more motion, or identify again (seatrial identify)"
-    return (
-        "no channel, requirement or step fails",
-        "keep the model; judge the next mission's log the same way",
-    )
-
-
-def _look_first(verdict: LogVerdict) -> list[str]:
-    """What to look at before the vehicle is identified anew."""
-    first = verdict.suspects[0]
-    if first.kind == "sensor":
-        return ["No change of the vehicle explains it as well: check the sensor before you identify anew."]
-    if first.kind == "actuator":
-        return [
-            f"No coefficient explains it as well: look at {first.name} and at its logged commands before you"
-            " identify anew."
-        ]
-    return []
-
-
-def _channel_table(verdict: LogVerdict) -> Table:
-    rows = []
-    cannot, failing = cannot_judge(verdict), fails(verdict)
-    for name, one in {} if verdict.validity is None else verdict.validity.channels.items():
-        scale, unit = readable(name)
-        low, high = one.interval
-        rows.append((
-            name,
-            unit,
-            f"{100.0 * one.outside:.1f} %",
-            f"{100.0 * low:.0f}-{100.0 * high:.0f}",
-            f"{scale * one.rms:.3g}",
-            f"{scale * one.spread:.3g}",
-            f"{one.band_over_signal:.2g}",
-            f"{one.p:.2g}" if one.p >= 1e-4 else "<0.0001",
-            _best_shown(verdict, name),
-            "fails"
-            if name in failing
-            else "doubt"
-            if one.doubtful
-            else "cannot judge"
-            if name in cannot
-            else "",
-        ))
-    head = (
-        "channel",
-        "unit",
-        "outside 95 % band",
-        "95 % interval",
-        "error rms",
-        "band +-",
-        "band/signal",
-        "p",
-        "shows first",
-        "",
-    )
-    return Table.of("Errors against the band of a valid model", head, rows, left=2)
-
-
-def _best_shown(verdict: LogVerdict, channel: str) -> str:
-    """The group of which a channel shows the smallest change, with the factors."""
-    shown = () if verdict.power is None else verdict.power.shown_in(channel)
-    return f"{shown[0].group.words} {factors(shown[0].by_channel[channel])}" if shown else ""
-
-
-def factors(shown: Shown) -> str:
-    """Smallest factors below and above one, in words."""
-    down = "none" if shown.down is None else f"{shown.down:.2f}"
-    return f"x{down} / x{shown.up:.2f}" if shown.up is not None else f"x{down} / none"
-
-
-def _power_table(verdict: LogVerdict) -> Table:
-    """Per group the channel that shows the smallest change, the factors, and what the log asks for."""
-    rows = []
-    for one in () if verdict.power is None else verdict.power.tests:
-        best = one.best
-        rows.append((
-            one.group.words,
-            ", ".join(one.group.names),
-            best,
-            factors(one.by_channel[best]) if best else "none",
-            f"{one.factor:.3g} +- {one.sigma:.2g}" if math.isfinite(one.sigma) else "",
-            "refuted" if one.refuted else "" if one.enough else "not shown",
-        ))
-    head = ("group", "coefficients", "channel", "smallest factors, 95 % power", "this log asks for", "")
-    return Table.of("Coefficient groups", head, rows, left=3)
-
-
-def _inseparable(verdict: LogVerdict) -> list[str]:
-    """A word on weight and buoyancy, of which logs tell the difference alone."""
-    first = verdict.suspects[0]
-    named = {first.name, *first.alike}
-    if {"m", "B"} <= named or (first.name.startswith("payload") and {"m", "B"} & named):
-        return [
-            "B and m g are seen as their difference, the weight in water, unless the log tells the inertia;"
-            " weigh what was changed."
-        ]
-    return []
-
-
-def _mission(verdict: LogVerdict) -> tuple[list[str], Table]:
-    """Metrics of the mission and envelope in sentences; requirements and steps as a table."""
-    said = [
-        text.format(verdict.metrics[name])
-        for name, text in (
-            ("cross_track_p95_m", "cross-track error {:.2f} m in 95 % of the settled time"),
-            ("vertical_p95_m", "vertical error {:.2f} m"),
-            ("duration_s", "{:.0f} s"),
-            ("energy_wh", "{:.1f} Wh"),
-        )
-        if name in verdict.metrics
-    ]
-    lines = [f"The mission: {', '.join(said)}."] if len(said) > 1 else []  # its length alone is no news
-    if verdict.envelope is not None:
-        shares = ", ".join(
-            f"{name.replace('_', '-')} {100.0 * band.outside:.0f} %"
-            for name, band in verdict.envelope.bands.items()
-        )
-        lines.append(
-            f"Outside the closed-loop envelope of {verdict.envelope.flights} flights: {shares} of the log."
-        )
-    rows: list[tuple[str, ...]] = []
-    for one in verdict.requirements:
-        if one.held is None:
-            who = "no log tells" if one.beyond_logs else "the log does not tell"
-            rows.append((one.name, one.holds, "?", f"{who} {', '.join(one.missing)}"))
-        else:
-            # Words and truth values are infinitely far from their threshold.
-            size = f"{one.reserve:.3g} {one.unit}".strip() if math.isfinite(one.reserve) else ""
-            rows.append((one.name, one.holds, "held" if one.held else "FAILS", size))
-    for step in verdict.steps:
-        outside = "" if step.criterion <= 0.0 else f"outside by {step.criterion:.3g} s"
-        verdict_of_step = "held" if step.criterion <= 0.0 else "FAILS"
-        rows.append((
-            f"{step.loop} step at {step.at_s:.1f} s",
-            "inside its corridor",
-            verdict_of_step,
-            outside,
-        ))
-    head = ("requirement", "holds", "verdict", "robustness")
-    return lines, Table.of("Requirements and steps of this mission", head, rows, left=4)
+SHOWN = 6
 
 
 def _files(found: LogVerdict, campaign: Campaign | None) -> dict[str, str | bytes]:
@@ -519,7 +270,7 @@ def _junit(verdict: LogVerdict) -> str:
             "the model still holds",
             _JUNIT[verdict.model],  # type: ignore[arg-type]
             message=f"{verdict.model}: {verdict.reason}",
-            details="\n".join(one.sentence() for one in verdict.suspects[:_SHOWN]),
+            details="\n".join(one.sentence() for one in verdict.suspects[:SHOWN]),
             time_s=verdict.clock.elapsed_s,
         )
     ]

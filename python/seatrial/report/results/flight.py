@@ -1,0 +1,396 @@
+"""The words of a flight: three lines, metrics, legs and loops, and what happened in sentences.
+
+What is worst comes from the findings of `seatrial.flight.findings`.
+Held by ``tests/report/test_report.py`` and ``tests/flight/test_findings.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from seatrial.base.report import Report, Section
+from seatrial.flight import excesses, watches
+from seatrial.flight.excesses import IN_THE_AIR_M, STEEP_DEG
+from seatrial.flight.findings import (
+    EXHAUSTED,
+    Finding,
+    broken_limits,
+    missed_waypoint,
+    not_reached,
+    off_course,
+    out_of_trim,
+    overrun,
+    position_remedy,
+    where,
+)
+from seatrial.flight.flight import Flight
+from seatrial.flight.metrics import Leg, differs, true_vertical
+from seatrial.flight.mismatch import ANOTHER
+from seatrial.flight.reactions import ascent, called_for
+from seatrial.flight.tables import legs_table, loops_table, metrics_table, navigation_table
+from seatrial.vehicle.actuators import beyond_tables
+
+_SWITCHES_PER_MINUTE = 6.0  # more than this looks like a limit cycle around the minimum
+
+
+_LEAST_S = 20.0  # of a flight from which starts per minute can be told
+
+
+_SATURATED = 0.05
+
+
+_OFF_M = 0.05
+
+
+def sentences(flight: Flight) -> list[str]:
+    """What happened on a flight, the most important first."""
+    found = [_ending(flight), *flight.warnings, *_reactions(flight)]
+    if flight.diverged:
+        return found
+    metrics = flight.metrics
+    legs = [leg for leg in flight.legs if not math.isnan(leg.begin_s)]
+    found.append(
+        f"It went {metrics['distance_m']:.0f} m over ground in {_time(metrics['duration_s'])}"
+        + (
+            f" and used {metrics['energy_wh']:.1f} Wh."
+            if metrics["energy_wh"] > 0.0
+            else "; the vehicle file tells neither power_w_s3 nor [power], so that its energy is not known."
+        )
+    )
+    straight = [leg for leg in legs if not math.isnan(leg.cross_track_largest_m)]
+    if straight:
+        worst = max(straight, key=lambda leg: leg.cross_track_largest_m)
+        found.append(
+            "On the second half of straight legs the cross-track error was"
+            f" {metrics['cross_track_rms_m']:.2f} m rms and at most {worst.cross_track_largest_m:.2f} m"
+            f" ({worst.label}), the vertical error {metrics['vertical_rms_m']:.2f} m rms and at most"
+            f" {max(leg.vertical_largest_m for leg in straight):.2f} m."
+        )
+    found += [*_clear(flight), *_beyond_the_model(flight)]
+    found += [f"WARNING: {one}." for one in _beyond_tables(flight)]
+    found += _speeds(flight)
+    found += _depth(legs)
+    found += _stations(legs)
+    found += _loops(flight) + _unmet(flight)
+    found += _actuators(flight)
+    found += _sensors(flight)
+    return found
+
+
+def report(flight: Flight, *, sections: Sequence[Section] = ()) -> Report:
+    """Three lines, metrics, legs and loops, further sections, sentences."""
+    worst, next_step = _worst(flight)
+    tables = [metrics_table({**flight.metrics, **true_vertical(flight)}), legs_table(flight.legs)]
+    if not flight.diverged:
+        tables.append(loops_table(flight.loops))
+    filtered = navigation_table(flight.metrics)
+    if filtered is not None:
+        tables.append(filtered)
+    return Report(
+        title=f"{flight.vehicle.name} on {flight.route.name}",
+        outcome=flight.outcome_in_words,
+        good=_how_good(flight),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(sentences=tuple(_reactions(flight)), tables=tuple(tables)),
+            *(() if flight.samples is None else (flight.samples.section(),)),
+            *sections,
+            Section("What happened", tuple(sentences(flight)), details=True),
+        ),
+    )
+
+
+def _how_good(flight: Flight) -> str:
+    """Waypoints reached and cross-track error."""
+    metrics = flight.metrics
+    reached = f"{sum(leg.reached for leg in flight.legs)} of {len(flight.legs)} waypoints reached"
+    if flight.diverged:
+        return f"{reached} before the motion diverged at {float(flight.t[-1]):.1f} s"
+    across = ""
+    if math.isfinite(metrics["cross_track_rms_m"]):
+        largest = metrics["cross_track_largest_m"]
+        most = f", at most {largest:.2f} m" if math.isfinite(largest) else ""
+        across = f"; cross-track error {metrics['cross_track_rms_m']:.2f} m rms{most}{_truly(metrics)}"
+    clear = f"; {metrics['clearance_m']:.1f} m clear" if math.isfinite(metrics["clearance_m"]) else ""
+    way = f"{metrics['distance_m']:.0f} m over ground"
+    return f"{reached} in {_time(metrics['duration_s'])}, {way}{clear}{across}"
+
+
+def _truly(metrics: Mapping[str, float]) -> str:
+    """The true cross-track error, where it is another than the one that the autopilot perceived."""
+    names = ("cross_track_rms_m", "cross_track_largest_m")
+    if not any(differs(metrics[name], metrics[f"true_{name}"]) for name in names):
+        return ""
+    rms, largest = (metrics[f"true_{name}"] for name in names)
+    return f" as perceived; truly {rms:.2f} m rms, at most {largest:.2f} m"
+
+
+_CHECK = "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)"
+
+
+def _worst(flight: Flight) -> tuple[str, str]:
+    """The worst problem of a flight, and what to do about it; a second one beside it where both are grave.
+
+    An autopilot of another vehicle comes behind what went wrong, and before what did not.
+    """
+    grave = _grave(flight)
+    if flight.warnings:
+        doubt = "; ".join(one.removesuffix(".") for one in flight.warnings)
+        if grave:
+            return f"{grave[0].words}; {doubt}", f"{grave[0].remedy}; and {ANOTHER}"
+        return f"{doubt}; {_lesser(flight)[0]}", f"{ANOTHER}; then fly again"
+    if grave:
+        return "; ".join(one.words for one in grave[:2]), grave[0].remedy
+    return _lesser(flight)
+
+
+def _grave(flight: Flight) -> list[Finding]:
+    """What made a flight fail or put the vehicle at risk, the gravest first; empty for a good flight."""
+    if flight.diverged:
+        return [Finding("the motion diverged", _CHECK)]
+    found = [_nearness(flight)] if too_near(flight) else []
+    found += broken_limits(flight, flight.metrics)
+    if flight.alerts:
+        turned = flight.metrics["pitch_largest_deg"] > STEEP_DEG
+        found = called_for(flight, flight.alerts, found, otherwise=_CHECK if turned else "")
+    elif missed := [(k, leg) for k, leg in enumerate(flight.legs) if not leg.reached]:
+        k, leg = missed[0]
+        if math.isnan(leg.begin_s) or flight.outcome == "out of time":
+            found.append(
+                Finding(
+                    f'"{leg.label}" was not reached: {flight.outcome_in_words}',
+                    "give the flight more time (--max-time), or a speed that the vehicle can hold in this"
+                    " current",
+                )
+            )
+        else:
+            found.append(missed_waypoint(flight, k, leg))
+    remedy = "begin deeper ([start] depth_m) or under way, and limit the pitch (pitch_max_deg)"
+    return found + [Finding(one.removesuffix("."), remedy) for one in _beyond_the_model(flight)]
+
+
+def _nearness(flight: Flight) -> Finding:
+    """How near the hull came to something, and what to do: about its position where that was so wrong."""
+    metrics, words = flight.metrics, _clear(flight)[0].removesuffix(".")
+    at = metrics["clearance_time_s"]
+    row = int(np.argmin(np.abs(flight.t - at)))
+    told = [flight.measured[name][row] for name in ("x", "y")]
+    off = math.dist(told, flight.position[row, :2])
+    short = -min(metrics["clearance_m"], metrics["clearance_reserve_m"])
+    if off > max(short, _OFF_M):
+        words += f"; the position that the autopilot was told was {off:.1f} m off there"
+        return Finding(words, position_remedy(flight), at)
+    return Finding(
+        words,
+        "lay the way farther out (margin_m of the perimeter, or other waypoints), slow down before stops, or"
+        " wait for less current; seatrial check with --vehicle, --autopilot and --current tells beforehand",
+        at,
+    )
+
+
+def _lesser(flight: Flight) -> tuple[str, str]:
+    """The worst of a flight that succeeded: time, errors beyond a radius, supply, saturation, the rest."""
+    if late := overrun(flight, flight.legs):
+        return late[:2]
+    saturated = _loops(flight)
+    if off := off_course(flight, flight.legs):
+        return f"{off.words}; {saturated[0]}" if saturated else off.words, off.remedy
+    if beyond := _beyond_tables(flight):
+        return beyond[0], "fly with a supply that the table was measured at (--voltage), or measure it there"
+    for loop in flight.loops.values():
+        exhausted = loop.name in ("pitch", "heave") and loop.saturated > EXHAUSTED
+        if exhausted and (trim := out_of_trim(flight, loop.name)):
+            share = f"the {loop.name} loop was saturated for {100.0 * loop.saturated:.0f} % of its time"
+            return f"{share}: {trim.words}", trim.remedy
+    if saturated:
+        return saturated[0], "lower the speed or the gains of this loop; its actuators have no more to give"
+    actuators = _actuators(flight)
+    if actuators and "limit cycle" in actuators[0]:
+        return actuators[0], "lower the gain or filter the sensor of the loop that drives it"
+    verify = "verify it over many vehicles, currents and seeds (seatrial verify CAMPAIGN, or --seeds 100)"
+    errors = [
+        (size, f'{name} error of {size:.2f} m on the way to "{leg.label}"')
+        for leg in flight.legs
+        for name, size in (("cross-track", leg.cross_track_largest_m), ("vertical", leg.vertical_largest_m))
+        if math.isfinite(size)
+    ]
+    if errors:
+        return f"{max(errors)[1]}{_truly(flight.metrics)}", verify
+    if held := _stations([leg for leg in flight.legs if not math.isnan(leg.begin_s)]):
+        return held[0], verify
+    return "nothing stands out", verify
+
+
+def _ending(flight: Flight) -> str:
+    who = f"{flight.vehicle.name} on {flight.route.name}"
+    behind = sum(leg.reached for leg in flight.legs)
+    count = f"{behind} of {len(flight.legs)} waypoints reached"
+    missed = [leg for leg in flight.legs if not leg.reached and not math.isnan(leg.begin_s)]
+    by = "".join(f"; {not_reached(leg)}" for leg in missed[:3])
+    what = {
+        "complete": flight.outcome_in_words,
+        "surfaced": "the vehicle surfaced before the end",
+        "aborted": "aborted",
+        "out of time": f"not complete after {_time(float(flight.t[-1]))}, the longest time allowed",
+        "diverged": "the motion diverged; check gains, vehicle and the largest step",
+    }[flight.outcome]
+    return f"{who}: {what}, {count}{by if flight.outcome == 'complete' else ''}."
+
+
+def too_near(flight: Flight) -> bool:
+    """Whether the hull touched something, or came nearer than the mission promises by more than a tenth."""
+    return bool(excesses.too_near(flight.metrics, flight.mission.promised_m))
+
+
+def _clear(flight: Flight) -> list[str]:
+    """How near the hull came to what stands in the water, when and where, and what was promised."""
+    clear = flight.metrics["clearance_m"]
+    if not math.isfinite(clear):
+        return []
+    when = _at(flight, flight.metrics["clearance_time_s"])
+    promised, reserve = flight.mission.promised_m, flight.metrics["clearance_reserve_m"]
+    said = f"; the mission promises {promised:g} m" if excesses.promise_counts(clear, reserve) else ""
+    if said and reserve < 0.0:
+        said += f", {-reserve:.2f} m more"
+    near = f"The hull came to {clear:.2f} m from" if clear > 0.0 else f"The hull was {-clear:.2f} m inside"
+    return [f"{near} an obstacle, {when}{said}."]
+
+
+def _at(flight: Flight, time_s: float) -> str:
+    """When and where, in words."""
+    return where(flight, int(np.argmin(np.abs(flight.t - time_s))))
+
+
+def _beyond_the_model(flight: Flight) -> list[str]:
+    """Where the vehicle left the water, or pitched beyond what its model and loops are made for."""
+    metrics = flight.metrics
+    found = []
+    if (pitch := metrics["pitch_largest_deg"]) > STEEP_DEG:
+        found.append(
+            f"{flight.vehicle.name} pitched to {pitch:.0f} deg, {_at(flight, metrics['pitch_time_s'])}; more"
+            f" than {STEEP_DEG:g} deg is beyond what coefficients and loops are made for."
+        )
+    if (height := -metrics["depth_smallest_m"]) > IN_THE_AIR_M:
+        found.append(
+            f"{flight.vehicle.name} rose to {height:.1f} m above the surface,"
+            f" {_at(flight, metrics['depth_smallest_time_s'])}: it leapt out of the water, which coefficients"
+            " and loops are not made for."
+        )
+    return found
+
+
+def _beyond_tables(flight: Flight) -> list[str]:
+    """Tables of thrust that were not measured at the supply of the flight."""
+    supply = flight.circumstances.voltage_v
+    return [] if supply is None else beyond_tables(flight.vehicle, supply)
+
+
+def _reactions(flight: Flight) -> list[str]:
+    said = [fault.sentence() for fault in flight.circumstances.faults]
+    said += [outage.sentence() for outage in flight.circumstances.outages]
+    found = [f"Failures: {'; '.join(said)}."] if said else []
+    for alert in flight.alerts:
+        found.append(
+            f"Reaction at {alert.t_s:.1f} s: {alert.reaction}, because {watches.cause(alert.cause)}"
+            f"{watches.silence(flight, alert.cause, alert.t_s)}."
+        )
+    if (left := ascent(flight, flight.alerts)) is not None:
+        found.append(f"{left.words}.")
+    if said and not flight.alerts:
+        found.append("No reaction of the safety was called for.")
+    return found
+
+
+def _speeds(flight: Flight) -> list[str]:
+    """Legs that ask for more than guidance gives, or for a stop of who cannot stop."""
+    asked = max(stop.speed for stop in flight.route.stops)
+    most = flight.autopilot.gains()["guidance.speed_max_m_s"]
+    found = []
+    if asked > most:
+        found.append(f"Legs ask for up to {asked:g} m/s, and guidance keeps to speed_max_m_s = {most:g} m/s.")
+    stops = sum(stop.task == "hold" for stop in flight.route.stops)
+    if stops and flight.loiter_radius > 0.0:
+        found.append(
+            f"{flight.vehicle.name} cannot stop: at {stops} stop{'s' if stops > 1 else ''} it circles with a"
+            f" radius of {flight.loiter_radius:g} m, that much nearer to any obstacle."
+        )
+    return found
+
+
+def _depth(legs: Sequence[Leg]) -> list[str]:
+    changed = [leg for leg in legs if not math.isnan(leg.depth_overshoot_m)]
+    if not changed:
+        return []
+    worst = max(changed, key=lambda leg: leg.depth_overshoot_percent)
+    return [
+        f"The depth went at most {worst.depth_overshoot_m:.2f} m beyond a change of"
+        f" {abs(worst.depth_step_m):.1f} m ({worst.depth_overshoot_percent:.1f} %, {worst.label})."
+    ]
+
+
+def _stations(legs: Sequence[Leg]) -> list[str]:
+    held = [leg for leg in legs if not math.isnan(leg.hold_largest_m)]
+    if not held:
+        return []
+    worst = max(held, key=lambda leg: leg.hold_largest_m)
+    return [
+        f"Station was kept within {worst.hold_largest_m:.2f} m ({worst.label}, {worst.hold_rms_m:.2f} m rms)."
+    ]
+
+
+def _loops(flight: Flight) -> list[str]:
+    """Loops that were saturated, the most saturated one first."""
+    loops = sorted(flight.loops.values(), key=lambda loop: -loop.saturated)
+    return [
+        f"The {loop.name} loop was saturated for {100.0 * loop.saturated:.0f} % of its time; its"
+        f" largest demand was {loop.demand_largest:.3g} {loop.demand_unit}."
+        for loop in loops
+        if loop.saturated > _SATURATED
+    ]
+
+
+def _unmet(flight: Flight) -> list[str]:
+    """Loops whose demands the actuators did not meet although none was at its limit."""
+    return [
+        f"The actuators did not meet the demand of the {loop.name} loop for {100.0 * loop.unmet:.0f} % of its"
+        " time, though they were not at their limits: they produce it only together with another motion, or"
+        " rest below their start."
+        for loop in flight.loops.values()
+        if loop.unmet - loop.saturated > _SATURATED
+    ]
+
+
+def _actuators(flight: Flight) -> list[str]:
+    busiest = max(flight.actuator_use.values(), key=lambda use: use.switches_per_minute, default=None)
+    if busiest is None or float(flight.t[-1]) < _LEAST_S:
+        return []
+    if busiest.switches_per_minute == 0.0:
+        return []
+    rate = f"{busiest.switches_per_minute:.1f} starts and stops a minute"
+    if busiest.switches_per_minute > _SWITCHES_PER_MINUTE:
+        return [f"{busiest.name} made {rate}: a limit cycle around its smallest command, or noise in a loop."]
+    return [f"No actuator made more than {rate}."]
+
+
+def _sensors(flight: Flight) -> list[str]:
+    told = np.stack([flight.measured[name] for name in ("x", "y", "z")], axis=1)
+    off = np.hypot(np.hypot(*(told - flight.position).T[:2]), told[:, 2] - flight.position[:, 2])
+    off = off[np.isfinite(off)]
+    found = []
+    if len(off) and np.max(off) > _OFF_M:
+        found.append(
+            f"The position that the autopilot was told was up to {np.max(off):.1f} m from the true one;"
+            " errors of guidance are those that it perceived."
+        )
+    return [*found, *flight.circumstances.sensor_notes]
+
+
+def _time(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes >= 60:
+        return f"{minutes // 60} h {minutes % 60:02d} min"
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

@@ -1,0 +1,297 @@
+"""The words of an import: trials that were cut, channels found and missing, what was left out."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from seatrial.base.channels import CHANNELS
+from seatrial.base.errors import printable
+from seatrial.base.report import Report, Section, Table
+from seatrial.intake.consistency_trials import proposals
+from seatrial.intake.imported import Imported, ImportedTrial
+from seatrial.intake.vehicle_draft import opposed
+from seatrial.logs.join import SPLIT
+from seatrial.trial.assembly import JUMPED, MOSTLY_MASKED, UNCOMMANDED
+from seatrial.trial.defects import ABOVE
+
+if TYPE_CHECKING:
+    pass
+
+
+_SHOWN = 10  # problems; the others are details
+
+
+_NAMED = 4  # fields of a log that are not used
+
+
+_SHORTEST_S = 10.0  # a segment of a stage, unless the campaign says otherwise
+
+
+def report(made: Imported) -> Report:
+    """Three lines, columns, trials, doubts and what is missing; every field as a detail."""
+    problems = list(dict.fromkeys(_problems(made)))
+    seconds = sum(float(one.trial.t[-1] - one.trial.t[0]) for one in made.trials)
+    count = len(made.trials)
+    partial = any(log.notes for log in made.survey.logs)
+    partial |= bool(made.refused or _left_out(made) or _lost(made))
+    actuators = sum(name.startswith("cmd.") for name in made.columns)
+    reports = {one.name: one.trial.report for one in made.trials}
+    proposed = proposals({one.name: one.consistency for one in made.trials}, reports)
+    applied = "none applied" + (" except where marked" if any(p.done for p in proposed) else "")
+    return Report(
+        title=", ".join(printable(log.path.name, 40) for log in made.survey.logs[:4])
+        + (f" and {len(made.survey.logs) - 4} more" if len(made.survey.logs) > 4 else ""),
+        outcome="imported in part" if partial else "imported",
+        good=(
+            f"{count} trial{'s' if count != 1 else ''}, {seconds:.0f} s in all, with"
+            f" {' '.join(_channels(made)) or 'no channel'} and {actuators} commands; vehicle:"
+            f" {made.vehicle_source}"
+        ),
+        worst=problems[0] if problems else "nothing was found wrong",
+        next_step=_next(made),
+        sections=(
+            Section("Look at this", tuple(problems[1:_SHOWN])),
+            Section("Columns", tables=(_columns(made),)),
+            Section("Trials", tuple(_done(made)), (_trials(made), _modes(made))),
+            Section(
+                f"Proposed corrections, {applied}: comments in campaign.toml and map.toml",
+                tuple(one.text for one in proposed),
+            ),
+            Section("Missing, and what that costs", tuple(_missing(made))),
+            Section("Look at this, too", tuple(problems[_SHOWN:]), details=True),
+            Section("Every field", tables=(made.survey.table(),), details=True),
+            *(
+                Section(f"Trial {one.name}", (*one.notes, *str(one.trial.report).splitlines()), details=True)
+                for one in made.trials
+            ),
+        ),
+    )
+
+
+def _channels(made: Imported) -> list[str]:
+    return [c for c in CHANNELS if any(c in one.trial.channels for one in made.trials)]
+
+
+def _left_out(made: Imported) -> list[str]:
+    """Recordings that stand in one file behind one another and of which one was read."""
+    return [f"trial {one.name}: {note}" for one in made.trials for note in one.notes if SPLIT in note]
+
+
+def _lost(made: Imported) -> list[str]:
+    """Columns that the logs have by name, or that the map names, and that could not be used."""
+    sources = None if made.map_source == "proposed" else [one.source for one in made.columns.values()]
+    return [told for one in made.trials for told in made.survey.lost(one.logs, sources)]
+
+
+def _problems(made: Imported) -> Iterator[str]:
+    """What is wrong or doubtful, the worst first."""
+    for log in made.survey.logs:
+        if log.not_underwater:
+            yield (
+                f"{printable(log.path.name)} is no log of an underwater vehicle: {log.not_underwater}; its"
+                " channels were read, its model will mean nothing"
+            )
+    yield from made.refused
+    yield from made.twice
+    yield from _findings(made, "error")
+    for one in made.trials:
+        yield from (f"trial {one.name}: {said}" for said in one.consistency.contradictions)
+    for one in made.trials:
+        yield from (f"trial {one.name}: {said}" for said in one.kind.impossible)
+    yield from _findings(made, "warning", MOSTLY_MASKED)
+    yield from _findings(made, "warning", UNCOMMANDED)
+    for log in made.survey.logs:
+        yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
+    yield from _left_out(made)
+    yield from _lost(made)
+    longest = max((float(one.trial.t[-1] - one.trial.t[0]) for one in made.trials), default=0.0)
+    if longest < _SHORTEST_S:
+        yield (
+            f"the longest trial lasts {longest:.3g} s: too short to identify anything; log at least"
+            f" {_SHORTEST_S:g} s of a manoeuvre, and as much again to judge the result"
+        )
+    if not any(one.trial.inputs for one in made.trials):
+        yield "no commands of actuators and no wrench are in the logs: nothing can be identified"
+    elif made.vehicle is not None and made.unmatched:
+        yield (
+            f"no command for {', '.join(made.unmatched)} of {made.vehicle.name}: map them under"
+            f" [actuators] in"
+            " map.toml"
+        )
+    speeds = {c for one in made.trials for c in one.trial.channels if c in "uvw"}
+    if not speeds:
+        yield (
+            "no velocity and no position from which it follows: only rotations can be identified; add a"
+            " Doppler"
+            " log or a positioning system"
+        )
+    if made.vehicle is None:
+        yield (
+            f"the vehicle file is {made.vehicle_source}; or give a vehicle with --vehicle FILE, or a"
+            f" built-in one"
+        )
+    elif not made.vehicle_certain:
+        yield f"the vehicle is a guess: {made.vehicle_source}"
+    yield from _supply(made)
+    if made.reversed_thrusters:
+        yield (
+            f"{', '.join(made.reversed_thrusters)}: thrust opposite to that of the built-in vehicle, judging"
+            " by the log's parameters or motion; vehicle.toml sets reversed = true: check in the water"
+        )
+    yield from _upside_down(made)
+    for one in made.trials:  # of the pose once
+        yield from list(_findings(replace(made, trials=(one,)), "warning", JUMPED))[:1]
+    guesses = [canonical for canonical, one in made.columns.items() if not one.certain]
+    if guesses:
+        shown = ", ".join(guesses[:4]) + (f" and {len(guesses) - 4} more" if len(guesses) > 4 else "")
+        yield (
+            f"guessed from names and ranges, not stated in the log: {shown}; check unit and frame in map.toml"
+        )
+    yield from _findings(made, "warning")
+    for one in made.trials:
+        yield from (f"trial {one.name}: {warning}" for warning in one.kind.warnings)
+    for one in made.trials:
+        if one.absent:
+            apart = 2 * len(one.absent) > len(made.columns) and len(made.trials) > 1
+            yield f"trial {one.name}: its logs have no {', '.join(one.absent)}" + (
+                "; most of their channels have other names: import them separately" if apart else ""
+            )
+            yield from (f"trial {one.name}: {told}" for told in _unused(made, one))
+        known = [f"{log.path.name}: {note}" for log in made.survey.logs for note in log.notes]
+        yield from (f"trial {one.name}: {note}" for note in one.notes if note not in known)
+    for log in made.survey.logs:
+        yield from (f"{printable(log.path.name)}: {remark}" for remark in log.remarks)
+    if made.kept:
+        yield f"{', '.join(made.kept)} kept as edited; delete a file to have it drafted again"
+
+
+def _unused(made: Imported, one: ImportedTrial) -> Iterator[str]:
+    """Fields that the logs of a trial have for columns of the map that take another log's."""
+    for log in made.survey.logs:
+        if log.path.name not in one.logs:
+            continue
+        others = {
+            canonical: next((p.source for p in log.proposals if p.canonical == canonical), "")
+            for canonical in one.absent
+        }
+        told = [f"{source} ({canonical})" for canonical, source in others.items() if source]
+        if told:
+            more = f" and {len(told) - _NAMED} more" if len(told) > _NAMED else ""
+            yield (
+                f"{printable(log.path.name)} has {', '.join(told[:_NAMED])}{more}, not used: one map reads"
+                " all logs, and it takes other fields; import this log separately"
+            )
+
+
+def _findings(made: Imported, severity: str, words: str = "") -> Iterator[str]:
+    """What the readers found about the recordings, of one severity, with some words in it."""
+    for one in made.trials:
+        for finding in one.trial.report.findings:
+            if finding.severity == severity and words in finding.message:
+                yield f"trial {one.name}: {str(finding).removeprefix(severity).strip()}"
+
+
+def _upside_down(made: Imported) -> Iterator[str]:
+    """Trials whose axes point to port and upwards, as their thrusters and their depth tell together."""
+    if made.vehicle is None:
+        return
+    names = [
+        one.name
+        for one in made.trials
+        if any(f.channel == "z" and f.message.startswith(ABOVE) for f in one.trial.report.findings)
+        and set("YZN") <= set(against := opposed(made.vehicle, one.trial))
+        and "X" not in against
+    ]
+    if names:
+        yield (
+            f"trial {', '.join(names)}: Y, Z and N answer against the thrusters, and z is above the surface:"
+            ' all axes point to port and upwards. Give in map.toml frame = "FLU" to velocities and rates,'
+            ' frame = "FLU/NWU" to the attitude and frame = "NWU" to the position (ENU where x is east), not'
+            " sign = -1 to z alone"
+        )
+
+
+def _supply(made: Imported) -> Iterator[str]:
+    """What to do about trials without the supply voltage that the vehicle's thrust depends on."""
+    if made.vehicle is None or not any(one["needs_voltage"] for one in made.vehicle.actuator_info().values()):
+        return
+    bare = [one.name for one in made.trials if one.trial.voltage_v is None]
+    if bare:
+        yield (
+            f"trial {', '.join(bare)}: the thrust of {made.vehicle.name} depends on the supply voltage, which"
+            " is not in the log: give it in campaign.toml, mixer = { supply_v = 16.0 }"
+        )
+
+
+def _next(made: Imported) -> str:
+    if made.folder is None:
+        return "seatrial import with --out PROJECT writes map, vehicle, campaign and trials"
+    if made.vehicle is None:
+        file = shlex.quote(f"{made.folder}/vehicle.toml")
+        return f"fill in {file}, then seatrial check {file}"
+    file = shlex.quote(f"{made.folder}/campaign.toml")
+    return f"seatrial check {file}, then seatrial identify {file}"
+
+
+def _done(made: Imported) -> Iterator[str]:
+    """What was done in each trial, and what of it judges the result."""
+    for one in made.trials:
+        yield f"trial {one.name}: {one.kind.done}; {one.why}"
+
+
+def _columns(made: Imported) -> Table:
+    rows = [
+        (
+            canonical,
+            printable(one.source, 30),
+            printable(one.unit, 8),
+            one.frame + (" -" if one.sign < 0 else ""),
+            printable(one.why, 42) + ("" if one.certain else " ?"),
+        )
+        for canonical, one in made.columns.items()
+    ]
+    head = ("column", "from", "unit", "frame, sign", "why")
+    guessed = not all(one.certain for one in made.columns.values())
+    return Table.of("", head, rows, left=5, note="?: a guess" if guessed else "")
+
+
+def _trials(made: Imported) -> Table:
+    rows = []
+    for one in made.trials:
+        masked = max(one.trial.report.masked.values(), default=0) / max(len(one.trial), 1)
+        held = "" if one.hold_out_s is None else f"{one.hold_out_s[0]:.0f} to {one.hold_out_s[1]:.0f}"
+        rows.append((
+            one.name,
+            f"{one.trial.t[0]:.1f}",
+            f"{one.trial.t[-1]:.1f}",
+            f"{1.0 / one.trial.dt:.3g}",
+            f"{100.0 * masked:.0f}",
+            held,
+        ))
+    head = ("trial", "from, s", "to, s", "rate, Hz", "most masked, %", "held out, s")
+    return Table.of("", head, rows)
+
+
+def _modes(made: Imported) -> Table:
+    rows: list[tuple[str, ...]] = []
+    for one in made.trials:
+        if not one.modes:
+            continue
+        ends = [*(t for t, _ in one.modes[1:]), float(one.trial.t[-1])]
+        rows += [
+            (one.name, printable(mode, 20), f"{t:.1f}", f"{end:.1f}")
+            for (t, mode), end in zip(one.modes, ends, strict=True)
+        ]
+    return Table.of("Modes of the autopilot", ("trial", "mode", "from, s", "to, s"), rows, left=2)
+
+
+def _missing(made: Imported) -> Iterator[str]:
+    said: dict[str, list[str]] = {}
+    for one in made.trials:
+        for sentence in one.consistency.missing:
+            said.setdefault(sentence, []).append(one.name)
+    for sentence, names in said.items():
+        yield sentence if len(names) == len(made.trials) else f"trial {', '.join(names)}: {sentence}"
