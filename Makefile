@@ -27,7 +27,7 @@ SET_UP := $(VENV)/.set-up
 BUILT  := $(VENV)/.built
 WHEEL  := dist/.built
 
-.PHONY: help setup build page demo site test test-long test-rust test-python test-wheel test-wheel-demo check check-sources check-stub format lock notices stubs bench wheel package targets clean
+.PHONY: help setup build page demo site test test-long test-rust test-python test-wheel test-wheel-demo studies check check-sources check-stub format lock notices stubs bench wheel package targets clean
 
 help: ## list the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -93,6 +93,11 @@ test-wheel-demo: wheel ## the same with the demo of the command line
 	@$(call IN_EMPTY_ENVIRONMENT,); \
 	env -u SEATRIAL_DATA venv/bin/seatrial demo --json > demo.json; \
 	venv/bin/python chain_of_demo.py demo.json
+
+studies: build ## coverage of the intervals and random starts, as the validation quotes them; twenty minutes
+	$(BIN)/python -m studies.coverage
+	$(BIN)/python -m studies.coverage --truth studies/cwolf/truth_outside.toml --seeds 10 --first 1 --analysed 10
+	$(BIN)/python -m studies.random_starts
 
 check: check-sources check-stub ## format, lint, order of the rooms, types, licences and sources of dependencies, and the committed stub against the binding
 check-sources: $(SET_UP)

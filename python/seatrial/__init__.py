@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
     from seatrial.campaign.campaign import Campaign
     from seatrial.control_design.start_autopilot import start_autopilot
-    from seatrial.experiment.coverage import coverage
-    from seatrial.experiment.coverage_result import Coverage
     from seatrial.experiment.plan import plan
     from seatrial.experiment.plan_result import Plan
     from seatrial.export.c_code import CExport, export_c
@@ -39,8 +37,6 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.identification.identify import identify
     from seatrial.identification.leave_one_out import LeaveOneOut, leave_one_out
-    from seatrial.identification.restarts import restarts
-    from seatrial.identification.restarts_result import Restarts
     from seatrial.intake.import_logs import import_logs
     from seatrial.intake.imported import Imported
     from seatrial.problem.anchor import Anchor
@@ -74,7 +70,6 @@ _HOME = {
     "CampaignError": "seatrial.base.errors",
     "Comparison": "seatrial.trial.comparison",
     "ControlProblem": "seatrial.tuning.control_problem",
-    "Coverage": "seatrial.experiment.coverage_result",
     "Falsification": "seatrial.verification.falsify",
     "FailureBoundary": "seatrial.verification.boundary",
     "Fault": "seatrial.flight.failures",
@@ -95,7 +90,6 @@ _HOME = {
     "Problem": "seatrial.problem.problem",
     "RareFailures": "seatrial.verification.rare_result",
     "Requirement": "seatrial.verification.requirement",
-    "Restarts": "seatrial.identification.restarts_result",
     "Run": "seatrial._core",
     "Score": "seatrial.trial.score",
     "SeaState": "seatrial.flight.sea",
@@ -113,7 +107,6 @@ _HOME = {
     "Verification": "seatrial.verification.verification",
     "bench": "seatrial.bench_test.evaluate",
     "compare": "seatrial.trial.comparison",
-    "coverage": "seatrial.experiment.coverage",
     "export_c": "seatrial.export.c_code",
     "export_fmu": "seatrial.export.fmu",
     "falsify": "seatrial.verification.falsify",
@@ -125,7 +118,6 @@ _HOME = {
     "leave_one_out": "seatrial.identification.leave_one_out",
     "plan": "seatrial.experiment.plan",
     "rare_failures": "seatrial.verification.rare",
-    "restarts": "seatrial.identification.restarts",
     "score": "seatrial.trial.score",
     "simulate_batch": "seatrial._core",
     "sitl": "seatrial.realtime.ardupilot_link",
@@ -144,7 +136,6 @@ __all__ = [
     "CampaignError",
     "Comparison",
     "ControlProblem",
-    "Coverage",
     "FailureBoundary",
     "Falsification",
     "Fault",
@@ -165,7 +156,6 @@ __all__ = [
     "Problem",
     "RareFailures",
     "Requirement",
-    "Restarts",
     "Run",
     "Score",
     "SeaState",
@@ -183,7 +173,6 @@ __all__ = [
     "Verification",
     "bench",
     "compare",
-    "coverage",
     "export_c",
     "export_fmu",
     "failure_boundary",
@@ -195,7 +184,6 @@ __all__ = [
     "leave_one_out",
     "plan",
     "rare_failures",
-    "restarts",
     "score",
     "simulate_batch",
     "sitl",
@@ -205,12 +193,19 @@ __all__ = [
     "verify_log",
 ]
 
+_STUDIES = {
+    "Coverage": "coverage",
+    "Restarts": "random_starts",
+    "coverage": "coverage",
+    "restarts": "random_starts",
+}
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
 
     def __getattr__(name: str) -> object:
         if name not in _HOME:
-            raise AttributeError(f"module 'seatrial' has no attribute {name!r}")
+            instead = f"; in a clone, run python -m studies.{_STUDIES[name]}" if name in _STUDIES else ""
+            raise AttributeError(f"module 'seatrial' has no attribute {name!r}{instead}")
         return getattr(import_module(_HOME[name]), name)
 
 

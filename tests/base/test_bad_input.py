@@ -189,12 +189,12 @@ def test_new_keys_of_a_campaign_are_answered_in_words(here: Path, line: str, wor
     ("arguments", "words"),
     [
         (["--trial", "nowhere=log.csv"], "--trial nowhere=log.csv: there is no file"),
-        (["--random-starts", "3", "--out", "o"], "o-random-starts: it holds files but no run.json"),
+        (["--leave-one-out", "--out", "o"], "o-leave-one-out: it holds files but no run.json"),
     ],
 )
 def test_identify_refuses_before_it_searches(here: Path, arguments: list[str], words: str) -> None:
-    (here / "o-random-starts").mkdir()
-    (here / "o-random-starts" / "thesis.txt").write_text("mine")
+    (here / "o-leave-one-out").mkdir()
+    (here / "o-leave-one-out" / "thesis.txt").write_text("mine")
     refused(here, ["identify", "ahead.toml", *arguments], words)
     assert not (here / "o.partial").exists()
 
@@ -203,7 +203,7 @@ def test_identify_refuses_before_it_searches(here: Path, arguments: list[str], w
     ("verb", "files"),
     [
         (["identify", "ahead.toml", "--no-figures"], "runs/o"),
-        (["identify", "ahead.toml", "--random-starts", "3", "--no-figures"], "runs/o-random-starts"),
+        (["identify", "ahead.toml", "--leave-one-out", "--no-figures"], "runs/o-leave-one-out"),
         (["bench", "bench.toml", "--no-figures"], "runs/o"),
         (["fly", "cwolf", "cwolf", "nowhere.toml"], "runs/o"),
     ],

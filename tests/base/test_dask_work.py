@@ -13,12 +13,9 @@ from typer.testing import CliRunner
 from seatrial.base.fleet import Fleet, fleet_of
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
-from seatrial.experiment.coverage import coverage
-from seatrial.identification.restarts import restarts
 from seatrial.verification.boundary import run_boundary
 from seatrial.verification.rare import run_rare
 from tests.cli.test_cli_rare import CAMPAIGN
-from tests.experiment import test_coverage as ahead
 from tests.identification.test_identify import HEAD, HEAVE, STERN, SURGE, TRIALS, VERTICAL, outcome, record
 from tests.tuning.test_tune import quick
 from tests.verification.test_boundary import asked
@@ -51,25 +48,10 @@ def test_a_tuning(fleet: Fleet) -> None:
     assert quick().tune(executor=fleet).autopilot.gains() == quick().tune().autopilot.gains()
 
 
-def test_identification_and_random_starts(fleet: Fleet) -> None:
+def test_identification(fleet: Fleet) -> None:
     recordings = {"run": record(STERN, 0, 0.01, 1), "dive": record(VERTICAL, 2, 0.005, 2)}
     campaign = Campaign.from_toml(HEAD + TRIALS + SURGE + HEAVE, source="made.toml", trials=recordings)
     assert outcome(campaign.identify(executor=fleet)) == outcome(campaign.identify())
-    here, there = (restarts(campaign.problem(), starts=2, seed=5, executor=one) for one in (None, fleet))
-    for stage, other in zip(here.stages, there.stages, strict=True):
-        assert stage.costs.tolist() == other.costs.tolist()
-        assert stage.ends.tolist() == other.ends.tolist()
-
-
-def test_a_coverage_study(fleet: Fleet, tmp_path: Path) -> None:
-    (tmp_path / "truth.toml").write_text(ahead.TRUTH)
-    for name, text in (("there", ""), ("back", ahead.BACK), ("unseen", ahead.BACK)):
-        (tmp_path / f"{name}.toml").write_text(ahead.RECIPE + text)
-    (tmp_path / "campaign.toml").write_text(ahead.CAMPAIGN)
-    campaign = Campaign.load(tmp_path / "campaign.toml")
-    here = coverage(campaign, seeds=2, analysed=0)
-    there = coverage(campaign, seeds=2, analysed=0, executor=fleet)
-    assert list(map(ahead.timeless, there.repetitions)) == list(map(ahead.timeless, here.repetitions))
 
 
 def test_the_verb_starts_its_own_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

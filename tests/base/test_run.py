@@ -587,7 +587,6 @@ CAGE = str(EXAMPLES / "missions" / "cage_survey.toml")
         ["check", CAGE],
         ["plan", "cwolf"],
         ["demo"],
-        ["coverage", CWOLF],
         ["identify", CWOLF],
         ["tune", CWOLF],
         ["verify", CWOLF],
@@ -615,7 +614,6 @@ def test_every_verb_that_writes_is_refused_a_folder_in_use(
     [
         ["fly", "cwolf", "cwolf", CAGE],
         ["fly", "cwolf", "cwolf", CAGE, "--realtime", "--speed", "1000"],
-        ["coverage", CWOLF],
         ["identify", CWOLF],
         ["tune", CWOLF],
         ["verify", CWOLF],

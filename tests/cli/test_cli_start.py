@@ -31,7 +31,7 @@ STARTS = {
 }
 VERBS = (
     "demo", "new", "check", "simulate", "bench", "plan", "identify", "score", "autopilot", "fly", "tune",
-    "verify", "coverage",
+    "verify",
 )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ CALLS = {
     "simulate": ["simulate", "p/vehicle.toml", "p/logs/straight.csv"],
     "fly": ["fly", "p/vehicle.toml", "auto.toml", "p/mission.toml", "--no-figures"],
 }
-"""Calls in a starter project; tune, verify and coverage have theirs in the tests of these verbs."""
+"""Calls in a starter project; tune and verify have theirs in the tests of these verbs."""
 
 
 @pytest.fixture(scope="module")

@@ -90,10 +90,9 @@ CALLS: dict[str, Callable[[object], object]] = {
     ),
     "fly_batch": lambda n: SEATRIAL.fly_batch("cwolf", "cwolf", "none.toml", threads=n),
     "identify": lambda n: SEATRIAL.identify("none.toml", threads=n),
-    "restarts": lambda n: SEATRIAL.restarts("none.toml", threads=n),
+    "leave_one_out": lambda n: SEATRIAL.leave_one_out("none.toml", threads=n),
     "tune": lambda n: SEATRIAL.tune("none.toml", threads=n),
     "verify": lambda n: SEATRIAL.verify("none.toml", threads=n),
-    "coverage": lambda n: SEATRIAL.coverage("none.toml", threads=n),
     "plan": lambda n: SEATRIAL.plan("cwolf", threads=n),
 }
 

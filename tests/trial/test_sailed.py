@@ -10,9 +10,7 @@ from typer.testing import CliRunner
 
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import from_euler, matrix
-from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
-from seatrial.experiment.generated_trials import GeneratedTrials
 from seatrial.trial.generated import Recipe, files_of
 from seatrial.trial.trial import Trial
 
@@ -103,19 +101,6 @@ def test_another_seed_sails_in_another_sea_and_the_same_one_in_the_same(tmp_path
     rows = min(len(made.t), len(other.t))
     assert np.abs(made.flight.nu[:rows] - other.flight.nu[:rows]).max() > 0.02
     assert other.table().equals(made.table(seed=2))
-
-
-def test_repetitions_of_a_campaign_sail_anew(tmp_path: Path) -> None:
-    recipe(tmp_path)
-    (tmp_path / "campaign.toml").write_text(
-        'format = 1\nname = "field"\nvehicle = "remus100"\ntrials.one.file = "field.toml"\n'
-        '[[stages]]\nname = "ahead"\ntrials = ["one"]\naxes = { free = "X", measured = "YZKMN" }\n'
-        'coefficients = { X_uu = "default" }\n'
-    )
-    trials = GeneratedTrials(Campaign.load(tmp_path / "campaign.toml"))
-    first, second = (trials.logged(seed).trials["one"] for seed in (1, 2))
-    rows = slice(0, 200)
-    assert np.abs(first.nu[rows] - second.nu[rows]).max() > 0.02
 
 
 def test_the_verb_writes_log_and_truth(tmp_path: Path) -> None:

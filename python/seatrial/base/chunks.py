@@ -30,7 +30,7 @@ import socket
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -147,13 +147,10 @@ class Format(Generic[V]):
         Plain data (kept as JSON) or the content of a Parquet file.
     unpack
         The result from either.
-    suits
-        Whether a result that was kept is all that a chunk asks for.
     """
 
     pack: Callable[[V], Mapping[str, Any] | bytes]
     unpack: Callable[[Any], V]
-    suits: Callable[[Chunk[V], V], bool] = field(default=lambda chunk, value: True)
 
 
 def as_it_is() -> Format[Any]:
@@ -243,10 +240,7 @@ def _taken_up(chunk: Chunk[V], run: RunDirectory, form: Format[V]) -> Done[V] | 
     packed = kept.get("result") if kept.get("sha256") is None else run.table(chunk.part, kept["sha256"])
     if packed is None:
         return None
-    value = form.unpack(packed)
-    if not form.suits(chunk, value):
-        return None
-    return Done(chunk, value, _record(kept), kept=True)
+    return Done(chunk, form.unpack(packed), _record(kept), kept=True)
 
 
 def _finished(

@@ -1,7 +1,7 @@
 """Run directory: the one life cycle of everything that writes results into a folder.
 
 A run works in a sibling folder ``<name>.partial``. There every finished part (a stage, a group of gains,
-a chunk of missions, a repetition) is kept as ``stages/<part>.json`` with the hash of its inputs, and a table
+a chunk of missions) is kept as ``stages/<part>.json`` with the hash of its inputs, and a table
 that belongs to it as ``stages/<part>.parquet``. The same
 command finds it again by that hash: after Ctrl-C, after ``kill -9``, or after the run was published. When the
 run is over, the whole folder is renamed into place, so that a reader sees all of it or nothing. While a
@@ -13,8 +13,8 @@ somebody else put into the folder are there afterwards, too.
 ``run.json`` has the same keys in every verb (`run_facts`):
 
 =============== ====================================================================================
-kind            identification, random starts, plan, coverage, tuning, verification, log verdict, flight,
-                bench test and so on (`Kind`)
+kind            identification, plan, tuning, verification, log verdict, flight, bench test and so on
+                (`Kind`)
 name            of the campaign, the mission or the bench file
 options         what the caller asked for beside the files, by name
 seed            of all random numbers, null without any
@@ -67,7 +67,6 @@ RUN_FILE = "run.json"
 Kind = Literal[
     "ardusub",
     "bench test",
-    "coverage",
     "failure boundary",
     "falsification",
     "flight",
@@ -75,7 +74,6 @@ Kind = Literal[
     "leave one out",
     "log verdict",
     "plan",
-    "random starts",
     "rare failures",
     "replay",
     "tuning",

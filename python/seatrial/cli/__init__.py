@@ -21,7 +21,6 @@ from seatrial.cli import (
     autopilot,
     bench,
     check,
-    coverage,
     data,
     demo,
     export,
@@ -43,12 +42,34 @@ from seatrial.cli.console import ExitCodes
 __all__ = ["app", "main"]
 
 
+_ELSEWHERE = {
+    "coverage": "it is a study of the method: in a clone of the repository, run python -m studies.coverage",
+    "identify --random-starts": "it is a study of the method: in a clone of the repository, run"
+    " python -m studies.random_starts CAMPAIGN",
+}
+"""Verbs and options that a reader of older files may ask for, and what to do in their place."""
+
+
 class _Verbs(ExitCodes, TyperGroup):
     """The verbs; what they raise on purpose becomes one message and an exit code."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The verb that is asked for, unless it is done elsewhere."""
+        if args[0] in _ELSEWHERE:
+            raise SeatrialError(f"there is no verb {args[0]}: {_ELSEWHERE[args[0]]}")
+        return super().resolve_command(ctx, args)
 
 
 class _Verb(TyperCommand):
     """A verb: infinity, which a number of the command line may say, is none that it takes."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Arguments, unless one is an option that is done elsewhere."""
+        for argument in args:
+            asked = f"{ctx.info_name} {argument.partition('=')[0]}"
+            if asked in _ELSEWHERE:
+                raise SeatrialError(f"{asked}: {_ELSEWHERE[asked]}")
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run it, unless a number is not finite."""
@@ -105,7 +126,6 @@ _VERBS: tuple[Callable[..., None], ...] = (
     fly.fly,
     tune.tune,
     verify.verify,
-    coverage.coverage,
     report.report,
     export.export,
     ardusub.ardusub,

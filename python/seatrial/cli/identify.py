@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from seatrial.campaign.locked_axes import LockedAxes
     from seatrial.identification.identification import Identification
     from seatrial.identification.leave_one_out import LeaveOneOut
-    from seatrial.identification.restarts_result import Restarts
 
 
 def identify(
@@ -41,14 +40,6 @@ def identify(
         typer.Option(
             metavar="frozen|measured",
             help="Mode of the axes that a stage does not free, instead of the campaign's; runs/NAME-MODE.",
-        ),
-    ] = None,
-    random_starts: Annotated[
-        int | None,
-        typer.Option(
-            min=2,
-            help="Afterwards search every stage again from this many random starts; results in a second"
-            " folder, RUN-random-starts.",
         ),
     ] = None,
     leave_one_out: Annotated[
@@ -80,33 +71,19 @@ def identify(
     if locked_axes is not None:
         loaded, name = loaded.with_locked_axes(_mode(locked_axes)), f"{name}-{locked_axes}"
     folder = out or Path("runs") / name
-    beside = folder.with_name(f"{folder.name}-random-starts")
-    if random_starts is not None:
-        check_writable(beside, "random starts")  # refused now rather than after the search
     without = folder.with_name(f"{folder.name}-leave-one-out")
     if leave_one_out:
-        check_writable(without, "leave one out")
+        check_writable(without, "leave one out")  # refused now rather than after the search
     fit = run_identification(loaded, folder, threads=threads, dask=dask, resume=resume, quiet=json)
-    again: Restarts | None = None
     left_out: LeaveOneOut | None = None
 
     def drawn() -> list[Path]:
         return draw(fit, folder, formats(pdf, page)) if figures and not fit.interrupted else []
 
-    def drawn_starts() -> list[Path]:
-        wanted = figures and again is not None and not again.interrupted
-        return _draw_starts(again, beside, formats(pdf, page)) if again is not None and wanted else []
-
     if not json:
         files = "vehicle.toml, identification.json, summary.txt, Parquet tables"
         answer(fit.report(), verbose=verbose, results=f"Results in {folder}: {files}", draw=drawn)
-    if random_starts is not None and not fit.interrupted:
-        again = _restart(fit, beside, random_starts, threads=threads, dask=dask, resume=resume, quiet=json)
-        if not json:
-            files = "random_starts.json, Parquet tables, summary.txt"
-            results = "" if again.interrupted else f"Random starts in {beside}: {files}"
-            answer(again.report(), verbose=verbose, results=results, draw=drawn_starts)
-    if leave_one_out and not fit.interrupted and not (again is not None and again.interrupted):
+    if leave_one_out and not fit.interrupted:
         left_out = _leave_one_out(fit, without, threads=threads, resume=resume, quiet=json)
         if not json:
             files = "leave_one_out.json, Parquet tables, summary.txt"
@@ -115,18 +92,13 @@ def identify(
     if json:
         result: dict[str, Any] = fit.to_dict()
         result |= {"run_directory": str(folder), "figures": [str(path) for path in drawn()]}
-        if again is not None:
-            drawn_starts()
-            result["random_starts"] = again.to_dict()
         if left_out is not None:
             result["leave_one_out"] = left_out.to_dict()
         print_json(result)
     if not fit.interrupted:
-        runs = [
-            run for run, made in ((folder, fit), (beside, again), (without, left_out)) if made is not None
-        ]
+        runs = [folder] if left_out is None else [folder, without]
         reported(page, [run for run in runs if run.is_dir()], quiet=json)
-    if fit.interrupted or any(one is not None and one.interrupted for one in (again, left_out)):
+    if fit.interrupted or (left_out is not None and left_out.interrupted):
         raise typer.Exit(130)
 
 
@@ -157,13 +129,6 @@ def draw(fit: Identification, folder: Path, endings: tuple[str, ...] = ("png",))
 
         save_trials(fit, folder)
     return gallery(fit, folder / "figures", formats=endings)
-
-
-def _draw_starts(again: Restarts, folder: Path, endings: tuple[str, ...]) -> list[Path]:
-    from seatrial.report.plot.restarts import random_starts
-    from seatrial.report.plot.style import save
-
-    return save(random_starts(again), folder / "figures" / "random_starts", formats=endings)
 
 
 def _mode(text: str) -> LockedAxes:
@@ -208,33 +173,6 @@ def _added(campaign: Campaign, given: dict[str, str]) -> list[str]:
                 " trial that only judges, give a name that is not so near"
             )
     return new
-
-
-def _restart(
-    fit: Identification,
-    folder: Path,
-    starts: int,
-    *,
-    threads: int | None,
-    dask: str | None,
-    resume: bool,
-    quiet: bool,
-) -> Restarts:
-    """Random starts of an identified campaign, with progress on standard error."""
-    from seatrial.cli.console import search_progress, workers
-    from seatrial.identification.restarts import restarts
-
-    with workers(dask) as fleet, search_progress("reading the trials", quiet=quiet) as progress:
-        return restarts(
-            fit.problem,
-            starts=starts,
-            sigma=fit.sigma,
-            run_dir=folder,
-            progress=progress,
-            resume=resume,
-            threads=threads,
-            executor=fleet,
-        )
 
 
 def _leave_one_out(

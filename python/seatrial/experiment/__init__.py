@@ -1,4 +1,4 @@
-"""Design of experiments: manoeuvres, the plan of the next trial, coverage of intervals."""
+"""Design of experiments: manoeuvres, the plan of the next trial."""
 
 from __future__ import annotations
 

@@ -27,8 +27,6 @@ _RESULTS = {
     "flight": "flight.json",
     "bench test": "bench.json",
     "plan": "plan.json",
-    "coverage": "coverage.json",
-    "random starts": "random_starts.json",
     "leave one out": "leave_one_out.json",
 }
 

@@ -1,0 +1,1 @@
+"""Studies of the method: what they print stands in the validation. `make studies` runs them."""
