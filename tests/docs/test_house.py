@@ -49,7 +49,7 @@ def test_contracts_count_imports_for_type_checking_and_except_only_a_problem_tha
 
 
 def test_tests_lie_in_the_room_that_they_test() -> None:
-    beside = {"benchmarks", "core", "docs", "wheel"}
+    beside = {"benchmarks", "core", "docs", "studies", "wheel"}
     folders = {path.parent.name for path in (ROOT / "tests").glob("*/*.py")}
     assert folders - beside <= _room_folders()
     assert _room_folders() <= folders
