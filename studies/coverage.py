@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.campaign.campaign import Campaign
@@ -141,7 +142,7 @@ class Repetition:
     truth: Array
     estimate: Array
     sigma: Array
-    inside: Array
+    inside: NDArray[np.bool_]
     verdicts: tuple[str, ...]
     warning: tuple[str, ...] | None
     hold_out: dict[str, dict[str, float]]

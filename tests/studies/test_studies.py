@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner
 
 import seatrial as st
@@ -113,7 +114,7 @@ def test_coverage_of_a_campaign_on_the_surge_axis(tmp_path: Path, capsys: pytest
     # The command, with a truth outside of the model class.
     lags = "".join(f'"{name}.T_1" = 0.6\n' for name in ("SbU", "SbL", "PU", "PL"))
     (tmp_path / "outside.toml").write_text(f"{AHEAD}[values]\n{lags}")
-    with pytest.raises(coverage.typer.Exit) as done:
+    with pytest.raises(typer.Exit) as done:
         coverage.study(
             tmp_path / "campaign.toml", truth=tmp_path / "outside.toml", seeds=1, first=1, analysed=1
         )
