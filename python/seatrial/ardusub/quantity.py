@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 
 LIMITS = {"term": 0.01, "pulse": 2.0}
 """Share of a term, and microseconds of a pulse, within which a replay counts as right."""
@@ -65,7 +66,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Impossible:
+class Impossible(Plain, without="partly"):
     """A check that the modes of the log ask for and that cannot be made.
 
     Attributes
@@ -85,10 +86,6 @@ class Impossible:
     why: str
     topic: str = ""
     partly: bool = False
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return {"controller": self.controller, "name": self.name, "why": self.why, "topic": self.topic}
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,19 +13,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.bench_test.motor_fit import MotorUncertainty
 from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise
 
 
 @dataclass(frozen=True)
-class MotorParameter:
+class MotorParameter(Plain, also="status"):
     """One parameter; ``value``, ``sigma`` and the 95 % interval are None where it is not determined.
 
     Attributes
@@ -110,14 +110,6 @@ class MotorParameter:
             return text + f"; this contradicts the vehicle file's {self.kept:.4g}{unit}: correct it by hand."
         return text + f"; the vehicle file's {self.kept:.4g}{unit} is kept."
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers and texts; infinite ones are None."""
-        plain = {
-            key: None if isinstance(entry, float) and not math.isfinite(entry) else entry
-            for key, entry in asdict(self).items()
-        }
-        return plain | {"status": self.status}
-
 
 _SHORTEST_S = 1e-3  # no motor and no logger shows a shorter time
 
@@ -132,7 +124,7 @@ _MANY = 1e9
 
 
 @dataclass(frozen=True)
-class Directions:
+class Directions(Plain, also="differ"):
     """A parameter ahead against astern.
 
     ``pooled`` and ``sigma`` belong to one value for both, ``sigma`` no less than half the difference where
@@ -151,13 +143,9 @@ class Directions:
         """Whether the difference is more than chance, at 5 %."""
         return self.p < _LEVEL
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers and texts."""
-        return asdict(self) | {"differ": self.differ}
-
 
 @dataclass(frozen=True)
-class ActuatorDifference:
+class ActuatorDifference(Plain):
     """A parameter in which one actuator of a group differs from the others' ``median``."""
 
     actuator: str
@@ -172,10 +160,6 @@ class ActuatorDifference:
             f"{self.actuator} differs from its group in {symbol(self.name)}: {self.value:.4g} against"
             f" {self.median:.4g} (p = {self.p:.2g}); give it a motor of its own."
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers and texts."""
-        return asdict(self)
 
 
 def compare_directions(
@@ -332,7 +316,12 @@ class WrittenMotor:
 
 
 @dataclass(frozen=True)
-class MotorEstimate:
+class MotorEstimate(
+    Plain,
+    only="unit parameters motor_table motor_table_r2=written.r2 below_minimum below_minimum_ratio fitness"
+    " directions actuators differing left_out trimmed starts agreeing converged distinct_commands block_s"
+    " blocks sentences",
+):
     """An identified motor.
 
     Attributes
@@ -457,27 +446,3 @@ class MotorEstimate:
                 f"Of {self.starts} starts {self.agreeing} found this minimum: compare the figure before use."
             )
         return tuple(said)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain numbers, texts, lists and dicts."""
-        return {
-            "unit": self.unit,
-            "parameters": {name: one.to_dict() for name, one in self.parameters.items()},
-            "motor_table": self.motor_table(),
-            "motor_table_r2": self.written.r2,
-            "below_minimum": self.below_minimum,
-            "below_minimum_ratio": self.below_minimum_ratio,
-            "fitness": vars(self.fitness),
-            "directions": [one.to_dict() for one in self.directions],
-            "actuators": list(self.actuators),
-            "differing": [one.to_dict() for one in self.differing],
-            "left_out": self.left_out,
-            "trimmed": list(self.trimmed),
-            "starts": self.starts,
-            "agreeing": self.agreeing,
-            "converged": self.converged,
-            "distinct_commands": self.distinct_commands,
-            "block_s": self.block_s,
-            "blocks": self.blocks,
-            "sentences": list(self.sentences()),
-        }

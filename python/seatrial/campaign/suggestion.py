@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from seatrial.base.errors import CampaignError
+from seatrial.base.plain import Plain
 from seatrial.base.progress import callers_errors_pass
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import parse
@@ -34,7 +35,7 @@ _HEADER = re.compile(r"\s*\[{1,2}([^\[\],]+)\]{1,2}\s*(#.*)?")
 
 
 @dataclass(frozen=True)
-class HoldOutChange:
+class HoldOutChange(Plain):
     """Scores of two identifications of one campaign on what both held out, ten seconds ahead.
 
     Attributes
@@ -51,14 +52,6 @@ class HoldOutChange:
     r2: Mapping[str, tuple[float, float]]
     verdict: Literal["keep", "drop", "mixed", "no difference"]
     sentence: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """The change as plain data."""
-        return {
-            "r2": {channel: list(pair) for channel, pair in self.r2.items()},
-            "verdict": self.verdict,
-            "sentence": self.sentence,
-        }
 
 
 def followed_text(campaign: Campaign, suggestion: Suggestion) -> str:
@@ -135,8 +128,8 @@ def hold_out_change(before: Identification, after: Identification) -> HoldOutCha
         verdict, advice = "drop", "drop it"
     else:
         verdict, advice = "no difference", "no channel changes by 0.02; drop it, the smaller model is as good"
-    told = [f"{c} {pairs[c][0]:.3f} to {pairs[c][1]:.3f}" for c in (*better, *worse)]
-    sentence = f"Hold-out R2 {', '.join(told)}: {advice}" if told else f"Hold-out R2: {advice}"
+    changes = [f"{c} {pairs[c][0]:.3f} to {pairs[c][1]:.3f}" for c in (*better, *worse)]
+    sentence = f"Hold-out R2 {', '.join(changes)}: {advice}" if changes else f"Hold-out R2: {advice}"
     return HoldOutChange(pairs, verdict, sentence)
 
 
@@ -209,26 +202,26 @@ def _attempts(text: str, place: tuple[str, int | None, str], *, line: str, entry
     if number is not None:
         following = [i for i, header in headers if starts and i > starts[0] and header == table]
         end = min([end, *following])
-    found = []
+    attempts = []
     for i, header in headers:
         inside = number is None or (starts and starts[0] < i < end)
         if header == f"{table}.{part}" and inside:
             stop = next((j for j, _ in headers if j > i), len(lines))
             while stop > i + 1 and (not lines[stop - 1].strip() or lines[stop - 1].lstrip().startswith("#")):
                 stop -= 1
-            found += [[*lines[:stop], line, *lines[stop:]], [*lines[: i + 1], line, *lines[i + 1 :]]]
+            attempts += [[*lines[:stop], line, *lines[stop:]], [*lines[: i + 1], line, *lines[i + 1 :]]]
     if starts:
         for i in range(starts[0], end):
             opened = re.match(rf"\s*{part}\s*=\s*\{{", lines[i])
             if opened:
                 rest = lines[i][opened.end() :]
                 comma = "" if rest.lstrip().startswith("}") else ","
-                found.append([*lines[:i], f"{opened[0]} {entry}{comma}{rest}", *lines[i + 1 :]])
+                attempts.append([*lines[:i], f"{opened[0]} {entry}{comma}{rest}", *lines[i + 1 :]])
         stop = next((j for j, _ in headers if j > starts[0]), len(lines))
         while stop > starts[0] + 1 and not lines[stop - 1].strip():
             stop -= 1
-        found.append([*lines[:stop], "", f"[{table}.{part}]", line, *lines[stop:]])
-    return ["\n".join(one) + "\n" for one in found]
+        attempts.append([*lines[:stop], "", f"[{table}.{part}]", line, *lines[stop:]])
+    return ["\n".join(attempt) + "\n" for attempt in attempts]
 
 
 def _without(data: Mapping[str, Any], table: str, number: int | None, part: str) -> Any:

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.base.plain import Plain
 from seatrial.base.report import Column, Table, listed
 from seatrial.control_design.margin_report import SENSITIVITY_NOTE, MarginRow, autopilot_margins, sound_speeds
 from seatrial.control_design.operating_points import reachable_points
@@ -26,7 +27,7 @@ _TYPICAL = "typical"
 
 
 @dataclass(frozen=True)
-class AutopilotMargins:
+class AutopilotMargins(Plain, only="margins=rows margins_typical_sensors=typical sound_m_s=sound"):
     """Margins of an autopilot on a vehicle.
 
     Attributes
@@ -84,18 +85,6 @@ class AutopilotMargins:
         head = ("mode", "at m/s", "phase, deg", "gain", "delay, s", Column("verdict", align="left"))
         note = f"Gain: by which factor it may rise. {SENSITIVITY_NOTE}"
         return Table.of("Margins with perfect sensors, the least of all loops", head, rows, note=note)
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as plain data."""
-
-        def plain(rows: Sequence[MarginRow]) -> list[dict[str, Any]]:
-            return [vars(row) | {"verdict": row.verdict} for row in rows]
-
-        return {
-            "margins": plain(self.rows),
-            "margins_typical_sensors": plain(self.typical),
-            "sound_m_s": self.sound,
-        }
 
 
 def margins_on(autopilot: Autopilot, vehicle: Vehicle, *, voltage_v: float) -> AutopilotMargins:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from seatrial.base.errors import SeatrialError
+from seatrial.base.plain import Plain
 from seatrial.base.report import Report, report_of
 from seatrial.intake.consistency_result import UNTOLD
 from seatrial.intake.consistency_trials import Proposal, consistency_of_trial, proposals
@@ -35,7 +36,7 @@ class StageOutline:
 
 
 @dataclass(frozen=True)
-class CampaignCheck:
+class CampaignCheck(Plain, without="reports kinds", also="trials=reports kind_of_data=kinds"):
     """Recording reports by trial, stages in the order of their run, and what stops the campaign.
 
     ``inputs`` and ``scale`` say what the inputs can tell and what the scale of all forces rests on; None
@@ -56,23 +57,6 @@ class CampaignCheck:
     data: tuple[str, ...] = ()
     consistency: Mapping[str, Consistency] = field(default_factory=dict)
     proposals: tuple[Proposal, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """The check as plain data for JSON."""
-        return {
-            "name": self.name,
-            "vehicle": self.vehicle,
-            "trials": {name: report.to_dict() for name, report in self.reports.items()},
-            "stages": [vars(stage) for stage in self.stages],
-            "inputs": self.inputs.to_dict() if self.inputs else None,
-            "scale": self.scale.to_dict() if self.scale else None,
-            "problems": list(self.problems),
-            "warnings": list(self.warnings),
-            "kind_of_data": {name: kind.to_dict() for name, kind in self.kinds.items()},
-            "data": list(self.data),
-            "consistency": {name: found.to_dict() for name, found in self.consistency.items()},
-            "proposals": [vars(one) for one in self.proposals],
-        }
 
     def report(self) -> Report:
         """Whether it is ready, the worst problem, what to do next; then trials, stages, inputs, scale."""

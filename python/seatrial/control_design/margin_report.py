@@ -9,13 +9,14 @@ tests/control_design/test_margin_engine.py.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.base.report import Column, Table
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.control_design.loops import Sampled, closed
@@ -62,7 +63,7 @@ _FINE = 61  # speeds at which the sound range is looked for
 
 
 @dataclass(frozen=True)
-class MarginRow:
+class MarginRow(Plain, also="verdict"):
     """Margins of a mode at a desired speed in m/s.
 
     ``phase_deg``, ``gain`` (a factor upwards) and ``delay_s`` are the least over the rows of the wrench,
@@ -220,7 +221,7 @@ def _moves_most(step: Array, system: Sampled) -> str:
 
 
 @dataclass(frozen=True)
-class ReportedMargins:
+class ReportedMargins(Plain):
     """Margins of a loop in a mode at a desired speed in m/s, the other loops closed.
 
     Each margin is None where nothing bounds it, and so is its frequency in rad/s.
@@ -271,10 +272,6 @@ class ReportedMargins:
             return "unstable"
         phase, gain = (np.inf if m is None else m for m in (self.phase_deg, self.gain_up_db))
         return small_margins(small(phase, gain, self.sensitivity))
-
-    def to_dict(self) -> dict[str, Any]:
-        """The margins as plain data for JSON."""
-        return asdict(self)
 
 
 def report_margins(

@@ -27,14 +27,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial._core import Flights, autopilot_names, error_edges
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.plain import Plain
 from seatrial.flight.mission import Route
 
 if TYPE_CHECKING:
@@ -162,7 +163,7 @@ _LEAST_STEP_M = 0.5  # smaller changes of depth are none
 
 
 @dataclass(frozen=True)
-class Leg:
+class Leg(Plain):
     """A leg of a flight and the waypoint at its end.
 
     Attributes
@@ -205,10 +206,6 @@ class Leg:
     hold_rms_m: float
     hold_largest_m: float
     modes: Mapping[str, float]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return asdict(self)
 
 
 def true_vertical(flight: FlightLog) -> dict[str, float]:
@@ -374,7 +371,7 @@ _NOTHING = 1e-9  # N or N m per newton: an actuator that does not act in a row
 
 
 @dataclass(frozen=True)
-class Loop:
+class Loop(Plain):
     """A control loop over the time in which it was at work.
 
     Attributes
@@ -402,13 +399,9 @@ class Loop:
     saturated: float
     unmet: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return asdict(self)
-
 
 @dataclass(frozen=True)
-class ActuatorUse:
+class ActuatorUse(Plain):
     """What was asked of an actuator.
 
     Attributes
@@ -430,10 +423,6 @@ class ActuatorUse:
     at_limit: float
     running: float
     switches_per_minute: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return asdict(self)
 
 
 def loops_of(flight: FlightLog) -> dict[str, Loop]:

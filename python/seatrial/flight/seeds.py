@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.plain import Plain
 from seatrial.base.report import Section
 from seatrial.base.toml_file import loaded
 from seatrial.flight.excesses import excesses, sentences, unkept
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Seeds:
+class Seeds(Plain, only="seeds endings metrics"):
     """Flights of one mission under many seeds.
 
     Attributes
@@ -90,10 +91,6 @@ class Seeds:
         columns: dict[str, Any] = {"seed": list(self.seeds), "ending": list(self.endings)}
         columns |= {name: values for name, values in self.metrics.items() if name not in CODED}
         return parquet(pl.DataFrame(columns))
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return {"seeds": list(self.seeds), "endings": list(self.endings), "metrics": dict(self.metrics)}
 
 
 def fly_seeds(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.base.report import Report, Section, Table
 
 UNTOLD = "hardly any motion: whether the channels agree cannot be told"
@@ -56,7 +57,7 @@ class Correction:
 
 
 @dataclass(frozen=True, eq=False)
-class SlowCurrent:
+class SlowCurrent(Plain):
     """Current of the water over time.
 
     Attributes
@@ -111,17 +112,6 @@ class SlowCurrent:
     def legs(self) -> bool:
         """Whether it comes from legs and turns, not from a velocity through the water."""
         return not self.source.startswith("velocity")
-
-    def to_dict(self) -> dict[str, Any]:
-        """The current as plain data for JSON."""
-        return {
-            "t": self.t.tolist(),
-            "velocity": self.velocity.tolist(),
-            "sd": self.sd.tolist(),
-            "source": self.source,
-            "before": list(self.before),
-            "after": list(self.after),
-        }
 
 
 @dataclass(frozen=True, eq=False)

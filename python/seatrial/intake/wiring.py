@@ -23,13 +23,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
+from seatrial.base.plain import Plain
 from seatrial.base.report import listed
 from seatrial.trial.feedback import Feedback, feedback
 
@@ -81,7 +82,7 @@ _COUPLED = {
 
 
 @dataclass(frozen=True)
-class Wiring:
+class Wiring(Plain):
     """Actuators whose effect contradicts the vehicle file.
 
     Attributes
@@ -104,10 +105,6 @@ class Wiring:
     evidence: float
     explained: dict[str, tuple[float, float]]
     closed: bool
-
-    def to_dict(self) -> dict[str, Any]:
-        """The judgement as plain data for JSON."""
-        return asdict(self)
 
     @property
     def actuators(self) -> tuple[str, ...]:

@@ -17,13 +17,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.statistics.blocks import block_length, determined, information_of
 from seatrial.statistics.linearisation import Linearisation
 
@@ -126,7 +126,7 @@ def singular(information: Array) -> tuple[Array, Array, float]:
 
 
 @dataclass(frozen=True)
-class InformationCriteria:
+class InformationCriteria(Plain):
     """Smaller is better; only differences between models of the same data mean something.
 
     ``parameters`` is the effective number of parameters, ``effective`` (C,) that of independent samples.
@@ -136,10 +136,6 @@ class InformationCriteria:
     bic: float
     parameters: float
     effective: tuple[float, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as plain numbers and lists."""
-        return asdict(self) | {"effective": list(self.effective)}
 
 
 def information_criteria(lin: Linearisation, *, effective: ArrayLike | None = None) -> InformationCriteria:

@@ -14,13 +14,14 @@ Held by `test_difference_is_that_of_the_scores`, `test_two_names_of_one_vehicle_
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from seatrial.base.channels import readable
 from seatrial.base.errors import TrialError
+from seatrial.base.plain import Plain
 from seatrial.base.report import Report, Section, Table
 from seatrial.trial.baseline_fit import fit_baselines
 from seatrial.trial.baselines import not_beaten
@@ -97,7 +98,7 @@ class Overall:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Plain, only="reference level vehicles=scores overall differences sentences"):
     """Scores of several vehicles on the same windows, side by side; printed, a table and sentences.
 
     Attributes
@@ -139,17 +140,6 @@ class Comparison:
             if (where := not_beaten(one.evidence, one.baselines))
         ]
         return (*(sentence(self, name) for name in self.scores if name != self.reference), *simpler)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The comparison as plain data for JSON, without the simulated samples."""
-        return {
-            "reference": self.reference,
-            "level": self.level,
-            "vehicles": {name: one.to_dict() for name, one in self.scores.items()},
-            "overall": [asdict(one) for one in self.overall],
-            "differences": [asdict(one) for one in self.differences],
-            "sentences": list(self.sentences()),
-        }
 
     def __repr__(self) -> str:
         return f"Comparison({', '.join(self.scores)} on {', '.join(self.trials)})"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.plain import Plain
 from seatrial.logs.stamps import usual_interval
 
 
@@ -77,7 +78,7 @@ class Finding:
 
 
 @dataclass
-class RecordingReport:
+class RecordingReport(Plain):
     """What is known about a recording: findings, latencies removed and samples masked.
 
     Attributes
@@ -126,10 +127,6 @@ class RecordingReport:
         """Findings with which the recording should not be used as it is, a clause each."""
         wrong = [finding for finding in self.findings if finding.severity == "error"]
         return [str(finding).removeprefix(finding.severity).strip() for finding in wrong]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The report as plain data for JSON."""
-        return asdict(self)
 
     def __str__(self) -> str:
         lines = [f"{self.source}: {self.samples} samples, {self.duration_s:.1f} s at {self.rate_hz:.4g} Hz"]

@@ -12,11 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.control_design.corridor import RISEN
 from seatrial.control_design.tuning_table import LOOPS
 from seatrial.tuning.criterion import step_metrics
@@ -82,7 +83,9 @@ class Responses:
 
 
 @dataclass(frozen=True, eq=False)
-class Performance:
+class Performance(
+    Plain, without="autopilot responses", also="autopilot=autopilot.name nominal_s worst_s feasible"
+):
     """How an autopilot's responses keep to their corridors.
 
     Attributes
@@ -127,18 +130,6 @@ class Performance:
     def feasible(self) -> bool:
         """Whether the vehicle itself violates no corridor."""
         return self.nominal_s == 0.0
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as plain data, without responses."""
-        return {
-            "name": self.name,
-            "autopilot": self.autopilot.name,
-            "samples": self.samples,
-            "nominal_s": self.nominal_s,
-            "worst_s": self.worst_s,
-            "feasible": self.feasible,
-            "trials": [asdict(trial) for trial in self.trials],
-        }
 
 
 def assess(

@@ -20,12 +20,13 @@ Held by tests/tuning/test_tune.py and tests/tuning/test_revert_gains.py.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.base.progress import Step, Watch
 from seatrial.estimation.search import Optimum, batch_size, evolve, join, refine
 from seatrial.tuning.gain_parameters import GainParameters, excited_points
@@ -60,7 +61,7 @@ _NEAR_START = 0.01  # weight of the mean square of ln(factor) beside the shortfa
 
 
 @dataclass(frozen=True, eq=False)
-class GroupResult:
+class GroupResult(Plain):
     """What the search of one group found.
 
     Attributes
@@ -91,10 +92,6 @@ class GroupResult:
     history: tuple[Step, ...]
     at_bound: tuple[str, ...]
     interrupted: bool
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as plain data."""
-        return asdict(self)
 
     @classmethod
     def from_dict(cls, kept: Mapping[str, Any]) -> GroupResult:

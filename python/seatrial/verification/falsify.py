@@ -20,6 +20,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
+from seatrial.base.plain import Plain
 from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.report import Report, Section
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
@@ -61,7 +62,11 @@ _SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class FalsifiedRequirement:
+class FalsifiedRequirement(
+    Plain,
+    without="requirement worst",
+    also="name=requirement.name holds=requirement.holds falsified worst_robustness=worst",
+):
     """The worst mission that was found for a requirement.
 
     Attributes
@@ -101,25 +106,13 @@ class FalsifiedRequirement:
         """Whether a failing mission was found."""
         return bool(self.sample)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "name": self.requirement.name,
-            "holds": self.requirement.holds,
-            "falsified": self.falsified,
-            "worst_robustness": self.worst if np.isfinite(self.worst) else None,
-            "missions": self.missions,
-            "robustness": self.robustness if np.isfinite(self.robustness) else None,
-            "sample": list(self.sample),
-            "disturbance": {name: list(pair) for name, pair in self.disturbance.items()},
-            "middle": dict(self.middle),
-            "case": self.case,
-            "why_not": self.why_not,
-        }
-
 
 @dataclass(frozen=True, eq=False)
-class Falsification(RunResult):
+class Falsification(
+    RunResult,
+    Plain,
+    only="campaign=prepared.campaign.name within interrupted warnings=prepared.flights.warnings requirements",
+):
     """Worst missions of requirements; made by `falsify`.
 
     Attributes
@@ -175,16 +168,6 @@ class Falsification(RunResult):
             Of the requirement.
         """
         return self.prepared.flights.replay_drawn(self.drawn(name))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {
-            "campaign": self.prepared.campaign.name,
-            "within": self.within,
-            "interrupted": self.interrupted,
-            "warnings": self.prepared.flights.warnings,
-            "requirements": [one.to_dict() for one in self.requirements],
-        }
 
     def cases(self) -> str:
         """TOML to add to the campaign, so that `verify` flies the failing missions again."""

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import CampaignError, VehicleError
+from seatrial.base.plain import Plain
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import FailureProbability
 from seatrial.vehicle.actuators import NOMINAL_V
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class WorstMission:
+class WorstMission(Plain):
     """A mission that held a requirement least: how to find it again, and what it met.
 
     Attributes
@@ -56,18 +57,6 @@ class WorstMission:
     reserve: float
     metrics: dict[str, Any]
     drawn: dict[str, float]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return {
-            "number": self.number,
-            "mission": self.mission,
-            "seed": self.seed,
-            "held": self.held,
-            "reserve": self.reserve,
-            "metrics": dict(self.metrics),
-            "drawn": dict(self.drawn),
-        }
 
 
 @dataclass(frozen=True, eq=False)

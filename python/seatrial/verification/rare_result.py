@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import CampaignError
+from seatrial.base.plain import Plain
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunResult, to_json
 from seatrial.statistics.subset_simulation import RareEvent
@@ -90,7 +91,11 @@ class RareRequirement:
 
 
 @dataclass(frozen=True, eq=False)
-class RareFailures(RunResult):
+class RareFailures(
+    RunResult,
+    Plain,
+    only="campaign=prepared.campaign.name held interrupted warnings=prepared.flights.warnings requirements",
+):
     """Failure probabilities of rare events; made by `run_rare`.
 
     Attributes
@@ -140,16 +145,6 @@ class RareFailures(RunResult):
         space = MissionSpace(self.prepared.flights)
         drawn = space.draws(np.array([found.sample]), np.array([found.seed]))
         return self.prepared.flights.replay_drawn(drawn)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {
-            "campaign": self.prepared.campaign.name,
-            "held": self.held,
-            "interrupted": self.interrupted,
-            "warnings": self.prepared.flights.warnings,
-            "requirements": [one.to_dict() for one in self.requirements],
-        }
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""

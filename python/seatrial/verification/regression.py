@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial._core import autopilot_names
 from seatrial.base.errors import CampaignError, SimulationError, nearest
+from seatrial.base.plain import Plain
 from seatrial.campaign.verification_table import CaseTable
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.flight.sea import CALM
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FlownCase:
+class FlownCase(Plain, also="held"):
     """A regression case that was flown.
 
     Attributes
@@ -46,11 +47,6 @@ class FlownCase:
     def held(self) -> bool:
         """Whether all its requirements were held."""
         return all(value > 0.0 for value in self.robustness.values())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        values = {name: value if math.isfinite(value) else None for name, value in self.robustness.items()}
-        return {"name": self.name, "mission": self.mission, "held": self.held, "robustness": values}
 
 
 def check_cases(

@@ -23,12 +23,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
+from seatrial.base.plain import Plain
 from seatrial.vehicle.actuators import actuator_groups
 from seatrial.verification.mission_log.restarts import PredictedLog, Slopes
 from seatrial.verification.mission_log.spread import INITIAL_PLACES, Spread
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Suspect:
+class Suspect(Plain):
     """A change of the vehicle, or of its surroundings, that explains a part of the misfit.
 
     Attributes
@@ -88,23 +89,6 @@ class Suspect:
             shown = ", ".join(self.alike[:4]) + (" and others" if len(self.alike) > 4 else "")
             text += f"; this log cannot tell it from {shown}"
         return text + "."
-
-    def to_dict(self) -> dict[str, Any]:
-        """The suspect as plain data."""
-        return {
-            "name": self.name,
-            "kind": self.kind,
-            "change": self.change,
-            "values": list(self.values),
-            "units": list(self.units),
-            "sigma": list(self.sigma),
-            "gain": self.gain,
-            "left": self.left,
-            "p": self.p,
-            "sigmas": self.sigmas,
-            "alike": list(self.alike),
-            "coefficients": dict(self.coefficients),
-        }
 
 
 PAYLOAD_DENSITY = 2700.0

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.plain import Plain
 from seatrial.base.rotation import shorter
 from seatrial.flight.metrics import reserve, switches
 from seatrial.flight.mission import Route
@@ -277,7 +278,7 @@ _STILL = 1e-6
 
 
 @dataclass(frozen=True)
-class LoggedStep:
+class LoggedStep(Plain):
     """A step of a set point in a log: loop, time in s, set points in SI, the corridor's criterion.
 
     ``criterion`` is the weighted area outside the corridor in s, zero where the response stayed inside.
@@ -288,10 +289,6 @@ class LoggedStep:
     before: float
     after: float
     criterion: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """The step as plain data."""
-        return asdict(self)
 
 
 def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[LoggedStep, ...]:

@@ -33,12 +33,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
+from seatrial.base.plain import Plain
 from seatrial.statistics.multiple_testing import holm
 from seatrial.vehicle.actuators import actuator_groups
 from seatrial.verification.mission_log.unknowns import (
@@ -154,7 +155,11 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class GroupTest:
+class GroupTest(
+    Plain,
+    without="group by_channel",
+    also="axis=group.axis kind=group.kind coefficients=group.names shown=by_channel",
+):
     """What a log says of a group.
 
     Attributes
@@ -192,23 +197,9 @@ class GroupTest:
         """Whether a channel would have shown the group halved and doubled."""
         return any(shown.enough for shown in self.by_channel.values())
 
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return {
-            "axis": self.group.axis,
-            "kind": self.group.kind,
-            "coefficients": list(self.group.names),
-            "factor": self.factor,
-            "sigma": self.sigma,
-            "p": self.p,
-            "refuted": self.refuted,
-            "against": list(self.against),
-            "shown": {name: {"down": shown.down, "up": shown.up} for name, shown in self.by_channel.items()},
-        }
-
 
 @dataclass(frozen=True)
-class Power:
+class Power(Plain, only="controlled_axes=controlled unjudged_axes=unjudged windows left grown groups=tests"):
     """What a log could have refuted, and what it refutes.
 
     Attributes
@@ -261,17 +252,6 @@ class Power:
         """Letters of the controlled axes of which no channel would have shown a group halved and doubled."""
         judged = {test.group.axis for test in self.tests if test.enough}
         return "".join(axis for axis in self.controlled if axis not in judged)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return {
-            "controlled_axes": list(self.controlled),
-            "unjudged_axes": list(self.unjudged),
-            "windows": self.windows,
-            "left": dict(self.left),
-            "grown": dict(self.grown),
-            "groups": [test.to_dict() for test in self.tests],
-        }
 
 
 def group_power(
