@@ -308,14 +308,20 @@ def held_cost(lin: Linearisation, held: Mapping[str, float], *, bend: float = 0.
 def test_profile_of_a_linear_model_is_its_parabola() -> None:
     lin = one(SLOW, 0.9)
     found = covariance(lin)
-    curve = profile(lin, lambda held: held_cost(lin, held), found=found, direction={"c2": -0.1}, points=13)
+    curve = profile(
+        lin, lambda held: held_cost(lin, held), uncertainty=found, direction={"c2": -0.1}, points=13
+    )
     assert len(curve.step) == 13
     np.testing.assert_allclose(curve.cost, curve.quadratic, atol=1e-9)
     # It ends where the interval does.
     ends = [lin.values[2] - found.sigma[2] * end for end in (curve.lower, curve.upper)]
     np.testing.assert_allclose(sorted(ends), [found.lower[2], found.upper[2]], rtol=1e-9)
     both = profile(
-        lin, lambda held: held_cost(lin, held), found=found, direction={"c0": 1.0, "bias 0": -2.0}, points=3
+        lin,
+        lambda held: held_cost(lin, held),
+        uncertainty=found,
+        direction={"c0": 1.0, "bias 0": -2.0},
+        points=3,
     )
     np.testing.assert_allclose(both.cost, both.quadratic, atol=1e-9)
     assert json.loads(to_json(both.to_dict()))["names"] == ["c0", "bias 0"]
@@ -325,12 +331,14 @@ def test_profile_shows_a_stiffer_criterion_and_stops_at_bounds() -> None:
     lin = one(SLOW, 0.9)
     found = covariance(lin)
     stiff = profile(
-        lin, lambda held: held_cost(lin, held, bend=0.2), found=found, direction={"c2": 1.0}, points=31
+        lin, lambda held: held_cost(lin, held, bend=0.2), uncertainty=found, direction={"c2": 1.0}, points=31
     )
     assert stiff.upper < 0.8 * (found.upper[2] - found.estimate[2]) / found.sigma[2]
     box = replace(lin.unknowns[2], upper=lin.values[2] + 1.2 * found.sigma[2])
     cut = replace(lin, unknowns=(*lin.unknowns[:2], box, *lin.unknowns[3:]))
-    ended = profile(cut, lambda held: held_cost(lin, held), found=found, direction={"c2": 1.0}, points=7)
+    ended = profile(
+        cut, lambda held: held_cost(lin, held), uncertainty=found, direction={"c2": 1.0}, points=7
+    )
     assert ended.step.max() == pytest.approx(1.0)
     assert ended.upper == math.inf
 
@@ -342,14 +350,14 @@ def test_profile_shows_a_stiffer_criterion_and_stops_at_bounds() -> None:
 def test_profile_says_what_it_expects(direction: dict[str, float], points: int, words: str) -> None:
     lin = one(SLOW, 0.0)
     with pytest.raises(ValueError, match=words):
-        profile(lin, lambda _: 0.0, found=covariance(lin), direction=direction, points=points)
+        profile(lin, lambda _: 0.0, uncertainty=covariance(lin), direction=direction, points=points)
 
 
 def test_profile_refuses_what_is_not_determined() -> None:
     twin = with_column(SLOW, flat("twin"), [j[:, :, 1] for j in SLOW.jacobians])
     lin = one(twin, 0.0)
     with pytest.raises(ValueError, match="not determine twin separately"):
-        profile(lin, lambda _: 0.0, found=covariance(lin), direction={"twin": 1.0})
+        profile(lin, lambda _: 0.0, uncertainty=covariance(lin), direction={"twin": 1.0})
 
 
 def test_nothing_counted_is_an_error() -> None:

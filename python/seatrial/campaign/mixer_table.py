@@ -57,8 +57,8 @@ class MixerTable(Section):
     def mixer(self) -> Mixer:
         """The mixer that it describes."""
         return Mixer(
-            inputs={name: Stick(**one.model_dump()) for name, one in self.inputs.items()},
-            outputs={name: Output(**one.model_dump()) for name, one in self.outputs.items()},
+            inputs={name: Stick(**entry.model_dump()) for name, entry in self.inputs.items()},
+            outputs={name: Output(**entry.model_dump()) for name, entry in self.outputs.items()},
             frame=self.frame,
             motors=self.motors,
             reversed=self.reversed,

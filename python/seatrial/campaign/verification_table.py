@@ -416,9 +416,9 @@ class VerificationTable(Section):
     @model_validator(mode="after")
     def _names_once(self) -> VerificationTable:
         for what, given in (
-            ("missions", [one.title for one in self.missions]),
-            ("requirements", [one.name for one in self.requirements]),
-            ("cases", [one.name for one in self.cases]),
+            ("missions", [mission.title for mission in self.missions]),
+            ("requirements", [requirement.name for requirement in self.requirements]),
+            ("cases", [case.name for case in self.cases]),
         ):
             if (name := twice(given)) is not None:
                 raise ValueError(f"{what}: the name {name!r} stands twice; give each its own name")

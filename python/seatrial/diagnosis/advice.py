@@ -162,20 +162,20 @@ def _role(name: str, fins: Collection[str]) -> Role:
         return Role(name, kind, force=force, actuator=actuator, part=part, of_fin=of_fin)
     if name in ("m", "B"):
         return Role(name, "mass" if name == "m" else "buoyancy")
-    if found := re.fullmatch(r"I_([xyz])([xyz])?", name):
-        axes = ["xyz".index(letter) + 3 for letter in found.groups() if letter]
+    if match := re.fullmatch(r"I_([xyz])([xyz])?", name):
+        axes = ["xyz".index(letter) + 3 for letter in match.groups() if letter]
         return Role(name, "inertia", "".join(AXES[i] for i in axes), "".join(VELOCITIES[i] for i in axes))
     if re.fullmatch(r"[xyz]_[gb]", name):
         return Role(name, "gravity" if name.endswith("g") else "buoyancy centre")
     if name in STRIPS:
         return Role(name, "strips", axes_of(name))
     for pattern, kind in _DERIVATIVES:
-        if found := pattern.fullmatch(name):
-            return Role(name, kind, found[1], found[2])
+        if match := pattern.fullmatch(name):
+            return Role(name, kind, match[1], match[2])
     return Role(name, "other")
 
 
-def manoeuvre(one: Role) -> str:
+def manoeuvre(role: Role) -> str:
     """Manoeuvre that excites a coefficient, as an imperative.
 
     Examples
@@ -185,41 +185,41 @@ def manoeuvre(one: Role) -> str:
     >>> manoeuvre(role("Z_uw", pushed="X"))
     'dive by the planes at two forward speeds or more'
     """
-    if one.kind in ("linear", "quadratic"):
-        return _without_thrust(one, "damping", one.velocities) or _DAMPING[one.velocities]
-    if one.kind == "strips":
-        velocity = VELOCITIES[AXES.index(one.force[1])]
-        return _without_thrust(one, "damping", velocity) or _DAMPING[velocity]
-    if one.kind == "lift":
-        return _without_thrust(one, "lift", one.rates) or _LIFT[one.rates]
-    if one.kind in ("added mass", "inertia"):
-        velocity = one.velocities[0]
-        return _without_thrust(one, "acceleration", velocity) or _ACCELERATION[velocity]
-    if one.kind in _STATIC:
-        return _STATIC[one.kind]
-    who = one.actuator
-    if one.of_fin and one.kind in ("fin", "thrust", "other"):
+    if role.kind in ("linear", "quadratic"):
+        return _without_thrust(role, "damping", role.velocities) or _DAMPING[role.velocities]
+    if role.kind == "strips":
+        velocity = VELOCITIES[AXES.index(role.force[1])]
+        return _without_thrust(role, "damping", velocity) or _DAMPING[velocity]
+    if role.kind == "lift":
+        return _without_thrust(role, "lift", role.rates) or _LIFT[role.rates]
+    if role.kind in ("added mass", "inertia"):
+        velocity = role.velocities[0]
+        return _without_thrust(role, "acceleration", velocity) or _ACCELERATION[velocity]
+    if role.kind in _STATIC:
+        return _STATIC[role.kind]
+    who = role.actuator
+    if role.of_fin and role.kind in ("fin", "thrust", "other"):
         return f"deflect {who} in steps over its range at two forward speeds or more"
-    if one.of_fin and one.kind == "motor":
+    if role.of_fin and role.kind == "motor":
         return f"run steps of {who} with its angle logged, at 20 Hz or more"
-    if one.of_fin and one.kind == "lever":
+    if role.of_fin and role.kind == "lever":
         return f"measure the lever of {who} with a tape"
-    if one.kind == "thrust":
-        _, _, side = one.part.partition("_")
+    if role.kind == "thrust":
+        _, _, side = role.part.partition("_")
         return f"run {who} {side or 'both ways'} in steps over its range, or on the bench (bollard test)"
-    if one.kind == "ratio":
+    if role.kind == "ratio":
         return f"run {who} ahead and astern in the same steps"
-    if one.kind == "wash":
+    if role.kind == "wash":
         return f"run steps of {who} with the other groups at rest and at work"
-    if one.kind == "inflow":
+    if role.kind == "inflow":
         return f"run steps of revolutions of {who} at several speeds through the water"
-    if one.kind == "torque":
+    if role.kind == "torque":
         return f"run steps of {who} alone with roll free, or measure its torque on the bench"
-    if one.kind == "motor":
+    if role.kind == "motor":
         return f"run steps of {who} with its revolutions logged, at 20 Hz or more"
-    if one.kind == "lever":
-        return f"run steps of {who} alone with {axis(one.force)} free, or measure the lever with a tape"
-    return _TETHER.get(one.name, "add a trial in which it acts")
+    if role.kind == "lever":
+        return f"run steps of {who} alone with {axis(role.force)} free, or measure the lever with a tape"
+    return _TETHER.get(role.name, "add a trial in which it acts")
 
 
 _TETHER = {
@@ -228,10 +228,10 @@ _TETHER = {
 }
 
 
-def _without_thrust(one: Role, kind: str, velocity: str) -> str | None:
+def _without_thrust(role: Role, kind: str, velocity: str) -> str | None:
     """Manoeuvre of a vehicle whose thrusters do not push along the axis of this motion; None if they do."""
-    needed, told = _WITHOUT_THRUST.get((kind, velocity), ("", ""))
-    return told if needed and needed not in one.pushed else None
+    needed, remark = _WITHOUT_THRUST.get((kind, velocity), ("", ""))
+    return remark if needed and needed not in role.pushed else None
 
 
 def axis(letter: str) -> str:
@@ -290,8 +290,8 @@ def unexcited(
     """
     groups: dict[tuple[str, str], list[str]] = {}
     for name in names:
-        one = role(name, pushed=pushed, fins=fins)
-        groups.setdefault((_why(one, moving, name in silent), manoeuvre(one)), []).append(name)
+        asked = role(name, pushed=pushed, fins=fins)
+        groups.setdefault((_why(asked, moving, name in silent), manoeuvre(asked)), []).append(name)
     return {
         tuple(members): f"{listed(members)}: {why} {what}{_cross_flow(members, seen)}"
         for (why, what), members in groups.items()
@@ -367,8 +367,8 @@ def scaled(names: Sequence[str], factor_sd: float, *, fins: Collection[str] = ()
     only = "the motion fixes only their ratios"
     if factor_sd < 1.0:
         only += f" (the common factor to {_percent(factor_sd)} at best, through what is held fixed)"
-    driven = [one for one in (role(name, fins=fins) for name in names) if one.actuator]
-    if driven and all(one.of_fin for one in driven):
+    driven = [driver for driver in (role(name, fins=fins) for name in names) if driver.actuator]
+    if driven and all(driver.of_fin for driver in driven):
         how = "take the fin's lift from its area and lift slope, or hold one of them"
     elif driven:
         how = "measure the thrust on a bench (bollard test), give an [anchor], or hold one of them"
@@ -388,22 +388,22 @@ def inseparable(names: Sequence[str], *, pushed: str = AXES, fins: Collection[st
     """
     roles = [role(name, pushed=pushed, fins=fins) for name in names]
     for rule in _RULES:
-        if told := rule(roles):
-            return f"{listed(names)}: {told[0]}; {told[1]}"
+        if advice := rule(roles):
+            return f"{listed(names)}: {advice[0]}; {advice[1]}"
     return f"{listed(names)}: only a combination of them acts on this data; {_ways(roles)}"
 
 
-def _why(one: Role, moving: Collection[str], silent: bool) -> str:
-    still = dict.fromkeys(v for v in one.velocities if v not in moving)
+def _why(role: Role, moving: Collection[str], silent: bool) -> str:
+    still = dict.fromkeys(v for v in role.velocities if v not in moving)
     if still:
         return f"nothing {listed([_VERBS[VELOCITIES.index(v)] for v in still])} in these trials;"
     if not silent:
         return "excited too weakly; at larger amplitude or for longer,"
-    if one.force:
-        letters = dict.fromkeys(one.force)
+    if role.force:
+        letters = dict.fromkeys(role.force)
         words, keys = listed([axis(f) for f in letters]), listed(list(letters))
         return f"not excited: no trial leaves the vehicle free to move in {words}; free {keys} and"
-    return "these trials do not run it;" if one.kind == "thrust" else "not excited;"
+    return "these trials do not run it;" if role.kind == "thrust" else "not excited;"
 
 
 def _cross_flow(members: Collection[str], seen: Collection[str]) -> str:
@@ -423,18 +423,18 @@ _Told = tuple[str, str] | None
 
 def _inertia(roles: Sequence[Role]) -> _Told:
     """Rigid body and added mass: M_RB + M_A acts, and C(nu) is made of the same sums."""
-    added = [one for one in roles if one.kind == "added mass"]
-    rigid = [one for one in roles if one.kind in ("mass", "inertia")]
-    weight = [one for one in roles if one.kind == "buoyancy"]
+    added = [role for role in roles if role.kind == "added mass"]
+    rigid = [role for role in roles if role.kind in ("mass", "inertia")]
+    weight = [role for role in roles if role.kind == "buoyancy"]
     if not added or len(added) + len(rigid) + len(weight) < len(roles):
         return None
-    if not rigid and len({one.force for one in added}) == 1:
+    if not rigid and len({role.force for role in added}) == 1:
         return "their accelerations keep one proportion", _ways(added)
     sums = [f"{a.name} {_sign(a)} {b.name}" for a in rigid for b in added if _same_entry(a, b)]
     if not sums:
         return None
-    sums += ["the net weight m g - B" for one in rigid if weight and one.kind == "mass"]
-    ways = [WEIGH if one.kind == "mass" else f"{_SWING} {one.name}" for one in rigid]
+    sums += ["the net weight m g - B" for role in rigid if weight and role.kind == "mass"]
+    ways = [WEIGH if role.kind == "mass" else f"{_SWING} {role.name}" for role in rigid]
     only = f"only their sum {sums[0]} acts" if len(sums) == 1 else f"only {listed(sums)} act"
     return f"{only} on this data", "; ".join(ways)
 
@@ -455,19 +455,19 @@ def _sign(rigid: Role) -> str:
 
 def _munk(roles: Sequence[Role]) -> _Told:
     """Lift and the Munk moment of added mass are the same product of velocities under way."""
-    names = {one.name for one in roles}
+    names = {role.name for role in roles}
     for lift, masses, total in (
         ("N_uv", {"X_udot", "Y_vdot"}, "N_uv + Y_vdot - X_udot"),
         ("M_uw", {"X_udot", "Z_wdot"}, "M_uw + X_udot - Z_wdot"),
     ):
         if lift in names and names - {lift} and names <= masses | {lift}:
-            added = [one for one in roles if one.name != lift]
+            added = [role for role in roles if role.name != lift]
             return f"only the sum of lift and Munk moment, {total}, acts on this data", _ways(added)
     return None
 
 
 def _static(roles: Sequence[Role]) -> _Told:
-    kinds = {one.kind for one in roles}
+    kinds = {role.kind for role in roles}
     if not kinds <= {"mass", "buoyancy", "gravity", "buoyancy centre", "bias"}:
         return None
     if kinds == {"mass", "buoyancy"}:
@@ -478,10 +478,10 @@ def _static(roles: Sequence[Role]) -> _Told:
 
 
 def _actuators(roles: Sequence[Role]) -> _Told:
-    kinds, who = {one.kind for one in roles}, sorted({one.actuator for one in roles})
+    kinds, who = {role.kind for role in roles}, sorted({role.actuator for role in roles})
     if not all(who):
         return None
-    if all(one.of_fin for one in roles):
+    if all(role.of_fin for role in roles):
         if len(who) > 1:
             return (
                 "they deflect in one proportion in these trials",
@@ -496,7 +496,7 @@ def _actuators(roles: Sequence[Role]) -> _Told:
         return "lag, dead time and rate limits look alike in these trials", manoeuvre(roles[0])
     if "lever" in kinds:
         return "only their product acts on this data", f"measure the lever of {who[0]} with a tape"
-    if any(one.part == "K_V" for one in roles):
+    if any(role.part == "K_V" for role in roles):
         return "only the thrust that results acts on this data", f"log the revolutions of {who[0]}"
     if "inflow" in kinds:
         way = f"take p1 of {who[0]} from a bench (bollard) test and {manoeuvre(roles[0])}"
@@ -505,12 +505,12 @@ def _actuators(roles: Sequence[Role]) -> _Told:
 
 
 def _thrust_and_hull(roles: Sequence[Role]) -> _Told:
-    thrust = [one for one in roles if one.actuator]
-    hull = [one for one in roles if not one.actuator]
+    thrust = [role for role in roles if role.actuator]
+    hull = [role for role in roles if not role.actuator]
     if not thrust or not hull:
         return None
-    who = listed(sorted({one.actuator for one in thrust}))
-    if all(one.of_fin for one in thrust):
+    who = listed(sorted({role.actuator for role in thrust}))
+    if all(role.of_fin for role in thrust):
         way = f"take the lift slope of {who} from its shape, or {manoeuvre(hull[0])}"
         return "only the ratio of the fin's lift to the hull's force acts on this data", way
     way = f"do a bench (bollard) test of {who}, or {manoeuvre(hull[0])}"
@@ -519,7 +519,7 @@ def _thrust_and_hull(roles: Sequence[Role]) -> _Told:
 
 def _strips(roles: Sequence[Role]) -> _Told:
     """Strips of the hull are quadratic damping of both axes of their plane already."""
-    names = {one.name for one in roles}
+    names = {role.name for role in roles}
     for name, made in STRIPS.items():
         if name in names and names & set(made) and names <= {name, *made}:
             return strips_twice(name, made)
@@ -537,18 +537,18 @@ def strips_twice(name: str, made: Sequence[str]) -> tuple[str, str]:
 def _one_force(roles: Sequence[Role]) -> _Told:
     """Derivatives of one force: one must vary without the other."""
     hull = {"added mass", "linear", "quadratic", "lift", "bias"}
-    if len({one.force for one in roles}) > 1 or not {one.kind for one in roles} <= hull:
+    if len({role.force for role in roles}) > 1 or not {role.kind for role in roles} <= hull:
         return None
-    kinds = {one.kind for one in roles}
-    rates = sorted({one.rates for one in roles if one.rates})
+    kinds = {role.kind for role in roles}
+    rates = sorted({role.rates for role in roles if role.rates})
     if "bias" in kinds:
         return "a constant force and drag look alike in one direction of motion", BOTH_WAYS
     if len(rates) > 1:
         return f"{listed(rates)} move in one proportion in these trials", _ways(roles)
     if "added mass" in kinds:
-        moved = [one for one in roles if one.kind == "added mass"]
+        moved = [role for role in roles if role.kind == "added mass"]
         return "too little acceleration to tell inertia from drag", _ways(moved)
-    lifts = [one for one in roles if one.kind == "lift"]
+    lifts = [role for role in roles if role.kind == "lift"]
     if lifts:
         way = manoeuvre(lifts[0])
         if lifts[0].force in lifts[0].pushed:
@@ -563,4 +563,4 @@ _RULES = (_inertia, _strips, _munk, _static, _actuators, _thrust_and_hull, _one_
 
 
 def _ways(roles: Sequence[Role]) -> str:
-    return "; ".join(dict.fromkeys(manoeuvre(one) for one in roles))
+    return "; ".join(dict.fromkeys(manoeuvre(role) for role in roles))

@@ -84,9 +84,9 @@ class Assessment:
         lost |= {name for other in self.polished.others for name in other.refused}
         lost |= set() if self.polished.log_alone is None else set(self.polished.log_alone.refused)
         lost |= set() if self.bounds is None else set(self.bounds.refused)
-        told = self.identifiability.verdicts.items()
+        verdicts = self.identifiability.verdicts.items()
         return {
-            name: "not identifiable" if self.spoilt or name in lost else verdict for name, verdict in told
+            name: "not identifiable" if self.spoilt or name in lost else verdict for name, verdict in verdicts
         }
 
     def of(self, name: str) -> Mapping[str, Any] | None:
@@ -154,7 +154,7 @@ class Assessment:
         """Sentences on coefficients that other horizons, damping or bounds contradict, worst first."""
         names = [unknown.name for unknown in self.unknowns]
         fit = dict(zip(names, self.uncertainty.estimate.tolist(), strict=True))
-        found = [
+        refusals = [
             (
                 abs(other.away[name]),
                 f"{name} is not identified: it is {fit[name]:.3g} with {other.own}, {other.values[name]:.3g}"
@@ -164,7 +164,7 @@ class Assessment:
             for other in self.polished.others
             for name in other.refused
         ]
-        found += [
+        refusals += [
             (
                 away,
                 f"{name} is not identified: predictions {horizon.ahead_s:g} s ahead give {both}; hold it at a"
@@ -173,19 +173,24 @@ class Assessment:
             for horizon in self.polished.horizons
             for away, name, both in self._contradicted(horizon, fit)
         ]
-        found += self._unlogged(fit)
-        found += self._bent(fit)
+        refusals += self._unlogged(fit)
+        refusals += self._bent(fit)
         # Gains of actuators first: an autopilot rests on them.
-        ranked = [said for _, said in sorted(found, key=lambda one: ("." not in one[1].split()[0], -one[0]))]
+        ranked = [
+            sentence
+            for _, sentence in sorted(
+                refusals, key=lambda refusal: ("." not in refusal[1].split()[0], -refusal[0])
+            )
+        ]
         return [f"no coefficient is identified: {self.spoilt}", *ranked] if self.spoilt else ranked
 
     def _answering(self) -> str:
         """The groups of actuators whose commands answer more than the log holds."""
         groups = actuator_groups(self.vehicle)
         alone = self.polished.log_alone
-        told = () if alone is None else alone.commands
+        commands = () if alone is None else alone.commands
         return listed([
-            next((group for group, members in groups.items() if name in members), name) for name in told
+            next((group for group, members in groups.items() if name in members), name) for name in commands
         ])
 
     def _unlogged(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
@@ -207,21 +212,21 @@ class Assessment:
     ) -> list[tuple[float, str, str]]:
         """Coefficients that another estimate contradicts: by how many deviations, which, and both values."""
         places = {unknown.name: place for place, unknown in enumerate(self.unknowns)}
-        found = []
+        contradictions = []
         for name in other.refused:
             away, value = float(abs(other.away[places[name]])), other.values[places[name]]
             both = (
                 f"{value:.3g} and the fit gives {fit[name]:.3g}, {away:.1f} standard deviations of the"
                 " difference apart"
             )
-            found.append((away, name, both))
-        return found
+            contradictions.append((away, name, both))
+        return contradictions
 
     def _bent(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
         """Sentences on coefficients that make up for a bound that the data contradict, with their size."""
         if self.bounds is None:
             return []
-        bounded, pull = max(self.bounds.pulls.items(), key=lambda one: one[1])
+        bounded, pull = max(self.bounds.pulls.items(), key=lambda pull: pull[1])
         end = self.uncertainty.at_bound[self.uncertainty.names.index(bounded)]
         return [
             (
@@ -244,15 +249,20 @@ class Assessment:
         """Estimates over other horizons, with other damping, and without bounds that the data contradict."""
         polished, names = self.polished, [unknown.name for unknown in self.unknowns]
         columns: list[tuple[str, Mapping[str, float], Mapping[str, float], tuple[str, ...]]] = [
-            (f"{one.ahead_s:g} s ahead", _named(names, one.values), _named(names, one.away), one.refused)
-            for one in polished.horizons
+            (
+                f"{horizon.ahead_s:g} s ahead",
+                _named(names, horizon.values),
+                _named(names, horizon.away),
+                horizon.refused,
+            )
+            for horizon in polished.horizons
         ]
         if (alone := polished.log_alone) is not None:
             values, away = _named(names, alone.values), _named(names, alone.away)
             columns.append(("the log alone", values, away, alone.refused))
-        for one in polished.others:
-            words = one.damping.partition(" (")[2].removesuffix(")")
-            columns.append((f"with {words}", one.values, one.away, one.refused))
+        for other in polished.others:
+            words = other.damping.partition(" (")[2].removesuffix(")")
+            columns.append((f"with {words}", other.values, other.away, other.refused))
         if (free := self.bounds) is not None:
             columns.append(("without bounds", free.values, free.away, free.refused))
         rows = []
@@ -276,8 +286,8 @@ class Assessment:
         if self.residual_analysis.warning:
             lines.append(self.residual_analysis.warning)
         lines += self.identifiability.sentences
-        lines += [one.sentence for one in self.residual_analysis.suggestions]
-        lines += [one.sentence for one in self.residual_analysis.signals]
+        lines += [suggestion.sentence for suggestion in self.residual_analysis.suggestions]
+        lines += [signal.sentence for signal in self.residual_analysis.signals]
         return lines
 
     def to_dict(self) -> dict[str, Any]:
@@ -322,13 +332,13 @@ def conditioning(problem: Problem, *, threads: int | None = None) -> list[str]:
         lost = sum(not piece.counted.any() for piece in lin.pieces)
     if lost == len(lin.pieces):
         return ["identifiability is judged after the search: the start vehicle diverges on every segment"]
-    said = warnings_before(lin)
-    if lost and said:
-        said.append(
+    warnings = warnings_before(lin)
+    if lost and warnings:
+        warnings.append(
             f"the warnings above use {len(lin.pieces) - lost} of {len(lin.pieces)} segments: on the others"
             " the start vehicle diverges"
         )
-    return said
+    return warnings
 
 
 def _of_a_part(joint: Joint) -> Linearisation:
@@ -373,18 +383,18 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
     # One linearisation for all: behind the derivatives by the unknowns stand those by what might be missing.
     tried = tried_terms(joint, polished.values, initial=polished.initial, noise=polished.noise)
     lin = tried.lin.of_first(len(joint.unknowns))
-    found = covariance(lin)
-    sigma = dict(zip(found.names, found.sigma.tolist(), strict=True))
+    uncertainty = covariance(lin)
+    sigma = dict(zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True))
     return Assessment(
         vehicle=joint.identified(polished.values),
         parameters=joint.estimated,
         unknowns=joint.unknowns,
         polished=polished,
-        uncertainty=found,
+        uncertainty=uncertainty,
         identifiability=judge(lin, sigma),
         criteria=information_criteria(lin),
         residual_analysis=analyse_joint(
             joint, polished.values, initial=polished.initial, noise=polished.noise, refits=0, tried=tried
         ),
-        bounds=contradicted_bounds(lin, found),
+        bounds=contradicted_bounds(lin, uncertainty),
     )

@@ -16,12 +16,12 @@ sandwich covariance finds them (`seatrial.statistics.uncertainty`). Source of th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.estimation.specification import matters
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.uncertainty import Uncertainty
@@ -31,7 +31,7 @@ _CONTRADICTED, _MOVED = 3.0, 2.0
 
 
 @dataclass(frozen=True)
-class ContradictedBounds:
+class ContradictedBounds(Plain):
     """What the estimate would be without the bounds that the data contradict.
 
     Attributes
@@ -50,10 +50,6 @@ class ContradictedBounds:
     values: Mapping[str, float]
     away: Mapping[str, float]
     refused: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as plain data."""
-        return asdict(self) | {"refused": list(self.refused)}
 
 
 def contradicted_bounds(lin: Linearisation, known: Uncertainty) -> ContradictedBounds | None:

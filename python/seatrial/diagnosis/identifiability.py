@@ -21,13 +21,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
+from seatrial.base.plain import Plain
 from seatrial.base.report import listed
 from seatrial.diagnosis.advice import absorbed, inseparable, manoeuvre, role, scaled, strips_twice, unexcited
 from seatrial.diagnosis.weak_combination import ABSENT, WEAK, Group, weak_groups
@@ -79,33 +80,33 @@ def undetermined(
     """
     names = tuple(relative)
     natural = size / widening
-    inside = [i for i, one in enumerate(lin.unknowns) if one.kind == "coefficient"]
+    inside = [i for i, unknown in enumerate(lin.unknowns) if unknown.kind == "coefficient"]
     sized = information * np.outer(natural, natural)
     groups = list(weak_groups(sized, [role(name) for name in names], lin.values[inside] / natural))
-    told = {i for group in groups for i in group.places}
+    grouped = {i for group in groups for i in group.places}
     groups += [
         Group("unexcited", (i,), relative[name])
         for i, name in enumerate(names)
-        if relative[name] > WEAK and i not in told
+        if relative[name] > WEAK and i not in grouped
     ]
     total = lin.information()
-    found: list[Undetermined] = []
+    weak: list[Undetermined] = []
     single: list[str] = []
     for group in groups:
         members = tuple(names[i] for i in group.places)
         hidden = _hidden(lin, total, group, natural)
         if hidden:
-            found.append(Undetermined("nuisance", members, _capped(group.sd), absorbed(members, hidden)))
+            weak.append(Undetermined("nuisance", members, _capped(group.sd), absorbed(members, hidden)))
         elif group.kind == "scale":
             factor_sd = _capped(group.sd * float(np.median(widening[list(group.places)])))
-            found.append(Undetermined("scale", members, factor_sd, scaled(members, factor_sd, fins=lin.fins)))
+            weak.append(Undetermined("scale", members, factor_sd, scaled(members, factor_sd, fins=lin.fins)))
         elif group.kind == "combination":
-            said = inseparable(members, pushed=lin.pushed, fins=lin.fins)
-            found.append(Undetermined("combination", members, _capped(group.sd), said))
+            remedy = inseparable(members, pushed=lin.pushed, fins=lin.fins)
+            weak.append(Undetermined("combination", members, _capped(group.sd), remedy))
         else:
             single += members
     blind = {name for name, value in zip(names, np.diag(sized), strict=True) if value * ROUNDING**2 < 1.0}
-    return (*_unexcited(lin, [name for name in names if name in single], blind, relative), *found)
+    return (*_unexcited(lin, [name for name in names if name in single], blind, relative), *weak)
 
 
 def _unexcited(
@@ -130,19 +131,19 @@ def _unexcited(
 
 def _hidden(lin: Linearisation, total: Array, group: Group, natural: Array) -> str | None:
     """Nuisance parameter that hides a group which the data would tell if all of these were known."""
-    outside = [i for i, one in enumerate(lin.unknowns) if one.kind == "nuisance"]
-    inside = [i for i, one in enumerate(lin.unknowns) if one.kind == "coefficient"]
+    outside = [i for i, unknown in enumerate(lin.unknowns) if unknown.kind == "nuisance"]
+    inside = [i for i, unknown in enumerate(lin.unknowns) if unknown.kind == "coefficient"]
     if not outside:
         return None
     chosen, sizes = [inside[i] for i in group.places], natural[list(group.places)]
     scale = np.outer(sizes, sizes)
     known = np.sqrt(np.diag(covariance(total[np.ix_(chosen, chosen)] * scale)))
-    told = eliminate(total, chosen, outside) * scale
-    unknown = np.sqrt(np.diag(covariance(told)))
+    remaining = eliminate(total, chosen, outside) * scale
+    unknown = np.sqrt(np.diag(covariance(remaining)))
     worst = int(unknown.argmax())
     if known.max() > WEAK or unknown[worst] < _HIDDEN * known[worst]:
         return None
-    _, directions = np.linalg.eigh(told)
+    _, directions = np.linalg.eigh(remaining)
     along = directions[:, 0] * sizes
     own = np.diag(total)[outside]
     shared = (along @ total[np.ix_(chosen, outside)]) ** 2 / np.where(own > 0, own, np.inf)
@@ -193,7 +194,7 @@ class Judgement:
 
 
 @dataclass(frozen=True)
-class Identifiability:
+class Identifiability(Plain, without="names"):
     """What the data tell of the coefficients.
 
     Attributes
@@ -225,23 +226,12 @@ class Identifiability:
     @property
     def sentences(self) -> tuple[str, ...]:
         """One sentence per combination."""
-        return tuple(one.sentence for one in self.combinations)
+        return tuple(combination.sentence for combination in self.combinations)
 
     @property
     def verdicts(self) -> dict[str, str]:
         """Verdict by coefficient."""
-        return {one.name: one.verdict for one in self.coefficients}
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain numbers, texts, lists and dicts; an infinite number is None."""
-        return {
-            "singular_values": self.singular_values.tolist(),
-            "vectors": self.vectors.tolist(),
-            "condition": _finite(self.condition),
-            "correlation": self.correlation.tolist(),
-            "coefficients": [_plain(one) for one in self.coefficients],
-            "combinations": [_plain(one) for one in self.combinations],
-        }
+        return {coefficient.name: coefficient.verdict for coefficient in self.coefficients}
 
 
 def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Identifiability:
@@ -256,10 +246,10 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
         (`seatrial.statistics.uncertainty`). Of these and those of the information alone the larger counts;
         the correlations are those of the information.
     """
-    inside = [i for i, one in enumerate(lin.unknowns) if one.kind == "coefficient"]
-    outside = [i for i, one in enumerate(lin.unknowns) if one.kind == "nuisance"]
+    inside = [i for i, unknown in enumerate(lin.unknowns) if unknown.kind == "coefficient"]
+    outside = [i for i, unknown in enumerate(lin.unknowns) if unknown.kind == "nuisance"]
     unknowns = [lin.unknowns[i] for i in inside]
-    names = tuple(one.name for one in unknowns)
+    names = tuple(unknown.name for unknown in unknowns)
     values = np.asarray(lin.values, dtype=float)[inside]
     information = eliminate(lin.information(), inside, outside)
     width, size = _sizes(unknowns, values)
@@ -275,8 +265,8 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
     factors = inflation(information, inverse)
     judged = tuple(
         Judgement(
-            name=one.name,
-            unit=one.unit,
+            name=unknown.name,
+            unit=unknown.unit,
             value=float(values[i]),
             sd=float(relative[i] * size[i]),
             relative=float(relative[i]),
@@ -284,7 +274,7 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
             correlation=math.sqrt(1.0 - 1.0 / float(factors[i])),
             inflation=float(factors[i]),
         )
-        for i, one in enumerate(unknowns)
+        for i, unknown in enumerate(unknowns)
     )
     spectrum, vectors, condition = singular(information * np.outer(width, width))
     return Identifiability(
@@ -298,7 +288,7 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
             *undetermined(
                 lin,
                 information,
-                relative={one.name: one.relative for one in judged},
+                relative={judgement.name: judgement.relative for judgement in judged},
                 size=size,
                 widening=widening,
             ),
@@ -312,20 +302,25 @@ def _small(lin: Linearisation, judged: Sequence[Judgement]) -> list[Undetermined
     return [
         Undetermined(
             "small",
-            (one.name,),
-            one.relative,
-            f"{one.name}: {one.value:.3g} ± {one.sd:.2g}{_unit(one.unit)}, so that its standard deviation is"
-            f" {_share(one)} its value; hold it at zero and compare the held-out scores, or"
-            f" {manoeuvre(role(one.name, pushed=lin.pushed, fins=lin.fins))}",
+            (judgement.name,),
+            judgement.relative,
+            f"{judgement.name}: {judgement.value:.3g} ± {judgement.sd:.2g}{_unit(judgement.unit)}, so"
+            " that its standard deviation is"
+            f" {_share(judgement)} its value; hold it at zero and compare the held-out scores, or"
+            f" {manoeuvre(role(judgement.name, pushed=lin.pushed, fins=lin.fins))}",
         )
-        for one in judged
-        if one.verdict == "weak" and one.relative <= WEAK
+        for judgement in judged
+        if judgement.verdict == "weak" and judgement.relative <= WEAK
     ]
 
 
-def _share(one: Judgement) -> str:
+def _share(judgement: Judgement) -> str:
     """Standard deviation as a part of the value, in words that go on with "its value"."""
-    return f"{100.0 * one.sd / abs(one.value):.0f} % of" if one.sd < 10.0 * abs(one.value) else "far above"
+    return (
+        f"{100.0 * judgement.sd / abs(judgement.value):.0f} % of"
+        if judgement.sd < 10.0 * abs(judgement.value)
+        else "far above"
+    )
 
 
 def _unit(unit: str) -> str:
@@ -341,30 +336,33 @@ def warnings_before(lin: Linearisation) -> list[str]:
     lin : Linearisation
         At the start values.
     """
-    found = judge(lin)
+    identifiability = judge(lin)
     twice = [
         f"{listed((name, *both))}: {'; '.join(strips_twice(name, both))}"
         for name, made in STRIPS.items()
-        if name in found.names and (both := [one for one in made if one in found.names])
+        if name in identifiability.names
+        and (both := [member for member in made if member in identifiability.names])
     ]
-    if found.condition <= ILL_CONDITIONED:
-        return [*twice, *found.sentences]
-    astray = found.singular_values * ILL_CONDITIONED < found.singular_values[0]
-    part = np.abs(found.vectors[astray]).max(axis=0)
-    along = ", ".join(name for name, share in zip(found.names, part, strict=True) if share > _PART)
-    size = f"{found.condition:.1e}" if math.isfinite(found.condition) else "infinite"
+    if identifiability.condition <= ILL_CONDITIONED:
+        return [*twice, *identifiability.sentences]
+    astray = identifiability.singular_values * ILL_CONDITIONED < identifiability.singular_values[0]
+    part = np.abs(identifiability.vectors[astray]).max(axis=0)
+    along = ", ".join(name for name, share in zip(identifiability.names, part, strict=True) if share > _PART)
+    size = f"{identifiability.condition:.1e}" if math.isfinite(identifiability.condition) else "infinite"
     return [
         *twice,
         f"ill-conditioned: the condition number of the scaled sensitivities is {size}, at most"
         f" {ILL_CONDITIONED:.0e} is sound; the search will wander along {along}",
-        *found.sentences,
+        *identifiability.sentences,
     ]
 
 
 def _sizes(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
     """Widths of the bounds and natural sizes (k,); without bounds the value is both, or one."""
-    bounded = np.array([math.isfinite(one.scale) and one.scale > 0 for one in unknowns], dtype=bool)
-    width = np.where(bounded, [one.scale for one in unknowns], np.abs(values))
+    bounded = np.array(
+        [math.isfinite(unknown.scale) and unknown.scale > 0 for unknown in unknowns], dtype=bool
+    )
+    width = np.where(bounded, [unknown.scale for unknown in unknowns], np.abs(values))
     width = np.where(width > 0, width, 1.0)
     size = np.minimum(np.maximum(np.abs(values), _SMALL * width), _UNIFORM * width)
     return width, np.where(bounded, size, width)
@@ -374,13 +372,3 @@ def _verdict(relative: float, *, is_open: bool) -> Literal["identifiable", "weak
     if relative <= WEAK:
         return "weak" if is_open else "identifiable"
     return "weak" if relative < ABSENT else "not identifiable"
-
-
-def _plain(one: Judgement | Undetermined) -> dict[str, Any]:
-    return {
-        key: list(value) if isinstance(value, tuple) else _finite(value) for key, value in asdict(one).items()
-    }
-
-
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value

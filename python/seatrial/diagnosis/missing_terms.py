@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.base.plain import Plain
 from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
 from seatrial.problem.parameter import OF_AN_AXIS, STRIPS, axes_of
 from seatrial.statistics.linearisation import Linearisation
@@ -91,13 +92,13 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
     known = vehicle.coefficient_info()
     groups = actuator_groups(vehicle)
     actuators, present = set(vehicle.actuators), vehicle.coefficients()
-    found = []
+    candidates = []
     for name in known:
         axes = axes_of(name)
         if name in fixed or (axes and not set(axes) & set(free)):
             continue
         if name.partition(".")[0] not in actuators or _OF_ONE.fullmatch(name):
-            found.append(Candidate(name, (name,)))
+            candidates.append(Candidate(name, (name,)))
     for group, own_actuators in groups.items():
         of_first = [name.partition(".")[2] for name in known if name.startswith(f"{own_actuators[0]}.")]
         for suffix in (suffix for suffix in of_first if not suffix.startswith("lever_")):
@@ -106,13 +107,13 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
                 held = tuple(name for name in own if name in known and name not in fixed)
                 if held:
                     whole = len(held) == len(own) > 1
-                    found.append(Candidate(f"{group}.{suffix}" if whole else held[0], held))
+                    candidates.append(Candidate(f"{group}.{suffix}" if whole else held[0], held))
                 continue
             single = len(own) == 1 and _OF_ONE.fullmatch(own[0])
             equal = len({present.get(name, 0.0) for name in own}) == 1
             if equal and not single and all(name in known and name not in fixed for name in own):
-                found.append(Candidate(own[0] if len(own) == 1 else f"{group}.{suffix}", own))
-    return tuple(found)
+                candidates.append(Candidate(own[0] if len(own) == 1 else f"{group}.{suffix}", own))
+    return tuple(candidates)
 
 
 def trial_forces(trials: Sequence[str], estimated: Iterable[str], *, free: str) -> tuple[Candidate, ...]:
@@ -144,14 +145,14 @@ def columns_of(lin: Linearisation, tried: Sequence[Candidate]) -> list[Array]:
         for column, candidate in enumerate(tried)
         if len(candidate.members) > 1
     ]
-    found = []
+    pieces = []
     for piece in lin.pieces:
         columns = piece.jacobian[:, :, first]
-        columns[:, :, [bool(one.trial) and one.trial != piece.trial for one in tried]] = 0.0
+        columns[:, :, [bool(candidate.trial) and candidate.trial != piece.trial for candidate in tried]] = 0.0
         for column, places in others:
             columns[:, :, column] += piece.jacobian[:, :, places].sum(axis=2)
-        found.append(columns)
-    return found
+        pieces.append(columns)
+    return pieces
 
 
 def members(tried: Iterable[Candidate]) -> list[str]:
@@ -249,7 +250,7 @@ _FAIR_PART = 0.2
 
 
 @dataclass(frozen=True)
-class Suggestion:
+class Suggestion(Plain):
     """A coefficient to free.
 
     Attributes
@@ -301,8 +302,8 @@ class Suggestion:
     @property
     def nuisance(self) -> tuple[str, str] | None:
         """Trial and name of a nuisance parameter; None of a coefficient."""
-        trial, found, key = self.name.partition(": force_")
-        return (trial, f"force_{key}") if found else None
+        trial, separator, key = self.name.partition(": force_")
+        return (trial, f"force_{key}") if separator else None
 
     @property
     def remedy(self) -> str:
@@ -314,10 +315,6 @@ class Suggestion:
             f"lower {self.name} from {self.present:.3g} {self.unit} (0 at least), and check the time stamps"
             " of commands and sensors"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """The suggestion as plain data."""
-        return asdict(self)
 
 
 def missing_terms(
@@ -364,12 +361,13 @@ def missing_terms(
     place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
     # A force of one trial comes on top of the vehicle's bias: none is present.
     present = np.array([
-        0.0 if one.trial else np.mean([lin.values[place[name]] for name in one.members]) for one in tried
+        0.0 if candidate.trial else np.mean([lin.values[place[name]] for name in candidate.members])
+        for candidate in tried
     ])
-    delays = np.array([one.members[0].rpartition(".")[2] in _DELAYS for one in tried], dtype=bool)
+    delays = np.array([candidate.members[0].rpartition(".")[2] in _DELAYS for candidate in tried], dtype=bool)
     leaders: list[int] = []
-    found: list[Suggestion] = []
-    while len(found) < most:
+    suggestions: list[Suggestion] = []
+    while len(suggestions) < most:
         results = tests.results()
         adjusted = np.ones(len(tried))
         adjusted[open_] = false_discovery(results.p[open_], count)
@@ -401,11 +399,11 @@ def missing_terms(
             sentence="",
             members=tried[leader].members if len(tried[leader].members) > 1 else (),
         )
-        found.append(worded(suggestion))
+        suggestions.append(worded(suggestion))
         open_[group] = False
         leaders.append(leader)
         tests = tests.beside(leader)
-    return tuple(found)
+    return tuple(suggestions)
 
 
 def independent_blocks(
@@ -471,7 +469,11 @@ def _channel(
     explaining = _explaining(lin, columns, fitted=fitted, places=leaders)
     left = unexplained(lin, explaining, [own[:, :, leader] for own in columns])
     energy = np.sum(
-        [(p.weight * p.counted * one**2).sum(axis=0) for p, one in zip(lin.pieces, left, strict=True)], axis=0
+        [
+            (p.weight * p.counted * residual**2).sum(axis=0)
+            for p, residual in zip(lin.pieces, left, strict=True)
+        ],
+        axis=0,
     )
     velocity = np.array([channel in VELOCITIES for channel in lin.channels])
     energy = np.where(velocity, energy, 0.0) if velocity.any() else energy
@@ -481,25 +483,27 @@ def _channel(
     return lin.channels[int(np.argmax(energy))]
 
 
-def worded(one: Suggestion) -> Suggestion:
+def worded(suggestion: Suggestion) -> Suggestion:
     """The suggestion with the sentence that its numbers make."""
-    names = (one.name, *one.alternatives)
+    names = (suggestion.name, *suggestion.alternatives)
     choice = " or ".join(names[:_NAMED])
     if len(names) > _NAMED:
         choice += f" (or one of {len(names) - _NAMED} more that look alike)"
-    unit = "" if one.unit == "1" else f" {one.unit}"
-    chance = "p < 1e-6" if one.p < 1e-6 else f"p = {one.p:.1g}"
-    if one.faster:
+    unit = "" if suggestion.unit == "1" else f" {suggestion.unit}"
+    chance = "p < 1e-6" if suggestion.p < 1e-6 else f"p = {suggestion.p:.1g}"
+    if suggestion.faster:
         sentence = (
-            f"{one.channel} residual follows {one.follows}: the actuator responds faster than the file says:"
-            f" {one.remedy} ({chance})"
+            f"{suggestion.channel} residual follows {suggestion.follows}: the actuator responds faster"
+            " than the file says:"
+            f" {suggestion.remedy} ({chance})"
         )
-        return replace(one, sentence=sentence)
-    if one.name in STRIPS:
-        own = STRIPS[one.name]
+        return replace(suggestion, sentence=sentence)
+    if suggestion.name in STRIPS:
+        own = STRIPS[suggestion.name]
         choice += f" and hold {own[0]} and {own[3]} at 0 (its strips make them)"
     sentence = (
-        f"{one.channel} residual follows {one.follows}: free {choice}; {one.name} would be {one.value:.3g} ±"
-        f" {one.sigma:.2g}{unit}, the cost would fall by {one.gain:.2g} % ({chance})"
+        f"{suggestion.channel} residual follows {suggestion.follows}: free {choice}; {suggestion.name}"
+        f" would be {suggestion.value:.3g} ±"
+        f" {suggestion.sigma:.2g}{unit}, the cost would fall by {suggestion.gain:.2g} % ({chance})"
     )
-    return replace(one, sentence=sentence)
+    return replace(suggestion, sentence=sentence)

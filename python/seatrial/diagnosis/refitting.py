@@ -156,9 +156,9 @@ def refitted(
     least_gain : float
         Percent of the mean square that it gains at least; otherwise none is suggested.
     """
-    begun = dict(zip((one.name for one in joint.unknowns), start.tolist(), strict=True))
+    begun = dict(zip((unknown.name for unknown in joint.unknowns), start.tolist(), strict=True))
     here = _fit(joint, joint.problem.joint or JointSettings(), begun)
-    fits = [_freed(here, one) for one in suggestions[:refits]]
+    fits = [_freed(here, suggestion) for suggestion in suggestions[:refits]]
     best = int(np.argmin([fit.cost for fit in fits]))
     gain = -100.0 * math.expm1(2.0 * (fits[best].cost - here.cost) / here.samples)
     if gain < least_gain:
@@ -182,31 +182,33 @@ def _fit(joint: Joint, section: JointSettings, start: Mapping[str, float]) -> _F
     section = section.model_copy(update={"starts": 1})
     other = problem.with_joint(section)
     grown = Joint(other, joint.vehicle, threads=joint.threads, hidden=joint.hidden)
-    values = np.array([start[one.name] for one in grown.unknowns])
+    values = np.array([start[unknown.name] for unknown in grown.unknowns])
     polished = polish(grown, start=values, rounds=_ROUNDS)
     if polished.interrupted:
         raise KeyboardInterrupt
     return _Fit(grown, polished)
 
 
-def _freed(here: _Fit, one: Suggestion) -> _Fit:
+def _freed(here: _Fit, suggestion: Suggestion) -> _Fit:
     """The estimate with a suggested coefficient or force free, from where it is."""
     section = here.joint.problem.joint or JointSettings()
     names = [unknown.name for unknown in here.joint.unknowns]
-    start = dict(zip(names, here.polished.values.tolist(), strict=True)) | {one.name: one.present}
-    if one.nuisance is not None:
-        trial, key = one.nuisance
+    start = dict(zip(names, here.polished.values.tolist(), strict=True)) | {
+        suggestion.name: suggestion.present
+    }
+    if suggestion.nuisance is not None:
+        trial, key = suggestion.nuisance
         before = section.nuisances.get(key, Nuisance())
         force = before.model_copy(update={"trials": (*before.trials, trial)})
         return _fit(
             here.joint, section.model_copy(update={"nuisances": {**section.nuisances, key: force}}), start
         )
-    ties = tuple(Tie(name=name) for name in one.tied)
-    bounds = suggested_bounds(one, here.joint.vehicle.coefficient_info())
-    entry = Coefficient(bounds=bounds, start=one.present, tie=ties)
+    ties = tuple(Tie(name=name) for name in suggestion.tied)
+    bounds = suggested_bounds(suggestion, here.joint.vehicle.coefficient_info())
+    entry = Coefficient(bounds=bounds, start=suggestion.present, tie=ties)
     return _fit(
         here.joint,
-        section.model_copy(update={"coefficients": {**section.coefficients, one.name: entry}}),
+        section.model_copy(update={"coefficients": {**section.coefficients, suggestion.name: entry}}),
         start,
     )
 
@@ -218,12 +220,14 @@ def _linearised(here: _Fit, left: Sequence[Candidate]) -> Linearisation:
     )
 
 
-def _exact(lin: Linearisation, left: Sequence[Candidate], one: Suggestion, *, gain: float) -> Suggestion:
+def _exact(
+    lin: Linearisation, left: Sequence[Candidate], suggestion: Suggestion, *, gain: float
+) -> Suggestion:
     """The suggestion with value, standard deviation and gain of the refit."""
-    place = [unknown.name for unknown in lin.unknowns].index(one.name)
+    place = [unknown.name for unknown in lin.unknowns].index(suggestion.name)
     others = [i for i in fitted_places(lin, left) if i != place]
     block, _ = independent_blocks(lin, ())
     column = [piece.jacobian[:, :, [place]] for piece in lin.pieces]
     sigma = float(score_tests(lin, column, fitted=others, block=block).results().sigma[0])
     value = float(lin.values[place])
-    return worded(replace(one, value=value, sigma=sigma, gain=gain))
+    return worded(replace(suggestion, value=value, sigma=sigma, gain=gain))

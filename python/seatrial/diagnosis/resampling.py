@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.statistics.blocks import BlockLength, determined, whitened
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.uncertainty import Uncertainty
@@ -30,7 +30,7 @@ Refit = Callable[[Mapping[str, float]], float]
 
 
 @dataclass(frozen=True)
-class Profile:
+class Profile(Plain):
     """Criterion along a line through the estimate.
 
     Attributes
@@ -60,21 +60,12 @@ class Profile:
     lower: float
     upper: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as plain numbers, texts and lists."""
-        return {
-            "names": list(self.names),
-            "threshold": self.threshold,
-            "lower": self.lower,
-            "upper": self.upper,
-        } | {key: getattr(self, key).tolist() for key in ("step", "values", "cost", "quadratic")}
-
 
 def profile(
     lin: Linearisation,
     refit: Refit,
     *,
-    found: Uncertainty,
+    uncertainty: Uncertainty,
     direction: Mapping[str, float],
     reach: float = 3.0,
     points: int = 9,
@@ -87,7 +78,7 @@ def profile(
         At the estimate.
     refit : callable
         Smallest half sum of squares with the named unknowns held at these values.
-    found : Uncertainty
+    uncertainty : Uncertainty
         Of the same estimate; gives the length of a step and the threshold.
     direction : mapping
         Change of each unknown that is held, in its unit, in any length; ``{"X_u": 1.0}`` for one.
@@ -123,7 +114,7 @@ def profile(
     stiffness = np.linalg.inv(part @ part.T)
     dual = stiffness @ along
     curvature = float(along @ dual)
-    variance = float(dual @ found.covariance[np.ix_(held, held)] @ dual) / curvature**2
+    variance = float(dual @ uncertainty.covariance[np.ix_(held, held)] @ dual) / curvature**2
     unit = along * np.sqrt(variance)
     step = np.linspace(-1.0, 1.0, points) * reach
     lower = np.array([lin.unknowns[index].lower for index in held])
@@ -136,7 +127,7 @@ def profile(
     for index in np.argsort(np.abs(step), kind="stable"):
         cost[index] = refit(dict(zip(names, map(float, values[index]), strict=True)))
     cost -= cost[int(np.argmin(np.abs(step)))]
-    factor = float(np.max((found.upper - found.estimate)[held] / found.sigma[held]))
+    factor = float(np.max((uncertainty.upper - uncertainty.estimate)[held] / uncertainty.sigma[held]))
     threshold = 0.5 * factor**2 * variance * curvature
     return Profile(
         names=names,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.diagnosis.missing_terms import (
     Candidate,
     Suggestion,
@@ -57,7 +58,7 @@ _INTERVALS = (
 
 
 @dataclass(frozen=True)
-class ResidualAnalysis:
+class ResidualAnalysis(Plain):
     """What the residuals say against the model; printed, sentences.
 
     Attributes
@@ -90,26 +91,13 @@ class ResidualAnalysis:
     structural: bool
     warning: str | None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain numbers, texts, lists and dicts."""
-        return {
-            "warning": self.warning,
-            "structural": self.structural,
-            "suggestions": [one.to_dict() for one in self.suggestions],
-            "signals": [one.to_dict() for one in self.signals],
-            "tested": self.tested,
-            "indistinguishable": list(self.indistinguishable),
-            "block_s": self.block_s,
-            "autocorrelations": [one.to_dict() for one in self.autocorrelations],
-        }
-
     def __str__(self) -> str:
         lines = [] if self.warning is None else [self.warning]
-        for rank, one in enumerate(self.suggestions, 1):
-            lines.append(f"{rank}. {one.sentence}")
-            if one.line:
-                lines.append(f"   line for {_table(one)}: {one.line}")
-        lines += [one.sentence for one in self.signals]
+        for rank, suggestion in enumerate(self.suggestions, 1):
+            lines.append(f"{rank}. {suggestion.sentence}")
+            if suggestion.line:
+                lines.append(f"   line for {_table(suggestion)}: {suggestion.line}")
+        lines += [signal.sentence for signal in self.signals]
         if not self.suggestions:
             lines.append(f"None of the {self.tested} coefficients that were tried is missing")
         return "\n".join(lines)
@@ -146,8 +134,8 @@ def analyse(
     """
     first = _first(lin, tried, info=info, tested=tested, level=level)
     by_name = {candidate.name: candidate.members for candidate in tried}
-    suggested = {member for one in first.suggestions for member in by_name[one.name]}
-    found = followed_signals(
+    suggested = {member for suggestion in first.suggestions for member in by_name[suggestion.name]}
+    followed = followed_signals(
         lin,
         motion_signals(lin) | dict(signals or {}),
         fitted=[i for i, u in enumerate(lin.unknowns) if i in first.fitted or u.name in suggested],
@@ -156,7 +144,7 @@ def analyse(
         level=level,
     )
     correlations = autocorrelations(lin, sensor_noise=sensor_noise)
-    return _analysis(first, correlations, first.suggestions, found)
+    return _analysis(first, correlations, first.suggestions, followed)
 
 
 def analyse_joint(
@@ -208,10 +196,16 @@ def analyse_joint(
     if suggestions and refits:
         followed = refitted(joint, values, suggestions, held, tested=count, level=level, refits=refits)
         suggestions, last, held = followed.suggestions, followed.lin, followed.tried
-    freed = {member for one in suggestions for c in held if c.name == one.name for member in c.members}
+    freed = {
+        member
+        for suggestion in suggestions
+        for c in held
+        if c.name == suggestion.name
+        for member in c.members
+    }
     fitted = set(fitted_places(last, held)) | {i for i, u in enumerate(last.unknowns) if u.name in freed}
     last = with_predicted_velocity(last, trials)
-    found = followed_signals(
+    signals = followed_signals(
         last,
         motion_signals(last) | recorded_signals(last, trials),
         fitted=sorted(fitted),
@@ -220,9 +214,10 @@ def analyse_joint(
         level=level,
     )
     suggestions = tuple(
-        one if one.faster else replace(one, line=campaign_line(one, info)) for one in suggestions
+        suggestion if suggestion.faster else replace(suggestion, line=campaign_line(suggestion, info))
+        for suggestion in suggestions
     )
-    return _analysis(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, found)
+    return _analysis(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, signals)
 
 
 @dataclass(frozen=True)
@@ -253,15 +248,15 @@ def tried_terms(
     """
     tried = candidates(joint.vehicle, coefficient_names(joint.parameters), free=joint.stage.axes.free)
     if joint.method == "output":
-        estimated = [one.name for one in joint.unknowns]
+        estimated = [unknown.name for unknown in joint.unknowns]
         tried += trial_forces(joint.data.names, estimated, free=joint.stage.axes.free)
     held = strongest(joint, values, tried, initial=initial, noise=noise)
     lin = linearise(joint, values, initial=initial, noise=noise, extra=members(held))
     return Tried(lin, held, len(tried))
 
 
-def _table(one: Suggestion) -> str:
-    return "the campaign's coefficients" if one.nuisance is None else "[polish.nuisances]"
+def _table(suggestion: Suggestion) -> str:
+    return "the campaign's coefficients" if suggestion.nuisance is None else "[polish.nuisances]"
 
 
 @dataclass(frozen=True)
@@ -290,7 +285,7 @@ def _first(
     tests: ScoreTests | None = None
     if tried:
         tests = score_tests(lin, columns_of(lin, tried), fitted=fitted, block=block)
-        alike = tuple(one.name for one, good in zip(tried, tests.testable, strict=True) if not good)
+        alike = tuple(term.name for term, good in zip(tried, tests.testable, strict=True) if not good)
     count = max(tested or 0, len(tried)) - len(alike)
     suggestions = missing_terms(lin, tried, block=block, info=info, tests=tests, tested=count, level=level)
     return _First(suggestions, tuple(fitted), block, length, count, alike)
@@ -320,16 +315,21 @@ def _warning(
     signals: Sequence[FollowedSignal],
 ) -> str | None:
     """Sentence about a truth outside the model class, None where the residuals look like noise."""
-    coloured = [one for one in correlations if one.excess > _EXCESS and one.p < _UNLIKELY]
+    coloured = [
+        correlation
+        for correlation in correlations
+        if correlation.excess > _EXCESS and correlation.p < _UNLIKELY
+    ]
     if not (coloured or suggestions or signals):
         return None
     evidence = [
-        f"{one.channel} residual {one.excess:.2g} times the noise, correlated over {one.correlation_s:.2g} s"
-        for one in coloured
+        f"{correlation.channel} residual {correlation.excess:.2g} times the noise, correlated over"
+        f" {correlation.correlation_s:.2g} s"
+        for correlation in coloured
     ]
     if suggestions:
-        evidence.append(f"missing {', '.join(one.name for one in suggestions)}")
-    followed = [f"{one.channel} follows {one.signal}" for one in signals]
+        evidence.append(f"missing {', '.join(suggestion.name for suggestion in suggestions)}")
+    followed = [f"{signal.channel} follows {signal.signal}" for signal in signals]
     evidence += followed[:3]
     where = "The truth lies outside the model class"
     if not (suggestions or signals):

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.statistics.blocks import autocorrelation
 from seatrial.statistics.linearisation import Linearisation
 
@@ -33,7 +33,7 @@ _MOST = 240
 
 
 @dataclass(frozen=True)
-class Autocorrelation:
+class Autocorrelation(Plain, without="effective", also="effective_samples=effective excess"):
     """Autocorrelation of one channel's residual, pooled over the trials.
 
     Attributes
@@ -75,23 +75,6 @@ class Autocorrelation:
         """Residual over noise: 1 where the model leaves nothing but the sensor's noise."""
         return self.rms / self.noise if self.noise > 0.0 else float("inf")
 
-    def to_dict(self) -> dict[str, Any]:
-        """The autocorrelation as plain data."""
-        return {
-            "channel": self.channel,
-            "lag_s": self.lag_s.tolist(),
-            "rho": self.rho.tolist(),
-            "band": self.band,
-            "outside": self.outside,
-            "p": self.p,
-            "samples": self.samples,
-            "effective_samples": self.effective,
-            "correlation_s": self.correlation_s,
-            "rms": self.rms,
-            "noise": self.noise,
-            "excess": self.excess,
-        }
-
 
 def autocorrelations(
     lin: Linearisation, *, longest_s: float = LONGEST_S, sensor_noise: Mapping[str, float] | None = None
@@ -111,14 +94,14 @@ def autocorrelations(
     samples = sum(len(piece.t) for piece in lin.pieces)
     count = max(1, min(round(longest_s / lin.dt), samples // 4))
     rho = autocorrelation(lin, count)[:, 1:]
-    found = [
+    channels = [
         _channel(lin, column, rho[column], known_noise=(sensor_noise or {}).get(channel))
         for column, channel in enumerate(lin.channels)
     ]
-    return tuple(one for one in found if one is not None)
+    return tuple(channel for channel in channels if channel is not None)
 
 
-def block_length(found: tuple[Autocorrelation, ...], duration_s: float) -> float:
+def block_length(correlations: tuple[Autocorrelation, ...], duration_s: float) -> float:
     """Length in s of blocks that are as good as independent: four times the longest correlation time.
 
     At least two seconds, and such that there are between two dozen blocks, without which there is no
@@ -129,7 +112,7 @@ def block_length(found: tuple[Autocorrelation, ...], duration_s: float) -> float
     >>> block_length((), 1200.0)
     5.0
     """
-    memory = max((one.correlation_s for one in found), default=0.0)
+    memory = max((correlation.correlation_s for correlation in correlations), default=0.0)
     shortest = max(_SHORTEST_S, duration_s / _MOST)
     return float(max(shortest, min(_BLOCK * memory, duration_s / _FEWEST)))
 
@@ -148,11 +131,11 @@ def block_numbers(lin: Linearisation, length_s: float) -> list[NDArray[np.intp]]
         own = min(total, max(1, round(total * lin.dt / length_s)))
         left[trial] = first + np.arange(total) * own // total
         first += own
-    found = []
+    numbers = []
     for piece in lin.pieces:
-        found.append(left[piece.trial][: len(piece.t)])
+        numbers.append(left[piece.trial][: len(piece.t)])
         left[piece.trial] = left[piece.trial][len(piece.t) :]
-    return found
+    return numbers
 
 
 def _channel(

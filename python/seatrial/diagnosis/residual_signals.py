@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.base.plain import Plain
 from seatrial.statistics.linearisation import Linearisation, Piece
 from seatrial.statistics.score_test import ScoreTests, SingleTests, false_discovery, score_tests, single_tests
 
@@ -39,7 +40,7 @@ _LEVERS = {
 
 
 @dataclass(frozen=True)
-class FollowedSignal:
+class FollowedSignal(Plain):
     """A signal that a channel's residual follows.
 
     Attributes
@@ -63,10 +64,6 @@ class FollowedSignal:
     p: float
     sentence: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """The finding as plain data; an integral has no lag."""
-        return asdict(self) | {"lag_s": self.lag_s if math.isfinite(self.lag_s) else None}
-
 
 def with_predicted_velocity(lin: Linearisation, trials: Mapping[str, Trial]) -> Linearisation:
     """The linearisation with the model's own velocity in the channels that it shows.
@@ -88,14 +85,16 @@ def with_predicted_velocity(lin: Linearisation, trials: Mapping[str, Trial]) -> 
 def motion_signals(lin: Linearisation) -> dict[str, list[Array]]:
     """Per name the signal (n,) of each segment: velocities, their rates, moduli and products, SI."""
     nu = [piece.nu for piece in lin.pieces]
-    found = {"a constant": [np.ones(len(one)) for one in nu]}
+    signals = {"a constant": [np.ones(len(velocities)) for velocities in nu]}
     for i, name in enumerate(VELOCITIES):
-        found[name] = [one[:, i] for one in nu]
-        found[f"|{name}| {name}"] = [np.abs(one[:, i]) * one[:, i] for one in nu]
-        found[f"d{name}/dt"] = [np.gradient(one[:, i], lin.dt) for one in nu]
+        signals[name] = [velocities[:, i] for velocities in nu]
+        signals[f"|{name}| {name}"] = [np.abs(velocities[:, i]) * velocities[:, i] for velocities in nu]
+        signals[f"d{name}/dt"] = [np.gradient(velocities[:, i], lin.dt) for velocities in nu]
     for i, j in combinations(range(len(VELOCITIES)), 2):
-        found[f"{VELOCITIES[i]} {VELOCITIES[j]}"] = [one[:, i] * one[:, j] for one in nu]
-    return found
+        signals[f"{VELOCITIES[i]} {VELOCITIES[j]}"] = [
+            velocities[:, i] * velocities[:, j] for velocities in nu
+        ]
+    return signals
 
 
 def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[str, list[Array]]:
@@ -119,12 +118,12 @@ def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[st
         own["time"] = trial.t - trial.t.mean()
         for name, signal in own.items():
             raw.setdefault(name, {})[index] = signal[at]
-    found = {}
+    levelled = {}
     for name, recorded in raw.items():
         signals = [recorded.get(index, np.full(len(p.t), np.nan)) for index, p in enumerate(lin.pieces)]
         level = float(np.nanmean(np.concatenate(signals)))
-        found[name] = [np.nan_to_num(signal - level) for signal in signals]
-    return found
+        levelled[name] = [np.nan_to_num(signal - level) for signal in signals]
+    return levelled
 
 
 def followed_signals(
@@ -167,11 +166,11 @@ def followed_signals(
         like = next(alike, None)
         columns[channel] = _columns(lin, signals, place) if like is None else columns[like]
         tests[channel] = single_tests(lin, columns[channel], fitted=fitted, block=block, channel=place)
-    count = sum(int(one.testable.sum()) for one in tests.values())
+    count = sum(int(test.testable.sum()) for test in tests.values())
     power = _power(lin)
     estimated = {lin.unknowns[i].name for i in fitted}
-    found: list[FollowedSignal] = []
-    open_ = {channel: one.testable.copy() for channel, one in tests.items()}
+    followed: list[FollowedSignal] = []
+    open_ = {channel: test.testable.copy() for channel, test in tests.items()}
     for _ in range(most):
         leaders = _leaders(tests, open_, power=power, count=count, level=level, least_r2=least_r2)
         for channel, (place, r2, p) in leaders.items():
@@ -182,10 +181,10 @@ def followed_signals(
                 )
             name, lag = labels[place]
             sentence = _sentence(channel, name, lag, r2=r2, estimated=estimated, known=known)
-            found.append(FollowedSignal(channel, name, lag, r2, p, sentence))
+            followed.append(FollowedSignal(channel, name, lag, r2, p, sentence))
             open_[channel] &= np.array([label[0] != name for label in labels])
             tests[channel] = test.beside(place)
-    return tuple(sorted(found, key=lambda one: -one.r2))
+    return tuple(sorted(followed, key=lambda signal: -signal.r2))
 
 
 def _leaders(
@@ -198,36 +197,36 @@ def _leaders(
     least_r2: float,
 ) -> dict[str, tuple[int, float, float]]:
     """Per channel the place, R2 and adjusted p of the significant column that explains most."""
-    results = {channel: one.results() for channel, one in tests.items()}
+    results = {channel: test.results() for channel, test in tests.items()}
     joined = np.concatenate([results[channel].p[open_[channel]] for channel in tests] or [np.zeros(0)])
     adjusted, at = false_discovery(joined, count), 0
-    found = {}
-    for channel, one in tests.items():
+    leaders = {}
+    for channel, test in tests.items():
         p = np.ones(len(open_[channel]))
         size = int(open_[channel].sum())
         p[open_[channel]], at = adjusted[at : at + size], at + size
-        r2 = results[channel].gain * one.cost / power[channel]
+        r2 = results[channel].gain * test.cost / power[channel]
         good = (p < level) & (r2 >= least_r2)
         if good.any():
             place = int(np.argmax(np.where(good, r2, 0.0)))
-            found[channel] = (place, float(r2[place]), float(p[place]))
-    return found
+            leaders[channel] = (place, float(r2[place]), float(p[place]))
+    return leaders
 
 
-def _counted_alike(lin: Linearisation, one: int, other: int) -> bool:
+def _counted_alike(lin: Linearisation, first: int, other: int) -> bool:
     """Whether the same samples count in two channels, so that both would show the same of a signal."""
-    return all(np.array_equal(piece.counted[:, one], piece.counted[:, other]) for piece in lin.pieces)
+    return all(np.array_equal(piece.counted[:, first], piece.counted[:, other]) for piece in lin.pieces)
 
 
 def _columns(lin: Linearisation, signals: Mapping[str, Sequence[Array]], place: int) -> list[Array]:
     """What a channel would show (n, 1, k) of the signals behind each of `LAGS_S`, per segment."""
-    found = []
+    columns = []
     for index, piece in enumerate(lin.pieces):
         counted = piece.counted[:, place]
         values = np.stack([np.asarray(of[index], dtype=float) for of in signals.values()], axis=1)
         shown = [_lagged(values, lag, lin.dt, counted) if lag > 0.0 else values for lag in LAGS_S]
-        found.append(np.where(counted[:, None], np.concatenate(shown, axis=1), 0.0)[:, None, :])
-    return found
+        columns.append(np.where(counted[:, None], np.concatenate(shown, axis=1), 0.0)[:, None, :])
+    return columns
 
 
 def _lagged(signal: Array, lag: float, dt: float, counted: NDArray[np.bool_]) -> Array:

@@ -78,7 +78,7 @@ def weak_groups(information: Array, roles: Sequence[Role], values: Array) -> tup
     values : ndarray, shape (k,)
         Of the coefficients, in their natural sizes.
     """
-    left, found = list(range(len(roles))), []
+    left, groups = list(range(len(roles))), []
     while left:
         part, kinds = information[np.ix_(left, left)], [roles[i] for i in left]
         sd = np.sqrt(np.diag(covariance(part)))
@@ -86,23 +86,23 @@ def weak_groups(information: Array, roles: Sequence[Role], values: Array) -> tup
             break
         single = _alone(part, sd)
         if len(single):
-            found += [Group("unexcited", (left[i],), float(sd[i])) for i in single]
+            groups += [Group("unexcited", (left[i],), float(sd[i])) for i in single]
             left = [place for i, place in enumerate(left) if i not in single]
             continue
         together = _scale(part, kinds, values[left])
         if together:
             group, known = together
-            found.append(Group("scale", tuple(left[i] for i in group.places), group.sd))
+            groups.append(Group("scale", tuple(left[i] for i in group.places), group.sd))
         else:
             members = _smallest(part, sd)
-            found.append(
+            groups.append(
                 Group("combination", tuple(left[i] for i in members), float(sd[list(members)].max()))
             )
             measured = anchor([kinds[i].name for i in members])
             worst = max(members, key=lambda i: float(sd[i]))
             known = next((i for i in members if kinds[i].name == measured), worst)
         del left[known]
-    return _merged(found, roles)
+    return _merged(groups, roles)
 
 
 def _alone(information: Array, sd: Array) -> NDArray[np.intp]:
@@ -123,12 +123,12 @@ def _scale(information: Array, roles: Sequence[Role], values: Array) -> tuple[Gr
     Drag, lift and thrust take the common factor or do not move; masses, weights and biases move as the data
     like best, for the fixed ones among them are part of the same sums.
     """
-    drives = [i for i, one in enumerate(roles) if one.kind in _DRIVE]
-    drives = drives or [i for i, one in enumerate(roles) if one.kind in _UPRIGHT][:1]
+    drives = [i for i, role in enumerate(roles) if role.kind in _DRIVE]
+    drives = drives or [i for i, role in enumerate(roles) if role.kind in _UPRIGHT][:1]
     best, most = None, _NEAR
     for drive in drives:
-        follow = [i for i, one in enumerate(roles) if one.kind in _FOLLOW and i != drive]
-        forced = [i for i, one in enumerate(roles) if i == drive or _takes_factor(one)]
+        follow = [i for i, role in enumerate(roles) if role.kind in _FOLLOW and i != drive]
+        forced = [i for i, role in enumerate(roles) if i == drive or _takes_factor(role)]
         at, factor = forced.index(drive), values[forced]
         misfit = eliminate(information, forced, follow) * np.outer(factor, factor)
         chosen, least = _common_factor(misfit, at)
@@ -149,9 +149,9 @@ def _scale(information: Array, roles: Sequence[Role], values: Array) -> tuple[Gr
     return best
 
 
-def _takes_factor(one: Role) -> bool:
+def _takes_factor(role: Role) -> bool:
     """Whether a force is proportional to the coefficient; wake, deduction and levers are ratios."""
-    return one.kind in _DRAG or one.kind in _DRIVE or one.part == "p2"
+    return role.kind in _DRAG or role.kind in _DRIVE or role.part == "p2"
 
 
 def _common_factor(misfit: Array, at: int) -> tuple[NDArray[np.bool_], float]:
@@ -197,10 +197,10 @@ def _smallest(information: Array, sd: Array) -> tuple[int, ...]:
     return tuple(range(len(sd)))
 
 
-def _merged(found: Sequence[Group], roles: Sequence[Role]) -> tuple[Group, ...]:
+def _merged(groups: Sequence[Group], roles: Sequence[Role]) -> tuple[Group, ...]:
     """Combinations of one kind of coefficient that share members as one, after what nothing excites."""
     merged: list[Group] = []
-    for group in sorted(found, key=lambda one: one.kind != "unexcited"):
+    for group in sorted(groups, key=lambda group: group.kind != "unexcited"):
         kinds = {roles[i].kind for i in group.places}
         for at, other in enumerate(merged):
             same = (

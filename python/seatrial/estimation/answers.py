@@ -72,21 +72,21 @@ class Answers:
         """Errors one sample ahead, with instruments free of what commands and measurements last showed."""
         last = _clipped(_shown(errors))
         tables = [
-            np.hstack([_lagged(told, _BINS), _lagged(seen, _LATE_BINS)])[: len(one.error)]
-            for one, told, seen in zip(errors, self.innovations, last, strict=True)
+            np.hstack([_lagged(own, _BINS), _lagged(seen, _LATE_BINS)])[: len(late.error)]
+            for late, own, seen in zip(errors, self.innovations, last, strict=True)
         ]
         table = np.vstack(tables)
         table = table[:, table.any(axis=0)]
-        counted = np.concatenate([one.counted for one in errors])
-        slopes = np.concatenate([one.slope for one in errors])
+        counted = np.concatenate([late.counted for late in errors])
+        slopes = np.concatenate([late.slope for late in errors])
         kept = np.zeros_like(slopes)
         for channel, valid in enumerate(counted.T):
             own = slopes[valid, channel]
             if valid.sum() >= _PER_COLUMN * table.shape[1]:
                 own = own - _fitted(table[valid], own)
             kept[valid, channel] = own
-        parts = np.split(kept, np.cumsum([len(one.error) for one in errors])[:-1])
-        return [replace(one, instrument=part) for one, part in zip(errors, parts, strict=True)]
+        parts = np.split(kept, np.cumsum([len(late.error) for late in errors])[:-1])
+        return [replace(late, instrument=part) for late, part in zip(errors, parts, strict=True)]
 
 
 def answers(
@@ -106,9 +106,9 @@ def answers(
         What the filter knew of them at each sample.
     """
     columns, shown = _distinct(driving), _shown(errors)
-    told = _unforeseen([one[:, columns] for one in driving], shown, velocities)
+    unforeseen = _unforeseen([signals[:, columns] for signals in driving], shown, velocities)
     excess, free = np.array([
-        _excess([one[:, g] for one in told], errors) for g in range(len(columns))
+        _excess([signals[:, g] for signals in unforeseen], errors) for g in range(len(columns))
     ]).reshape(-1, 2).T  # fmt: skip
     sure = excess / np.sqrt(np.maximum(2.0 * free, 1.0))
     together = float(excess.sum() / np.sqrt(max(2.0 * free.sum(), 1.0)))
@@ -116,13 +116,13 @@ def answers(
     return Answers(
         tuple(names[columns[g]] for g in kept),
         tuple(sure[kept].tolist()),
-        tuple(one[:, kept] for one in told),
+        tuple(signals[:, kept] for signals in unforeseen),
     )
 
 
 def _shown(errors: Sequence[Errors]) -> list[Array]:
     """Innovations (n, Y) of the measurements at every sample, zero where none counts."""
-    return [np.vstack([np.zeros((1, one.error.shape[1])), one.error]) for one in errors]
+    return [np.vstack([np.zeros((1, late.error.shape[1])), late.error]) for late in errors]
 
 
 def _clipped(shown: Sequence[Array]) -> list[Array]:
@@ -131,12 +131,12 @@ def _clipped(shown: Sequence[Array]) -> list[Array]:
     for channel in np.vstack(shown).T:
         there = np.abs(channel[channel != 0.0])
         bounds.append(_OUTLIER * 1.4826 * float(np.median(there)) if there.size else 0.0)
-    return [np.clip(one, np.negative(bounds), bounds) for one in shown]
+    return [np.clip(series, np.negative(bounds), bounds) for series in shown]
 
 
 def _distinct(driving: Sequence[Array]) -> list[int]:
     """Columns of what drives the vehicle that change all the time, one of those that move alike."""
-    moves = np.vstack([np.diff(one, axis=0) for one in driving])
+    moves = np.vstack([np.diff(signals, axis=0) for signals in driving])
     kept: list[int] = []
     for column, own in enumerate(moves.T):
         if np.mean(own != 0.0) >= _MOVES and all(
@@ -154,15 +154,15 @@ def _unforeseen(driving: Sequence[Array], shown: Sequence[Array], velocities: Se
     rows, moves = [], []
     for u, seen, nu in zip(driving, shown, velocities, strict=True):
         columns = [seen, (seen != 0.0).astype(float)]
-        columns += [_before(one, lag) for lag in _LAGS for one in (seen, nu, u)]
+        columns += [_before(table, lag) for lag in _LAGS for table in (seen, nu, u)]
         rows.append(np.hstack(columns))
         moves.append(np.diff(u, axis=0, prepend=u[:1]))
     table, change = np.vstack(rows), np.vstack(moves)
     spread = table.std(axis=0)
     table = np.hstack([np.ones((len(table), 1)), table[:, spread > 0.0] / spread[spread > 0.0]])
-    found = np.zeros(change.shape)
+    residuals = np.zeros(change.shape)
     for g in range(change.shape[1]):
-        own = np.hstack([table, found[:, :g]])
+        own = np.hstack([table, residuals[:, :g]])
         moved = change[:, g] != 0.0
         counted = moved
         for _ in range(3):
@@ -172,20 +172,21 @@ def _unforeseen(driving: Sequence[Array], shown: Sequence[Array], velocities: Se
             left = change[:, g] - own @ weights
             counted = moved & (np.abs(left) <= _OUTLIER * 1.4826 * np.median(np.abs(left[moved])))
         else:
-            found[counted, g] = left[counted]
-    return np.split(found, np.cumsum([len(one) for one in driving])[:-1])
+            residuals[counted, g] = left[counted]
+    return np.split(residuals, np.cumsum([len(signals) for signals in driving])[:-1])
 
 
-def _excess(told: Sequence[Array], errors: Sequence[Errors]) -> tuple[float, int]:
+def _excess(series: Sequence[Array], errors: Sequence[Errors]) -> tuple[float, int]:
     """By how much chi squared of the errors on a command's last innovations exceeds its degrees of freedom.
 
     And how many these are; its deviation is the root of twice as many.
     """
     table = np.vstack([
-        _lagged(one[:, None], _BINS)[: len(late.error)] for one, late in zip(told, errors, strict=True)
+        _lagged(values[:, None], _BINS)[: len(late.error)]
+        for values, late in zip(series, errors, strict=True)
     ])
     chi, free = 0.0, 0
-    for channel in np.vstack(_clipped([one.error for one in errors])).T:
+    for channel in np.vstack(_clipped([late.error for late in errors])).T:
         counted = channel != 0.0
         if counted.sum() < _PER_COLUMN * table.shape[1] or not table[counted].any():
             continue

@@ -65,9 +65,9 @@ class Criterion:
     def linearised(self, candidate: Array) -> Slopes:
         """Residuals of all samples that count and their derivatives by the parameters (m,)."""
         used = np.flatnonzero(self.data.weights > 0)
-        found = self.model.sensitivities(candidate, channels=[CHANNELS[c] for c in used])
+        segments = self.model.sensitivities(candidate, channels=[CHANNELS[c] for c in used])
         residuals, jacobians, shares = [], [], []
-        for index, (error, jacobian) in enumerate(found):
+        for index, (error, jacobian) in enumerate(segments):
             counted = self.model.counted(index)[:, used]
             residuals.append((error / self._scale)[:, used][counted])
             jacobians.append((jacobian / self._scale[used, None])[counted])
@@ -78,8 +78,8 @@ class Criterion:
 
     def slopes(self, candidate: Array, initials: Sequence[str]) -> list[Array]:
         """Derivatives (n_i, 12, k) of what segments show by initial conditions, scaled as residuals."""
-        found = self.model.sensitivities(candidate, held=True, initials=initials)
-        return [jacobian / self._scale[:, None] for _, jacobian in found]
+        segments = self.model.sensitivities(candidate, held=True, initials=initials)
+        return [jacobian / self._scale[:, None] for _, jacobian in segments]
 
     def _losses(self, candidates: Array) -> Array:
         """Losses (k, segments, 12) of candidates in the stage's units."""
@@ -142,7 +142,7 @@ def _spread(residuals: list[Array]) -> tuple[Array, Array]:
     """
     stacked = np.concatenate(residuals)
     power = (stacked**2).sum(axis=0)
-    lagged = np.sum([(one[1:] * one[:-1]).sum(axis=0) for one in residuals], axis=0)
+    lagged = np.sum([(residual[1:] * residual[:-1]).sum(axis=0) for residual in residuals], axis=0)
     correlation = np.clip(lagged / np.where(power > 0, power, 1.0), 0.0, 0.99)
     mean = np.abs(stacked).sum(axis=0) / np.maximum((stacked != 0).sum(axis=0), 1)
     return mean, (1 - correlation) / (1 + correlation)

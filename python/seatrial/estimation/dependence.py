@@ -73,21 +73,22 @@ class Dependence:
     @property
     def involved(self) -> tuple[str, ...]:
         """Signals in any combination that is hardly driven, in their order."""
-        parts = {name for one in self.combinations for name, _ in one.parts}
+        parts = {name for combination in self.combinations for name, _ in combination.parts}
         return tuple(name for name in self.names if name in parts)
 
     def sentences(self) -> list[str]:
         """A sentence for those that move only together, one per combination of three and more."""
-        pairs = [one for one in self.combinations if len(one.parts) == 2]
-        said = [
+        pairs = [combination for combination in self.combinations if len(combination.parts) == 2]
+        texts = [
             f"{', '.join(name for name, _ in family)} move only together:"
             f" {' '.join(_proportion(factor) for _, factor in family)}"
             for family in _families(pairs, self.names)
         ]
-        return said + [
-            f"Hardly driven: {one.words} ({_share(one.strength)} of what they would give independently)"
-            for one in self.combinations
-            if len(one.parts) != 2
+        return texts + [
+            f"Hardly driven: {combination.words} ({_share(combination.strength)} of what they would give"
+            " independently)"
+            for combination in self.combinations
+            if len(combination.parts) != 2
         ]
 
 
@@ -120,12 +121,12 @@ def dependence(signals: Array, names: Sequence[str], *, weak: float = 1e-3) -> D
     _, values, modes = np.linalg.svd(np.linalg.qr(signals[:, moving] / size, mode="r"))
     relative = values / values[0]
     rows = _sparse(modes[relative < WEAK] / size)
-    found = []
+    combinations = []
     for row in rows:
         strength = np.linalg.norm(signals[:, moving] @ row) / np.linalg.norm(row * size)
         parts = tuple((name, float(x)) for name, x in zip(own, row, strict=True) if x)
-        found.append(Combination(parts, float(strength)))
-    return Dependence(tuple(names), tuple(map(float, relative)), still, tuple(found))
+        combinations.append(Combination(parts, float(strength)))
+    return Dependence(tuple(names), tuple(map(float, relative)), still, tuple(combinations))
 
 
 def _sparse(rows: Array) -> Array:
@@ -168,7 +169,7 @@ def _families(pairs: Sequence[Combination], names: Sequence[str]) -> list[list[t
                     family[there] = family[here] * ratio
                     waiting.append(there)
         seen |= set(family)
-        families.append([(one, family[one]) for one in names if one in family])
+        families.append([(name, family[name]) for name in names if name in family])
     return families
 
 

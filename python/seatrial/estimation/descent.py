@@ -98,11 +98,11 @@ def descend(
         at = ledger.to_box(start)
         ledger.start_cost = float(ledger.costs(at[None, :])[0])
         while ledger.generation < rounds:
-            found = slopes(ledger.from_box(at))
-            jacobian = found.jacobian * ledger.width
-            if not (np.isfinite(found.residual).all() and np.isfinite(jacobian).all()):
+            here = slopes(ledger.from_box(at))
+            jacobian = here.jacobian * ledger.width
+            if not (np.isfinite(here.residual).all() and np.isfinite(jacobian).all()):
                 break
-            step = _step(found, jacobian, -at, 1.0 - at)
+            step = _step(here, jacobian, -at, 1.0 - at)
             before = ledger.best_cost
             candidates = np.clip(at + _LENGTHS[:, None] * step, 0.0, 1.0)
             costs = ledger.costs(candidates)
@@ -115,24 +115,24 @@ def descend(
     return ledger.run(search)
 
 
-def _step(found: Slopes, jacobian: Array, lower: Array, upper: Array) -> Array:
+def _step(slopes: Slopes, jacobian: Array, lower: Array, upper: Array) -> Array:
     """Step (m,) between the bounds that minimises the linearised criterion."""
     from scipy.optimize import lsq_linear
 
-    floor = _FLOOR * float(found.share @ np.abs(found.residual)) / float(found.share.sum())
-    knee = max(found.knee, floor, np.finfo(float).tiny)
+    floor = _FLOOR * float(slopes.share @ np.abs(slopes.residual)) / float(slopes.share.sum())
+    knee = max(slopes.knee, floor, np.finfo(float).tiny)
     step: Array = np.zeros(jacobian.shape[1])
     for _ in range(_SWEEPS):
         if np.isinf(knee):
-            weight = found.share
+            weight = slopes.share
         else:
-            weight = found.share / np.maximum(np.abs(found.residual - jacobian @ step), knee)
+            weight = slopes.share / np.maximum(np.abs(slopes.residual - jacobian @ step), knee)
         weighted = weight[:, None] * jacobian
         normal = weighted.T @ jacobian
         # A direction that changes nothing must not spoil the others: it stays where it is.
         normal += np.eye(len(step)) * max(1e-10 * float(np.trace(normal)), np.finfo(float).tiny)
         factor = np.linalg.cholesky(normal)
-        aim = np.linalg.solve(factor, weighted.T @ found.residual)
+        aim = np.linalg.solve(factor, weighted.T @ slopes.residual)
         bounds = (np.minimum(lower, 0.0) - 1e-12, np.maximum(upper, 0.0) + 1e-12)
         former, step = step, np.asarray(lsq_linear(factor.T, aim, bounds=bounds).x, dtype=float)
         if np.abs(step - former).max() < 1e-5:

@@ -188,7 +188,7 @@ class GaussNewton:
                 xtol=1e-10,
                 gtol=1e-12,
             )
-        new, begun = moved(min(tried, key=lambda one: one[0])[1])
+        new, begun = moved(min(tried, key=lambda trial: trial[0])[1])
         step = (new - at)[free]
         promised = float(step @ information[np.ix_(free, free)] @ step)
         if promised > _NEAR and not self.near:
@@ -205,19 +205,19 @@ class GaussNewton:
     def residuals(self, values: Array, initial: Array) -> list[Array]:
         """Residuals (n, C) of every segment at a point; those of the last points are kept."""
         key = values.tobytes() + initial.tobytes()
-        found = next((kept for known, kept in self._recent if known == key), None)
-        if found is None:
-            found = self.joint.residuals(values, initial)
-            self._recent = [(key, found), *self._recent[:_TRIALS]]
-        return found
+        residuals = next((kept for known, kept in self._recent if known == key), None)
+        if residuals is None:
+            residuals = self.joint.residuals(values, initial)
+            self._recent = [(key, residuals), *self._recent[:_TRIALS]]
+        return residuals
 
     def differentiated(self, values: Array, initial: Array) -> tuple[list[_Local], Array, Array]:
         """Segments at a point, the information (m, m) and the downhill gradient (m,) of what they tell."""
         size = len(self.unknowns)
         information, gradient, locals_ = np.zeros((size, size)), np.zeros(size), []
         for index, (error, jacobian, places) in enumerate(self._slopes(values, initial)):
-            local, one, downhill = self._eliminated(error, jacobian, places, initial[index])
-            information[np.ix_(places, places)] += one
+            local, reduced, downhill = self._eliminated(error, jacobian, places, initial[index])
+            information[np.ix_(places, places)] += reduced
             gradient[places] += downhill
             locals_.append(local)
         return locals_, information, gradient
@@ -277,7 +277,7 @@ class GaussNewton:
         """Change (segments, 12) towards better initial conditions at fixed values."""
         residuals = self.residuals(values, initial)
         slopes = self.joint.slopes(values, initial, starts_only=True, residuals=residuals)
-        locals_ = [self._eliminated(*found, initial[index])[0] for index, found in enumerate(slopes)]
+        locals_ = [self._eliminated(*slope, initial[index])[0] for index, slope in enumerate(slopes)]
         return self.followed(locals_, np.zeros_like(initial), np.zeros(len(self.unknowns)))
 
     def weight(self, residual: Array) -> Array:
@@ -290,8 +290,8 @@ class GaussNewton:
         self, values: Array, initial: Array, centre: Array, residuals: Sequence[Array] | None = None
     ) -> float:
         """Half the robust sum of squares, priors included."""
-        found = self.residuals(values, initial) if residuals is None else residuals
-        return float(self._losses(found).sum()) + self._priors(values, initial, centre)
+        errors = self.residuals(values, initial) if residuals is None else residuals
+        return float(self._losses(errors).sum()) + self._priors(values, initial, centre)
 
     def merit(self, values: Array, initial: Array, centre: Array, residuals: Sequence[Array]) -> float:
         """Negative log-likelihood with every channel's scale at its best: what may not rise.
@@ -304,8 +304,8 @@ class GaussNewton:
         counts = np.maximum([self.joint.data.counts[c] for c in self.joint.used], 1.0) * weights
         mean = 2.0 * self._losses(residuals) / counts
         tau = self.noise * np.sqrt(weights * np.maximum(mean, np.finfo(float).tiny))
-        found = float(counts @ (0.5 + np.log(tau))) + self._priors(values, initial, centre)
-        return found if math.isfinite(found) else math.inf
+        total = float(counts @ (0.5 + np.log(tau))) + self._priors(values, initial, centre)
+        return total if math.isfinite(total) else math.inf
 
     def _losses(self, residuals: Sequence[Array]) -> Array:
         """Sum (C,) of the robust losses of each channel's residuals, in its noise."""

@@ -12,12 +12,13 @@ Tests: ``tests/estimation/test_anchor.py``.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.base.plain import Plain
 from seatrial.estimation.joint import joint_stage
 from seatrial.problem.parameter import STRIPS, axes_of, coefficient_names, parameters
 from seatrial.vehicle.actuators import actuator_groups, pushes
@@ -49,7 +50,7 @@ class Held:
 
 
 @dataclass(frozen=True)
-class Homogeneity:
+class Homogeneity(Plain, also="sentences"):
     """The homogeneous direction of a campaign: its members, which of them are free, what holds the scale.
 
     Attributes
@@ -66,36 +67,32 @@ class Homogeneity:
     free: tuple[str, ...]
     held: tuple[Held, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """The direction as plain data for JSON."""
-        return asdict(self) | {"sentences": self.sentences()}
-
     def sentences(self) -> list[str]:
         """Name of the direction, and what the scale rests on."""
-        said = [
+        texts = [
             "Scaling mass, added mass, damping, lift, weight in water, bias and thrust together changes no"
             " motion: trials give ratios, and held values set the scale"
         ]
-        found = {one.kind: ", ".join(one.members) for one in self.held}
-        strong = [kind for kind in found if kind != STATIC]
+        members = {direction.kind: ", ".join(direction.members) for direction in self.held}
+        strong = [kind for kind in members if kind != STATIC]
         if not strong:
-            weak = f" but {found[STATIC]}, which tell little" if found else ""
+            weak = f" but {members[STATIC]}, which tell little" if members else ""
             return [
-                *said,
+                *texts,
                 f"Nothing is held fixed{weak}: all estimates may grow or shrink together until one"
                 " reaches a bound."
                 " Hold a thrust gain, or mass and added mass of one axis",
             ]
         first = strong[0]
         made = {THRUST: "thrust", LIFT: "lift"}.get(first)
-        words = f"the {made} of {found[first]} as in the vehicle file" if made else found[first]
-        said.append(f"The scale rests on {words}")
-        if beside := [f"lift of {found[LIFT]}" if kind == LIFT else found[kind] for kind in strong[1:]]:
-            said.append(
+        words = f"the {made} of {members[first]} as in the vehicle file" if made else members[first]
+        texts.append(f"The scale rests on {words}")
+        if beside := [f"lift of {members[LIFT]}" if kind == LIFT else members[kind] for kind in strong[1:]]:
+            texts.append(
                 f"Also held at the vehicle file's values: {'; '.join(beside)}. If the scale is wrong, so is"
                 " their ratio to the other terms: free or rescale them"
             )
-        return said
+        return texts
 
 
 def homogeneous_direction(vehicle: Vehicle) -> tuple[str, ...]:
@@ -126,11 +123,11 @@ def scaled(vehicle: Vehicle, factor: float) -> Vehicle:
 def thrust_factors(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
     """Thrust at rest of every actuator over that of a reference vehicle, mean of ahead and astern."""
     factors: dict[str, list[float]] = {}
-    for one, other in zip(pushes(vehicle), pushes(reference), strict=True):
+    for push, other in zip(pushes(vehicle), pushes(reference), strict=True):
         size = float(np.linalg.norm(other.wrench))
         if size > 0.0:
-            factors.setdefault(one.actuator, []).append(float(np.linalg.norm(one.wrench)) / size)
-    return {name: float(np.mean(found)) for name, found in factors.items()}
+            factors.setdefault(push.actuator, []).append(float(np.linalg.norm(push.wrench)) / size)
+    return {name: float(np.mean(factor)) for name, factor in factors.items()}
 
 
 def ratios(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
@@ -149,13 +146,13 @@ def ratios(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
     thrust = float(np.mean(list(thrust_factors(vehicle, reference).values()) or [1.0]))
     values, mass = vehicle.coefficients(), np.asarray(vehicle.mass_matrix())
     weight, buoyancy = values["m"] * vehicle.environment()["g"], values.get("B", 0.0)
-    found = {f"{_own(axis)} - {_added(axis)}": float(mass[axis, axis]) for axis in range(6)}
-    found |= {name: values[name] for name in _coupling(vehicle)}
-    found["m g - B"] = weight - buoyancy
+    sums = {f"{_own(axis)} - {_added(axis)}": float(mass[axis, axis]) for axis in range(6)}
+    sums |= {name: values[name] for name in _coupling(vehicle)}
+    sums["m g - B"] = weight - buoyancy
     for axis in "xyz":
         moment = weight * values.get(f"{axis}_g", 0.0) - buoyancy * values.get(f"{axis}_b", 0.0)
-        found[f"{axis}_g m g - {axis}_b B"] = moment
-    return {name: value / thrust for name, value in found.items() if value}
+        sums[f"{axis}_g m g - {axis}_b B"] = moment
+    return {name: value / thrust for name, value in sums.items() if value}
 
 
 def homogeneity(problem: Problem) -> Homogeneity:
@@ -173,8 +170,10 @@ def homogeneity(problem: Problem) -> Homogeneity:
     facts = vehicle.actuator_info()
     groups = actuator_groups(vehicle)
     acting = () if logged else tuple(_thrust(vehicle, free, rows))
-    lifting = tuple(x for x in acting if all(facts[one]["kind"] == "fin" for one in groups.get(x, [x])))
-    found = [
+    lifting = tuple(
+        x for x in acting if all(facts[actuator]["kind"] == "fin" for actuator in groups.get(x, [x]))
+    )
+    directions = [
         Held(WRENCH, ("the logged wrench",) if logged else ()),
         Held(THRUST, tuple(name for name in acting if name not in lifting)),
         Held(LIFT, lifting),
@@ -192,7 +191,7 @@ def homogeneity(problem: Problem) -> Homogeneity:
     return Homogeneity(
         members=members,
         free=tuple(name for name in (*members, *gains) if name in free),
-        held=tuple(one for one in found if one.members),
+        held=tuple(direction for direction in directions if direction.members),
     )
 
 

@@ -136,20 +136,20 @@ class Innovations:
 
         Where a simulation leaves the log the stages end anywhere, and the vehicle file may be nearer.
         """
-        found: list[tuple[float, _Begun]] = []
+        outcomes: list[tuple[float, _Begun]] = []
         for number, start in enumerate(starts, 1):
             self.joint.noise_model = None
             self.steps.follow_log()
             try:
                 spans, _ = self._improved(start, self._begun(start), _FIRST)
             except NumericalError:
-                if number == len(starts) and not found:
+                if number == len(starts) and not outcomes:
                     raise
                 continue
             likelihood = self._filters(spans).likelihood(self._noises)
             begun = _Begun(start, spans, self._noises, self.steps.path)
-            found.append((likelihood if math.isfinite(likelihood) else -math.inf, begun))
-        _, best = max(found, key=lambda one: one[0])
+            outcomes.append((likelihood if math.isfinite(likelihood) else -math.inf, begun))
+        _, best = max(outcomes, key=lambda outcome: outcome[0])
         self.joint.noise_model, self.steps.path, self._likeliest = best.noise, best.path, best
         return best.start
 
@@ -207,7 +207,7 @@ class Innovations:
             noise,
             cost,
             max(cost if first is None else first, cost),
-            int(sum(one.counted.sum() for one in errors)),
+            int(sum(part.counted.sum() for part in errors)),
             count,
             converged,
             interrupted,
@@ -225,8 +225,8 @@ class Innovations:
         noise = self.criterion.noise(errors)
         for column, channel in enumerate(self.steps.channels):
             settled = round(_SETTLING_S / self.dt)
-            measured = sum(int(one.span.valid[1:, column][settled:].sum()) for one in errors)
-            counted = sum(int(one.counted[:, column].sum()) for one in errors)
+            measured = sum(int(part.span.valid[1:, column][settled:].sum()) for part in errors)
+            counted = sum(int(part.counted[:, column].sum()) for part in errors)
             most = self.spread[CHANNELS.index(channel)]
             lost = 2 * counted < measured and counted < measured - settled * len(errors)
             if lost or (counted and not noise[column] < _DIVERGED * most):
@@ -245,19 +245,19 @@ class Innovations:
         errors = self.instrumented(spans, self.samples(joint.polish.horizon_s))
         noise = self.criterion.noise(errors)
         pieces = []
-        for one in errors:
-            record = one.span.record
+        for part in errors:
+            record = part.span.record
             trial = joint.data.trials[record]
-            t = trial.t[one.span.last + 1 - len(one.error) : one.span.last + 1]
-            residual = one.error / noise
+            t = trial.t[part.span.last + 1 - len(part.error) : part.span.last + 1]
+            residual = part.error / noise
             pieces.append(
                 Piece(
                     trial=joint.data.names[record],
                     t=t,
                     residual=residual,
-                    counted=one.counted,
+                    counted=part.counted,
                     weight=self.criterion.weight(residual),
-                    jacobian=(one.instrument / noise[:, None]).reshape(*one.error.shape, size),
+                    jacobian=(part.instrument / noise[:, None]).reshape(*part.error.shape, size),
                     nu=trial.smooth_nu(t)[0],
                 )
             )
@@ -304,46 +304,46 @@ class Innovations:
         The noise model stays as it is: on held-out data it is that of the training data. The motion that the
         derivatives are taken at is found anew, for these values.
         """
-        found: dict[str, dict[str, float]] = {}
+        table: dict[str, dict[str, float]] = {}
         steps, data = self.samples(ahead_s), self.joint.data
         errors = self.errors(self.settled(values), steps)
         learnt = [~self.joint.problem.held_out(name) for name in data.names]
         linear = foretold(data.trials, learnt, self.steps.channels, steps)
         for column, channel in enumerate(self.steps.channels):
             rows = [np.zeros((0, 4))]
-            for one in errors:
-                counted, record = one.counted[:, column], one.span.record
-                at = one.span.last + 1 - len(one.error) + np.flatnonzero(counted)
+            for part in errors:
+                counted, record = part.counted[:, column], part.span.record
+                at = part.span.last + 1 - len(part.error) + np.flatnonzero(counted)
                 measured = data.trials[record].observed[:, CHANNELS.index(channel)]
                 rivals = measured[at] - measured[at - steps], measured[at] - linear[record][at, column]
-                rows.append(np.column_stack([measured[at], one.error[counted, column], *rivals]))
+                rows.append(np.column_stack([measured[at], part.error[counted, column], *rivals]))
             motion, *missed = np.vstack(rows).T
             if motion.size and motion.std() > 0.0:
                 sums = [float((error**2).sum()) for error in (motion - motion.mean(), *missed)]
                 sums[1] = sums[1] if math.isfinite(sums[1]) else math.inf
-                found[channel] = dict(zip(_SUMS, sums, strict=True))
+                table[channel] = dict(zip(_SUMS, sums, strict=True))
         for angle, rate in _RATES.items():
             if angle in self.steps.channels and rate not in self.steps.channels:
                 turned = self._turned(errors, angle, steps)
                 if turned[0] > 0.0:
-                    found[rate] = dict(zip(_SUMS, turned, strict=True))
-        return found
+                    table[rate] = dict(zip(_SUMS, turned, strict=True))
+        return table
 
     def _turned(self, errors: Sequence[Errors], angle: str, steps: int) -> tuple[float, ...]:
         """The sums of squares of an angle's rate, as its change over a horizon."""
         column, rows = self.steps.channels.index(angle), [np.zeros((0, 3))]
-        for one in errors:
-            trial, counted = self.joint.data.trials[one.span.record], one.counted[:, column]
-            at = one.span.last + 1 - len(one.error) + np.flatnonzero(counted)
+        for part in errors:
+            trial, counted = self.joint.data.trials[part.span.record], part.counted[:, column]
+            at = part.span.last + 1 - len(part.error) + np.flatnonzero(counted)
             turned = trial.filled(angle)
             if turned is None or not at.size:
                 continue
             change = turned[at] - turned[at - steps]
             before = turned[at - steps] - turned[np.maximum(at - 2 * steps, 0)]
-            rows.append(np.column_stack([change, one.error[counted, column], change - before]))
+            rows.append(np.column_stack([change, part.error[counted, column], change - before]))
         change, error, held = np.vstack(rows).T / (steps * self.dt)
         about = change - change.mean() if change.size else change
-        return (*(float((one**2).sum()) for one in (about, error, held)), math.nan)
+        return (*(float((values**2).sum()) for values in (about, error, held)), math.nan)
 
     def followed(self, values: Array, ahead_s: float) -> dict[str, Trial]:
         """Trials by name with the states that the filter knew, and the current that it knew so long before.
@@ -352,14 +352,14 @@ class Innovations:
         current, NED in m/s, is zero until the filter knows it; what was recorded of it is kept.
         """
         self.settled(values)
-        late, found = self.samples(ahead_s), {}
+        late, trials = self.samples(ahead_s), {}
         data = self.joint.data
         for record, (name, trial) in enumerate(zip(data.names, data.trials, strict=True)):
             states, water = self.steps.known(record)
             current = np.zeros_like(water) if trial.current is None else trial.current.copy()
             current[late:] += water[:-late]
-            found[name] = replace(trial, current=current, states=states)
-        return found
+            trials[name] = replace(trial, current=current, states=states)
+        return trials
 
     def initial(self) -> Array:
         """No initial conditions (segments, 12): the filter has them."""
@@ -509,14 +509,14 @@ class Innovations:
 
     def errors(self, spans: Sequence[Span], ahead: int) -> list[Errors]:
         """Prediction errors of the spans so many samples ahead; every slope is its own instrument."""
-        filters, found = self._filters(spans), []
+        filters, parts = self._filters(spans), []
         for span, late in zip(spans, filters.predicted(self._noises, ahead), strict=True):
             counted = span.valid[ahead:] & np.isfinite(late).all(axis=2)
             counted[: round(_SETTLING_S / self.dt)] = False
             error = np.where(counted, span.measured[ahead:] - late[..., 0], 0.0)
             slope = np.where(counted[..., None], late[..., 1:], 0.0)
-            found.append(Errors(span, error, counted, slope, slope))
-        return found
+            parts.append(Errors(span, error, counted, slope, slope))
+        return parts
 
 
 def _spread(trials: Sequence[Trial]) -> Array:

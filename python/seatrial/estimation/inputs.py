@@ -18,14 +18,15 @@ Tests: ``tests/estimation/test_inputs.py``.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.base.errors import SimulationError, TrialError
+from seatrial.base.plain import Plain
 from seatrial.base.report import listed
 from seatrial.estimation.dependence import Dependence, dependence
 from seatrial.intake.wiring import each_wrench, thrusts
@@ -97,9 +98,9 @@ def per_group(
             columns.append(centred(np.einsum("nki,nk->ni", each[:, index], counted), weight).ravel())
     if not names:
         return GainOption("group and direction", (), (), False)
-    found = dependence(np.stack(columns, axis=1), names)
-    apart = not found.lost and not found.still
-    return GainOption("group and direction", tuple(names), found.singular_values, apart)
+    independence = dependence(np.stack(columns, axis=1), names)
+    apart = not independence.lost and not independence.still
+    return GainOption("group and direction", tuple(names), independence.singular_values, apart)
 
 
 def per_axis(vehicle: Vehicle, each: Array, weight: Array, rows: Dependence) -> GainOption:
@@ -107,8 +108,8 @@ def per_axis(vehicle: Vehicle, each: Array, weight: Array, rows: Dependence) -> 
     groups, values = actuator_groups(vehicle), vehicle.coefficients()
     total = centred(each.sum(axis=1), weight)
     driven = [row for row in AXES if row not in rows.still]
-    for one in rows.combinations:  # of rows that move only together the strongest speak
-        beside = [name for name, _ in one.parts if name in driven]
+    for combination in rows.combinations:  # of rows that move only together the strongest speak
+        beside = [name for name, _ in combination.parts if name in driven]
         driven.remove(min(beside, key=lambda row: float(np.linalg.norm(total[:, AXES.index(row)]))))
     wrenches = {
         group: centred(each[:, [vehicle.actuators.index(name) for name in names]].sum(axis=1), weight)
@@ -117,7 +118,7 @@ def per_axis(vehicle: Vehicle, each: Array, weight: Array, rows: Dependence) -> 
     keys = []
     for row in driven:
         strength = {group: _own(wrench, AXES.index(row)) for group, wrench in wrenches.items()}
-        group = max(strength, key=lambda one: strength[one])
+        group = max(strength, key=lambda group: strength[group])
         if row in "XYZ":
             keys.append(f"{group}.gain")
         elif all(values.get(f"{name}.lever_{row}") for name in groups[group]):  # relative bounds need a lever
@@ -134,11 +135,11 @@ def _own(wrench: Array, axis: int) -> float:
     return float(np.linalg.norm(row))
 
 
-def offered(vehicle: Vehicle, drives: tuple[Drive, ...], found: Dependence) -> tuple[str, ...]:
+def offered(vehicle: Vehicle, drives: tuple[Drive, ...], independence: Dependence) -> tuple[str, ...]:
     """Single gains for the groups whose members are all told apart, else the group's."""
     keys: list[str] = []
     for group, members in actuator_groups(vehicle).items():
-        if set(members) & {*found.involved, *found.still}:
+        if set(members) & {*independence.involved, *independence.still}:
             keys += _group_keys(vehicle, group, drives)
         else:
             keys += [f"{name}.gain" for name in members]
@@ -155,7 +156,7 @@ _ROW_USED = 0.02
 
 
 @dataclass(frozen=True)
-class InputJudgement:
+class InputJudgement(Plain, also="sentences"):
     """The inputs of a campaign, judged before anything is fitted.
 
     Attributes
@@ -188,14 +189,10 @@ class InputJudgement:
     freed: tuple[str, ...]
     fins: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """The judgement as plain data for JSON."""
-        return asdict(self) | {"sentences": self.sentences()}
-
     def sentences(self) -> list[str]:
         """What the inputs tell, for a control engineer."""
-        said = [*self._thrust_sentences(), *self._gain_sentences(), *self._row_sentences()]
-        return said or [
+        texts = [*self._thrust_sentences(), *self._gain_sentences(), *self._row_sentences()]
+        return texts or [
             "No input changes in the data that are fitted: only free decays and drift can be identified"
         ]
 
@@ -207,7 +204,7 @@ class InputJudgement:
             return []
         driven = len(self.thrusts.singular_values) - self.thrusts.lost
         what = "Thrust and fins" if self.fins else "Thrust"
-        said = [
+        texts = [
             f"{what}: {len(self.drives)} actuators, {driven} independent combinations driven"
             f" (singular values {', '.join(_rounded(x) for x in self.thrusts.singular_values)})"
         ]
@@ -215,33 +212,33 @@ class InputJudgement:
             kinds: dict[str, list[str]] = {"thrust": [], "lift": []}
             for name in self.thrusts.still:
                 kinds["lift" if name in self.fins else "thrust"].append(name)
-            said += [
+            texts += [
                 f"The {what} of {listed(names)} hardly changes" for what, names in kinds.items() if names
             ]
-        return said + self.thrusts.sentences()
+        return texts + self.thrusts.sentences()
 
     def _gain_sentences(self) -> list[str]:
-        said: list[str] = []
+        texts: list[str] = []
         lost = self.thrusts.involved
         if lost:
             fins = [name for name in lost if name in self.fins]
             single = "lifts" if len(fins) == len(lost) else "thrusts and lifts" if fins else "thrust gains"
-            said.append(
+            texts.append(
                 f"These inputs cannot separate the {single} of {listed(lost)}: their effects differ only in"
                 " axis coupling, which offset centres, levers and off-diagonal damping also cause"
             )
         if self.offered:
             axis = next((o for o in self.options if o.kind == "axis" and o.told_apart and lost), None)
-            said.append(
+            texts.append(
                 f"Gains that may be freed, except those that set the scale: {_keys(self.offered)}"
                 + (f"; or per axis, levers with relative bounds: {_keys(axis.names)}" if axis else "")
             )
         if self.freed:
-            said.append(
+            texts.append(
                 f"The campaign frees {_keys(self.freed)} one by one: expect wide standard deviations,"
                 " or free the group's gain"
             )
-        return said
+        return texts
 
     def _row_sentences(self) -> list[str]:
         rows = ", ".join(
@@ -253,8 +250,8 @@ class InputJudgement:
             return []
         still = f"; hardly driven: {listed(self.rows.still)}" if self.rows.still else ""
         together = [
-            f"{listed([name for name, _ in one.parts])} of the wrench move only together"
-            for one in self.rows.combinations
+            f"{listed([name for name, _ in combination.parts])} of the wrench move only together"
+            for combination in self.rows.combinations
         ]
         return [f"Wrench, root mean square: {rows}{still}", *together]
 
@@ -297,21 +294,26 @@ def judge_inputs(problem: Problem) -> InputJudgement:
     each, weight = _joined(by_actuator)
     thrust = thrusts(vehicle, each)
     drives = _drives(vehicle, thrust, weight)
-    found = dependence(centred(thrust, weight), vehicle.actuators)
+    independence = dependence(centred(thrust, weight), vehicle.actuators)
     single = tuple(f"{name}.gain" for name in vehicle.actuators)
     facts = vehicle.actuator_info()
     return InputJudgement(
         drives=drives,
-        thrusts=found,
+        thrusts=independence,
         rows_rms=rows_rms,
         rows=rows,
         options=(
-            GainOption("single", single, found.singular_values, not found.lost and not found.still),
+            GainOption(
+                "single",
+                single,
+                independence.singular_values,
+                not independence.lost and not independence.still,
+            ),
             per_group(vehicle, each / lever, thrust, weight, drives),
             per_axis(vehicle, each / lever, weight, rows),
         ),
-        offered=offered(vehicle, drives, found),
-        freed=_freed(problem, found.involved),
+        offered=offered(vehicle, drives, independence),
+        freed=_freed(problem, independence.involved),
         fins=tuple(name for name in vehicle.actuators if facts[name]["kind"] == "fin"),
     )
 
@@ -346,12 +348,12 @@ def _drives(vehicle: Vehicle, thrust: Array, weight: Array) -> tuple[Drive, ...]
 
 def _freed(problem: Problem, lost: Sequence[str]) -> tuple[str, ...]:
     """Gains of single actuators, of those that cannot be told apart, that the campaign frees."""
-    found = []
-    for parameter in (one for stage in problem.stages for one in problem.parameters[stage.name]):
+    names = []
+    for parameter in (freed for stage in problem.stages for freed in problem.parameters[stage.name]):
         thrust = [name.split(".")[0] for name, _ in parameter.members if name.endswith(_THRUST)]
         if len(set(thrust)) == 1 and set(thrust) <= set(lost):
-            found.append(parameter.name)
-    return tuple(dict.fromkeys(found))
+            names.append(parameter.name)
+    return tuple(dict.fromkeys(names))
 
 
 _THRUST = (".gain", ".p1_ahead", ".p1_astern")

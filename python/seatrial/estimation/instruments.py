@@ -52,11 +52,11 @@ def drivers(records: Sequence[Record]) -> list[str]:
 def driven(records: Sequence[Record]) -> list[Array]:
     """What drives each record's vehicle, (n, k): commands, actuator signals, wrench; zero if it has none."""
     signals, names = [_signals(record) for record in records], drivers(records)
-    found = [np.zeros((len(record.trial), len(names))) for record in records]
-    for rows, one in zip(found, signals, strict=True):
-        for name, values in one.items():
+    tables = [np.zeros((len(record.trial), len(names))) for record in records]
+    for rows, trial_signals in zip(tables, signals, strict=True):
+        for name, values in trial_signals.items():
             rows[:, names.index(name)] = np.nan_to_num(values)
-    return found
+    return tables
 
 
 def _signals(record: Record) -> dict[str, Array]:
@@ -65,7 +65,7 @@ def _signals(record: Record) -> dict[str, Array]:
     if record.input == "tau":
         return {} if trial.tau is None else dict(zip(_WRENCH, trial.tau.T, strict=True))
     own = trial.commands if record.input == "commands" else trial.measured
-    return {f"{record.input} {name}": one for name, one in own.items()}
+    return {f"{record.input} {name}": values for name, values in own.items()}
 
 
 def instrumented(
@@ -84,29 +84,33 @@ def instrumented(
     lag : int
         Samples between the lags.
     """
-    told = np.vstack([
-        _before(one, own, len(late.error), lag) for late, one, own in zip(errors, first, known, strict=True)
+    instruments = np.vstack([
+        _before(table, own, len(late.error), lag)
+        for late, table, own in zip(errors, first, known, strict=True)
     ])
-    spread = told.std(axis=0)
-    told = np.hstack([np.ones((len(told), 1)), told[:, spread > 0.0] / spread[spread > 0.0]])
-    slopes = np.vstack([one.slope.reshape(len(one.error), -1) for one in errors])
-    counted = np.concatenate([one.counted.any(axis=1) for one in errors])
-    part = np.zeros(len(told), dtype=np.intp)
+    spread = instruments.std(axis=0)
+    instruments = np.hstack([
+        np.ones((len(instruments), 1)),
+        instruments[:, spread > 0.0] / spread[spread > 0.0],
+    ])
+    slopes = np.vstack([late.slope.reshape(len(late.error), -1) for late in errors])
+    counted = np.concatenate([late.counted.any(axis=1) for late in errors])
+    part = np.zeros(len(instruments), dtype=np.intp)
     part[counted] = np.arange(counted.sum()) * _PARTS // max(int(counted.sum()), 1)
     sums = []
     for k in range(_PARTS):
         here = counted & (part == k)
-        sums.append((told[here].T @ told[here], told[here].T @ slopes[here]))
+        sums.append((instruments[here].T @ instruments[here], instruments[here].T @ slopes[here]))
     squares, products = (np.sum(both, axis=0) for both in zip(*sums, strict=True))
-    found = np.zeros_like(slopes)
+    fitted = np.zeros_like(slopes)
     for k, (own_squares, own_products) in enumerate(sums):
         here = counted & (part == k)
-        found[here] = told[here] @ _solved(squares - own_squares, products - own_products)
+        fitted[here] = instruments[here] @ _solved(squares - own_squares, products - own_products)
     made, place = [], 0
-    for one in errors:
-        rows = found[place : place + len(one.error)].reshape(one.slope.shape)
-        made.append(replace(one, instrument=np.where(one.counted[..., None], rows, 0.0)))
-        place += len(one.error)
+    for prediction in errors:
+        rows = fitted[place : place + len(prediction.error)].reshape(prediction.slope.shape)
+        made.append(replace(prediction, instrument=np.where(prediction.counted[..., None], rows, 0.0)))
+        place += len(prediction.error)
     return made
 
 

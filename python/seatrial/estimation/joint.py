@@ -87,7 +87,7 @@ def nuisances(polish: JointSettings, trials: Sequence[str], where: str) -> tuple
     CampaignError
         An unknown nuisance parameter or trial.
     """
-    found = []
+    parameters = []
     for key, entry in polish.nuisances.items():
         if key not in NAMES:
             raise CampaignError(
@@ -105,14 +105,14 @@ def nuisances(polish: JointSettings, trials: Sequence[str], where: str) -> tuple
         together = shared if entry.shared is None else entry.shared
         for group in [tuple(chosen)] if together else [(index,) for index in chosen]:
             label = key if len(group) == len(trials) else f"{', '.join(trials[i] for i in group)}: {key}"
-            found.append(Nuisance(label, key, NAMES.index(key), group, unit, entry.sd or sd))
-    return tuple(found)
+            parameters.append(Nuisance(label, key, NAMES.index(key), group, unit, entry.sd or sd))
+    return tuple(parameters)
 
 
-def rows(found: Sequence[Nuisance], values: Array, trials: int) -> Array:
+def rows(parameters: Sequence[Nuisance], values: Array, trials: int) -> Array:
     """Core's rows (trials, 38) of the values of nuisance parameters."""
     table = np.zeros((trials, len(NAMES)))
-    for nuisance, value in zip(found, values, strict=True):
+    for nuisance, value in zip(parameters, values, strict=True):
         table[list(nuisance.trials), nuisance.column] = value
     return table
 
@@ -269,18 +269,21 @@ class Joint:
         self.noise_model: NoiseModel | None = None
         self.settled: dict[bool | None, tuple[Any, ...]] = {}
         self.stage, self.left_out = _usable(problem)
-        found = method_of(problem, self.stage.trials) if method is None else ByItself(method, "")
-        self.method, self.method_reason = found.method, found.why
+        chosen_method = method_of(problem, self.stage.trials) if method is None else ByItself(method, "")
+        self.method, self.method_reason = chosen_method.method, chosen_method.why
         where = f"{problem.source}: polish"
         chosen = parameters(self.stage, problem.vehicle, where)
-        self.parameters = tuple(sorted(chosen, key=lambda one: one.name in self.hidden))
-        self.estimated = tuple(one for one in self.parameters if one.name not in self.hidden)
+        self.parameters = tuple(sorted(chosen, key=lambda parameter: parameter.name in self.hidden))
+        self.estimated = tuple(
+            parameter for parameter in self.parameters if parameter.name not in self.hidden
+        )
         self.data = cut(problem, self.stage)
         if method is None and self.polish.method == "automatic" and not self._filtered():
             needed = f"{self.stage.segment_s:g} s of a trial without a gap of more than {_LONGEST_GAP_S:g} s"
             self.method = "output"
             self.method_reason = (
-                f"{found.why}, which biases gains; a filter that knows this needs {needed}, and found none"
+                f"{chosen_method.why}, which biases gains; a filter that knows this"
+                f" needs {needed}, and found none"
             )
         self.nuisances = nuisances(self.polish, self.data.names, where)
         self.unknowns = (
@@ -337,7 +340,7 @@ class Joint:
         part = copy.copy(self)
         part.data, part.noise = self.data.of_segments(places.tolist()), self.noise.copy()
         part.model = replace(self.model, data=part.data)
-        part.coarser = tuple(replace(one, data=part.data) for one in self.coarser)
+        part.coarser = tuple(replace(model, data=part.data) for model in self.coarser)
         return part, places
 
     def at_search_step(self) -> Joint:
@@ -385,12 +388,12 @@ class Joint:
 
     def on_bounds(self, values: Array) -> Array:
         """The values (m,) of the unknowns; one that a solver left a hair inside a bound is that bound."""
-        ends = np.array([(one.lower, one.upper) for one in self.unknowns]).reshape(-1, 2)
-        found, width = values.copy(), ends[:, 1] - ends[:, 0]
+        ends = np.array([(unknown.lower, unknown.upper) for unknown in self.unknowns]).reshape(-1, 2)
+        inside, width = values.copy(), ends[:, 1] - ends[:, 0]
         for end in ends.T:
             reached = np.isfinite(width) & (np.abs(values - end) <= _A_HAIR * width)
-            found[reached] = end[reached]
-        return found
+            inside[reached] = end[reached]
+        return inside
 
     def centres(self, values: Array) -> Array:
         """Where the priors of the unknowns (m,) lie: these values where nothing is known beforehand."""
@@ -401,8 +404,8 @@ class Joint:
     def unstaged(self) -> tuple[int, ...]:
         """Places of the coefficients that no stage freed."""
         staged = {name for stage in self.problem.stages for name in stage.coefficients}
-        found = tuple(i for i, one in enumerate(self.parameters) if one.name not in staged)
-        return found if len(found) < len(self.parameters) else ()
+        free = tuple(i for i, parameter in enumerate(self.parameters) if parameter.name not in staged)
+        return free if len(free) < len(self.parameters) else ()
 
     def coefficients(self, values: Array) -> dict[str, float]:
         """Coefficients that the values (m,) of the unknowns set."""
@@ -418,13 +421,13 @@ class Joint:
         What all trials of the estimate share (a sensor's place, a latency) holds for every other trial of the
         campaign too.
         """
-        found: dict[str, dict[str, float]] = {}
+        by_trial: dict[str, dict[str, float]] = {}
         for nuisance, value in zip(self.nuisances, values[len(self.parameters) :].tolist(), strict=True):
             whole = len(nuisance.trials) == len(self.data.names) and _prior(nuisance.key)[2]
             names = self.problem.trials if whole else [self.data.names[i] for i in nuisance.trials]
             for name in names:
-                found.setdefault(name, {})[nuisance.key] = value
-        return found
+                by_trial.setdefault(name, {})[nuisance.key] = value
+        return by_trial
 
     def residuals(self, values: Array, initial: Array) -> list[Array]:
         """Measured minus shown (n, C) per segment, SI, zero where not counted.
@@ -435,10 +438,10 @@ class Joint:
         initial : ndarray, shape (segments, 12)
             Initial conditions, added to the smoothed ones.
         """
-        found = self.model.residuals(
+        errors = self.model.residuals(
             values[: len(self.parameters)], nuisance=self._nuisance(values), initial=initial
         )
-        return [np.take(error, self.used, axis=1) for error in found]
+        return [np.take(error, self.used, axis=1) for error in errors]
 
     def slopes(
         self,
@@ -479,13 +482,13 @@ class Joint:
                 initial=initial,
             )
 
-        found = flown(self.coarser[judging])
-        if not self._near(errors, [error for error, _ in found]):
-            found = flown(self.model)
+        pieces = flown(self.coarser[judging])
+        if not self._near(errors, [error for error, _ in pieces]):
+            pieces = flown(self.model)
         last, before = len(self.unknowns), inside + len(extra)
         starts = range(before + len(keys), before + len(keys) + len(self.initials))
         result = []
-        for segment, error, (_, jacobian) in zip(self.data.segments, errors, found, strict=True):
+        for segment, error, (_, jacobian) in zip(self.data.segments, errors, pieces, strict=True):
             # The core differentiates by every kind of nuisance; of each kind one unknown is this trial's own.
             owner = {n.key: count + at for at, n in enumerate(sought) if segment.record in n.trials}
             columns = [*range(inside), *(before + keys.index(key) for key in owner), *range(inside, before)]

@@ -108,9 +108,9 @@ class Polished:
             "method": self.method,
             "method_reason": self.method_reason,
             "stopped": self.stopped,
-            "horizons": [one.to_dict(names) for one in self.horizons],
+            "horizons": [horizon.to_dict(names) for horizon in self.horizons],
             "log_alone": None if self.log_alone is None else self.log_alone.to_dict(names),
-            "others": [one.to_dict() for one in self.others],
+            "others": [other.to_dict() for other in self.others],
             "waves": None if self.waves is None else dict(self.waves),
             "values": dict(zip(names, self.values.tolist(), strict=True)),
             "noise": self.noise.tolist(),
@@ -159,26 +159,26 @@ def polish(
     searched = joint if whole or not limit else joint.thinned(_PART)[0].at_search_step()
     search = _Descent(searched, frozenset(fixed), limit, watch)
     search.rounds.near = near
-    found = [search.run(first)]
+    searches = [search.run(first)]
     if near:
-        ended = joint.on_bounds(found[0].values)
-        return replace(found[0], values=ended, wall_s=time.monotonic() - began)
-    if start is None and not fixed and limit and joint.unstaged and not found[-1].interrupted:
+        ended = joint.on_bounds(searches[0].values)
+        return replace(searches[0], values=ended, wall_s=time.monotonic() - began)
+    if start is None and not fixed and limit and joint.unstaged and not searches[-1].interrupted:
         smaller = _Descent(searched, frozenset(joint.unstaged), limit, watch).run(first)
         if not smaller.interrupted:
-            found.append(search.run(smaller.values))
+            searches.append(search.run(smaller.values))
     for other in also:
-        if not found[-1].interrupted:
-            found.append(search.run(np.asarray(other, dtype=float)))
+        if not searches[-1].interrupted:
+            searches.append(search.run(np.asarray(other, dtype=float)))
     generator = np.random.default_rng(joint.problem.seed)
     for _ in range(joint.polish.starts - 1):
-        if found[-1].interrupted:
+        if searches[-1].interrupted:
             break
-        found.append(search.run(search.scattered(first, generator)))
-    costs = np.array([float(one.costs[0]) for one in found])
-    best, interrupted = found[int(costs.argmin())], found[-1].interrupted
-    start_cost = found[0].start_cost + float(costs[0] - costs.min())
-    evaluations = sum(one.evaluations for one in found)
+        searches.append(search.run(search.scattered(first, generator)))
+    costs = np.array([float(attempt.costs[0]) for attempt in searches])
+    best, interrupted = searches[int(costs.argmin())], searches[-1].interrupted
+    start_cost = searches[0].start_cost + float(costs[0] - costs.min())
+    evaluations = sum(attempt.evaluations for attempt in searches)
     if searched is not joint:
         last = _Descent(joint, frozenset(fixed), 0 if interrupted else limit, watch).run(first, best.values)
         more = len(joint.data.segments) / len(searched.data.segments)
@@ -193,7 +193,7 @@ def polish(
         evaluations=evaluations,
         interrupted=interrupted,
         wall_s=time.monotonic() - began,
-        spread=np.array([one.values for one in found]),
+        spread=np.array([attempt.values for attempt in searches]),
         costs=costs,
     )
 
@@ -203,8 +203,8 @@ def with_horizons(joint: Joint, polished: Polished) -> Polished:
     if joint.method == "output" or not polished.rounds or polished.interrupted:
         return polished
     innovations, values = Innovations(joint), polished.values
-    found = horizons(innovations, values)
-    return replace(polished, horizons=found, log_alone=log_alone(innovations, values))
+    judged = horizons(innovations, values)
+    return replace(polished, horizons=judged, log_alone=log_alone(innovations, values))
 
 
 def linearise(
@@ -253,25 +253,25 @@ def _with_noise_model(
     own[open_] = [joint.parameters[i].start for i in open_]
     if rounds and joint.noise_model is None and not np.array_equal(own, start):
         start = innovations.likelier([start, own])
-    found = innovations.estimate(start, rounds, fixed, watch)
+    estimate = innovations.estimate(start, rounds, fixed, watch)
     return Polished(
-        values=joint.on_bounds(found.values),
+        values=joint.on_bounds(estimate.values),
         initial=innovations.initial(),
-        noise=found.noise,
-        cost=found.cost,
-        start_cost=found.start_cost,
-        samples=found.samples,
-        rounds=found.rounds,
-        evaluations=found.rounds + 1,
-        converged=found.converged,
-        interrupted=found.interrupted,
+        noise=estimate.noise,
+        cost=estimate.cost,
+        start_cost=estimate.start_cost,
+        samples=estimate.samples,
+        rounds=estimate.rounds,
+        evaluations=estimate.rounds + 1,
+        converged=estimate.converged,
+        interrupted=estimate.interrupted,
         wall_s=time.monotonic() - began,
-        spread=found.values[None],
-        costs=np.array([found.cost]),
+        spread=estimate.values[None],
+        costs=np.array([estimate.cost]),
         method="innovations",
         method_reason=joint.method_reason,
         waves=None if joint.noise_model is None else joint.noise_model.waves(),
-        stopped=found.stopped,
+        stopped=estimate.stopped,
     )
 
 
@@ -373,13 +373,13 @@ class _Descent:
     def _lower(self, here: _Place, values: Array, initial: Array, centre: Array) -> _Place:
         """The first point on the way to new values that lies lower; the old one where none does."""
         for part in _PARTS:
-            found = self._placed(
+            place = self._placed(
                 values + (1.0 - part) * (here.values - values),
                 initial + (1.0 - part) * (here.initial - initial),
                 centre,
             )
-            if found.merit < here.merit:
-                return found
+            if place.merit < here.merit:
+                return place
         return here
 
     def scattered(self, start: Array, generator: np.random.Generator) -> Array:

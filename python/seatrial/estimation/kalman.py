@@ -158,8 +158,8 @@ def shaped(
         return noise
 
     def improved(model: NoiseModel) -> tuple[float, NoiseModel]:
-        likelihood, found, _ = Filters(spans, model, dt, seen, threads).likeliest(model, evaluations)
-        return likelihood, found
+        likelihood, better, _ = Filters(spans, model, dt, seen, threads).likeliest(model, evaluations)
+        return likelihood, better
 
     def towards(best: tuple[float, NoiseModel], step: _Step) -> tuple[float, NoiseModel]:
         """The best along one line, or the same."""
@@ -178,10 +178,10 @@ def shaped(
         best = other if other[0] > best[0] + _WORTH else best
     if noise.toward is None:
         courses = [_towards(spans, best[1], 2.0 * math.pi * k / _COURSES) for k in range(_COURSES)]
-        told = [one for one in courses if one is not None]
-        if told:
+        known = [course for course in courses if course is not None]
+        if known:
             other = improved(
-                max(told, key=lambda one: Filters(spans, one, dt, seen, threads).likelihood(one))
+                max(known, key=lambda course: Filters(spans, course, dt, seen, threads).likelihood(course))
             )
             best = other if other[0] > best[0] + _WORTH else best
     steps = [_Step(broader=_BROADER), _Step(faster=_FASTER)]
@@ -294,7 +294,7 @@ class Filters:
             if not math.isfinite(likelihood) and tried:
                 return _IMPOSSIBLE - tried[0][0] / scale[0], np.zeros_like(logarithms)
             tried.append((likelihood, model, motion))
-            best = max(tried, key=lambda one: one[0])
+            best = max(tried, key=lambda trial: trial[0])
             tried[:] = [best]
             slope = np.concatenate([(by_process * process)[driven], (by_sensors * sensors)[sensed]])
             if not scale:
@@ -315,7 +315,7 @@ class Filters:
 
     def likelihood(self, noise: NoiseModel) -> float:
         """Logarithm of the likelihood of all spans with a noise model, without its constant."""
-        return float(sum(one.sum() for one in self.likelihoods(noise)))
+        return float(sum(values.sum() for values in self.likelihoods(noise)))
 
     def likelihoods(self, noise: NoiseModel) -> list[Array]:
         """What each sample of every span adds to it."""
@@ -330,15 +330,15 @@ class Filters:
         """Likelihood of a noise model, its slopes by the process and sensor variances, and the motion."""
         width, start = len(noise.process), self._start(noise)
         kept = [*range(self.states), width - 2, width - 1]
-        found = self._each(lambda model: model.judge(noise.process, noise.sensors, start, kept))
+        judged = self._each(lambda model: model.judge(noise.process, noise.sensors, start, kept))
         motion = [
             Motion(smoothed[:, :-2], smoothed[:, -2:], known[:, :-2], known[:, -2:])
-            for *_, smoothed, known in found
+            for *_, smoothed, known in judged
         ]
         return (
-            sum(one[0] for one in found),
-            np.sum([one[1] for one in found], axis=0),
-            np.sum([one[2] for one in found], axis=0),
+            sum(row[0] for row in judged),
+            np.sum([row[1] for row in judged], axis=0),
+            np.sum([row[2] for row in judged], axis=0),
             motion,
         )
 

@@ -61,7 +61,7 @@ def method_of(problem: Problem, trials: Sequence[str]) -> ByItself:
 def _answered_waves(problem: Problem, trials: Sequence[str]) -> str:
     """Which commands answer measurements in a trial with waves; "" where none do."""
     for name in _commanded(problem, trials):
-        closed = [one for one in problem.verdicts(name).values() if one.kind != "open"]
+        closed = [verdict for verdict in problem.verdicts(name).values() if verdict.kind != "open"]
         swell = waves(problem.trials[name]) if closed else None
         if swell is not None:
             return f"in trial {name} feedback drives {_commands(closed)}, in waves of {swell.period_s:.1f} s"
@@ -77,13 +77,15 @@ def _answered(problem: Problem, trials: Sequence[str]) -> str:
     if len(chosen) < len(trials):
         return ""
     verdicts = best(problem.verdicts(name) for name in chosen)
-    closed = [one for one in verdicts.values() if one.kind != "open" and not one.told >= REPLAYED]
+    closed = [
+        verdict for verdict in verdicts.values() if verdict.kind != "open" and not verdict.told >= REPLAYED
+    ]
     if not closed:
         return ""
-    told = min(one.told for one in closed)
-    percent = 100.0 * max(told, 0.0)
+    lowest = min(verdict.told for verdict in closed)
+    percent = 100.0 * max(lowest, 0.0)
     share = f", and commands independent of feedback drive only {percent:.0f} % of an axis' motion"
-    return f"feedback drives {_commands(closed)} in every trial{share if told == told else ''}"
+    return f"feedback drives {_commands(closed)} in every trial{share if lowest == lowest else ''}"
 
 
 def _commanded(problem: Problem, trials: Sequence[str]) -> list[str]:
@@ -92,7 +94,7 @@ def _commanded(problem: Problem, trials: Sequence[str]) -> list[str]:
 
 
 def _commands(closed: Sequence[Verdict]) -> str:
-    return ", ".join(dict.fromkeys(command for one in closed for command in one.commands))
+    return ", ".join(dict.fromkeys(command for verdict in closed for command in verdict.commands))
 
 
 def _runs_away(problem: Problem, asked: JointSettings, trials: Sequence[str]) -> str:

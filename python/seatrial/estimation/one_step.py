@@ -232,9 +232,9 @@ class OneStep:
         """
         states = tuple(part.copy() for part in self.joint.data.trials[record].state(slice(None)))
         place = 0
-        for one, first, last in self._spans:
+        for span_record, first, last in self._spans:
             here, place = slice(place, place + last - first), place + last - first
-            if one == record:
+            if span_record == record:
                 for part, own in zip(states, self.path.known[:3], strict=True):
                     part[first:last] = own[here]
         return (states[0], states[1], states[2]), self.path.known.water[record]
@@ -254,32 +254,32 @@ class OneStep:
         taken along what the filter knew at each sample, because a smoothed motion knows the errors that they
         are to explain.
         """
-        if not all(np.isfinite(part).all() for one in motion for part in one):
+        if not all(np.isfinite(part).all() for states in motion for part in states):
             return False
-        known = self._beside([(one.known, one.known_water) for one in motion])
-        smoothed = self._beside([(one.states, one.water) for one in motion])
-        ends = tuple(end + one.states[-1] for end, one in zip(self.path.ends, motion, strict=True))
+        known = self._beside([(course.known, course.known_water) for course in motion])
+        smoothed = self._beside([(course.states, course.water) for course in motion])
+        ends = tuple(end + course.states[-1] for end, course in zip(self.path.ends, motion, strict=True))
         self.path = Path(smoothed, ends, known)
         return True
 
     def _beside(self, beside: Sequence[tuple[Array, Array]]) -> _Motion:
         """The smoothed motion so far, with states (n, S) and water (n, 2) per span beside it."""
         path = self.path.smoothed
-        water = [one.copy() for one in path.water]
+        water = [water.copy() for water in path.water]
         for (record, first, last), (_, current) in zip(self._spans, beside, strict=True):
             water[record][first : last + 1, :2] += current
         starts = np.hstack([path.nu, path.position, to_euler(path.attitude)])
         starts[:, self._columns] += np.concatenate([states[:-1] for states, _ in beside])
         return _Motion(starts[:, 6:9], from_euler(starts[:, 9:]), starts[:, :6], tuple(water))
 
-    def _difference(self, one: Array, other: Array, places: Sequence[int] | None = None) -> Array:
+    def _difference(self, values: Array, other: Array, places: Sequence[int] | None = None) -> Array:
         """One minus another (n, channels), angles the shorter way round."""
-        found = np.asarray(one - other)
+        difference = np.asarray(values - other)
         names = self.states if places is None else [self.states[i] for i in places]
         for column, name in enumerate(names):
             if name in _ANGLES:
-                found[:, column] = shorter(found[:, column])
-        return found
+                difference[:, column] = shorter(difference[:, column])
+        return difference
 
     def _at(self, record: int, sample: int) -> Array:
         """Smoothed state (S,) of a sample as the instruments show it."""
@@ -290,13 +290,13 @@ class OneStep:
         """What a velocity of the water adds to the states' velocities and the rates of their places."""
         trial = self.joint.data.trials[record]
         turned = matrix(trial.state(slice(first, last + 1))[1])
-        found = np.zeros((len(turned), len(self.states), 3))
+        velocities = np.zeros((len(turned), len(self.states), 3))
         for column, name in enumerate(self.states):
             if name in "uvw":
-                found[:, column] = turned[:, :, "uvw".index(name)]
+                velocities[:, column] = turned[:, :, "uvw".index(name)]
             elif name in "xyz":
-                found[:, column, "xyz".index(name)] = 1.0
-        return found
+                velocities[:, column, "xyz".index(name)] = 1.0
+        return velocities
 
     def _through(self, record: int, first: int, last: int) -> Array:
         """Horizontal velocity (n, 2) through the water, of the smoothed log in the water as it is known."""

@@ -69,7 +69,7 @@ class PredictionErrorCriterion:
         """Standard deviation (Y,) of the prediction errors, from their median."""
         noise = np.empty(errors[0].error.shape[1])
         for column in range(len(noise)):
-            sizes = np.concatenate([np.abs(one.error[one.counted[:, column], column]) for one in errors])
+            sizes = np.concatenate([np.abs(part.error[part.counted[:, column], column]) for part in errors])
             noise[column] = 1.4826 * float(np.median(sizes)) if len(sizes) else math.inf
         return np.maximum(noise, 1e-12)
 
@@ -82,8 +82,8 @@ class PredictionErrorCriterion:
     def cost(self, errors: Sequence[Errors], noise: Array) -> float:
         """Half the robust sum of squares of the prediction errors."""
         total = 0.0
-        for one in errors:
-            size = np.abs(one.error / noise)
+        for part in errors:
+            size = np.abs(part.error / noise)
             inner = np.minimum(size, self.knee)
             total += float((inner * (size - 0.5 * inner)).sum())
         return total
@@ -107,17 +107,17 @@ class PredictionErrorCriterion:
         precision = overlap * self.prior_sd**-2.0
         metric, information = np.diag(precision), np.diag(precision)
         blocks = []
-        told = any(one.instrument is not one.slope for one in errors)
-        for one in errors:
-            residual = one.error / noise
+        instrumented = any(part.instrument is not part.slope for part in errors)
+        for part in errors:
+            residual = part.error / noise
             weight = self.weight(residual)
-            slope, known = one.slope / noise[:, None], one.instrument / noise[:, None]
+            slope, known = part.slope / noise[:, None], part.instrument / noise[:, None]
             metric = metric + np.einsum("kc,kci,kcj->ij", weight, known, known, optimize=True)
-            if told:
+            if instrumented:
                 information = information + np.einsum("kc,kci,kcj->ij", weight, known, slope, optimize=True)
             pull = np.einsum("kc,kci->ki", weight * residual, known)
             blocks += [pull[k : k + self.block].sum(axis=0) for k in range(0, len(pull), self.block)]
-        if not told:
+        if not instrumented:
             information = metric
         gradient = np.sum(blocks, axis=0) - precision * (at - centre)
         free = np.array([i for i in range(len(at)) if i not in set(fixed)], dtype=np.intp)
@@ -127,11 +127,11 @@ class PredictionErrorCriterion:
         size = np.sqrt(np.diag(scaled))
         factor = np.linalg.cholesky(scaled / np.outer(size, size) + 1e-10 * np.eye(len(free))).T * size
         rows = factor
-        if told:
+        if instrumented:
             rows = np.linalg.solve(factor.T, information[np.ix_(free, free)] * np.outer(scale, scale))
         target = np.linalg.solve(factor.T, gradient[free] * scale)
         away = [(bound[free] - at[free]) / scale for bound in (self.lower, self.upper)]
-        found = lsq_linear(rows, target, (np.minimum(away[0], -1e-12), np.maximum(away[1], 1e-12)))
+        solution = lsq_linear(rows, target, (np.minimum(away[0], -1e-12), np.maximum(away[1], 1e-12)))
         step = np.zeros(len(at))
-        step[free] = found.x * scale
+        step[free] = solution.x * scale
         return GaussNewtonStep(step, information, np.linalg.solve(information, np.array(blocks).T).T)

@@ -23,12 +23,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.plain import Plain
 from seatrial.estimation.homogeneity import Homogeneity, homogeneity, ratios, thrust_factors
 from seatrial.problem.anchor import Anchor, Ballast, Bollard, DryMass
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard
@@ -190,7 +191,7 @@ _UNSTATED = 0.1
 
 
 @dataclass(frozen=True)
-class Implied:
+class Implied(Plain, also="added_kg warnings"):
     """What an anchor implies for an identified vehicle.
 
     Attributes
@@ -229,18 +230,18 @@ class Implied:
         """Sentences about what cannot be."""
         if not math.isfinite(self.factor.value):
             return ("the anchor contradicts the vehicle: its answer has the other sign; check its signs",)
-        found = [
+        warnings = [
             f"added mass in {motion} would be {mass:.3g} kg, negative: anchor or apparent mass is wrong"
             for motion, mass in self.added_kg.items()
             if mass < 0.0
         ]
-        found += self.thrust_warnings
+        warnings += self.thrust_warnings
         if self.centre_height_m <= 0.0:
-            found.append("the centre of gravity would lie above the centre of buoyancy: check z_g, z_b, B")
+            warnings.append("the centre of gravity would lie above the centre of buoyancy: check z_g, z_b, B")
         if abs(self.net_weight_n) > _NET_SHARE * self.mass_kg * self.g:
             share = 100.0 * self.net_weight_n / (self.mass_kg * self.g)
-            found.append(f"net weight would be {share:+.2g} % of the weight: check B and m")
-        return tuple(found)
+            warnings.append(f"net weight would be {share:+.2g} % of the weight: check B and m")
+        return tuple(warnings)
 
     @property
     def thrust_warnings(self) -> list[str]:
@@ -254,30 +255,26 @@ class Implied:
             " voltage and anchor"
         ]
 
-    def to_dict(self) -> dict[str, Any]:
-        """The consequences as plain data for JSON."""
-        return asdict(self) | {"added_kg": self.added_kg, "warnings": list(self.warnings)}
-
     def sentences(self, *, identified: bool = True) -> list[str]:
         """The factor, what follows from it, what cannot be; before an identification of the thrust alone."""
-        said = [f"{self.factor.anchor} ({self.factor.assumption}): {_factor_words(self.factor, identified)}"]
+        texts = [f"{self.factor.anchor} ({self.factor.assumption}): {_factor_words(self.factor, identified)}"]
         if not identified:
-            return said + [f"WARNING {text}" for text in self.thrust_warnings]
+            return texts + [f"WARNING {text}" for text in self.thrust_warnings]
         if math.isfinite(self.factor.value):
             gains = ", ".join(f"{name} {gain:.2g}" for name, gain in self.gains.items())
             added = ", ".join(f"{motion} {mass:.3g}" for motion, mass in self.added_kg.items())
             side = "below" if self.centre_height_m > 0.0 else "above"
-            said.append(
+            texts.append(
                 f"It implies thrust gains {gains or '(no thruster)'}; added mass {added} kg beside"
                 f" {self.mass_kg:.4g} kg; net weight {self.net_weight_n:+.2g} N; centre of gravity"
                 f" {1e3 * abs(self.centre_height_m):.3g} mm {side} that of buoyancy"
                 f" (vehicle file: {1e3 * self.file_height_m:.3g} mm)"
             )
-        return said + [f"WARNING {text}" for text in self.warnings]
+        return texts + [f"WARNING {text}" for text in self.warnings]
 
 
 @dataclass(frozen=True)
-class ScaleReport:
+class ScaleReport(Plain, without="identified", also="sentences"):
     """The scale of all forces: what it rests on, what the anchors imply, coefficients free of it.
 
     Attributes
@@ -303,48 +300,37 @@ class ScaleReport:
     identified: bool
     tested: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """The report as plain data for JSON."""
-        return {
-            "homogeneity": self.homogeneity.to_dict(),
-            "implied": [one.to_dict() for one in self.implied],
-            "waiting": list(self.waiting),
-            "ratios": self.ratios,
-            "tested": list(self.tested),
-            "sentences": self.sentences(),
-        }
-
     def sentences(self) -> list[str]:
         """What the scale rests on, what the anchors imply; where there is none, a request for one."""
-        said = self.homogeneity.sentences()
-        for one in self.implied:
-            said += one.sentences(identified=self.identified)
-        said += self._disagreement()
+        texts = self.homogeneity.sentences()
+        for implied in self.implied:
+            texts += implied.sentences(identified=self.identified)
+        texts += self._disagreement()
         if self.waiting:
-            said.append(f"Judged after the identification: {', '.join(self.waiting)}")
+            texts.append(f"Judged after the identification: {', '.join(self.waiting)}")
         if self.tested:
-            said.append(
+            texts.append(
                 f"The bench test measured the thrust of {', '.join(self.tested)} on a load cell: an absolute"
                 " anchor, as good as that cell"
             )
         elif not self.implied and not self.waiting:
-            said.append(
+            texts.append(
                 "No absolute anchor is given; only ratios are known. Give one under [anchor]: bollard (a pull"
                 " at rest under known commands), ballast (a known weight, and the sink rate, angle or"
                 " commands that it causes) or dry_mass (with an assumed added mass)"
             )
         if self.ratios:
-            told = ", ".join(f"{name} {value:.4g}" for name, value in self.ratios.items())
-            said.append(f"Divided by the thrust gain, for any scale: {told}")
-        return said
+            values = ", ".join(f"{name} {value:.4g}" for name, value in self.ratios.items())
+            texts.append(f"Divided by the thrust gain, for any scale: {values}")
+        return texts
 
     def _disagreement(self) -> list[str]:
-        known = [one.factor for one in self.implied if math.isfinite(one.factor.value)]
+        known = [implied.factor for implied in self.implied if math.isfinite(implied.factor.value)]
         if len(known) < 2:
             return []
-        lower = max(min(one.lower, one.value * (1.0 - _UNSTATED)) for one in known)
-        upper = min(max(one.upper, one.value * (1.0 + _UNSTATED)) for one in known)
-        values = " and ".join(f"{one.anchor.lower()} {one.value:.2g}" for one in known)
+        lower = max(min(factor.lower, factor.value * (1.0 - _UNSTATED)) for factor in known)
+        upper = min(max(factor.upper, factor.value * (1.0 + _UNSTATED)) for factor in known)
+        values = " and ".join(f"{factor.anchor.lower()} {factor.value:.2g}" for factor in known)
         if lower <= upper:
             return [f"The anchors agree: {values}"]
         return [f"WARNING the anchors disagree: {values}; one of them, or what it assumes, is wrong"]
@@ -371,7 +357,7 @@ def judge_scale(problem: Problem, vehicle: Vehicle | None = None) -> ScaleReport
             every = implied(problem.vehicle, anchor)  # refuses here what could not be judged later
         except CampaignError as error:
             raise CampaignError(f"{problem.source}: {error}") from None
-        waiting = [one.factor.anchor for one in every[len(anchor.bollard) :]]
+        waiting = [implied.factor.anchor for implied in every[len(anchor.bollard) :]]
         return ScaleReport(direction, every[: len(anchor.bollard)], tuple(waiting), {}, False, tested)
     known = implied(vehicle, anchor, reference=problem.vehicle)
     return ScaleReport(direction, known, (), ratios(vehicle, problem.vehicle), True, tested)

@@ -93,8 +93,8 @@ def cut(problem: Problem, stage: Stage) -> StageData:
         records.append(record)
         segments += pieces
     scale = _scale(records)
-    for channel, one, counts in zip(CHANNELS, scale, counting, strict=True):
-        if counts and not one > 0:
+    for channel, weight, counts in zip(CHANNELS, scale, counting, strict=True):
+        if counts and not weight > 0:
             raise CampaignError(
                 f"{where}, key channels: channel {channel!r} never moves in the training part of"
                 f" {', '.join(stage.trials)}, so it cannot be scaled; leave it out"
@@ -113,13 +113,13 @@ def _counts(records: Sequence[Record], segments: Sequence[Segment]) -> Array:
 
 def unfit_trials(problem: Problem, stage: Stage) -> dict[str, str]:
     """Trials of a stage that cannot be cut into its segments, and why."""
-    found = {}
+    reasons = {}
     for name in stage.trials:
         try:
             _of_trial(problem, stage, name, 0)
         except CampaignError as error:
-            found[name] = str(error)
-    return found
+            reasons[name] = str(error)
+    return reasons
 
 
 def _of_trial(problem: Problem, stage: Stage, name: str, index: int) -> tuple[Record, list[Segment]]:

@@ -17,12 +17,13 @@ Held by ``tests/estimation/test_innovations.py``.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import Span
@@ -63,7 +64,7 @@ class Horizon:
 
 
 @dataclass(frozen=True)
-class OtherDamping:
+class OtherDamping(Plain):
     """Estimates with another model of the damping, which the log cannot tell from that of the fit.
 
     ``strips`` names the drag coefficient that stands against quadratic damping; ``damping`` and ``own`` are
@@ -77,10 +78,6 @@ class OtherDamping:
     values: Mapping[str, float]
     away: Mapping[str, float]
     refused: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as plain data."""
-        return asdict(self) | {"refused": list(self.refused)}
 
 
 @dataclass(frozen=True)
@@ -110,13 +107,13 @@ class LogAlone:
 def log_alone(innovations: Innovations, values: Array) -> LogAlone | None:
     """Estimates free of what commands answer beyond the log, beside the values (m,); None where none does."""
     joint = innovations.joint
-    told = innovations.answers(innovations.settled(values))
-    if not told.names:
+    answers = innovations.answers(innovations.settled(values))
+    if not answers.names:
         return None
     own = _influence(innovations, values)
 
     def free(spans: Sequence[Span], steps: int) -> list[Errors]:
-        return told.freed(innovations.errors(spans, steps))
+        return answers.freed(innovations.errors(spans, steps))
 
     at, influence = _estimated(innovations, free, values, values, 1)
     away = _away(values, own, at, influence)
@@ -125,8 +122,8 @@ def log_alone(innovations: Innovations, values: Array) -> LogAlone | None:
         for unknown, far, before, after in zip(joint.unknowns, away, values, at, strict=True)
         if unknown.kind == "coefficient" and _apart(far, before, after, unknown.scale, _PART_OF)
     ]
-    commands = tuple(name.partition(" ")[2] for name in told.names)
-    return LogAlone(commands, told.sure, at, away, tuple(refused))
+    commands = tuple(name.partition(" ")[2] for name in answers.names)
+    return LogAlone(commands, answers.sure, at, away, tuple(refused))
 
 
 def horizons(innovations: Innovations, values: Array) -> tuple[Horizon, ...]:
@@ -136,7 +133,7 @@ def horizons(innovations: Innovations, values: Array) -> tuple[Horizon, ...]:
     squares, which err for different reasons: waves that the noise model foretells badly, and answers to them.
     """
     joint, criterion = innovations.joint, innovations.criterion
-    found: list[Horizon] = []
+    judged: list[Horizon] = []
     fitted = innovations.samples(joint.polish.horizon_s)
     own, at = _influence(innovations, values), values
     for ahead_s in sorted(joint.polish.horizons_s):
@@ -157,8 +154,8 @@ def horizons(innovations: Innovations, values: Array) -> tuple[Horizon, ...]:
             )
             if unknown.kind == "coefficient" and apart
         )
-        found.append(Horizon(steps * innovations.dt, shown, away, refused))
-    return tuple(found)
+        judged.append(Horizon(steps * innovations.dt, shown, away, refused))
+    return tuple(judged)
 
 
 def _estimated(
@@ -181,7 +178,7 @@ def _estimated(
 
 
 def other_damping(
-    strips: str, words: tuple[str, str], one: tuple[Joint, Array], other: tuple[Joint, Array]
+    strips: str, words: tuple[str, str], first: tuple[Joint, Array], other: tuple[Joint, Array]
 ) -> OtherDamping:
     """What another model of the damping says of the coefficients that it shares with the fit.
 
@@ -194,8 +191,8 @@ def other_damping(
     one, other
         The fit and the estimate with the other model, each with its values.
     """
-    (joint, values), (rival, theirs) = one, other
-    influences = [_influence(Innovations(who), at) for who, at in (one, other)]
+    (joint, values), (rival, theirs) = first, other
+    influences = [_influence(Innovations(who), at) for who, at in (first, other)]
     names = [[unknown.name for unknown in who.unknowns] for who in (joint, rival)]
     shared = [name for name in names[0] if name in names[1]]
     mine, its = ([own.index(name) for name in shared] for own in names)
@@ -222,18 +219,18 @@ def _influence(innovations: Innovations, values: Array) -> Array:
     return criterion.step(errors, criterion.noise(errors), values, joint.centres(values)).influence
 
 
-def _away(one: Array, influence: Array, other: Array, others: Array) -> Array:
+def _away(values: Array, influence: Array, other: Array, others: Array) -> Array:
     """Difference (m,) of two estimates in its standard deviations, by the influences of the same blocks."""
     count = min(len(influence), len(others))
     spread = np.sqrt(((others[:count] - influence[:count]) ** 2).sum(axis=0))
-    return np.asarray((other - one) / np.maximum(spread, 1e-300))
+    return np.asarray((other - values) / np.maximum(spread, 1e-300))
 
 
-def _apart(away: float, one: float, other: float, scale: float, part: float = 1.0) -> bool:
+def _apart(away: float, value: float, other: float, scale: float, part: float = 1.0) -> bool:
     """Whether two estimates differ by more than chance, and by a part of what matters."""
-    return abs(away) > _APART and matters(one, other, scale, part)
+    return abs(away) > _APART and matters(value, other, scale, part)
 
 
-def matters(one: float, other: float, scale: float, part: float = 1.0) -> bool:
+def matters(value: float, other: float, scale: float, part: float = 1.0) -> bool:
     """Whether two estimates differ by a twentieth or part of it; `scale` is the width of the bounds."""
-    return bool(abs(other - one) > part * _MATTERS * max(abs(one), _NOTHING * scale))
+    return bool(abs(other - value) > part * _MATTERS * max(abs(value), _NOTHING * scale))

@@ -15,7 +15,7 @@ import math
 import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS, DEGREE
 from seatrial.base.errors import CampaignError, SimulationError, VehicleError
 from seatrial.base.fallback import is_numerical
+from seatrial.base.plain import Plain
 from seatrial.base.progress import Step
 from seatrial.estimation.criterion import Criterion, with_initial_velocities
 from seatrial.estimation.descent import descend
@@ -90,7 +91,7 @@ class StagePlan:
 
 
 @dataclass(frozen=True)
-class StageResult:
+class StageResult(Plain):
     """What a stage found.
 
     ``estimates`` maps the campaign's parameter names to values, ``coefficients`` every coefficient that they
@@ -124,10 +125,6 @@ class StageResult:
         The global search has a longer step, and the segments' starts may be estimated after it.
         """
         return {step.phase: step.best for step in self.history}
-
-    def to_dict(self) -> dict[str, Any]:
-        """Result as plain numbers, texts, lists and dicts."""
-        return asdict(self) | {"trials": list(self.trials), "history": [asdict(s) for s in self.history]}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> StageResult:
@@ -181,7 +178,7 @@ def run_stage(
     plan: StagePlan,
     *,
     vehicle: Vehicle,
-    found: Mapping[str, float],
+    earlier: Mapping[str, float],
     inputs: str,
     watch: Callable[[Step], None],
     threads: int | None = None,
@@ -194,7 +191,7 @@ def run_stage(
     plan : StagePlan
     vehicle : Vehicle
         With the estimates of the stages before.
-    found : mapping
+    earlier : mapping
         Those estimates: they replace the vehicle file's values as start values.
     inputs : str
         Hash of all that the result depends on, kept with it.
@@ -205,7 +202,7 @@ def run_stage(
     """
     began = time.monotonic()
     stage, chosen = plan.stage, plan.parameters
-    start = np.array([_start(parameter, found) for parameter in chosen])
+    start = np.array([_start(parameter, earlier) for parameter in chosen])
 
     def stepped(substeps: int) -> Criterion:
         return Criterion(SegmentModel(vehicle, stage, plan.data, chosen, substeps, threads))
@@ -276,7 +273,7 @@ def run_stage(
     )
 
 
-def _possible(vehicle: Vehicle, chosen: tuple[Parameter, ...], found: Array) -> Array:
+def _possible(vehicle: Vehicle, chosen: tuple[Parameter, ...], candidates: Array) -> Array:
     """The first of some candidates (k, m) that is a vehicle: bounds may admit a lag below zero.
 
     Raises
@@ -285,7 +282,7 @@ def _possible(vehicle: Vehicle, chosen: tuple[Parameter, ...], found: Array) -> 
         None is; the error is that of the first one.
     """
     first: VehicleError | None = None
-    for candidate in found:
+    for candidate in candidates:
         try:
             vehicle.with_coefficients(coefficients(chosen, candidate))
         except VehicleError as error:
@@ -321,10 +318,10 @@ def refitted_stage(
     if plan.stage.start == "estimated":
         criterion = with_initial_velocities(criterion, start, criterion.nu)
     lower, upper = ([getattr(p, end) for p in plan.parameters] for end in ("lower", "upper"))
-    found = descend(
+    minimum = descend(
         criterion, criterion.linearised, start, lower=lower, upper=upper, tolerance=plan.tolerance
     )
-    return coefficients(plan.parameters, found.x)
+    return coefficients(plan.parameters, minimum.x)
 
 
 def search_start(
@@ -404,18 +401,20 @@ def _number(value: float | None) -> float:
     return math.inf if value is None else value
 
 
-def _start(parameter: Parameter, found: Mapping[str, float]) -> float:
+def _start(parameter: Parameter, earlier: Mapping[str, float]) -> float:
     """Start value: the campaign's own, else an earlier stage's estimate in the bounds, else the vehicle's."""
     member, factor = parameter.members[0]
-    if parameter.start_given or member not in found:
+    if parameter.start_given or member not in earlier:
         return parameter.start
-    return min(max(found[member] / factor, parameter.lower), parameter.upper)
+    return min(max(earlier[member] / factor, parameter.lower), parameter.upper)
 
 
 def step_sentences(plans: Sequence[StagePlan]) -> tuple[str, ...]:
     """A sentence per stage whose bounds admit vehicles that the search cannot follow."""
-    said = ((one.stage.name, one.step.sentence(one.data.dt)) for one in plans)
-    return tuple(f"stage {name!r}: {sentence}" for name, sentence in said if sentence)
+    sentences = (
+        (stage_plan.stage.name, stage_plan.step.sentence(stage_plan.data.dt)) for stage_plan in plans
+    )
+    return tuple(f"stage {name!r}: {sentence}" for name, sentence in sentences if sentence)
 
 
 _PART = 0.1

@@ -82,7 +82,7 @@ class StageStep:
             return ""
         limit = _MOST_SEARCH * SEARCH_RATE_LIMIT / dt
         what = f"vehicles with rates up to {self.rate:.3g} rad/s"
-        said = (
+        consequence = (
             f"the search follows {limit:.3g} rad/s ({_MOST_SEARCH} steps per sample of {dt:g} s) and takes"
             " faster ones for diverged"
         )
@@ -93,10 +93,11 @@ class StageStep:
         ]
         if not named:
             return (
-                f"the start vehicle itself has a rate of {self.rate:.3g} rad/s; {said}: check its masses,"
+                f"the start vehicle itself has a rate of {self.rate:.3g} rad/s; {consequence}: check its"
+                " masses,"
                 " inertias and damping, or log at a higher rate"
             )
-        return f"the bounds admit {what}; {said}. To exclude them bound {', '.join(named)}"
+        return f"the bounds admit {what}; {consequence}. To exclude them bound {', '.join(named)}"
 
 
 def stage_step(
@@ -129,9 +130,9 @@ def stage_step(
     rates = [rate({})]
     for parameter in parameters:
         ends = (parameter.lower, parameter.upper)
-        found = [rate(parameter.coefficients(end)) for end in ends]
-        rates += found
-        corner[parameter.name] = ends[int(np.argmax(found))]
+        rates_at_ends = [rate(parameter.coefficients(end)) for end in ends]
+        rates += rates_at_ends
+        corner[parameter.name] = ends[int(np.argmax(rates_at_ends))]
     rates.append(rate(_values(parameters, corner)))
     bound = _MARGIN * max(rates)
     limits = (RATE_LIMIT, SLOPE_RATE_LIMIT, SEARCH_RATE_LIMIT)
@@ -147,11 +148,11 @@ def stage_step(
 
 def _values(parameters: Sequence[Parameter], chosen: Mapping[str, float]) -> dict[str, float]:
     """Coefficients that the chosen values of parameters set."""
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for parameter in parameters:
         if parameter.name in chosen:
-            found |= parameter.coefficients(chosen[parameter.name])
-    return found
+            values |= parameter.coefficients(chosen[parameter.name])
+    return values
 
 
 def _too_fast(
@@ -168,7 +169,7 @@ def _too_fast(
     by_name = {parameter.name: parameter for parameter in parameters}
     # Each parameter's own fast end counts as well as the corner of all of them together.
     left = {name: end for name, end in corner.items() if by_name[name].start != end}
-    found: list[tuple[str, float, float]] = []
+    fast: list[tuple[str, float, float]] = []
     while left:
 
         def at(name: str, value: float, others: Mapping[str, float] = left) -> float:
@@ -184,11 +185,11 @@ def _too_fast(
             for _ in range(_BISECTIONS):
                 middle = 0.5 * (good + bad)
                 good, bad = (middle, bad) if at(slowest, middle) <= limit else (good, middle)
-        found.append((slowest, bound, good))
+        fast.append((slowest, bound, good))
         del left[slowest]
         if good != by_name[slowest].start:
             break
-    return tuple(found) if found and rate({}) <= limit else (("", 0.0, 0.0),)
+    return tuple(fast) if fast and rate({}) <= limit else (("", 0.0, 0.0),)
 
 
 def _digits(value: float, bound: float) -> str:

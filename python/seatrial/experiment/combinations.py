@@ -110,7 +110,7 @@ class Thrusters:
     @property
     def drivers(self) -> list[Combination]:
         """Combinations that drive the vehicle ahead from rest, the purest first."""
-        return [one for one in self.combinations_of("X") if not one.needs_way]
+        return [combination for combination in self.combinations_of("X") if not combination.needs_way]
 
     def reach(self, combination: Combination, besides: Array | None = None) -> tuple[float, float]:
         """Largest wrenches against and along the axis, N or N m, beside other thrusts (actuators,)."""
@@ -148,19 +148,19 @@ class Thrusters:
 
     def commands(self, thrusts: Array) -> dict[str, Array]:
         """Commands {actuator: (n,)} in their own units for thrusts (n, actuators), held within the limits."""
-        found: dict[str, Array] = {}
+        series: dict[str, Array] = {}
         for name, (force, values), wanted in zip(self.names, self._curves, thrusts.T, strict=True):
             neutral = float(self._facts[name]["neutral"])
             given = np.where(np.abs(wanted) < 1e-9, neutral, np.interp(wanted, force, values))
-            found[name] = np.asarray(
+            series[name] = np.asarray(
                 np.round(given, _DIGITS.get(str(self._facts[name]["unit"]), 4)), dtype=float
             )
-        return found
+        return series
 
     def trim(self) -> Array:
         """Thrusts (actuators,) in N that carry the net weight of the level vehicle; zero where none can."""
         none = np.zeros(len(self.names))
-        heave = [one for one in self.combinations_of("Z") if not one.needs_way]
+        heave = [combination for combination in self.combinations_of("Z") if not combination.needs_way]
         if not heave:
             return none
         needed = -float(np.asarray(self.vehicle.forces(np.zeros(6), (0.0, 0.0, 0.0))["restoring"])[2])
@@ -218,13 +218,13 @@ def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
     everything = ("all", list(places.values()))
     facts = vehicle.actuator_info()
     fins = np.array([facts[name]["kind"] == "fin" for name in vehicle.actuators])
-    found: list[Combination] = []
+    chosen: list[Combination] = []
     for group, members in [*(groups if len(groups) > 1 else []), everything]:
         accepted: list[Array] = []
         tried = [_pattern(scaled, rows, members, axis) for axis in rows]
         for purity, axis, pattern in sorted(tried, key=lambda entry: (-entry[0], AXES.index(entry[1]))):
             rival = max(
-                (combination.purity for combination in found if combination.axis == axis), default=_PURE
+                (combination.purity for combination in chosen if combination.axis == axis), default=_PURE
             )
             if purity < _PURE or (group == "all" and purity < rival + _PURER):
                 continue
@@ -235,10 +235,10 @@ def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
             pushed = float(matrix[AXES.index(axis)] @ pattern)
             thrusts = tuple(float(x) for x in pattern / pushed)
             needs_way = bool((np.abs(unit[fins]) > 1e-6).any())
-            found.append(Combination(axis, group, thrusts, purity, needs_way))
+            chosen.append(Combination(axis, group, thrusts, purity, needs_way))
     order = [*(group for group, _ in groups), "all"]
     return tuple(
-        sorted(found, key=lambda combination: (order.index(combination.group), AXES.index(combination.axis)))
+        sorted(chosen, key=lambda combination: (order.index(combination.group), AXES.index(combination.axis)))
     )
 
 

@@ -26,8 +26,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, DEGREE, MOTIONS, VELOCITIES
 from seatrial.base.errors import CampaignError
+from seatrial.base.plain import Plain
 from seatrial.trial.sailed import DITHER
 from seatrial.trial.verdict import TOLD, judge_trial, pushed_by
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
@@ -64,7 +65,7 @@ _BEGIN, _TAPS = (1, 0, 0, 1, 1, 0, 1, 0, 1), (9, 5)  # of the shift register: a 
 
 
 @dataclass(frozen=True)
-class Dither:
+class Dither(Plain):
     """A dither for one axis.
 
     Attributes
@@ -160,10 +161,6 @@ class Dither:
             + self.table().write_csv()
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return asdict(self)
-
 
 def dithers(
     trials: Sequence[Trial],
@@ -196,7 +193,7 @@ def dithers(
     if not 0.0 < deviation < 1.0:
         raise CampaignError(f"deviation: expected a share between 0 and 1, found {deviation:g}")
     dominated = {axis: verdict for axis, verdict in verdicts.items() if verdict.dominated}
-    found = []
+    sized = []
     for axis, verdict in dominated.items():
         # Fins and a propeller that heel the vehicle a little are told by the axes that they serve.
         others = [set(other.commands) for key, other in dominated.items() if key != axis]
@@ -210,8 +207,8 @@ def dithers(
             float(np.std(y)) if (y := trial.filled(channel)) is not None else math.inf for trial, _ in seen
         ]
         trial, own = seen[int(np.argmin(sizes))]
-        found.append(_sized(trial, vehicle, own, deviation, voltage_v))
-    return tuple(found)
+        sized.append(_sized(trial, vehicle, own, deviation, voltage_v))
+    return tuple(sized)
 
 
 def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, voltage_v: float) -> Dither:

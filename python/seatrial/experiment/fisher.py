@@ -241,13 +241,13 @@ def _initial_sd(instruments: Instruments) -> dict[str, float]:
     Those of axes that nothing measures are not estimated.
     """
     noise = instruments.noise
-    found = {f"initial_{name}": VELOCITY_NOISES * noise[name] for name in CHANNELS[:6] if name in noise}
+    deviations = {f"initial_{name}": VELOCITY_NOISES * noise[name] for name in CHANNELS[:6] if name in noise}
     turning = any(name in noise for name in CHANNELS[3:6])
     for name in CHANNELS[9:]:
         if name in noise or (turning and name != "yaw"):
-            found[f"initial_{name}"] = ANGLE_SD
-    found |= {f"initial_{name}": PLACE_SD for name in CHANNELS[6:9] if name in noise}
-    return {name: found[name] for name in initial_names() if name in found}
+            deviations[f"initial_{name}"] = ANGLE_SD
+    deviations |= {f"initial_{name}": PLACE_SD for name in CHANNELS[6:9] if name in noise}
+    return {name: deviations[name] for name in initial_names() if name in deviations}
 
 
 _HULL = re.compile(r"[XYZKMN]_(?:[uvwpqr]{1,2}|[uvwpqr]dot)$|C_D[yz]$")
@@ -292,18 +292,18 @@ def of_campaign(problem: Problem, names: Sequence[str] = ()) -> tuple[Parameter,
 
     What the joint estimate frees besides (a thruster's gain) leaves less to tell the rest by.
     """
-    found = {
+    scales = {
         parameter.name: parameter for stage in problem.stages for parameter in problem.parameters[stage.name]
     }
     polish = problem.joint
     if polish is not None and polish.coefficients:
-        found |= {
+        scales |= {
             p.name: p for p in _parsed(polish.coefficients, problem.vehicle, f"{problem.source}: polish")
         }
-    missing = [name for name in names if name not in found]
+    missing = [name for name in names if name not in scales]
     if missing:
-        found |= {p.name: p for p in of_vehicle(problem.vehicle, missing) if p.name in missing}
-    return tuple(found.values())
+        scales |= {p.name: p for p in of_vehicle(problem.vehicle, missing) if p.name in missing}
+    return tuple(scales.values())
 
 
 def prior_information(parameters: Sequence[Parameter]) -> Array:
@@ -339,9 +339,9 @@ def recorded_information(
         total[row, row] += unknown.prior_sd**-2.0
         if unknown.kind == "coefficient" and math.isfinite(unknown.scale):
             total[row, row] += 12.0 / unknown.scale**2
-    found = np.zeros((len(parameters), len(parameters)))
-    found[np.ix_(shared, shared)] = eliminate(total, keep, drop)
-    return found
+    information = np.zeros((len(parameters), len(parameters)))
+    information[np.ix_(shared, shared)] = eliminate(total, keep, drop)
+    return information
 
 
 def seen_by(recorded: Linearisation) -> Instruments:
@@ -359,7 +359,11 @@ def seen_by(recorded: Linearisation) -> Instruments:
         dict(zip(recorded.channels, map(float, recorded.noise), strict=True)),
         correlation_s=recorded.dt * variance_inflation(r),
         current_m_s=max(
-            (one.prior_sd for one in recorded.unknowns if one.name.rpartition(": ")[2] in _CURRENTS),
+            (
+                unknown.prior_sd
+                for unknown in recorded.unknowns
+                if unknown.name.rpartition(": ")[2] in _CURRENTS
+            ),
             default=0.0,
         ),
     )

@@ -270,20 +270,20 @@ def proposals(
     """
     limits = limits or Limits()
     thrusters, other = Thrusters(vehicle, voltage_v=voltage_v), uneven(vehicle)
-    found: list[Proposal] = []
+    accepted: list[Proposal] = []
     refused: dict[str, str] = {}
     for build in _sketches(thrusters):
         fitting, reason = _fitted(build, vehicle, other, limits, duration_s, voltage_v)
-        found += fitting
+        accepted += fitting
         if not fitting:
             refused[build(duration_s, _AMPLITUDES[0]).name] = reason
     for decay in _decays(thrusters, duration_s, limits):
         seen = forecast(decay, vehicle, other, limits=limits, voltage_v=voltage_v)
         if seen.excess is None:
-            found.append(Proposal(decay, seen))
+            accepted.append(Proposal(decay, seen))
         else:
             refused[decay.name] = seen.excess
-    return found, refused
+    return accepted, refused
 
 
 def _fitted(
@@ -296,7 +296,7 @@ def _fitted(
         seen = forecast(manoeuvre, vehicle, other, limits=limits, voltage_v=voltage_v)
         return Proposal(manoeuvre, seen, amplitude)
 
-    found: list[Proposal] = []
+    accepted: list[Proposal] = []
     reason, largest = "", 0.0
     pause = build(duration_s, _AMPLITUDES[0]).pause_s
     for parts in _PARTS:
@@ -317,8 +317,8 @@ def _fitted(
         if fits.forecast.excess is None and fits.amplitude > largest:
             largest = fits.amplitude
             small = tried(span, round(_SMALL * largest, 3))
-            found += [fits, *([small] if small.forecast.excess is None else [])]
-    return found, reason
+            accepted += [fits, *([small] if small.forecast.excess is None else [])]
+    return accepted, reason
 
 
 def _sketches(thrusters: Thrusters) -> Iterator[Build]:
@@ -352,10 +352,11 @@ def _sketches(thrusters: Thrusters) -> Iterator[Build]:
 
 def _one_per_axis(thrusters: Thrusters, *, way: bool) -> list[Combination]:
     """The purest combination of every axis, at rest or under way."""
-    found = (
-        [one for one in thrusters.combinations_of(axis) if way or not one.needs_way] for axis in "XYZKMN"
+    by_axis = (
+        [combination for combination in thrusters.combinations_of(axis) if way or not combination.needs_way]
+        for axis in "XYZKMN"
     )
-    return [combinations[0] for combinations in found if combinations]
+    return [combinations[0] for combinations in by_axis if combinations]
 
 
 def _decays(thrusters: Thrusters, duration_s: float, limits: Limits) -> Iterator[Manoeuvre]:

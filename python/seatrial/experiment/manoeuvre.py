@@ -389,7 +389,7 @@ def _left(combination: Combination) -> str:
 
 def _all(combinations: Sequence[Combination]) -> str:
     """What combinations take a share of."""
-    kinds = {one.needs_way for one in combinations}
+    kinds = {combination.needs_way for combination in combinations}
     return (
         "thrust and fins' force" if len(kinds) > 1 else "the fins' force" if True in kinds else "the thrust"
     )

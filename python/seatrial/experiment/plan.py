@@ -347,7 +347,7 @@ def _fitting(
     """Candidates within limits and time, and why the others are not."""
     if candidates is None:
         return proposals(vehicle, duration_s=budget_s, limits=limits, voltage_v=voltage_v)
-    other, found, refused = uneven(vehicle), [], {}
+    other, accepted, refused = uneven(vehicle), [], {}
     for manoeuvre in candidates:
         seen = forecast(manoeuvre, vehicle, other, limits=limits, voltage_v=voltage_v)
         if seen.excess is not None:
@@ -355,8 +355,8 @@ def _fitting(
         elif manoeuvre.repeats(budget_s) < 1:
             refused[manoeuvre.name] = f"it takes {manoeuvre.duration_s:.0f} s"
         else:
-            found.append(Proposal(manoeuvre, seen))
-    return found, refused
+            accepted.append(Proposal(manoeuvre, seen))
+    return accepted, refused
 
 
 def _linearised(

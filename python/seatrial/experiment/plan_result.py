@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import TrialError
+from seatrial.base.plain import Plain
 from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, to_json
 
@@ -30,7 +31,7 @@ VEHICLE, IDENTIFIED, START = "vehicle", "identification", "start values"
 
 
 @dataclass(frozen=True)
-class Change:
+class Change(Plain, also="relative_before relative_after"):
     """Standard deviation of one coefficient before and after, in its unit.
 
     The score takes it relative to ``relative_to``, which is no less than a tenth of the bounds' width; what
@@ -70,13 +71,14 @@ class Change:
             return _percent(deviation / self.whole)
         return f"± {deviation:.2g} {unit}".rstrip()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return asdict(self) | {"relative_before": self.relative_before, "relative_after": self.relative_after}
-
 
 @dataclass(frozen=True)
-class Ranked:
+class Ranked(
+    Plain,
+    without="manoeuvre",
+    also="name=manoeuvre.name kind=manoeuvre.kind words=manoeuvre.words start=manoeuvre.start.words"
+    " duration_s=manoeuvre.duration_s pause_s=manoeuvre.pause_s",
+):
     """A trial that could be next.
 
     Attributes
@@ -100,26 +102,9 @@ class Ranked:
     score: float
     gains: tuple[Change, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, without the commands."""
-        manoeuvre = self.manoeuvre
-        return {
-            "name": manoeuvre.name,
-            "kind": manoeuvre.kind,
-            "words": manoeuvre.words,
-            "start": manoeuvre.start.words,
-            "duration_s": manoeuvre.duration_s,
-            "pause_s": manoeuvre.pause_s,
-            "amplitude": self.amplitude,
-            "repeats": self.repeats,
-            "score": self.score,
-            "forecast": asdict(self.forecast),
-            "gains": [change.to_dict() for change in self.gains],
-        }
-
 
 @dataclass(frozen=True)
-class Plan(RunResult):
+class Plan(RunResult, Plain, without="facts", also="score_after"):
     """The next trials.
 
     Attributes
@@ -169,29 +154,6 @@ class Plan(RunResult):
     def score_after(self) -> float:
         """Sum of the relative standard deviations after the sequence."""
         return self.sequence[-1].score
-
-    def to_dict(self) -> dict[str, Any]:
-        """The plan as plain data for JSON."""
-        return {
-            "vehicle": self.vehicle,
-            "budget_s": self.budget_s,
-            "score_before": self.score_before,
-            "score_after": self.score_after,
-            "staircases_score": self.staircases_score,
-            "recorded": self.recorded,
-            "at": self.at,
-            "instruments": {
-                "noise": dict(self.instruments.noise),
-                "correlation_s": self.instruments.correlation_s,
-                "segment_s": self.instruments.segment_s,
-                "current_m_s": self.instruments.current_m_s,
-            },
-            "coefficients": [change.to_dict() for change in self.coefficients],
-            "sequence": [ranked.to_dict() for ranked in self.sequence],
-            "ranking": [ranked.to_dict() for ranked in self.ranking],
-            "dithers": [dither.to_dict() for dither in self.dithers],
-            "refused": dict(self.refused),
-        }
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""

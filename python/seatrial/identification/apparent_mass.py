@@ -44,21 +44,28 @@ def implausible_masses(
     masses : mapping
         Apparent masses that it found, by axis, kg or kg m2.
     """
-    plausible = plausible_masses(start, {one.name for one in coefficients})
-    of_file, found = masses_of(start), {}
+    plausible = plausible_masses(start, {coefficient.name for coefficient in coefficients})
+    of_file, implausible = masses_of(start), {}
     for axis, mass in masses.items():
         low, high = plausible[axis]
         # A search that ended at a bound is on it up to rounding, and is told as such.
         if 0.999 * low <= mass <= 1.001 * high or abs(mass - of_file[axis]) <= AGREE * of_file[axis]:
             continue
-        added = [one for one in coefficients if one.name == f"{axis}_{_CHANNEL[axis]}dot" and one.start]
-        by = "".join(f" ({one.name} {one.estimate / one.start:.3g} times its start)" for one in added)
-        found[axis] = (
+        added = [
+            coefficient
+            for coefficient in coefficients
+            if coefficient.name == f"{axis}_{_CHANNEL[axis]}dot" and coefficient.start
+        ]
+        by = "".join(
+            f" ({coefficient.name} {coefficient.estimate / coefficient.start:.3g} times its start)"
+            for coefficient in added
+        )
+        implausible[axis] = (
             f"{axis}: implausible, apparent {mass_in_words(axis, mass)} is {mass / of_file[axis]:.2g} times"
             f" the {of_file[axis]:.2g} of the vehicle file{by}, whose bounds allow {low:.2g} to {high:.2g}; a"
             " wrong thrust or lever arm, or an unmodelled delay, may appear as inertia"
         )
-    return found
+    return implausible
 
 
 def plausible_masses(vehicle: Vehicle, freed: Collection[str] = ()) -> dict[str, tuple[float, float]]:
@@ -79,7 +86,7 @@ def plausible_masses(vehicle: Vehicle, freed: Collection[str] = ()) -> dict[str,
     """
     known, values = vehicle.coefficient_info(), vehicle.coefficients()
     rigid = {"X": "m", "Y": "m", "Z": "m", "K": "I_x", "M": "I_y", "N": "I_z"}
-    found = {}
+    bounds = {}
     for axis, mass in masses_of(vehicle).items():
         added = known[f"{axis}_{_CHANNEL[axis]}dot"]
         bounded = added["lower"] is not None
@@ -89,8 +96,8 @@ def plausible_masses(vehicle: Vehicle, freed: Collection[str] = ()) -> dict[str,
         if rigid[axis] in freed:
             body = known[rigid[axis]]
             low, high = (float(body[end]) - values[rigid[axis]] for end in ("lower", "upper"))
-        found[axis] = (rest + low + least, rest + high + most)
-    return found
+        bounds[axis] = (rest + low + least, rest + high + most)
+    return bounds
 
 
 def mass_in_words(axis: str, mass: float, sd: float | None = None) -> str:

@@ -130,10 +130,10 @@ class Choice:
                 " coefficients or leave a trial out of [polish]"
             )
         how = "better than" if self.likelihood < -_EVEN else "as well as"
-        said = f"The joint estimate is the result: it predicts {self.judged_on} {how} the stages {figures}"
+        text = f"The joint estimate is the result: it predicts {self.judged_on} {how} the stages {figures}"
         if self.fallen:
-            said += f"; it is worse in {', '.join(self.fallen)}"
-        return said
+            text += f"; it is worse in {', '.join(self.fallen)}"
+        return text
 
     def to_dict(self) -> dict[str, Any]:
         """The choice as plain data; the joint estimate without its values."""
@@ -222,7 +222,11 @@ def with_or_without_presumed(
         and a sentence on that; with them where nothing is held out.
     """
     own = joint.problem.joint
-    names = () if own is None else tuple(name for name, one in own.coefficients.items() if one.sd is not None)
+    names = (
+        ()
+        if own is None
+        else tuple(name for name, estimate in own.coefficients.items() if estimate.sd is not None)
+    )
     staged = {name for stage in joint.problem.stages for name in stage.coefficients}
     names = tuple(name for name in names if name not in staged)
     if not names or polished.interrupted:
@@ -277,20 +281,20 @@ def _outside(
     words = f"held-out data, {ahead_s:g} s ahead from the state of a filter,"
     if not joint.steps(held_out=True)[0]:
         return words, {}, {}, {}
-    found = []
+    ratios = []
     begun = joint if begun is None else begun
-    for one, values in ((joint, polished.values), (begun, begun.start)):
-        own = one.noise_model
+    for estimated, values in ((joint, polished.values), (begun, begun.start)):
+        own = estimated.noise_model
         if values is begun.start:
-            Innovations(one).prepare(values)
-        sums = Innovations(one, held_out=True).sums(values, ahead_s)
-        one.noise_model = own
-        found.append({channel: min(row["filter"] / row["mean"], _MOST) for channel, row in sums.items()})
+            Innovations(estimated).prepare(values)
+        sums = Innovations(estimated, held_out=True).sums(values, ahead_s)
+        estimated.noise_model = own
+        ratios.append({channel: min(row["filter"] / row["mean"], _MOST) for channel, row in sums.items()})
     rivals = {
-        name: {c: one[name] / one["mean"] for c, one in sums.items() if math.isfinite(one[name])}
+        name: {c: row[name] / row["mean"] for c, row in sums.items() if math.isfinite(row[name])}
         for name in ("hold last", "linear")
     }
-    return words, found[1], found[0], rivals
+    return words, ratios[1], ratios[0], rivals
 
 
 def _horizon(joint: Joint) -> float:
@@ -320,24 +324,24 @@ def _errors(
     for trial, score in scores.get("hold_out", {}).get("ahead", {}).items():
         if trial != POOLED:
             _collect(errors, score)
-    found = {}
+    shares = {}
     for channel, sums in errors.items():
         sse, sst = np.sum(sums, axis=0)
         if sst > 0.0:
-            found[channel] = float(min(sse / sst, _MOST))
-    return found
+            shares[channel] = float(min(sse / sst, _MOST))
+    return shares
 
 
 def _collect(errors: dict[str, list[tuple[float, float]]], score: Score) -> None:
     """Add the sums of squares of one trial's channels."""
-    for channel, one in score.items():
-        if one.n == 0 or math.isnan(one.r2):
+    for channel, entry in score.items():
+        if entry.n == 0 or math.isnan(entry.r2):
             continue
-        if not math.isfinite(one.r2):
+        if not math.isfinite(entry.r2):
             errors.setdefault(channel, []).append((_MOST, 1.0))
             continue
-        sse = one.rmse**2 * one.n
-        errors.setdefault(channel, []).append((sse, sse / max(1.0 - one.r2, 1e-12)))
+        sse = entry.rmse**2 * entry.n
+        errors.setdefault(channel, []).append((sse, sse / max(1.0 - entry.r2, 1e-12)))
 
 
 def _refitted(
@@ -352,14 +356,17 @@ def _refitted(
         shorter = _without_ends(problem)
         vehicle = shorter.vehicle
         optima = {stage.name: stage for stage in stages}
-        for one in plan(shorter):
-            if one.stage.name not in optima:  # it failed on all data
+        for stage_plan in plan(shorter):
+            if stage_plan.stage.name not in optima:  # it failed on all data
                 continue
-            found = refitted_stage(shorter, one, optima[one.stage.name], vehicle=vehicle, threads=threads)
-            vehicle = vehicle.with_coefficients(found)
+            coefficients = refitted_stage(
+                shorter, stage_plan, optima[stage_plan.stage.name], vehicle=vehicle, threads=threads
+            )
+            vehicle = vehicle.with_coefficients(coefficients)
         joint = Joint(shorter, vehicle, threads=threads).at_search_step()
         start = [
-            optimum.get(one.name, own) for one, own in zip(joint.unknowns, joint.start.tolist(), strict=True)
+            optimum.get(unknown.name, own)
+            for unknown, own in zip(joint.unknowns, joint.start.tolist(), strict=True)
         ]
         polished = polish(joint, start=np.array(start), near=True)
         return (

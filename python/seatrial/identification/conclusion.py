@@ -144,10 +144,10 @@ def jointly(
     """What the joint estimate makes of the stages; where they stay the result, without an estimate."""
 
     def improved() -> Polished:
-        found = _finite(polish(joint, watch=watch))
-        if found.rounds == 0 and not found.interrupted:
+        polished_again = _finite(polish(joint, watch=watch))
+        if polished_again.rounds == 0 and not polished_again.interrupted:
             raise NumericalError("it took no step, because the model diverges where the stages ended")
-        return found
+        return polished_again
 
     polished = fallbacks.attempt("joint estimate", improved, None, kept=_STAGES, remedy=_CHECK)
     if polished is None:
@@ -218,8 +218,8 @@ def _assessed(
     """
 
     def judged() -> tuple[Polished, Assessment]:
-        found = _finite(polish(joint, rounds=0) if polished is None else polished)
-        return found, assess(joint, found)
+        estimate = _finite(polish(joint, rounds=0) if polished is None else polished)
+        return estimate, assess(joint, estimate)
 
     what = "the stages" if polished is None else "the joint estimate"
     both = fallbacks.attempt(
@@ -231,19 +231,19 @@ def _assessed(
     )
     if both is None:
         return None
-    found, sure = both
+    estimate, sure = both
     if spoilt and joint.method == "innovations":
         sure = replace(sure, spoilt=spoilt)
     rests: tuple[Conditional, ...] = fallbacks.attempt(
         "dependence on held coefficients",
-        lambda: conditional(joint, found, ready.held, sure.uncertainty),
+        lambda: conditional(joint, estimate, ready.held, sure.uncertainty),
         (),
         kept="the estimates, without what they rest on",
         remedy=_CHECK,
     )
     restarts = fallbacks.attempt(
         "states of the filter for the scores",
-        lambda: Restarts.of(result.problem, joint, found.values, sure.vehicle),
+        lambda: Restarts.of(result.problem, joint, estimate.values, sure.vehicle),
         Restarts(),
         kept="scores that restart from the smoothed log",
         remedy=_CHECK,

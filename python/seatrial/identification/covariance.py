@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.plain import Plain
 from seatrial.estimation.homogeneity import STATIC
 from seatrial.problem.parameter import coefficient_names, expansion_matrix
 from seatrial.vehicle.actuators import actuator_groups
@@ -54,7 +55,7 @@ _ABSENT = 1e-4  # component of a unit vector that is no part of it
 
 
 @dataclass(frozen=True, eq=False)
-class CoefficientCovariance:
+class CoefficientCovariance(Plain):
     """How well coefficients are known.
 
     Attributes
@@ -73,15 +74,6 @@ class CoefficientCovariance:
     at: Array
     matrix: Array
     notes: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain lists."""
-        return {
-            "names": list(self.names),
-            "at": self.at.tolist(),
-            "matrix": self.matrix.tolist(),
-            "notes": list(self.notes),
-        }
 
     @classmethod
     def from_dict(cls, data: Any, source: str) -> CoefficientCovariance:
@@ -139,9 +131,9 @@ def coefficient_covariance(
     parameters, own = assessment.parameters, vehicle.coefficients()
     matrix, notes = _bounded(assessment)
     factors = expansion_matrix(parameters)
-    found, among = coefficient_names(parameters), factors.T @ matrix @ factors
+    names, among = coefficient_names(parameters), factors.T @ matrix @ factors
     notes += _beyond(assessment, scale)
-    alone = [name for name in staged if name not in found]
+    alone = [name for name in staged if name not in names]
     if alone:
         notes.append(
             f"{', '.join(alone)}: set by a stage and not in the joint estimate, so there is no standard"
@@ -154,30 +146,30 @@ def coefficient_covariance(
             f' To vary them, give percent: coefficients = {{ "{example}" = 20.0 }} under [verification].'
         )
     if bench is not None:
-        found, among = _with_thrust(found, among, bench, own, notes)
-    at = np.array([own.get(name, 0.0) for name in found])
-    return CoefficientCovariance(tuple(found), at, 0.5 * (among + among.T), tuple(notes))
+        names, among = _with_thrust(names, among, bench, own, notes)
+    at = np.array([own.get(name, 0.0) for name in names])
+    return CoefficientCovariance(tuple(names), at, 0.5 * (among + among.T), tuple(notes))
 
 
 def _beyond(assessment: Assessment, scale: ScaleReport) -> list[str]:
     """Sentences on what no draw contains: what the model class lacks, and another scale of all forces."""
-    said = []
+    notes = []
     if assessment.residual_analysis.warning:
-        said.append(
+        notes.append(
             f"{assessment.residual_analysis.warning}. Draws stay within that class; to cover what it"
             ' lacks, add deviations such as coefficients = { "*_uu" = 10.0 } under [verification].'
         )
-    if not scale.tested and any(one.kind != STATIC for one in scale.homogeneity.held):
+    if not scale.tested and any(direction.kind != STATIC for direction in scale.homogeneity.held):
         rests = scale.homogeneity.sentences()[1]
-        said.append(
+        notes.append(
             f"{rests}; draws do not vary it, all forces and masses together may be larger or smaller."
         )
-    return said
+    return notes
 
 
 def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     """Covariance (p, p) of the parameters with the bounds in place of what the data do not tell."""
-    uncertainty, told = assessment.uncertainty, assessment.identifiability
+    uncertainty, directions = assessment.uncertainty, assessment.identifiability
     known = [parameter.name for parameter in assessment.parameters]
     places = [uncertainty.names.index(name) for name in known]
     width = np.array([parameter.upper - parameter.lower for parameter in assessment.parameters])
@@ -189,41 +181,43 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     absent = ~np.isfinite(uncertainty.sigma[places]) | (ended & gains)
     stays = ended & ~gains & ~absent
     scaled = _with_fixed(scaled, stays)
-    kept = [name for name, one in zip(known, stays, strict=True) if one]
-    said = [f"{', '.join(kept)}: ended at a bound, and draws keep it there."] if kept else []
+    kept = [name for name, stay in zip(known, stays, strict=True) if stay]
+    notes = [f"{', '.join(kept)}: ended at a bound, and draws keep it there."] if kept else []
     silent = _silent(
-        told.singular_values, told.vectors[:, [told.names.index(name) for name in known]], absent
+        directions.singular_values,
+        directions.vectors[:, [directions.names.index(name) for name in known]],
+        absent,
     )
     rest = np.eye(len(known)) - silent @ silent.T
     values, vectors = np.linalg.eigh(rest @ scaled @ rest)
     cut = values > _UNIFORM
     if not cut.any() and not silent.shape[1]:
-        return width[:, None] * scaled * width, said
+        return width[:, None] * scaled * width, notes
     bounded = (vectors * np.clip(values, 0.0, _UNIFORM)) @ vectors.T + _UNIFORM * silent @ silent.T
     # What stays has no rounding either: at its bound half of the vehicles would be beyond it.
     bounded[stays] = bounded[:, stays] = 0.0
     along = absent | (np.abs(vectors[:, cut]).max(axis=1, initial=0.0) > 0.5)
-    weak = [name for name, one in zip(known, along, strict=True) if one]
+    weak = [name for name, lies_along in zip(known, along, strict=True) if lies_along]
     if weak:
-        said.insert(
+        notes.insert(
             0,
             f"{', '.join(weak)}: constrained less by the data than by the campaign's bounds; draws have the"
             " spread of a uniform distribution between them (standard deviation 0.29 of their width), and"
             " correlated coefficients vary less as a result.",
         )
-    return width[:, None] * bounded * width, said
+    return width[:, None] * bounded * width, notes
 
 
 def _with_fixed(covariance: Array, fixed: NDArray[np.bool_]) -> Array:
     """Covariance (p, p) of the rest given that some parameters stay at their estimate, zero for these."""
     if not fixed.any():
         return covariance
-    found = np.zeros_like(covariance)
+    conditioned = np.zeros_like(covariance)
     rest = np.ix_(~fixed, ~fixed)
     across = covariance[np.ix_(~fixed, fixed)]
     inside = np.linalg.pinv(covariance[np.ix_(fixed, fixed)], hermitian=True)
-    found[rest] = covariance[rest] - across @ inside @ across.T
-    return found
+    conditioned[rest] = covariance[rest] - across @ inside @ across.T
+    return conditioned
 
 
 def _silent(singular: Array, vectors: Array, absent: NDArray[np.bool_]) -> Array:
@@ -241,7 +235,7 @@ def _with_thrust(
     known: list[str], matrix: Array, bench: BenchTest, own: Mapping[str, float], notes: list[str]
 ) -> tuple[list[str], Array]:
     """Coefficients and covariance with the bench test's own uncertainty of the thrust."""
-    said = []
+    shares = []
     for name, fit in bench.pulls.items():
         share = _thrust_sd(fit)
         gains = [gain for actuator in fit.unit.actuators if (gain := f"{actuator}.gain") in own]
@@ -253,9 +247,9 @@ def _with_thrust(
         along = np.zeros(len(known))
         along[[known.index(gain) for gain in gains]] = [share * own[gain] for gain in gains]
         matrix = matrix + np.outer(along, along)
-        said.append(f"{name} {100.0 * share:.2g} %")
-    if said:
-        notes.append(f"Thrust varies by the bench test's own standard deviation: {', '.join(said)}.")
+        shares.append(f"{name} {100.0 * share:.2g} %")
+    if shares:
+        notes.append(f"Thrust varies by the bench test's own standard deviation: {', '.join(shares)}.")
     return known, matrix
 
 
@@ -325,8 +319,8 @@ def _meant(pattern: str, vehicle: Vehicle, own: Mapping[str, float]) -> list[lis
         together = [name for actuator in groups[group] if (name := f"{actuator}.{suffix}") in own]
         if together:
             return [together]
-    found = [[name] for name in own if fnmatchcase(name, pattern) and own[name] != 0.0]
-    if not found:
+    matches = [[name] for name in own if fnmatchcase(name, pattern) and own[name] != 0.0]
+    if not matches:
         zero = [name for name in own if fnmatchcase(name, pattern)]
         raise CampaignError(
             f"standard deviations: {zero[0]} of {vehicle.name} is zero, and so is any percentage of it;"
@@ -334,4 +328,4 @@ def _meant(pattern: str, vehicle: Vehicle, own: Mapping[str, float]) -> list[lis
             if zero
             else f"standard deviations: {vehicle.name} has no coefficient {pattern!r}{nearest(pattern, own)}"
         )
-    return found
+    return matches

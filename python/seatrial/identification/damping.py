@@ -74,7 +74,7 @@ def quadratic_or_strips(
     kind: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
     if joint.method != "innovations" or polished.interrupted or not _slender(joint.vehicle):
         return joint, polished, kind, ()
-    said: list[str] = []
+    notes: list[str] = []
     for name, made in STRIPS.items():
         free = {unknown.name for unknown in joint.unknowns} - joint.hidden
         info = joint.vehicle.coefficient_info()
@@ -91,16 +91,18 @@ def quadratic_or_strips(
         )
         other.method_reason = joint.method_reason
         noises: list[NoiseModel | None] = [None] if joint.noise_model is None else [joint.noise_model, None]
-        start = [known.get(one.name, own) for one, own in zip(other.unknowns, other.start, strict=True)]
+        start = [
+            known.get(unknown.name, own) for unknown, own in zip(other.unknowns, other.start, strict=True)
+        ]
         held_out, ended = bool(joint.steps(held_out=True)[0]), np.array(start)
         for rounds in (_ROUNDS, other.polish.rounds):
             again = _likeliest(other, noises, ended, min(rounds, other.polish.rounds), watch)
             if again.interrupted:
-                return joint, replace(polished, interrupted=True), kind, tuple(said)
+                return joint, replace(polished, interrupted=True), kind, tuple(notes)
             ended, noises = again.values, [other.noise_model]
             quadratic, strips = (
-                Innovations(one, held_out=held_out).likelihoods(end.values)
-                for one, end in ((joint, polished), (other, again))
+                Innovations(model, held_out=held_out).likelihoods(end.values)
+                for model, end in ((joint, polished), (other, again))
             )
             better, chance = likelier_by(quadratic, strips)
             if again.converged or better < -_FAR * max(_LIKELIER, chance):
@@ -114,13 +116,13 @@ def quadratic_or_strips(
             by = f", by {abs(better):.0f} ± {chance / _BY_CHANCE:.0f} in log-likelihood"
         kept = ", which is not significant" if abs(better) <= max(_LIKELIER, chance) else ""
         kept += "" if taken or better <= 0.0 else "; the latter is kept"
-        said.append(f"{chosen[0].upper()}{chosen[1:]} fits {words} better than {rejected}{by}{kept}")
+        notes.append(f"{chosen[0].upper()}{chosen[1:]} fits {words} better than {rejected}{by}{kept}")
         if taken:
             joint, polished, kind = other, again, _after(kind, change)
         elif abs(better) <= max(_LIKELIER, chance):
             rival = other_damping(name, (drag[0], drag[1]), (joint, polished.values), (other, again.values))
             polished = replace(polished, others=(*polished.others, rival))
-    return joint, polished, kind, tuple(said)
+    return joint, polished, kind, tuple(notes)
 
 
 def _slender(vehicle: Vehicle) -> bool:
@@ -140,13 +142,13 @@ def _likeliest(
     best: tuple[float, Polished, NoiseModel | None] | None = None
     for noise in noises:
         joint.noise_model = noise
-        found = polish(joint, start=start, rounds=rounds, watch=watch)
-        if found.interrupted:
-            return found
-        likely = float(Innovations(joint).likelihoods(found.values).sum()) if len(noises) > 1 else 0.0
+        candidate = polish(joint, start=start, rounds=rounds, watch=watch)
+        if candidate.interrupted:
+            return candidate
+        likely = float(Innovations(joint).likelihoods(candidate.values).sum()) if len(noises) > 1 else 0.0
         likely = likely if math.isfinite(likely) else -math.inf
         if best is None or likely > best[0]:
-            best = likely, found, joint.noise_model
+            best = likely, candidate, joint.noise_model
     assert best is not None
     joint.noise_model = best[2]
     return best[1]

@@ -146,13 +146,13 @@ def derived(vehicle: Vehicle) -> dict[str, float]:
     """What the coefficients mean: apparent masses and inertias, net buoyancy, gains and lags per group."""
     values = vehicle.coefficients()
     mass = vehicle.mass_matrix()
-    found = {
+    figures = {
         f"apparent {'mass' if axis < 3 else 'inertia'} in {name}, {'kg' if axis < 3 else 'kg m2'}": float(
             mass[axis][axis]
         )
         for axis, name in enumerate(MOTIONS.values())
     }
-    found["net buoyancy B - m g, N"] = values.get("B", 0.0) - values["m"] * vehicle.environment()["g"]
+    figures["net buoyancy B - m g, N"] = values.get("B", 0.0) - values["m"] * vehicle.environment()["g"]
     groups = actuator_groups(vehicle)
     fins = set(fins_and_groups(vehicle))
     for suffix, of_thrusters in (("gain", "thrust gain"), ("T_1", "lag T_1, s"), ("T_t", "dead time T_t, s")):
@@ -162,10 +162,10 @@ def derived(vehicle: Vehicle) -> dict[str, float]:
                 actuator: values[key] for actuator in actuators if (key := f"{actuator}.{suffix}") in values
             }
             if len(set(each.values())) == 1:
-                found[f"{group} {words}"] = next(iter(each.values()))
+                figures[f"{group} {words}"] = next(iter(each.values()))
             else:
-                found |= {f"{actuator} {words}": value for actuator, value in each.items()}
-    return found
+                figures |= {f"{actuator} {words}": value for actuator, value in each.items()}
+    return figures
 
 
 def estimates(

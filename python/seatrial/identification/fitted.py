@@ -95,11 +95,11 @@ class Drawn:
         if self.impossible < _DOUBTFUL:
             return ""
         name = self.names[int(self.outside.argmax())]
-        one = role(name, pushed=self.pushed)
+        axis_role = role(name, pushed=self.pushed)
         return (
             f"{100 * self.impossible:.2g} % of the vehicles drawn from the standard deviations are physically"
             f" impossible, most often by {name}, whose standard deviation is too large for its value;"
-            f" {manoeuvre(one)} and identify again, or hold it at a value that you trust"
+            f" {manoeuvre(axis_role)} and identify again, or hold it at a value that you trust"
         )
 
 

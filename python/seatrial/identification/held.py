@@ -108,23 +108,23 @@ def conditional(
         polished.values,
         initial=polished.initial,
         noise=polished.noise,
-        extra=[one.name for one in held],
+        extra=[row.name for row in held],
     )
     count = len(joint.unknowns)
     free = [place for place, bound in enumerate(known.at_bound) if bound is None]
     size = np.array([joint.unknowns[place].scale for place in free])
     whole = lin.information()
     inside = np.linalg.pinv(size[:, None] * whole[np.ix_(free, free)] * size, rcond=_RANK, hermitian=True)
-    found = []
-    for name in dict.fromkeys(one.parameter for one in held):
-        more = np.array([SHARE * one.value * (one.parameter == name) for one in held])
+    changes = []
+    for name in dict.fromkeys(row.parameter for row in held):
+        more = np.array([SHARE * row.value * (row.parameter == name) for row in held])
         moved = -size * (inside @ (size * (whole[np.ix_(free, range(count, len(whole)))] @ more)))
         for place, change in zip(free, moved.tolist(), strict=True):
             away = change / float(known.sigma[place])
             if abs(away) >= 1.0:
                 unknown = joint.unknowns[place]
-                found.append(Conditional(unknown.name, unknown.unit, name, change, away))
-    return tuple(sorted(found, key=lambda one: -abs(one.deviations)))
+                changes.append(Conditional(unknown.name, unknown.unit, name, change, away))
+    return tuple(sorted(changes, key=lambda change: -abs(change.deviations)))
 
 
 def joint_estimate_of(
@@ -147,7 +147,7 @@ def joint_estimate_of(
     joint = Joint(problem, vehicle, threads=threads)
     if not held or joint.method == "output":
         return joint
-    return Joint(whole, vehicle, threads=threads, hidden={one.parameter for one in held})
+    return Joint(whole, vehicle, threads=threads, hidden={row.parameter for row in held})
 
 
 def hold_untold(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
@@ -166,35 +166,42 @@ def hold_untold(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
     verdicts = best(problem.verdicts(name) for name in names)
     if not any(verdict.dominated for verdict in verdicts.values()):
         return problem, ()
-    freed = {one.name: one for stage in problem.stages for one in problem.parameters[stage.name]}
+    freed = {
+        parameter.name: parameter for stage in problem.stages for parameter in problem.parameters[stage.name]
+    }
     if polish is not None:
         whole = joint_stage(problem)
-        freed |= {one.name: one for one in parameters(whole, problem.vehicle, f"{problem.source}: polish")}
-    members = dict.fromkeys(member for one in freed.values() for member, _ in one.members)
+        freed |= {
+            parameter.name: parameter
+            for parameter in parameters(whole, problem.vehicle, f"{problem.source}: polish")
+        }
+    members = dict.fromkeys(member for parameter in freed.values() for member, _ in parameter.members)
     axis_of = {name: axis for axis, own in untold(members, verdicts, problem.vehicle).items() for name in own}
-    chosen = [one for one in freed.values() if all(member in axis_of for member, _ in one.members)]
-    found = tuple(row for one in chosen for row in _rows(problem, one, axis_of, verdicts))
-    return problem.without_coefficients({one.name for one in chosen}), found
+    chosen = [
+        parameter for parameter in freed.values() if all(member in axis_of for member, _ in parameter.members)
+    ]
+    rows = tuple(row for parameter in chosen for row in _rows(problem, parameter, axis_of, verdicts))
+    return problem.without_coefficients({parameter.name for parameter in chosen}), rows
 
 
 def sentences(held: Sequence[Held]) -> tuple[str, ...]:
     """Per axis: why it is dominated, what keeps its value, what that means for the rest, what would tell."""
-    found = []
-    for axis in dict.fromkeys(one.axis for one in held):
-        own = [one for one in held if one.axis == axis]
-        kept = ", ".join(dict.fromkeys(one.parameter for one in own))
-        found.append(
+    texts = []
+    for axis in dict.fromkeys(row.axis for row in held):
+        own = [row for row in held if row.axis == axis]
+        kept = ", ".join(dict.fromkeys(row.parameter for row in own))
+        texts.append(
             f"{own[0].why}. Not identified, kept at the vehicle file's values: {kept}. Other estimates on"
             f" this axis may depend on these; {own[0].trial}"
         )
-    return tuple(found)
+    return tuple(texts)
 
 
 def comment(held: Sequence[Held]) -> str:
     """Comment for the head of the vehicle file; empty where nothing was held."""
     lines = [
-        f"# {one.name} = {one.value:.6g} {one.unit}: not identified, dominated by feedback ({one.axis})"
-        for one in held
+        f"# {row.name} = {row.value:.6g} {row.unit}: not identified, dominated by feedback ({row.axis})"
+        for row in held
     ]
     return "\n".join([*lines, f"# {held[0].trial}", "", ""]) if held else ""
 

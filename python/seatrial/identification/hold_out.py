@@ -86,8 +86,8 @@ class Restarts:
         limits = None
         if joint.noise_model.wave_hz is not None:
             limits = {
-                name: replace(one, blind=blind(problem.verdicts(name), waves=True))
-                for name, one in problem.limits().items()
+                name: replace(limit, blind=blind(problem.verdicts(name), waves=True))
+                for name, limit in problem.limits().items()
             }
         return cls(Innovations(joint, held_out=None).followed(values, ahead_s), ahead_s, limits)
 
@@ -130,7 +130,7 @@ def part_scores(
     """
     fitted = list(dict.fromkeys(name for stage in problem.stages for name in stage.trials))
     missing: list[str] = []
-    found: dict[str, dict[str, dict[str, Score]]] = {}
+    scores: dict[str, dict[str, dict[str, Score]]] = {}
     training = _part(problem, fitted, "fit") if "fit" in parts or baselines else {}
     restarts = restarts or Restarts()
     ahead_s = restarts.ahead_s
@@ -144,13 +144,13 @@ def part_scores(
             for known in (restarts.trials.get(name),)
         }
         if trials:
-            found[part] = {
+            scores[part] = {
                 kind: _scores(
                     problem, vehicle, trials, ahead_s, kind == "free", nuisances, missing, simple, limits
                 )
                 for kind in kinds
             }
-    return PartScores(found, tuple(dict.fromkeys(missing)))
+    return PartScores(scores, tuple(dict.fromkeys(missing)))
 
 
 def likelihood_gain(scores: Mapping[str, Mapping[str, Mapping[str, Score]]]) -> dict[str, tuple[str, float]]:
@@ -168,7 +168,7 @@ def likelihood_gain(scores: Mapping[str, Mapping[str, Mapping[str, Score]]]) -> 
     """
     trained, judged = (scores.get(part, {}).get("ahead", {}) for part in ("fit", "hold_out"))
     both = [(trained[name], judged[name]) for name in judged if name in trained and name != POOLED]
-    found = {}
+    gains = {}
     for channel in VELOCITIES:
         pairs = [(b, a) for b, a in both if channel in b.evidence and channel in a.evidence]
         if not pairs:
@@ -177,13 +177,13 @@ def likelihood_gain(scores: Mapping[str, Mapping[str, Mapping[str, Score]]]) -> 
         rivals = {
             name: _total(channel, [(b, a, b.baselines[name], a.baselines[name]) for b, a in pairs])
             for name in pairs[0][0].baselines
-            if all(channel in one.baselines.get(name, {}) for pair in pairs for one in pair)
+            if all(channel in scored.baselines.get(name, {}) for pair in pairs for scored in pair)
         }
         best = max(rivals, key=rivals.__getitem__, default=None)
         if best is not None and math.isfinite(model) and math.isfinite(rivals[best]):
             samples = sum(after.channels[channel].n for _, after in pairs)
-            found[channel] = (best, (model - rivals[best]) / samples)
-    return found
+            gains[channel] = (best, (model - rivals[best]) / samples)
+    return gains
 
 
 def _total(
@@ -200,10 +200,10 @@ def _log_likelihood(trained: Score, judged: Score, channel: str, r2_trained: flo
     """Log-likelihood per sample of errors with these R2, up to a constant; the scores give the variances."""
     errors = []
     for part, value in ((trained, r2_trained), (judged, r2)):
-        one = part.channels[channel]
-        if not (math.isfinite(one.r2) and math.isfinite(value) and one.r2 < 1.0 and value < 1.0):
+        entry = part.channels[channel]
+        if not (math.isfinite(entry.r2) and math.isfinite(value) and entry.r2 < 1.0 and value < 1.0):
             return -math.inf
-        errors.append(one.rmse**2 * (1.0 - value) / (1.0 - one.r2))
+        errors.append(entry.rmse**2 * (1.0 - value) / (1.0 - entry.r2))
     return -0.5 * (math.log(errors[0]) + errors[1] / errors[0])
 
 
@@ -235,7 +235,9 @@ def left_out_score(
         Nothing of it can be scored.
     """
     fitted = list(dict.fromkeys(trial for stage in rest.stages for trial in stage.trials))
-    shared = set.intersection(*({*one.items()} for one in nuisances.values())) if len(nuisances) > 1 else ()
+    shared = (
+        set.intersection(*({*shift.items()} for shift in nuisances.values())) if len(nuisances) > 1 else ()
+    )
     axes = freed(problem, name) or freed(problem)
     trial = problem.trials[name]
     return score(
@@ -253,8 +255,8 @@ def left_out_score(
 
 def _part(problem: Problem, names: Sequence[str], part: str) -> dict[str, Trial]:
     """Trials of which some samples belong to a part ("fit", "hold_out"), the others masked."""
-    found = {name: problem.part(name, held_out=part != "fit") for name in names}
-    return {name: trial for name, trial in found.items() if trial is not None}
+    parts = {name: problem.part(name, held_out=part != "fit") for name in names}
+    return {name: trial for name, trial in parts.items() if trial is not None}
 
 
 def _baselines(problem: Problem, training: Mapping[str, Trial], ahead_s: float = AHEAD_S) -> Baselines:
@@ -287,10 +289,10 @@ def _scores(
         own = [channel for i, channel in enumerate(CHANNELS) if AXES[i % 6] in axes]
         return [c for c in own if any(c in trials[name].channels for name in names)]
 
-    found: dict[str, Score] = {}
+    scores: dict[str, Score] = {}
     for name, trial in trials.items():
         try:
-            found[name] = score(
+            scores[name] = score(
                 vehicle,
                 trial,
                 ahead_s=ahead_s,
@@ -305,12 +307,16 @@ def _scores(
             )
         except TrialError as error:
             missing.append(f"not scored: {error}")
-    if len(found) < 2 or len({problem.input_of(name) for name in found}) > 1:
-        return found
+    if len(scores) < 2 or len({problem.input_of(name) for name in scores}) > 1:
+        return scores
     everything = pooled(
-        list(found.values()), channels=judged(found, free), measured=measured, training=simple, limits=limits
+        list(scores.values()),
+        channels=judged(scores, free),
+        measured=measured,
+        training=simple,
+        limits=limits,
     )
-    return found | {POOLED: everything}
+    return scores | {POOLED: everything}
 
 
 def replayed(problem: Problem) -> str:

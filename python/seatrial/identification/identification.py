@@ -139,7 +139,7 @@ class Identification(RunResult):
                 scale=self.scale,
                 staged=[row.name for row in self.coefficients],
                 bench=self.problem.bench,
-                held=list(dict.fromkeys(one.parameter for one in self.held)),
+                held=list(dict.fromkeys(row.parameter for row in self.held)),
             )
         except ValueError as error:
             if not is_numerical(error):
@@ -157,11 +157,11 @@ class Identification(RunResult):
         known = (
             set()
             if polish is None
-            else {name for name, one in polish.coefficients.items() if one.sd is not None}
+            else {name for name, estimate in polish.coefficients.items() if estimate.sd is not None}
         )
         known -= {name for stage in self.problem.stages for name in stage.coefficients}
         sought = [row for row in self.coefficients if row.parameter not in known]
-        return tally(sought, [one.parameter for one in self.held if one.parameter not in known])
+        return tally(sought, [row.parameter for row in self.held if row.parameter not in known])
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -192,8 +192,8 @@ class Identification(RunResult):
         for part, kinds in self.scores.items():
             for kind, row in kinds.items():
                 for trial, score in row.items():
-                    for channel, one in score.items():
-                        yield {"part": part, "kind": kind, "trial": trial, "channel": channel} | asdict(one)
+                    for channel, entry in score.items():
+                        yield {"part": part, "kind": kind, "trial": trial, "channel": channel} | asdict(entry)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the trials as plain numbers, texts, lists and dicts."""
@@ -206,10 +206,10 @@ class Identification(RunResult):
             "derived": derived(self.vehicle),
             "stages": [stage.to_dict() for stage in self.stages],
             "before": list(self.before),
-            "held": [asdict(one) for one in self.held],
+            "held": [asdict(row) for row in self.held],
             "outcome": "interrupted" if self.interrupted else self.tally.outcome,
             "tally": asdict(self.tally),
-            "conditional": [asdict(one) for one in self.conditional],
+            "conditional": [asdict(row) for row in self.conditional],
             "scale": self.scale.to_dict(),
             "assessment": None if self.assessment is None else self.assessment.to_dict(),
             "covariance": None if self.covariance is None else self.covariance.to_dict(),
@@ -227,7 +227,7 @@ class Identification(RunResult):
             "replayed": list(replayed(self.problem)),
             "choice": None if self.choice is None else self.choice.to_dict(),
             "notes": list(self.notes),
-            "fallbacks": [asdict(one) for one in self.fallbacks],
+            "fallbacks": [asdict(fallback) for fallback in self.fallbacks],
             "doubt": self.doubt,
             "facts": dict(self.facts),
         }

@@ -187,7 +187,7 @@ class _Stage:
     problem: Problem
     plan: StagePlan
     vehicle: Vehicle
-    found: Mapping[str, float]
+    coefficients: Mapping[str, float]
     inputs: str
 
 
@@ -199,7 +199,7 @@ def search_stage(
         stage.problem,
         stage.plan,
         vehicle=stage.vehicle,
-        found=stage.found,
+        earlier=stage.coefficients,
         inputs=stage.inputs,
         watch=watch,
         threads=threads,
@@ -294,17 +294,17 @@ class StageOrder:
 
         name = plan.stage.name
         try:
-            found: dict[str, float] = {}
+            coefficients: dict[str, float] = {}
             for earlier in self.problem.stages_before(plan.stage):
-                found |= {} if earlier in self.failed else self.results[earlier].coefficients
-            vehicle = self.problem.vehicle.with_coefficients(found)
-            inputs = _inputs(self.problem, plan, vehicle, found)
+                coefficients |= {} if earlier in self.failed else self.results[earlier].coefficients
+            vehicle = self.problem.vehicle.with_coefficients(coefficients)
+            inputs = _inputs(self.problem, plan, vehicle, coefficients)
             kept = self.run.finished(f"{self.part}{name}", inputs)
             if kept is not None:
                 self.outcomes[name] = replace(StageResult.from_dict(kept), reused=True)
             else:
                 search = self._here if self.fleet is None else self._elsewhere
-                self.outcomes[name] = search(_Stage(self.problem, plan, vehicle, found, inputs), watch)
+                self.outcomes[name] = search(_Stage(self.problem, plan, vehicle, coefficients, inputs), watch)
         except BaseException as error:  # raised again in the caller's thread
             self.outcomes[name] = error
         self.steps.put(None)
@@ -351,7 +351,7 @@ class StageOrder:
         )
 
 
-def _inputs(problem: Problem, plan: StagePlan, vehicle: Vehicle, found: Mapping[str, float]) -> str:
+def _inputs(problem: Problem, plan: StagePlan, vehicle: Vehicle, coefficients: Mapping[str, float]) -> str:
     """SHA-256 of everything that the result of a stage depends on."""
     data = plan.data
     digest = hashlib.sha256()
@@ -360,7 +360,7 @@ def _inputs(problem: Problem, plan: StagePlan, vehicle: Vehicle, found: Mapping[
         "stage": plan.stage.model_dump(),
         "inputs": [problem.input_of(name) for name in plan.stage.trials],
         "vehicle": vehicle.to_toml(),
-        "found": found,
+        "found": coefficients,
         "plan": [
             plan.seed,
             plan.population,
@@ -488,7 +488,7 @@ def _watch(order: StageOrder, progress: Callable[[Progress], None] | None) -> Ca
 def _joint_progress(order: StageOrder, step: Step | None = None) -> Progress:
     """Progress of the whole where the joint estimate begins, or after a step of it."""
     stages, elapsed_s = len(order.plans), order.clock.elapsed_s
-    said = f"Stages found after {elapsed_s:.0f} s; the joint estimate follows. Ctrl-C keeps the stages."
+    text = f"Stages found after {elapsed_s:.0f} s; the joint estimate follows. Ctrl-C keeps the stages."
     return Progress(
         what="joint estimate",
         done=stages,
@@ -497,5 +497,5 @@ def _joint_progress(order: StageOrder, step: Step | None = None) -> Progress:
         elapsed_s=elapsed_s,
         left_s=math.nan if step is None else step.left_s,
         step=step,
-        notes=(said,) if step is None and elapsed_s > _WORTH_SAYING_S else (),
+        notes=(text,) if step is None and elapsed_s > _WORTH_SAYING_S else (),
     )

@@ -31,6 +31,7 @@ from seatrial._core import checked_threads
 from seatrial.base.atomic_write import parquet
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import CampaignError, SeatrialError
+from seatrial.base.plain import Plain
 from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass, part_of
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version
@@ -89,7 +90,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True, eq=False)
-class LeaveOneOut(RunResult):
+class LeaveOneOut(RunResult, Plain, only="campaign interrupted left_out coefficients"):
     """Every trial predicted by a fit that did not see it; printed, a table of R2 and one of coefficients.
 
     Attributes
@@ -117,14 +118,14 @@ class LeaveOneOut(RunResult):
     @property
     def r2(self) -> dict[str, dict[str, float]]:
         """R2 ten seconds ahead by left-out trial and velocity channel."""
-        return {one.trial: dict(one.r2) for one in self.left_out if not one.failed}
+        return {trial.trial: dict(trial.r2) for trial in self.left_out if not trial.failed}
 
     def coefficients(self) -> Iterator[dict[str, Any]]:
         """A row per coefficient: least and most over the fits, jackknife deviation, deviation of the fit.
 
         The jackknife deviation is NaN where the fit without the trial ``only_from`` could not estimate it.
         """
-        fits = {one.trial: one.coefficients for one in self.left_out if not one.failed}
+        fits = {trial.trial: trial.coefficients for trial in self.left_out if not trial.failed}
         for name in dict.fromkeys(name for fit in fits.values() for name in fit):
             values = np.array([fit[name] for fit in fits.values() if name in fit])
             missing = [trial for trial, fit in fits.items() if name not in fit]
@@ -159,24 +160,15 @@ class LeaveOneOut(RunResult):
     def __str__(self) -> str:
         return self.summary()
 
-    def to_dict(self) -> dict[str, Any]:
-        """The result as plain data."""
-        return {
-            "campaign": self.campaign,
-            "interrupted": self.interrupted,
-            "left_out": [asdict(one) for one in self.left_out],
-            "coefficients": list(self.coefficients()),
-        }
-
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
         import polars as pl
 
         rows = [
-            {"trial": one.trial, "channel": c, "r2": value}
-            | {f"r2 {name}": row.get(c) for name, row in one.baselines.items()}
-            for one in self.left_out
-            for c, value in one.r2.items()
+            {"trial": trial.trial, "channel": c, "r2": value}
+            | {f"r2 {name}": row.get(c) for name, row in trial.baselines.items()}
+            for trial in self.left_out
+            for c, value in trial.r2.items()
         ]
         return {
             "leave_one_out.json": to_json(self.to_dict()),
@@ -246,7 +238,7 @@ def leave_one_out(
         )
     plan(problem)  # refuses a bad campaign before a folder appears
     clock = Clock()
-    found: list[LeftOut] = []
+    finished: list[LeftOut] = []
     interrupted = False
     hashes = problem.input_hashes()
     with RunDirectory(run_dir, "leave one out", resume=resume) as run:
@@ -258,18 +250,18 @@ def leave_one_out(
                 kept = run.finished(f"without {name}", inputs)
                 if kept is not None:
                     kept = {key: value for key, value in kept.items() if key != "inputs"}
-                    found.append(LeftOut(**kept | {"lost": tuple(kept["lost"])}))
+                    finished.append(LeftOut(**kept | {"lost": tuple(kept["lost"])}))
                     continue
-                found.append(_without(problem, name, run, show, threads))
-                run.keep(f"without {name}", inputs, asdict(found[-1]))
+                finished.append(_without(problem, name, run, show, threads))
+                run.keep(f"without {name}", inputs, asdict(finished[-1]))
         except KeyboardInterrupt:
             interrupted = True
         info = problem.vehicle.coefficient_info()
         result = LeaveOneOut(
             problem.name,
-            tuple(found),
+            tuple(finished),
             dict(sigma or {}),
-            {key: str(info[key]["unit"]) for one in found for key in one.coefficients},
+            {key: str(info[key]["unit"]) for trial in finished for key in trial.coefficients},
             interrupted,
             problem.text,
             run_facts(
@@ -281,7 +273,7 @@ def leave_one_out(
                 interrupted=interrupted,
             ),
         )
-        if run_dir is not None and found and not interrupted:
+        if run_dir is not None and finished and not interrupted:
             run.publish(result.facts, result.files())
     return result
 
@@ -366,11 +358,13 @@ def _polishing(progress: Callable[[Progress], None], order: StageOrder) -> Calla
     return show
 
 
-def _report(found: LeaveOneOut) -> Report:
+def _report(result: LeaveOneOut) -> Report:
     """Three lines, R2 by trial and channel, scatter of the coefficients."""
-    judged = [one for one in found.left_out if one.r2]
-    cells = [(value, one, c) for one in judged for c, value in one.r2.items() if value == value]
-    worse = [f"{one.trial}: {where}" for one in judged if (where := not_beaten(one.r2, one.baselines))]
+    judged = [trial for trial in result.left_out if trial.r2]
+    cells = [(value, trial, c) for trial in judged for c, value in trial.r2.items() if value == value]
+    worse = [
+        f"{trial.trial}: {where}" for trial in judged if (where := not_beaten(trial.r2, trial.baselines))
+    ]
     if cells:
         value, trial, channel = min(cells, key=lambda cell: cell[0])
         best = score_text(max(value for value, _, _ in cells))
@@ -382,28 +376,28 @@ def _report(found: LeaveOneOut) -> Report:
         good = "No left-out trial could be scored"
     if worse:
         good = f"Does not beat a baseline in {'; '.join(worse)}. {good}"
-    worst, next_step = _worst(found)
+    worst, next_step = _worst(result)
     return Report(
-        title=f"{found.campaign}, leave one out",
-        outcome="interrupted" if found.interrupted else "judged",
+        title=f"{result.campaign}, leave one out",
+        outcome="interrupted" if result.interrupted else "judged",
         good=good,
         worst=worst,
         next_step=next_step,
-        sections=(Section(sentences=_remarks(found), tables=(_scores(found), _scatter(found))),),
+        sections=(Section(sentences=_remarks(result), tables=(_scores(result), _scatter(result))),),
     )
 
 
-def _worst(found: LeaveOneOut) -> tuple[str, str]:
-    if found.interrupted:
+def _worst(result: LeaveOneOut) -> tuple[str, str]:
+    if result.interrupted:
         return (
-            f"Ctrl-C ended the run after {len(found.left_out)} trials",
+            f"Ctrl-C ended the run after {len(result.left_out)} trials",
             "run the same command again; finished trials and stages are kept",
         )
-    if failed := [one for one in found.left_out if one.failed]:
+    if failed := [trial for trial in result.left_out if trial.failed]:
         return f"without {failed[0].trial}: {failed[0].failed}", "repeat the manoeuvre in another trial"
-    rows = [row for row in found.coefficients() if row["ratio"] == row["ratio"]]
+    rows = [row for row in result.coefficients() if row["ratio"] == row["ratio"]]
     far = max(rows, key=lambda row: row["ratio"], default=None)
-    lost = {one.trial: one.lost for one in found.left_out if one.lost}
+    lost = {trial.trial: trial.lost for trial in result.left_out if trial.lost}
     if far is not None and far["ratio"] >= _SCATTER and far["farthest_without"] in lost:
         trial = far["farthest_without"]
         return (
@@ -427,39 +421,46 @@ def _worst(found: LeaveOneOut) -> tuple[str, str]:
     return "nothing stands out: no coefficient depends on a single trial", "rely on the deviations of the fit"
 
 
-def _remarks(found: LeaveOneOut) -> tuple[str, ...]:
-    said = [f"Without {one.trial}: {one.failed}." for one in found.left_out if one.failed]
-    said += [
-        f"Without {one.trial} there is no trial for stage {', '.join(one.lost)}: what it frees was estimated"
+def _remarks(result: LeaveOneOut) -> tuple[str, ...]:
+    remarks = [f"Without {trial.trial}: {trial.failed}." for trial in result.left_out if trial.failed]
+    remarks += [
+        f"Without {trial.trial} there is no trial for stage {', '.join(trial.lost)}: what it frees was"
+        " estimated"
         " with everything else, or kept its start value."
-        for one in found.left_out
-        if one.lost and not one.failed
+        for trial in result.left_out
+        if trial.lost and not trial.failed
     ]
-    small = {row["coefficient"]: row["ratio"] for row in found.coefficients() if row["ratio"] < _SHARED}
+    small = {row["coefficient"]: row["ratio"] for row in result.coefficients() if row["ratio"] < _SHARED}
     if small:
         least = min(small, key=small.__getitem__)
-        said.append(
+        remarks.append(
             f"{len(small)} coefficients have a ratio below {_SHARED:g} ({least} {small[least]:.2g}): their"
             " standard deviation comes mostly from what all fits share, such as the scale of the thrust,"
             " whose prior leaving out a trial does not change. This does not mean that it is too large."
         )
-    return tuple(said)
+    return tuple(remarks)
 
 
-def _scores(found: LeaveOneOut) -> Table:
+def _scores(result: LeaveOneOut) -> Table:
     """R2 by trial and channel, beside the best baseline."""
     rows = []
-    for one in found.left_out:
-        for k, (channel, value) in enumerate(one.r2.items()):
-            rival = one.best_baseline(channel)
+    for trial in result.left_out:
+        for k, (channel, value) in enumerate(trial.r2.items()):
+            rival = trial.best_baseline(channel)
             known = ("", "") if rival is None else (score_text(rival[1]), rival[0])
-            rows.append(("" if k else one.trial, channel, score_text(value), *known, "" if k else one.result))
+            rows.append((
+                "" if k else trial.trial,
+                channel,
+                score_text(value),
+                *known,
+                "" if k else trial.result,
+            ))
     words = [Column(name, align="left") for name in ("best baseline", "predicted by")]
     head: list[str | Column] = ["left out", "channel", "R2", "R2 baseline", *words]
     return Table.of("Trials that were left out, 10 s ahead", head, rows, left=2)
 
 
-def _scatter(found: LeaveOneOut) -> Table:
+def _scatter(result: LeaveOneOut) -> Table:
     rows = [
         (
             row["coefficient"],
@@ -469,7 +470,7 @@ def _scatter(found: LeaveOneOut) -> Table:
             f"{row['sigma']:.2g}" if math.isfinite(row["sigma"]) else "",
             f"{row['ratio']:.2g}" if math.isfinite(row["ratio"]) else "",
         )
-        for row in found.coefficients()
+        for row in result.coefficients()
     ]
     head = ("coefficient", "unit", "one trial left out", "jackknife sd", "sd of the fit", "ratio")
     return Table.of("Coefficients with one trial left out", head, rows, left=2)

@@ -134,19 +134,19 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
                 pushed + _products(force, count, both),
                 number + both.sum(axis=0),
             )
-    told: Mask = np.asarray(sums["far"][2] >= 2)
-    if not told.any() and lost:
+    covered: Mask = np.asarray(sums["far"][2] >= 2)
+    if not covered.any() and lost:
         raise NumericalError(f"the vehicle diverges over one sample at {lost} samples of the log")
-    if not told.any():
+    if not covered.any():
         raise TrialError(
             f"filter noise: expected a trial with {_FAR_S:g} s of fitted samples without a gap, found none;"
             " hold out less, or give NavigationFilter its force and acceleration"
         )
     moved = {
-        lag: np.where(told, total / np.maximum(count, 1), 0.0) for lag, (total, _, count) in sums.items()
+        lag: np.where(covered, total / np.maximum(count, 1), 0.0) for lag, (total, _, count) in sums.items()
     }
     forced = {
-        lag: np.where(told, total / np.maximum(count, 1), 0.0) for lag, (_, total, count) in sums.items()
+        lag: np.where(covered, total / np.maximum(count, 1), 0.0) for lag, (_, total, count) in sums.items()
     }
     dt = float(np.mean(steps))
     time_s = _memory(moved)
@@ -159,9 +159,9 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
     white = np.sqrt(2.0 * fast * dt / -np.log(kept))
     inertia = np.diag(mass)
     return FilterNoise(
-        force=np.where(told, np.maximum(np.sqrt(slow), _LEAST * inertia), _UNTOLD * inertia),
+        force=np.where(covered, np.maximum(np.sqrt(slow), _LEAST * inertia), _UNTOLD * inertia),
         force_time_s=time_s,
-        acceleration=np.where(told, np.maximum(white, _LEAST_WHITE), _UNTOLD_WHITE),
+        acceleration=np.where(covered, np.maximum(white, _LEAST_WHITE), _UNTOLD_WHITE),
     )
 
 

@@ -60,16 +60,17 @@ def prepare(problem: Problem, *, threads: int | None = None) -> Preparation:
     plans = plan(problem)
     judge_scale(problem)
     diverging = tuple(
-        f"WARNING: stage {one.stage.name!r}: the vehicle that the search starts from diverges on its trials;"
+        f"WARNING: stage {stage_plan.stage.name!r}: the vehicle that the search starts from diverges on"
+        " its trials;"
         " give damping to its free axes, check the signs and units of its coefficients, or narrow the bounds"
-        for one in plans
-        if not one.stage.after and not math.isfinite(start_cost(problem, one, threads=threads))
+        for stage_plan in plans
+        if not stage_plan.stage.after and not math.isfinite(start_cost(problem, stage_plan, threads=threads))
     )
     conditions, no_joint = _conditioning(problem, threads, linear=not diverging)
-    warnings = tuple(f"WARNING: {one}" for one in sentences(held))
+    warnings = tuple(f"WARNING: {text}" for text in sentences(held))
     steps = (*step_sentences(plans), *frozen_sentences(plans))
-    said = (*warnings, *commandless, *silent, *diverging, *conditions, *steps)
-    return Preparation(problem, whole, held, plans, said, no_joint)
+    notes = (*warnings, *commandless, *silent, *diverging, *conditions, *steps)
+    return Preparation(problem, whole, held, plans, notes, no_joint)
 
 
 def identifiable(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
@@ -97,32 +98,34 @@ def without_commandless(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
         Nothing is left.
     """
     driven = drivers(problem.vehicle)
-    said, dropped = [], set()
+    notes, dropped = [], set()
     for axis, names in driven.items():
         freeing = [stage for stage in problem.stages if axis in stage.axes.free]
         trials = dict.fromkeys(name for stage in freeing for name in stage.trials)
         if not trials or any(_records(problem, trial, names) for trial in trials):
             continue
-        freed = dict.fromkeys(one.name for stage in freeing for one in problem.parameters[stage.name])
+        freed = dict.fromkeys(
+            parameter.name for stage in freeing for parameter in problem.parameters[stage.name]
+        )
         own = [name for name in freed if name.startswith(f"{axis}_")]
         if not own:
             continue
         dropped |= set(own)
-        said.append(
+        notes.append(
             f"WARNING: {MOTIONS[axis]} is driven by {', '.join(names)}, of which no trial records a command:"
             f" {', '.join(own)} not identified, kept at the vehicle file's values. Map their columns, or add"
             " columns of zeros if they stood still"
         )
     rest = problem.without_coefficients(dropped)
     if not rest.stages:
-        raise CampaignError(f"{problem.source}: nothing is left to identify. {' '.join(said)}")
-    return rest, tuple(said)
+        raise CampaignError(f"{problem.source}: nothing is left to identify. {' '.join(notes)}")
+    return rest, tuple(notes)
 
 
 def _records(problem: Problem, trial: str, names: Sequence[str]) -> bool:
     """Whether a trial knows what one of these actuators does, or the wrench of all."""
-    kind, found = problem.input_of(trial), problem.trials[trial]
-    recorded = {"commands": found.commands, "measured": found.measured}.get(kind)
+    kind, recording = problem.input_of(trial), problem.trials[trial]
+    recorded = {"commands": recording.commands, "measured": recording.measured}.get(kind)
     return recorded is None or any(name in recorded for name in names)
 
 
@@ -131,7 +134,11 @@ def _wired(problem: Problem) -> tuple[str, ...]:
     names = dict.fromkeys(name for stage in problem.stages for name in stage.trials)
     driven = [name for name in names if problem.input_of(name) == "commands"]
     judged = {name: wiring(problem.trials[name], problem.vehicle) for name in driven}
-    return tuple(f"WARNING: {one.sentence} (trial {name})" for name, one in judged.items() if one is not None)
+    return tuple(
+        f"WARNING: {verdict.sentence} (trial {name})"
+        for name, verdict in judged.items()
+        if verdict is not None
+    )
 
 
 def _actuators_without_column(problem: Problem) -> tuple[str, ...]:
@@ -142,7 +149,7 @@ def _actuators_without_column(problem: Problem) -> tuple[str, ...]:
     CampaignError
         Part of a group is recorded: the rest is missing from the column map.
     """
-    said: dict[str, list[str]] = {}
+    unlogged: dict[str, list[str]] = {}
     groups = actuator_groups(problem.vehicle)
     for name in dict.fromkeys(name for stage in problem.stages for name in stage.trials):
         trial, kind = problem.trials[name], problem.input_of(name)
@@ -159,10 +166,10 @@ def _actuators_without_column(problem: Problem) -> tuple[str, ...]:
                     f" {group!r} are recorded; map it, or add a column of zeros if it stood still"
                 )
             if missing:
-                said.setdefault(columns, []).append(name)
+                unlogged.setdefault(columns, []).append(name)
     return tuple(
         f"WARNING: no column {columns} in {', '.join(names)}: taken to stand still there"
-        for columns, names in said.items()
+        for columns, names in unlogged.items()
     )
 
 

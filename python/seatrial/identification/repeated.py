@@ -32,18 +32,18 @@ def repeated_sentences(problem: Problem) -> tuple[str, ...]:
     CampaignError
         A trial holds out samples that another one is fitted to.
     """
-    fitted, said = set(trained(problem)), list[str]()
+    fitted, warnings = set(trained(problem)), list[str]()
     for names in _alike(problem):
         used = [name for name in names if name in fitted]
         for name in names:
             _refuse_fitted(problem, name, [other for other in used if other != name])
         twice = [pair for pair in combinations(used, 2) if _share(problem, *pair)]
         if same := [name for name in used if any(name in pair for pair in twice)]:
-            said.append(
+            warnings.append(
                 f"WARNING: trials {listed(same)} hold the same recording, which counts {len(same)} times:"
                 f" deviations come out up to {np.sqrt(len(same)):.2g} times too small; keep one of them"
             )
-    return tuple(said)
+    return tuple(warnings)
 
 
 def _refuse_fitted(problem: Problem, name: str, fitted: list[str]) -> None:
@@ -57,9 +57,9 @@ def _refuse_fitted(problem: Problem, name: str, fitted: list[str]) -> None:
             )
 
 
-def _share(problem: Problem, one: str, other: str) -> bool:
+def _share(problem: Problem, first: str, other: str) -> bool:
     """Whether two trials with the same recording are fitted to the same times."""
-    return _meet(_times(problem, one, held_out=False), _times(problem, other, held_out=False))
+    return _meet(_times(problem, first, held_out=False), _times(problem, other, held_out=False))
 
 
 def _times(problem: Problem, name: str, *, held_out: bool) -> tuple[Array, float]:
@@ -68,9 +68,9 @@ def _times(problem: Problem, name: str, *, held_out: bool) -> tuple[Array, float
     return trial.t[problem.held_out(name) == held_out] - trial.t[0], trial.dt
 
 
-def _meet(one: tuple[Array, float], other: tuple[Array, float]) -> bool:
+def _meet(first: tuple[Array, float], other: tuple[Array, float]) -> bool:
     """Whether some time of one lies at a time of the other."""
-    (a, step), (b, wide) = one, other
+    (a, step), (b, wide) = first, other
     if not len(a) or not len(b):
         return False
     after = np.searchsorted(b, a)
@@ -83,9 +83,9 @@ def _alike(problem: Problem) -> list[list[str]]:
     groups: list[tuple[set[str], list[str]]] = []
     for name in problem.trials:
         keys = {_content(problem.trials[name])} | ({key} if (key := problem.file_hash(name)) else set())
-        found = [group for group in groups if group[0] & keys]
-        groups = [group for group in groups if group not in found]
-        groups.append((keys.union(*(own for own, _ in found)), [*(n for _, of in found for n in of), name]))
+        same = [group for group in groups if group[0] & keys]
+        groups = [group for group in groups if group not in same]
+        groups.append((keys.union(*(own for own, _ in same)), [*(n for _, of in same for n in of), name]))
     return [names for _, names in groups if len(names) > 1]
 
 

@@ -38,8 +38,8 @@ def axes_of(name: str) -> str:
     >>> axes_of("N_rr"), axes_of("C_Dy"), axes_of("z_g")
     ('N', 'YN', '')
     """
-    found = OF_AN_AXIS.fullmatch(name)
-    return found[1] if found else {"C_Dy": "YN", "C_Dz": "ZM"}.get(name, "")
+    match = OF_AN_AXIS.fullmatch(name)
+    return match[1] if match else {"C_Dy": "YN", "C_Dz": "ZM"}.get(name, "")
 
 
 # Unit, start value and default bounds by coefficient, as the vehicle gives them: asked for once per stage.

@@ -62,17 +62,17 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
 
 def _how_good(fit: Identification) -> str:
     """What the trials tell, what failed, how well it predicts, what its deviations are worth."""
-    said = [_prediction(fit)]
+    lines = [_prediction(fit)]
     score = judged_score(fit)
     if score is not None and (simpler := not_beaten(score.evidence, score.baselines)):
-        said.insert(0, f"Does not beat a baseline in {simpler}.")
+        lines.insert(0, f"Does not beat a baseline in {simpler}.")
     choice = fit.choice
     if choice is not None and choice.result == "stages":
-        said.insert(0, "Result: the stages, because the joint estimate predicts worse outside its fit.")
+        lines.insert(0, "Result: the stages, because the joint estimate predicts worse outside its fit.")
     if choice is not None and not (choice.polished.converged or choice.polished.interrupted):
         count = choice.polished.rounds
-        said.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
-    line = " ".join((fit.tally.sentence, *said) if fit.coefficients or fit.held else said)
+        lines.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
+    line = " ".join((fit.tally.sentence, *lines) if fit.coefficients or fit.held else lines)
     return appended(line, fit.doubt)
 
 
@@ -89,8 +89,8 @@ def _prediction(fit: Identification) -> str:
         why = f": {score.blind_words}" if score is not None and score.blind else ""
         return f"{len(fit.coefficients)} coefficients estimated; nothing could be scored{why}"
     # Positions and angles barely move in seconds and score well with any model: velocities tell.
-    told = r2
-    r2 = {name: value for name, value in told.items() if name in CHANNELS[:6]} or told
+    evidence = r2
+    r2 = {name: value for name, value in evidence.items() if name in CHANNELS[:6]} or evidence
     best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
     trials = len(score.trials)
     # A ceiling is worth a word where it is below what rounds to one, and where it is one.
@@ -100,7 +100,7 @@ def _prediction(fit: Identification) -> str:
     }
     channels = f"{_r2(r2[best])}{most.get(best, '')} in {best}"
     if len(r2) > 1:
-        moving = "velocity " if len(r2) < len(told) else ""
+        moving = "velocity " if len(r2) < len(evidence) else ""
         channels += f", worst {moving}{_r2(r2[worst])}{most.get(worst, '')} in {worst}"
     return (
         f"{words} {score.ahead_s:g} s ahead with R2 {channels}"
@@ -150,11 +150,11 @@ def _worst(fit: Identification) -> tuple[str, str]:
     residual_analysis = None if fit.assessment is None else fit.assessment.residual_analysis
     suggestions = () if residual_analysis is None else residual_analysis.suggestions
     # What is missing where a baseline predicts better comes before what the data do not tell.
-    for one in suggestions:
+    for suggestion in suggestions:
         if score is not None and not_beaten(
-            {c: r2 for c, r2 in score.evidence.items() if c == one.channel}, score.baselines
+            {c: r2 for c, r2 in score.evidence.items() if c == suggestion.channel}, score.baselines
         ):
-            return _missing(one)
+            return _missing(suggestion)
     if refused := [] if fit.assessment is None else fit.assessment.refused():
         problem, _, remedy = refused[0].rpartition("; ")
         return problem, remedy
@@ -173,7 +173,7 @@ def _worst(fit: Identification) -> tuple[str, str]:
     combinations = () if fit.identifiability is None else fit.identifiability.combinations
     verdicts = {} if fit.identifiability is None else fit.identifiability.verdicts
     absent = {name for name, verdict in verdicts.items() if verdict == "not identifiable"}
-    if missing := [one for one in combinations if absent.intersection(one.names)]:
+    if missing := [combination for combination in combinations if absent.intersection(combination.names)]:
         return _problem_and_remedy(missing[0].sentence, "not identifiable")
     if bounds := [row for row in distinct(fit.coefficients) if row.at_bound]:
         names = ", ".join(
@@ -186,7 +186,7 @@ def _worst(fit: Identification) -> tuple[str, str]:
     if suggestions:
         return _missing(suggestions[0])
     if residual_analysis is not None and residual_analysis.warning:
-        loudest = max(residual_analysis.autocorrelations, key=lambda one: one.excess)
+        loudest = max(residual_analysis.autocorrelations, key=lambda row: row.excess)
         return (
             f"the residual of {loudest.channel} is {loudest.excess:.2g} times the noise of its sensor and"
             f" correlated over {loudest.correlation_s:.2g} s",
@@ -265,14 +265,14 @@ def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table
 def _held_table(fit: Identification, truth: Mapping[str, float]) -> Table:
     """What was to be identified and keeps its value; a row per group of equal coefficients."""
     rows = {
-        one.parameter: (
-            one.parameter,
-            one.unit,
-            f"{truth[one.name]:.4g}" if one.name in truth else "",
-            f"{one.value:.4g}",
-            f"{one.axis} dominated by feedback",
+        row.parameter: (
+            row.parameter,
+            row.unit,
+            f"{truth[row.name]:.4g}" if row.name in truth else "",
+            f"{row.value:.4g}",
+            f"{row.axis} dominated by feedback",
         )
-        for one in reversed(fit.held)
+        for row in reversed(fit.held)
     }
     title = "Not identified, the vehicle file's values are kept"
     head = ("coefficient", "unit", "truth", "value", Column("why", align="left"))
@@ -282,8 +282,8 @@ def _held_table(fit: Identification, truth: Mapping[str, float]) -> Table:
 def _conditional_table(fit: Identification) -> Table:
     """How far estimates would move were a held value larger."""
     rows = [
-        (one.name, one.unit, one.on, f"{one.change:+.3g}", f"{one.deviations:+.1f}")
-        for one in fit.conditional
+        (row.name, row.unit, row.on, f"{row.change:+.3g}", f"{row.deviations:+.1f}")
+        for row in fit.conditional
     ]
     title = f"Estimates that change if a held value is {100.0 * SHARE:g} % larger"
     return Table.of(title, ("coefficient", "unit", "held", "change", "in deviations"), rows, left=3)
@@ -357,7 +357,7 @@ def _choice_table(fit: Identification) -> Table:
         else [
             (
                 c,
-                *(score_text(one[c]) for one in (choice.stages, choice.joint)),
+                *(score_text(score[c]) for score in (choice.stages, choice.joint)),
                 *(score_text(row[c]) if c in row else "" for row in choice.rivals.values()),
             )
             for c in choice.stages
@@ -431,7 +431,7 @@ def _replayed_words(fit: Identification) -> str:
 
 def _wired(fit: Identification) -> list[str]:
     """Sentences on actuators whose signs or places contradict the vehicle file."""
-    return [said.removeprefix("WARNING: ") for said in fit.before if WIRED in said]
+    return [text.removeprefix("WARNING: ") for text in fit.before if WIRED in text]
 
 
 def advice(fit: Identification) -> list[str]:
@@ -443,7 +443,7 @@ def advice(fit: Identification) -> list[str]:
         for row in distinct(fit.coefficients)
         if row.at_bound and not wired  # a wrong sign drives coefficients to their bounds
     ]
-    lines += [one.sentence for one in fit.fallbacks]
+    lines += [fallback.sentence for fallback in fit.fallbacks]
     lines += _implausible(fit)
     if fit.choice is not None:
         lines += _joint_remarks(fit.choice)

@@ -32,52 +32,50 @@ _WORTH = 0.99
 _MOST_REFUSED = 4
 
 
-def report(found: Plan) -> Report:
+def report(plan: Plan) -> Report:
     """Three lines, the manoeuvres and what they are expected to tell."""
-    first, count = found.sequence[0].manoeuvre, len(found.sequence)
-    unknown = _still_unknown(found)
+    first, count = plan.sequence[0].manoeuvre, len(plan.sequence)
+    unknown = _still_unknown(plan)
     basis = (
         "bounds and recorded trials, with sensor noise as the only error"
-        if found.recorded
+        if plan.recorded
         else "the bounds only, nothing recorded"
     )
     return Report(
-        title=found.vehicle,
+        title=plan.vehicle,
         outcome=f"{count} {'trial' if count == 1 else 'trials'} planned",
         good=(
             f"{'it reduces' if count == 1 else 'they reduce'} the sum of the relative standard deviations of"
-            f" {len(found.coefficients)} coefficients from {_number(found.score_before)} to"
-            f" {_number(found.score_after)}; known so far:"
-            f" {basis}{_AT[found.at]}"
+            f" {len(plan.coefficients)} coefficients from {_number(plan.score_before)} to"
+            f" {_number(plan.score_after)}; known so far:"
+            f" {basis}{_AT[plan.at]}"
         ),
         worst=unknown[0] if unknown else f"no coefficient stays unknown to more than {100 * UNKNOWN:.0f} %",
         next_step=(
             "identify first (seatrial identify) and plan again: at the identified coefficients a forecast is"
             f" nearer to what a trial gives; otherwise run trial 1 ({first.name})"
-            if found.at == START and found.recorded
+            if plan.at == START and plan.recorded
             else f"run trial 1 ({first.name}), identify again, and plan again"
         ),
         sections=(
-            Section(tables=(_trials(found),), sentences=tuple(_sheets(found))),
-            *([Section(sentences=tuple(_on_top(found)))] if found.dithers else []),
-            Section(tables=(_precision(found),), sentences=tuple(unknown)),
-            Section(tables=(_others(found),), sentences=tuple(_rest(found)), details=True),
+            Section(tables=(_trials(plan),), sentences=tuple(_sheets(plan))),
+            *([Section(sentences=tuple(_on_top(plan)))] if plan.dithers else []),
+            Section(tables=(_precision(plan),), sentences=tuple(unknown)),
+            Section(tables=(_others(plan),), sentences=tuple(_rest(plan)), details=True),
         ),
     )
 
 
-def _trials(found: Plan) -> Table:
-    rows = [["", "so far", "", "", "", "", _number(found.score_before), ""]]
-    rows += [[str(number), *_cells(ranked)] for number, ranked in enumerate(found.sequence, 1)]
-    title = (
-        f"Next trials of {found.budget_s:g} s, in this order (score: sum of relative std. deviations left)"
-    )
+def _trials(plan: Plan) -> Table:
+    rows = [["", "so far", "", "", "", "", _number(plan.score_before), ""]]
+    rows += [[str(number), *_cells(ranked)] for number, ranked in enumerate(plan.sequence, 1)]
+    title = f"Next trials of {plan.budget_s:g} s, in this order (score: sum of relative std. deviations left)"
     return Table.of(title, ["trial", "manoeuvre", *_HEAD], rows, left=2)
 
 
-def _sheets(found: Plan) -> Iterator[str]:
+def _sheets(plan: Plan) -> Iterator[str]:
     """How each trial is run, and what it may bring about."""
-    for number, ranked in enumerate(found.sequence, 1):
+    for number, ranked in enumerate(plan.sequence, 1):
         start = (
             f"start {ranked.manoeuvre.start.words}, O {ranked.forecast.start_depth_m:.1f} m deep or deeper"
         )
@@ -89,15 +87,15 @@ def _sheets(found: Plan) -> Iterator[str]:
         yield from (f"WARNING: trial {number}: {warning}" for warning in ranked.forecast.warnings)
 
 
-def _on_top(found: Plan) -> Iterator[str]:
+def _on_top(plan: Plan) -> Iterator[str]:
     """What to add to the autopilot's output where feedback dominates an axis."""
-    for dither in found.dithers:
+    for dither in plan.dithers:
         yield f"With the autopilot on, {dither.sentence}. Table: {dither.file_name}."
 
 
-def _precision(found: Plan) -> Table:
+def _precision(plan: Plan) -> Table:
     """Standard deviation of every coefficient, before and after each trial."""
-    after = [{change.name: change for change in ranked.gains} for ranked in found.sequence]
+    after = [{change.name: change for change in ranked.gains} for ranked in plan.sequence]
     rows = [
         [
             change.name,
@@ -106,62 +104,62 @@ def _precision(found: Plan) -> Table:
             change.told(change.before),
             *(change.told(changes[change.name].after) for changes in after),
         ]
-        for change in found.coefficients
+        for change in plan.coefficients
     ]
     numbered = (f"after {number}" for number in range(1, len(after) + 1))
     head = ["coefficient", "unit", "value", "so far", *numbered]
-    zero = "" if all(change.of_value for change in found.coefficients) else "; where it is zero, in its unit"
+    zero = "" if all(change.of_value for change in plan.coefficients) else "; where it is zero, in its unit"
     return Table.of(f"Standard deviations in per cent of the value{zero}", head, rows, left=2)
 
 
-def _others(found: Plan) -> Table:
+def _others(plan: Plan) -> Table:
     """The best manoeuvres instead of the first one, those that leave less than what is known already."""
-    others, seen = [], {found.sequence[0].manoeuvre.name}
-    for ranked in found.ranking:
-        if ranked.manoeuvre.name not in seen and ranked.score < _WORTH * found.score_before:
+    others, seen = [], {plan.sequence[0].manoeuvre.name}
+    for ranked in plan.ranking:
+        if ranked.manoeuvre.name not in seen and ranked.score < _WORTH * plan.score_before:
             seen.add(ranked.manoeuvre.name)
             others.append(_cells(ranked, names=2))
     title = f"The best of {len(others)} others"
     return Table.of(title, ["instead of trial 1", *_HEAD], others[:_OTHERS])
 
 
-def _rest(found: Plan) -> Iterator[str]:
+def _rest(plan: Plan) -> Iterator[str]:
     """The same time in staircases, manoeuvres that do not fit, what was assumed."""
-    if found.staircases_score is not None:
+    if plan.staircases_score is not None:
         yield (
-            f"The same time in staircases alone would leave {_number(found.staircases_score)} instead of"
-            f" {_number(found.score_after)}."
+            f"The same time in staircases alone would leave {_number(plan.staircases_score)} instead of"
+            f" {_number(plan.score_after)}."
         )
-    refused = list(found.refused.items())
+    refused = list(plan.refused.items())
     if refused:
         words = "; ".join(f"{name}: {reason}" for name, reason in refused[:_MOST_REFUSED])
         more = f"; and {len(refused) - _MOST_REFUSED} more" if len(refused) > _MOST_REFUSED else ""
         yield f"Left out, even at its smallest: {words}{more}"
     groups: dict[str, list[str]] = {}
-    for channel, noise in found.instruments.noise.items():
+    for channel, noise in plan.instruments.noise.items():
         angle = channel in ("p", "q", "r", "roll", "pitch", "yaw")
         unit = ("deg" if angle else "m") + ("/s" if channel in "uvwpqr" else "")
         groups.setdefault(f"{noise / DEGREE if angle else noise:.3g} {unit}", []).append(channel)
     sizes = ", ".join(f"{' '.join(channels)} {size}" for size, channels in groups.items())
     yield (
-        f"Assumed: noise of {sizes}; one sample per {found.instruments.correlation_s:.2g} s counts; unknown"
-        f" current {found.instruments.current_m_s:g} m/s; the model as it is."
+        f"Assumed: noise of {sizes}; one sample per {plan.instruments.correlation_s:.2g} s counts; unknown"
+        f" current {plan.instruments.current_m_s:g} m/s; the model as it is."
     )
 
 
-def _still_unknown(found: Plan) -> list[str]:
+def _still_unknown(plan: Plan) -> list[str]:
     """What stays unknown after the trials, and which manoeuvre would show it best."""
     groups: dict[str, list[str]] = {}
-    for change in found.coefficients:
+    for change in plan.coefficients:
         if change.after / change.whole <= UNKNOWN:
             continue
         best, left = "", change.after
-        for ranked in found.ranking:
+        for ranked in plan.ranking:
             after = next(gain.after for gain in ranked.gains if gain.name == change.name)
             if after < BETTER * left:
                 best, left = ranked.manoeuvre.name, after
-        told = change.told(left, change.unit) + (" %" if change.of_value else "")
-        groups.setdefault(best, []).append(f"{change.name} ({told})" if best else change.name)
+        precision = change.told(left, change.unit) + (" %" if change.of_value else "")
+        groups.setdefault(best, []).append(f"{change.name} ({precision})" if best else change.name)
     return [
         f"Still unknown to more than {100 * UNKNOWN:.0f} %, "
         + (f"best shown by {best}" if best else "and no manoeuvre that fits improves it")
