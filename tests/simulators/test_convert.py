@@ -1,6 +1,4 @@
-"""Models of gz-sim, uuv_simulator and Stonefish: signs, frames, contradictions, and the way there and
-back.
-"""
+"""Models of gz-sim: signs, frames, contradictions, and the way there and back."""
 
 from __future__ import annotations
 
@@ -73,11 +71,10 @@ def _write(tmp_path: Path, text: str, name: str = "model.sdf") -> Path:
     return path
 
 
-@pytest.mark.parametrize("kind", ["sdf", "uuv"])
-def test_law_a_vehicle_that_goes_there_and_back_moves_the_same(kind: str, tmp_path: Path) -> None:
+def test_law_a_vehicle_that_goes_there_and_back_moves_the_same(tmp_path: Path) -> None:
     """Every term with all cross terms; the numbers are written with nine digits."""
     vehicle = st.Vehicle.from_toml(FULL)
-    made = export_model(vehicle, kind)
+    made = export_model(vehicle)
     back = import_model(_write(tmp_path, made.text)).vehicle
     rng = np.random.default_rng(1)
     for _ in range(5):
@@ -90,16 +87,12 @@ def test_law_a_vehicle_that_goes_there_and_back_moves_the_same(kind: str, tmp_pa
 
 def test_frames_are_turned_and_not_copied(tmp_path: Path) -> None:
     """Cross terms of forward-left-up and forward-right-down differ in sign by axis pairs."""
-    text = export_model(st.Vehicle.from_toml(FULL), "sdf").text
+    text = export_model(st.Vehicle.from_toml(FULL)).text
     assert "<yR>2</yR>" in text  # y and r both turn: the same sign
     assert "<mW>-4</mW>" in text
     assert "<xq>-0.7</xq>" in text  # -X_qdot = 0.7, x stays and q turns
     assert "<pose>0.02 0.01 -0.05 0 0 0</pose>" in text
     assert "<pose>0.01 -0.005 0.03 0 0 0</pose>" in text
-    # uuv_simulator has its matrices in forward-right-down, its places in forward-left-up.
-    other = export_model(st.Vehicle.from_toml(FULL), "uuv").text
-    assert "20 0 0 0 0.7 0" in other
-    assert "<center_of_buoyancy>0.01 -0.005 0.03</center_of_buoyancy>" in other
 
 
 GZ = """
@@ -130,19 +123,19 @@ def _gz(tmp_path: Path, terms: str = GOOD, mass: float = 12.0, cob: float = 0.01
 
 
 def test_derivatives_of_gz_sim_keep_their_signs(tmp_path: Path) -> None:
-    found = _gz(tmp_path)
-    given = found.vehicle.coefficients()
+    model = _gz(tmp_path)
+    given = model.vehicle.coefficients()
     assert (given["X_udot"], given["N_rdot"], given["X_uu"]) == (-5.0, -0.3, -10.0)
     assert given["z_g"] == pytest.approx(0.02)
     assert given["z_b"] == pytest.approx(-0.01)
     assert given["B"] == pytest.approx(1000 * 9.81 * 0.012)
     # About the link's origin: 12 kg at 2 cm.
     assert given["I_x"] == pytest.approx(0.3 + 12 * 0.02**2)
-    assert found.contradictions == ()
+    assert model.contradictions == ()
 
 
 def test_positive_added_mass_of_older_versions_is_understood_and_said(tmp_path: Path) -> None:
-    found = _gz(
+    model = _gz(
         tmp_path,
         GOOD
         .replace("Dot", "dot")
@@ -155,8 +148,8 @@ def test_positive_added_mass_of_older_versions_is_understood_and_said(tmp_path: 
         .replace("<mDotQ>-0.2", "<mDotQ>0.2")
         .replace("<nDotR>-0.3", "<nDotR>0.3"),
     )
-    assert found.vehicle.coefficients()["X_udot"] == -5.0
-    assert any("up to version 6" in sentence for sentence in found.left)
+    assert model.vehicle.coefficients()["X_udot"] == -5.0
+    assert any("up to version 6" in sentence for sentence in model.left)
 
 
 @pytest.mark.parametrize(
@@ -176,11 +169,11 @@ def test_positive_added_mass_of_older_versions_is_understood_and_said(tmp_path: 
     ],
 )
 def test_contradictions_are_told(tmp_path: Path, change: dict[str, Any], words: str) -> None:
-    found = _gz(tmp_path, **change)
-    assert any(words in sentence for sentence in found.contradictions), found.contradictions
-    assert words.split(":")[0] in found.text.replace("\n", " ")
+    model = _gz(tmp_path, **change)
+    assert any(words in sentence for sentence in model.contradictions), model.contradictions
+    assert words.split(":")[0] in model.text.replace("\n", " ")
     # What feeds energy was turned.
-    assert all(found.vehicle.coefficients().get(name, 0.0) <= 0.0 for name in ("X_uu", "X_u", "Y_vdot"))
+    assert all(model.vehicle.coefficients().get(name, 0.0) <= 0.0 for name in ("X_uu", "X_u", "Y_vdot"))
 
 
 def test_a_good_model_has_no_contradiction_and_its_report_says_so(tmp_path: Path) -> None:
@@ -198,84 +191,23 @@ def test_products_of_velocities_and_other_plugins_are_said(tmp_path: Path) -> No
     assert "Thruster" in left
 
 
-XACRO = """
-<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="rov">
-  <xacro:property name="volume" value="${0.1 * 2}"/>
-  <xacro:property name="cob" value="0.0 0.0 0.3"/>
-  <xacro:macro name="model" params="namespace">
-    <link name="${namespace}/base_link">
-      <volume>${volume}</volume>
-      <box><width>0.5</width><length>1.0</length><height>0.4</height></box>
-      <center_of_buoyancy>${cob}</center_of_buoyancy>
-      <hydrodynamic_model><type>fossen</type>
-        <added_mass>80 0 0 0 -2 0  0 120 0 1 0 0  0 0 300 0 0 0  0 1 0 9 0 0  -2 0 0 0 20 0  0 0 0 0 0
-        {last}</added_mass> <linear_damping>-70 -70 -300 -20 -30 -10</linear_damping>
-        <quadratic_damping>-700 -900 -1800 -60 -70 -50</quadratic_damping>
-      </hydrodynamic_model>
-    </link>
-  </xacro:macro>
-</robot>
-"""
-
-
-def test_uuv_simulator_is_read_from_xacro_with_what_it_lacks(tmp_path: Path) -> None:
-    found = import_model(_write(tmp_path, XACRO.replace("{last}", "15"), "rov.xacro"), name="rov")
-    given = found.vehicle.coefficients()
-    assert given["m"] == pytest.approx(1028 * 0.2)
-    assert (given["X_udot"], given["X_uu"], given["K_p"]) == (-80.0, -700.0, -20.0)
-    assert given["z_b"] == pytest.approx(-0.3)
-    said = " ".join(found.left)
-    assert "no mass" in said
-    assert "no inertia" in said
-    assert found.vehicle.name == "rov"
-    with pytest.raises(
-        VehicleError, match=r"<added_mass>: expected 36 finite numbers, found .* first|expected 36"
-    ):
-        import_model(_write(tmp_path, XACRO.replace("{last}", "${N_rdot}"), "rov.xacro"))
-
-
-STONEFISH = """
-<scenario><environment><ocean><water density="1031.0"/></ocean></environment>
-<robot name="rov"><base_link name="Hull" type="box" physics="submerged" buoyant="true">
-  <dimensions xyz="1.0 0.5 0.4"/><origin xyz="0 0 -0.05" rpy="0 0 0"/>
-  <mass value="206.0"/><inertia xyz="7 20 21"/><cg xyz="0.01 0 0.02" rpy="0 0 0"/>
-  <hydrodynamics viscous_drag="0.1 0.1 0.1" quadratic_drag="0.8 1.0 1.0"/>
-</base_link></robot></scenario>
-"""
-
-
-def test_stonefish_gives_mass_and_buoyancy_and_says_what_it_computes_itself(tmp_path: Path) -> None:
-    found = import_model(_write(tmp_path, STONEFISH, "rov.scn"))
-    given = found.vehicle.coefficients()
-    assert given["B"] == pytest.approx(1031 * 9.81 * 0.2)
-    assert (given["z_g"], given["z_b"]) == (0.02, -0.05)
-    assert given["I_x"] == pytest.approx(7 + 206 * 0.02**2)
-    assert any("Dimensionless drag" in sentence for sentence in found.left)
-    made = export_model("bluerov2-heavy", "stonefish")
-    assert "Damping and added mass are lost" in made.lost[0]
-    back = import_model(_write(tmp_path, made.text, "heavy.scn")).vehicle.coefficients()
-    assert back["B"] / (1031 * 9.81) == pytest.approx(131.588 / (1000 * 9.82), rel=1e-6)
-
-
 def test_what_is_lost_is_said() -> None:
-    lost = " ".join(export_model("lauv", "sdf").lost)
+    lost = " ".join(export_model("lauv").lost)
     assert "Lift of the vehicle file" in lost
     assert "actuators with their motors" in lost
     head, _, rest = st.Vehicle.load("lauv").to_toml().partition("[coefficients]")
     table = "[tether]\nposition_m = [-1.0, 0.0, 0.0]\n[coefficients]\nA_tether = 0.1\n"
     assert (
         "The tether of the vehicle file (A_tether) has no counterpart."
-        in export_model(st.Vehicle.from_toml(head + table + rest), "sdf").lost
+        in export_model(st.Vehicle.from_toml(head + table + rest)).lost
     )
-    with pytest.raises(VehicleError, match="expected one of sdf, uuv, stonefish"):
-        export_model("lauv", "mujoco")
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("<sdf><model name='a'/></sdf>", "expected a plugin Hydrodynamics"),
-        ("<html/>", "expected a model with the hydrodynamics plugin"),
+        ("<sdf><model name='a'/></sdf>", "expected an SDF model with the plugin Hydrodynamics of gz-sim"),
+        ("<robot><link name='a'/></robot>", "found <robot> without it; convert a URDF with gz sdf -p"),
         (GZ.format(mass="heavy", cob=0, terms=""), "<mass>: expected 1 finite numbers, found 'heavy'"),
         (GZ.format(mass="nan", cob=0, terms=""), "<mass>: expected 1 finite numbers"),
         (GZ.format(mass=-3, cob=0, terms=""), "expected a positive mass, found -3 kg"),

@@ -15,23 +15,19 @@ if TYPE_CHECKING:
     from seatrial.export.c_code import CExport
     from seatrial.export.fmu import FmuExport
 
-_ENDINGS = {
-    "sdf": (".sdf", ".world", ".xml"),
-    "uuv": (".urdf", ".xacro", ".xml"),
-    "stonefish": (".scn", ".xml"),
-}
-"""Of models, as the simulators name theirs."""
+_MODEL_ENDINGS = (".sdf", ".world", ".xml")
+"""As gz-sim names its models."""
 
 
 def export(
     form: Annotated[
-        Literal["mcap", "csv", "parquet", "c", "fmu", "sdf", "uuv", "stonefish"],
-        typer.Argument(help="Format.", metavar="mcap|csv|parquet|c|fmu|sdf|uuv|stonefish"),
+        Literal["mcap", "csv", "parquet", "c", "fmu", "sdf"],
+        typer.Argument(help="Format.", metavar="mcap|csv|parquet|c|fmu|sdf"),
     ],
     source: Annotated[
         str,
         typer.Argument(
-            help="Recording, flight.parquet of a run, or trial of the campaign; for c, fmu and a simulator"
+            help="Recording, flight.parquet of a run, or trial of the campaign; for c, fmu and sdf"
             " a vehicle: name or file; for c and fmu also the run directory of an identification.",
             metavar="TRIAL|VEHICLE",
         ),
@@ -81,8 +77,8 @@ def export(
 ) -> None:
     """Write samples for other programs (MCAP, CSV, Parquet), or a vehicle for other machines and simulators.
 
-    c and fmu write vehicle and autopilot as C99 and as functional mock-up units; sdf, uuv and stonefish write
-    the vehicle for gz-sim, uuv_simulator and Stonefish, and say what is lost.
+    c and fmu write vehicle and autopilot as C99 and as functional mock-up units; sdf writes the vehicle for
+    gz-sim, and says what is lost.
     """
     from seatrial.cli.console import answer, print_json
 
@@ -111,9 +107,9 @@ def export(
         return
     programs = {"AUTOPILOT": autopilot, "--mission": mission, "--model": model, "--name": name}
     _refuse(form, programs | filtered | {"--voltage": voltage, "--samples": samples, "--seed": seed})
-    if form in ("sdf", "uuv", "stonefish"):
+    if form == "sdf":
         _refuse(form, {"--columns-from": columns_from, "--unit": unit})
-        _model(form, source, out, json=json)
+        _model(source, out, json=json)
         return
     _table_written(form, source, out, columns_from, unit, json=json)
 
@@ -183,14 +179,14 @@ def _table_written(
     )
 
 
-def _model(form: str, vehicle: str, out: Path, *, json: bool) -> None:
-    """Write a vehicle for another simulator."""
+def _model(vehicle: str, out: Path, *, json: bool) -> None:
+    """Write a vehicle for gz-sim."""
     from seatrial.base.file_names import check_place
     from seatrial.cli.console import answer, print_json
     from seatrial.simulators.convert import export_model, write_text
 
-    check_place(out, "--out", endings=_ENDINGS[form], inputs={"the vehicle": vehicle})
-    made = export_model(vehicle, form)
+    check_place(out, "--out", endings=_MODEL_ENDINGS, inputs={"the vehicle": vehicle})
+    made = export_model(vehicle)
     write_text(out, made.text)
     if json:
         print_json(made.to_dict() | {"file": str(out)})
@@ -200,14 +196,14 @@ def _model(form: str, vehicle: str, out: Path, *, json: bool) -> None:
 
 def _sources(trial: str, columns_from: Path | None) -> dict[str, str | Path | None]:
     """Files that a trial is read from, by what they are."""
-    found: dict[str, str | Path | None] = {"the recording": trial, "the column map": columns_from}
+    sources: dict[str, str | Path | None] = {"the recording": trial, "the column map": columns_from}
     if columns_from is not None:
         from seatrial.campaign.campaign import Campaign
 
         campaign = Campaign.load(columns_from)
         if trial in campaign.trials:
-            found["the recording"] = campaign.path_of(trial)
-    return found
+            sources["the recording"] = campaign.path_of(trial)
+    return sources
 
 
 def _table(trial: str, columns_from: Path | None) -> pl.DataFrame:

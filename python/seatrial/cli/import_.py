@@ -16,10 +16,7 @@ if TYPE_CHECKING:
 def import_(
     logs: Annotated[
         list[Path],
-        typer.Argument(
-            help="Logs of any format that is read; or one model of gz-sim, uuv_simulator or Stonefish.",
-            metavar="LOG|MODEL",
-        ),
+        typer.Argument(help="Logs of any format that is read; or one model of gz-sim.", metavar="LOG|MODEL"),
     ],
     out: Annotated[
         Path | None,
@@ -42,8 +39,8 @@ def import_(
     """List what logs hold, and draft a project from them: map, vehicle, campaign and trials.
 
     Without --out it lists every topic and field with rate, range, unit and what it is taken for. A model of
-    another simulator (.sdf, .urdf, .xacro, .scn, .world, .xml) becomes a vehicle file, --out FILE.toml, with
-    a report on what contradicts itself.
+    gz-sim (.sdf, .world, .xml) becomes a vehicle file, --out FILE.toml, with a report on what contradicts
+    itself.
     """
     from seatrial.simulators.convert import ENDINGS
 
@@ -83,22 +80,22 @@ def import_(
 
 
 def _model(model: Path, out: Path | None, *, force: bool, verbose: bool, json: bool) -> None:
-    """Read a model of another simulator, and write the vehicle file where --out says."""
+    """Read a model of gz-sim, and write the vehicle file where --out says."""
     from seatrial.base.errors import VehicleError
     from seatrial.base.file_names import check_place
     from seatrial.cli.console import answer, print_json
     from seatrial.simulators.convert import import_model, write_text
 
-    found = import_model(model)
+    imported = import_model(model)
     if out is not None:
         check_place(out, "--out", endings=(".toml",))
         if out.exists() and not force:
             raise VehicleError(f"{out}: is there already; choose another name or give --force")
-        write_text(out, found.text)
+        write_text(out, imported.text)
     if json:
-        print_json(found.to_dict() | {"file": None if out is None else str(out)})
+        print_json(imported.to_dict() | {"file": None if out is None else str(out)})
         return
-    answer(found.report(), verbose=verbose, results="" if out is None else f"Vehicle file in {out}")
+    answer(imported.report(), verbose=verbose, results="" if out is None else f"Vehicle file in {out}")
 
 
 def _draw(made: Imported, folder: Path, endings: tuple[str, ...]) -> list[Path]:

@@ -1,6 +1,4 @@
-"""Other simulators: gz-sim, uuv_simulator and Stonefish models read into vehicle files and written from
-them.
-"""
+"""Another simulator, gz-sim: its models read into vehicle files and written from them."""
 
 from __future__ import annotations
 

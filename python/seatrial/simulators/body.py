@@ -1,10 +1,9 @@
-"""What simulators know of a vehicle: mass, buoyancy, added mass and damping, in the body frame of vehicle
-files.
+"""What gz-sim knows of a vehicle: mass, buoyancy, added mass and damping, in the body frame of vehicle files.
 
-Everything is about O in forward-right-down. A matrix of a simulator with forward-left-up becomes ``T A T``
-with T = diag(1, -1, -1, 1, -1, -1); inertia about the centre of gravity becomes that about O by
-``I_O = I_C + m (c'c E - c c')`` (Fossen 2011, equation 3.36). Damping and added mass keep Fossen's signs
-here: derivatives of the force on the vehicle. Held by ``tests/simulators/test_convert.py``.
+Everything is about O in forward-right-down. A matrix in gz-sim's forward-left-up becomes ``T A T`` with
+T = diag(1, -1, -1, 1, -1, -1); inertia about the centre of gravity becomes that about O by
+``I_O = I_C + m (c'c E - c c')`` (Fossen 2011, equation 3.36). Damping keeps Fossen's signs here: derivatives
+of the force on the vehicle. Held by ``tests/simulators/test_convert.py``.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ _FORCES, _VELOCITIES = "XYZKMN", "uvwpqr"
 
 _MOTIONS = tuple(MOTIONS.values())
 
-_SYMMETRY = 1e-6
+_SYMMETRY = 1e-6  # of the larger entry: files hold some seven digits
 
-_BUOYANCY = 0.05
+_BUOYANCY = 0.05  # of the weight: vehicles are trimmed more closely, so more is a mistake in the file
 
-_SMALL = 1e-12
+_SMALL = 1e-12  # below it an entry is what turning the axes leaves of a zero
 
 
 def _zeros() -> Array:
@@ -77,28 +76,28 @@ class Body:
 
     def coefficients(self) -> dict[str, float]:
         """Coefficients of the vehicle file; zeros left out but for those that the file must have."""
-        found: dict[str, float] = {"m": self.mass}
+        values: dict[str, float] = {"m": self.mass}
         for name, value in zip(("x_g", "y_g", "z_g"), self.gravity_centre, strict=True):
-            found[name] = float(value)
+            values[name] = float(value)
         for name, value in zip(("x_b", "y_b", "z_b"), self.buoyancy_centre, strict=True):
-            found[name] = float(value)
-        found["B"] = self.mass * self.g if self.buoyancy is None else self.buoyancy
+            values[name] = float(value)
+        values["B"] = self.mass * self.g if self.buoyancy is None else self.buoyancy
         for k, axis in enumerate("xyz"):
-            found[f"I_{axis}"] = float(self.inertia[k, k])
+            values[f"I_{axis}"] = float(self.inertia[k, k])
         for i, j, name in ((0, 1, "I_xy"), (0, 2, "I_xz"), (1, 2, "I_yz")):
-            found[name] = -float(self.inertia[i, j])
+            values[name] = -float(self.inertia[i, j])
         known = _names()
         for i, force in enumerate(_FORCES):
             for j, velocity in enumerate(_VELOCITIES):
-                found[f"{force}_{velocity}"] = float(self.linear[i, j])
-                found[f"{force}_{velocity * 2}"] = float(self.quadratic[i, j])
+                values[f"{force}_{velocity}"] = float(self.linear[i, j])
+                values[f"{force}_{velocity * 2}"] = float(self.quadratic[i, j])
                 if j >= i:
                     name = f"{force}_{velocity}dot"
                     if name not in known:
                         name = f"{_FORCES[j]}_{_VELOCITIES[i]}dot"
-                    found[name] = -float(self.added_mass[i, j])
+                    values[name] = -float(self.added_mass[i, j])
         needed = {"m", "B", "I_x", "I_y", "I_z", "z_b"}
-        return {name: value for name, value in found.items() if name in needed or abs(value) > _SMALL}
+        return {name: value for name, value in values.items() if name in needed or abs(value) > _SMALL}
 
     def toml(self, comments: tuple[str, ...] = ()) -> str:
         """Vehicle file without actuators.
@@ -132,7 +131,7 @@ def _names() -> set[str]:
 
 
 def body_of(vehicle: Vehicle) -> Body:
-    """What simulators take of a vehicle: mass, buoyancy, added mass, damping.
+    """What gz-sim takes of a vehicle: mass, buoyancy, added mass, damping.
 
     Raises
     ------
@@ -184,14 +183,14 @@ def contradictions(body: Body) -> tuple[Body, list[str]]:
     A damping or an added mass on the diagonal with the sign that feeds energy is turned, an added mass that
     is not symmetric is replaced by its symmetric part; the rest is only told.
     """
-    said: list[str] = []
-    linear = _dissipating(body.linear, "linear damping", "", said)
-    quadratic = _dissipating(body.quadratic, "quadratic damping", "|nu|", said)
+    sentences: list[str] = []
+    linear = _dissipating(body.linear, "linear damping", "", sentences)
+    quadratic = _dissipating(body.quadratic, "quadratic damping", "|nu|", sentences)
     added = body.added_mass.copy()
     negative = [k for k in range(6) if added[k, k] < 0.0]
     if negative:
         for k in negative:
-            said.append(
+            sentences.append(
                 f"added mass in {_MOTIONS[k]} is {added[k, k]:.4g}: an added mass is positive; its sign was"
                 " turned."
             )
@@ -204,63 +203,62 @@ def contradictions(body: Body) -> tuple[Body, list[str]]:
     larger = np.maximum(np.abs(added), np.abs(added.T))
     if (unequal > _SYMMETRY * larger).any():
         i, j = np.unravel_index(int(unequal.argmax()), (6, 6))
-        said.append(
+        sentences.append(
             f"added mass is not symmetric: entry {i + 1},{j + 1} is {added[i, j]:.6g}, entry {j + 1},{i + 1}"
             f" {added[j, i]:.6g}; the mean was taken."
         )
         added = (added + added.T) / 2.0
     smallest = float(np.linalg.eigvalsh(added)[0])
     if smallest < -1e-9 * max(1.0, float(np.abs(added).max())):
-        said.append(
+        sentences.append(
             f"added mass is not positive: its smallest eigenvalue is {smallest:.4g}; off-diagonal terms"
-            " are too"
-            " large for the diagonal. Taken as it is."
+            " are too large for the diagonal. Taken as it is."
         )
     body = replace(body, linear=linear, quadratic=quadratic, added_mass=added)
-    said += _rigid_sentences(body)
-    return body, said
+    sentences += _rigid_sentences(body)
+    return body, sentences
 
 
-def _dissipating(matrix: Array, what: str, power: str, said: list[str]) -> Array:
+def _dissipating(matrix: Array, what: str, power: str, sentences: list[str]) -> Array:
     matrix = matrix.copy()
     for k, axis in enumerate(_MOTIONS):
         if matrix[k, k] > 0.0:
-            said.append(
+            sentences.append(
                 f"{what} in {axis} is {matrix[k, k]:+.4g}: a force of that sign drives the vehicle on; its"
-                " sign was"
-                " turned."
+                " sign was turned."
             )
             matrix[k, k] = -matrix[k, k]
     return matrix
 
 
 def _rigid_sentences(body: Body) -> list[str]:
-    said = []
+    sentences = []
     weight = body.mass * body.g
     if body.buoyancy is None:
-        said.append("the file tells no buoyancy: neutral was taken, B = W.")
+        sentences.append("the file tells no buoyancy: neutral was taken, B = W.")
     elif abs(body.buoyancy - weight) > _BUOYANCY * weight:
         volume = body.buoyancy / (body.rho * body.g)
         word = "rises" if body.buoyancy > weight else "sinks"
-        said.append(
+        sentences.append(
             f"buoyancy {body.buoyancy:.4g} N ({volume:.4g} m3 of water) and weight {weight:.4g} N differ by"
             f" {100 * abs(body.buoyancy - weight) / weight:.0f} %: the vehicle {word}."
         )
     if body.buoyancy_centre[2] > body.gravity_centre[2] + 1e-9:
         low = body.buoyancy_centre[2] - body.gravity_centre[2]
-        said.append(f"the centre of buoyancy is {low:.3g} m below that of gravity: the vehicle turns over.")
+        sentences.append(
+            f"the centre of buoyancy is {low:.3g} m below that of gravity: the vehicle turns over."
+        )
     if body.mass > 0.0:
         c = body.gravity_centre
         centred = body.inertia - body.mass * (c @ c * np.eye(3) - np.outer(c, c))
         principal = np.sort(np.linalg.eigvalsh((centred + centred.T) / 2.0))
         if principal[0] <= 0.0 or principal[0] + principal[1] < principal[2] * (1.0 - 1e-9):
-            said.append(
+            sentences.append(
                 "principal moments of inertia"
                 f" {', '.join(f'{value:.4g}' for value in principal)} kg m2 are those of no body: each"
-                " must be"
-                " positive and at most the sum of the others."
+                " must be positive and at most the sum of the others."
             )
     still = [axis for k, axis in enumerate(_MOTIONS) if not (body.linear[k, k] or body.quadratic[k, k])]
     if still:
-        said.append(f"there is no damping in {', '.join(still)}.")
-    return said
+        sentences.append(f"there is no damping in {', '.join(still)}.")
+    return sentences

@@ -1,4 +1,4 @@
-"""A model of another simulator as a vehicle file with what contradicts itself, and a vehicle as such a model.
+"""A model of gz-sim as a vehicle file with what contradicts itself, and a vehicle as such a model.
 
 Held by ``tests/simulators/test_convert.py``.
 """
@@ -17,26 +17,24 @@ from seatrial.base.errors import VehicleError, reason
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.toml_file import loaded
 from seatrial.simulators.body import body_of, contradictions
-from seatrial.simulators.markup import parse, read_bytes
-from seatrial.simulators.readers import KINDS, read
-from seatrial.simulators.writers import WRITERS
+from seatrial.simulators.sdf import parse, read, read_bytes, write
 
 ENDINGS = (".sdf", ".urdf", ".xacro", ".scn", ".world", ".xml")
-"""Endings of files that are models and no logs."""
+"""Endings of files that are models and no logs; what is not gz-sim's is refused with what to do."""
 
 _MODEL = Budget(cpu_s=5.0)  # the largest model that is read takes one
 
-_SIMPLER = "give the model alone, and expand it with xacro first"
+_SIMPLER = "give the model alone"
 
 
 @dataclass(frozen=True, eq=False)
 class ImportedModel:
-    """A vehicle file from a model of another simulator.
+    """A vehicle file from a model of gz-sim.
 
     Attributes
     ----------
-    source, kind
-        The file, and its form: "sdf", "uuv" or "stonefish".
+    source
+        The file.
     text, vehicle
         The vehicle file and the vehicle.
     contradictions
@@ -46,7 +44,6 @@ class ImportedModel:
     """
 
     source: str
-    kind: str
     text: str
     vehicle: Vehicle
     contradictions: tuple[str, ...]
@@ -54,16 +51,16 @@ class ImportedModel:
 
     def report(self) -> Report:
         """Report on the import."""
-        found = self.vehicle.coefficients()
-        count = sum(1 for name, value in found.items() if value)
+        values = self.vehicle.coefficients()
+        count = sum(1 for name, value in values.items() if value)
         doubts = len(self.contradictions)
         worst = (
             self.contradictions[0] if doubts else "no contradiction was found in signs, symmetry and buoyancy"
         )
-        rows = [[name, f"{value:.6g}"] for name, value in sorted(found.items()) if value]
+        rows = [[name, f"{value:.6g}"] for name, value in sorted(values.items()) if value]
         return Report(
             title=self.source,
-            outcome=f"read as a model of {KINDS[self.kind]}",
+            outcome="read as a model of gz-sim",
             good=f"{count} coefficients, forward-right-down about the link's origin; {doubts} contradictions",
             worst=worst,
             next_step="add thrusters to the vehicle file, then seatrial check",
@@ -78,7 +75,6 @@ class ImportedModel:
         """The same as plain data."""
         return {
             "source": self.source,
-            "kind": self.kind,
             "coefficients": {k: v for k, v in self.vehicle.coefficients().items() if v},
             "contradictions": list(self.contradictions),
             "left": list(self.left),
@@ -87,10 +83,9 @@ class ImportedModel:
 
 @dataclass(frozen=True, eq=False)
 class ExportedModel:
-    """A vehicle as a model of another simulator: its text, and what is lost."""
+    """A vehicle as a model of gz-sim: its text, and what is lost."""
 
     vehicle: Vehicle
-    kind: str
     text: str
     lost: tuple[str, ...]
 
@@ -98,21 +93,21 @@ class ExportedModel:
         """Report on the export."""
         return Report(
             title=self.vehicle.name,
-            outcome=f"written for {KINDS[self.kind]}",
-            good=f"mass, inertia, buoyancy{'' if self.kind == 'stonefish' else ', added mass and damping'} in"
-            f" {out or 'the model'}, frames turned where {KINDS[self.kind]} has others",
+            outcome="written for gz-sim",
+            good=f"mass, inertia, buoyancy, added mass and damping in {out or 'the model'}, frames turned"
+            " where gz-sim has others",
             worst=self.lost[0] if self.lost else "nothing is lost",
-            next_step=f"add thrusters and sensors in the words of {KINDS[self.kind]}",
+            next_step="add thrusters and sensors in the words of gz-sim",
             sections=(Section("Lost", self.lost),),
         )
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data, without the text."""
-        return {"vehicle": self.vehicle.name, "kind": self.kind, "lost": list(self.lost)}
+        return {"vehicle": self.vehicle.name, "lost": list(self.lost)}
 
 
 def import_model(path: str | Path, *, name: str | None = None, rho: float | None = None) -> ImportedModel:
-    """Vehicle file from a model of gz-sim (SDF), uuv_simulator (URDF, xacro) or Stonefish (XML).
+    """Vehicle file from a model of gz-sim: SDF with the plugin Hydrodynamics.
 
     Parameters
     ----------
@@ -125,52 +120,45 @@ def import_model(path: str | Path, *, name: str | None = None, rho: float | None
     Raises
     ------
     VehicleError
-        The file is no model with hydrodynamics, is not safe to read, or its numbers are no vehicle.
+        The file is no such model, is not safe to read, or its numbers are no vehicle.
     """
     source = str(path)
     content = read_bytes(path)
     with guarded(
         source, "reading it as a model", _SIMPLER, size=len(content), budget=_MODEL, refusal=VehicleError
     ):
-        found = read(parse(content, source), source, rho=rho)
-    if not found.body.mass > 0.0:
-        raise VehicleError(f"{source}: expected a positive mass, found {found.body.mass:g} kg")
-    body, doubts = contradictions(found.body)
-    told = "" if "$" in body.name else body.name
-    body = replace(body, name=name or told or Path(source).stem)
+        body, left = read(parse(content, source), source, rho=rho)
+    if not body.mass > 0.0:
+        raise VehicleError(f"{source}: expected a positive mass, found {body.mass:g} kg")
+    body, doubts = contradictions(body)
+    # A template's $name is filled in by a program that is not at hand.
+    own = "" if "$" in body.name else body.name
+    body = replace(body, name=name or own or Path(source).stem)
     comments = (
-        f"From {Path(source).name}, a model of {KINDS[found.kind]}; forward-right-down about the link's"
-        " origin, SI.",
+        f"From {Path(source).name}, a model of gz-sim; forward-right-down about the link's origin, SI.",
         *(f"Contradiction: {sentence}" for sentence in doubts),
-        *(f"Not taken: {sentence}" for sentence in found.left),
+        *(f"Not taken: {sentence}" for sentence in left),
         "No thrusters yet: add [[thrusters]] and list in controllable what they can do.",
     )
     text = body.toml(comments)
-    vehicle = Vehicle.from_toml(text, source)
-    return ImportedModel(source, found.kind, text, vehicle, tuple(doubts), found.left)
+    return ImportedModel(source, text, Vehicle.from_toml(text, source), tuple(doubts), left)
 
 
-def export_model(vehicle: Vehicle | str | Path, kind: str) -> ExportedModel:
-    """Vehicle as a model of another simulator, with what it cannot hold.
+def export_model(vehicle: Vehicle | str | Path) -> ExportedModel:
+    """Vehicle as a model of gz-sim, with what it cannot hold.
 
     Parameters
     ----------
     vehicle : Vehicle, str or Path
-    kind : str
-        "sdf", "uuv" or "stonefish".
 
     Raises
     ------
     VehicleError
-        The vehicle or the form is not usable.
+        The vehicle is not usable.
     """
-    if kind not in WRITERS:
-        raise VehicleError(f"{kind}: expected one of {', '.join(WRITERS)}")
     model: Vehicle = loaded(Vehicle, vehicle)
-    body = body_of(model)
-    text, lost = WRITERS[kind](body, f"{model.name}: written by seatrial for {KINDS[kind]}")
-    lost = [*lost, *_not_carried(model)]
-    return ExportedModel(model, kind, text, tuple(lost))
+    text, lost = write(body_of(model), f"{model.name}: written by seatrial for gz-sim")
+    return ExportedModel(model, text, (*lost, *_not_carried(model)))
 
 
 def write_text(path: Path, text: str) -> None:
@@ -188,7 +176,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _not_carried(vehicle: Vehicle) -> list[str]:
-    """Sentences on terms of the vehicle that no simulator takes."""
+    """Sentences on terms of the vehicle that gz-sim does not take."""
     given: Mapping[str, float] = vehicle.coefficients()
 
     def some(test: Any) -> list[str]:
@@ -198,7 +186,7 @@ def _not_carried(vehicle: Vehicle) -> list[str]:
     bias = some(lambda name: len(name) == 3 and name.endswith("_0"))
     cross = some(lambda name: name.startswith("C_D"))
     tether = some(lambda name: name.endswith("_tether"))
-    said = []
+    sentences = []
     for names, what in (
         (lift, "Lift"),
         (bias, "Constant forces"),
@@ -206,14 +194,13 @@ def _not_carried(vehicle: Vehicle) -> list[str]:
         (tether, "The tether"),
     ):
         if names:
-            said.append(f"{what} of the vehicle file ({', '.join(names)}) has no counterpart.")
+            sentences.append(f"{what} of the vehicle file ({', '.join(names)}) has no counterpart.")
     if vehicle.actuators:
-        said.append(
+        sentences.append(
             f"{len(vehicle.actuators)} actuators with their motors (lag, dead time, limits, thrust by"
-            " supply and"
-            " inflow) are not written."
+            " supply and inflow) are not written."
         )
-    return said
+    return sentences
 
 
 _LIFT = frozenset(("Y_uv", "Y_ur", "Z_uw", "Z_uq", "M_uw", "M_uq", "N_uv", "N_ur"))
