@@ -131,6 +131,10 @@ def test_a_page_tells_the_run_and_loads_nothing(run: Path, written: Path) -> Non
     facts = json.loads((run / "run.json").read_text())
     assert all(digest in text for digest in facts["sha256"].values())
     assert facts["versions"]["numpy"] in text
+    # Words and symbols, and the coefficients of the run's vehicle.
+    vehicle = st.Vehicle.load(run / "vehicle.toml")
+    for meaning in ("Measured minus simulated.", vehicle.coefficient_info()["X_udot"]["description"]):
+        assert meaning in text
     # The three views were drawn for the page; of two files of a figure the SVG counts, long paths shorter.
     assert len(tags.images) == 3
     assert SVG in {source for source, _ in tags.images}

@@ -1,4 +1,4 @@
-"""Numbers and words that a page adds: intervals with correlations, and a glossary of what it mentions."""
+"""Numbers that a page adds: intervals with correlations."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from typing import Any
 
 import pytest
 
-import seatrial as st
 from seatrial.base.report import Report
-from seatrial.report.page.glossary import glossary
 from seatrial.report.page.run_folder import RunFolder
 from seatrial.report.page.tables import intervals
 
@@ -47,17 +45,6 @@ def test_intervals_without_a_covariance_or_of_another_run() -> None:
         "a", {"kind": "flight"}, Report("a", "b", "c", "d", "e"), {"coefficients": COEFFICIENTS}
     )
     assert intervals(flight) is None
-
-
-def test_a_glossary_has_what_is_mentioned_and_no_more() -> None:
-    words = glossary("Its cross-track error", [st.Vehicle.load("cwolf")], coefficients=["Y_vv"])
-    assert [term for term, _ in words["Terms"]] == ["cross-track error", "SHA-256", "seed"]
-    ((name, meaning),) = words["Coefficients"]
-    assert name == "Y_vv"
-    assert "quadratic damping" in meaning
-    assert "N s2/m2" in meaning or "N s2" in meaning
-    assert all(meaning for rows in words.values() for _, meaning in rows)
-    assert glossary("", [])["Coefficients"] == []
 
 
 @pytest.mark.parametrize(

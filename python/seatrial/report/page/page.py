@@ -24,7 +24,6 @@ from seatrial.base.run import sha256, to_json, version
 from seatrial.report.page.embedded import ELEMENT, as_embedded, script_json
 from seatrial.report.page.evidence import evidence
 from seatrial.report.page.flying import core, setups
-from seatrial.report.page.glossary import glossary
 from seatrial.report.page.run_folder import Figure, RunFolder
 from seatrial.report.page.tables import baselines, intervals
 
@@ -49,7 +48,6 @@ _FIGURES = {
     "actuators": "Commands and signals of the actuators",
     "margins": "Stability margins of the loops",
     "speeds": "Speeds at which the loops were tuned",
-    "relay": "Relay experiments",
     "requirements": "Requirements and how surely they are held",
     "cross_track": "Cross-track error over all missions",
     "bollard_test": "Thrust measured on the bench and fitted",
@@ -110,7 +108,7 @@ def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
             style=_resource("page.css"),
             flying=script_json(flying) if flying else "",
             grounded=grounded,
-            words=_words(runs, flying),
+            coefficients=_coefficients(runs, flying),
             third_parties=third_parties(),
             core=packed,
             evidence=script_json(series),
@@ -234,22 +232,24 @@ def _views(runs: Sequence[RunFolder]) -> list[dict[str, str]]:
     return [{"name": name, "source": _source(figure)} for name, figure in found.items()]
 
 
-def _words(runs: Sequence[RunFolder], flying: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """Glossary of what the runs say, and of what can be changed in flight."""
+def _coefficients(runs: Sequence[RunFolder], flying: Sequence[Mapping[str, Any]]) -> Mapping[str, str]:
+    """What the coefficients of the runs' vehicles mean, those that are not zero or can be changed in flight."""
     from seatrial._core import Vehicle
 
-    vehicles = []
+    changeable = {slider["name"] for setup in flying for slider in setup["coefficients"]}
+    meanings: dict[str, str] = {}
     for run in runs:
-        if (text := run.files.get("vehicle.toml")) is not None:
-            try:
-                vehicles.append(Vehicle.from_toml(text))
-            except SeatrialError:  # of another version
-                continue
-    said = "\n".join(run.report.text() for run in runs)
-    sliders = [one["name"] for setup in flying for one in setup["coefficients"]]
-    if flying:
-        said += " phase margin, gain margin, delay, sensitivity, lookahead, waves, navigation filter, drawn"
-    return glossary(said, vehicles, coefficients=sliders)
+        if (text := run.files.get("vehicle.toml")) is None:
+            continue
+        try:
+            vehicle = Vehicle.from_toml(text)
+        except SeatrialError:  # of another version
+            continue
+        values = vehicle.coefficients()
+        for name, facts in vehicle.coefficient_info().items():
+            if name in changeable or values.get(name):
+                meanings.setdefault(name, f"{facts['description']}, {facts['unit']}")
+    return meanings
 
 
 def third_parties() -> dict[str, dict[str, list[str]]]:
