@@ -301,7 +301,7 @@ def beluga(folder: Path) -> Path:
 def torpedo(folder: Path) -> Path:
     campaign = folder / "lauv.toml"
     campaign.write_text(TORPEDO)
-    run("tune", campaign, "--run", "lauv", "--no-relay", "--out", folder / "tuned")
+    run("tune", campaign, "--run", "lauv", "--out", folder / "tuned")
     run("verify", campaign, "--run", "lauv", "--autopilot", folder / "tuned", "--out", folder / "verified")
     run("report", folder / "tuned", folder / "verified", "--out", folder / "lauv.html")
     return folder / "lauv.html"

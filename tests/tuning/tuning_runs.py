@@ -105,7 +105,7 @@ class Told:
         monkeypatch.setattr(revert_gains, "assess", self.assess)
         quiet = Performance("", plan.autopilot, (), 0, {})
         monkeypatch.setattr(tuning_run, "assess_without_noise", lambda *_: quiet)
-        return TuningRun(plan, directory or RunDirectory(None), threads=1).run(relay=False)
+        return TuningRun(plan, directory or RunDirectory(None), threads=1).run()
 
 
 def values(samples: Samples, name: str = "X_uu") -> set[float]:

@@ -309,7 +309,6 @@ class Campaign:
         run_dir: str | Path | None = None,
         progress: Callable[[Progress], None] | None = None,
         resume: bool = True,
-        relay: bool = False,
         threads: int | None = None,
         executor: Workers | None = None,
     ) -> Tuning:
@@ -319,7 +318,7 @@ class Campaign:
         ----------
         fit
             As of `control_problem`.
-        run_dir, progress, resume, relay, threads, executor
+        run_dir, progress, resume, threads, executor
             As of `seatrial.tune`, whose result and errors these are.
         """
         from seatrial.tuning.tune import tune
@@ -329,7 +328,6 @@ class Campaign:
             run_dir=run_dir,
             progress=progress,
             resume=resume,
-            relay=relay,
             threads=threads,
             executor=executor,
         )

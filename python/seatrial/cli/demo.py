@@ -196,7 +196,7 @@ def demonstrate(
         console.rule(
             "CWolf: its autopilot tuned from the start gains, on the identified vehicle", align="left"
         )
-    found = tuned(campaign, fit, out / "cwolf-tuned", relay=True, threads=threads, resume=False, quiet=quiet)
+    found = tuned(campaign, fit, out / "cwolf-tuned", threads=threads, resume=False, quiet=quiet)
     chain.results["cwolf_tuning"] = found.to_dict()
     if found.interrupted:
         chain.interrupted = True

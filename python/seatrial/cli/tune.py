@@ -34,7 +34,6 @@ def tune(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Run directory; runs/NAME-tuned by default.")
     ] = None,
-    relay: Annotated[bool, typer.Option(help="Also assess relay autotuning of the same loops.")] = False,
     resume: Annotated[
         bool, typer.Option(help="Reuse what an earlier run finished from the same inputs.")
     ] = True,
@@ -60,7 +59,7 @@ def tune(
     source = fitted_source(loaded, run)
     if not json:
         note(f"Vehicle: {source or loaded.vehicle.name}")
-    found = tuned(loaded, source, folder, relay=relay, resume=resume, threads=threads, dask=dask, quiet=json)
+    found = tuned(loaded, source, folder, resume=resume, threads=threads, dask=dask, quiet=json)
 
     def drawn() -> list[Path]:
         return draw(found, folder, formats=formats(pdf, page)) if figures and not found.interrupted else []
@@ -91,7 +90,6 @@ def tuned(
     source: Identification | Path | str | None,
     folder: Path | None,
     *,
-    relay: bool = False,
     resume: bool = True,
     threads: int | None = None,
     dask: str | None = None,
@@ -102,13 +100,7 @@ def tuned(
 
     with workers(dask) as fleet, search_progress("making ready", quiet=quiet) as progress:
         return campaign.tune(
-            source,
-            run_dir=folder,
-            progress=progress,
-            relay=relay,
-            resume=resume,
-            threads=threads,
-            executor=fleet,
+            source, run_dir=folder, progress=progress, resume=resume, threads=threads, executor=fleet
         )
 
 

@@ -91,7 +91,7 @@ class Performance(
     Attributes
     ----------
     name
-        "start", "relay", "tuned".
+        "start", "tuned".
     autopilot
         Which.
     trials

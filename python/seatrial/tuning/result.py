@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from seatrial.control_design.margin_report import ReportedMargins
     from seatrial.control_design.tuning_table import Margins
     from seatrial.tuning.control_problem import ControlProblem
-    from seatrial.tuning.relay import RelayTuning
 
 _DIGITS = 4
 
@@ -47,10 +46,8 @@ class Tuning(RunResult):
     groups
         A `GroupResult` per search, in the order of the searches.
     performance
-        Responses of the start gains ("start"), of a relay autotuning where asked for ("relay") and of the
-        tuned ones ("tuned") on samples that the search never saw.
-    relay
-        The relay autotuning; None where not asked for.
+        Responses of the start gains ("start") and of the tuned ones ("tuned") on samples that the search never
+        saw.
     reverted
         Groups that have their start gains again, because everything together is better with them.
     elapsed_s
@@ -70,7 +67,6 @@ class Tuning(RunResult):
     autopilot: Autopilot
     groups: tuple[GroupResult, ...]
     performance: tuple[Performance, ...]
-    relay: RelayTuning | None
     reverted: tuple[str, ...]
     elapsed_s: float
     interrupted: bool
@@ -195,7 +191,6 @@ class Tuning(RunResult):
             "groups": [group.to_dict() for group in self.groups],
             "performance": [performance.to_dict() for performance in self.performance],
             "margins": {} if self.interrupted else _plain_margins(self.margins),
-            "relay": None if self.relay is None else self.relay.to_dict(),
             "notes": list(self.plan.fitted.notes),
         }
 

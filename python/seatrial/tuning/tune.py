@@ -2,7 +2,7 @@
 
 Margins first, then group after group by evolution strategy and simplex on the full non-linear closed loop
 with limits, dead band, dead time, sensor noise, currents and drawn vehicles; at last everything is assessed
-again on samples that the search never saw, beside the start gains and a relay autotuning
+again on samples that the search never saw, beside the start gains
 (`seatrial.tuning.tuning_run`). What cannot be tuned is refused before the search.
 
 Source: Taubert et al. (2014), section "Constraint Criteria Optimization". Held by tests/tuning/test_tune.py.
@@ -39,7 +39,6 @@ def tune(
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
-    relay: bool = False,
     threads: int | None = None,
     executor: Workers | None = None,
 ) -> Tuning: ...
@@ -58,7 +57,6 @@ def tune(
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
-    relay: bool = False,
     threads: int | None = None,
     executor: Workers | None = None,
 ) -> Tuning: ...
@@ -72,7 +70,6 @@ def tune(
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
-    relay: bool = False,
     threads: int | None = None,
     executor: Workers | None = None,
     **asked: Any,
@@ -98,8 +95,6 @@ def tune(
         Called with a `Progress` after every batch of candidates.
     resume : bool, optional
         Whether groups that an earlier run finished from the same inputs are reused.
-    relay : bool, optional
-        Whether a relay autotuning of the same loops is assessed beside.
     threads : int, optional
         All when omitted; the result does not depend on it.
     executor : Executor, str or distributed.Client, optional
@@ -143,6 +138,11 @@ def tune(
     ['margins', 'heading']
     """
     checked_threads(threads)
+    if "relay" in asked:
+        raise CampaignError(
+            "tune: relay: relay tuning was worse than the search by corridors on every loop; leave it out,"
+            " and take start gains from seatrial.start_autopilot"
+        )
     if not isinstance(problem, ControlProblem):
         if callable(getattr(problem, "control_problem", None)):
             raise CampaignError("tune: found a campaign; use campaign.tune(fit, run_dir=..., ...)")
@@ -157,7 +157,7 @@ def tune(
         raise CampaignError(f"tune: {given}: the problem says that; give it only beside a vehicle")
     assert problem.groups is not None  # what cannot be tuned is refused before a directory is made
     with RunDirectory(run_dir, "tuning", resume=resume) as run, fleet_of(executor) as fleet:
-        found = TuningRun(problem, run, progress=progress, threads=threads, fleet=fleet).run(relay=relay)
+        found = TuningRun(problem, run, progress=progress, threads=threads, fleet=fleet).run()
         if found.interrupted and found.groups:
             with contextlib.suppress(SeatrialError):  # the gains are in what is returned all the same
                 # The best gains so far are an autopilot file beside the finished groups.

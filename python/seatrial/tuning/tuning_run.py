@@ -18,7 +18,7 @@ import json
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, version
@@ -28,7 +28,6 @@ from seatrial.tuning.control_problem import ControlProblem, Group
 from seatrial.tuning.objective import HEADROOM
 from seatrial.tuning.path_following import path_work_s, search_paths
 from seatrial.tuning.performance import Performance, assess, assess_without_noise
-from seatrial.tuning.relay import relay_autopilot
 from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
 from seatrial.tuning.search import (
     GENERATIONS,
@@ -102,23 +101,17 @@ class TuningRun:
         self.gains: dict[str, float] = {}
         self.reverted: tuple[str, ...] = ()
 
-    def run(self, *, relay: bool) -> Tuning:
-        """Tuning, interrupted after Ctrl-C.
-
-        Parameters
-        ----------
-        relay : bool
-            Whether a relay autotuning is assessed beside.
-        """
+    def run(self) -> Tuning:
+        """Tuning, interrupted after Ctrl-C."""
         try:
             if self._search():
-                return self._result((), relay=None)
+                return self._result(())
             self._revert()
             self._guide()
-            return self._assess(relay=relay)
+            return self._assess()
         except KeyboardInterrupt:
             self.stopped = True
-            return self._result((), relay=None)
+            return self._result(())
 
     def _search(self) -> bool:
         """Search the margins, then the groups; whether Ctrl-C ended it."""
@@ -196,17 +189,10 @@ class TuningRun:
         """Samples of the last assessment, which no search has seen."""
         return self.plan.samples(_FRESH, self.plan.seed + _OTHER_SEED, nominal=_NOISES)
 
-    def _assess(self, *, relay: bool) -> Tuning:
+    def _assess(self) -> Tuning:
         """Tuning with its assessment."""
         plan, fresh = self.plan, self._fresh()
-        autopilots: dict[str, Autopilot] = {"start": plan.autopilot}
-        relayed = None
-        if relay:
-            relayed = relay_autopilot(
-                plan.vehicle, plan.autopilot, sensors=plan.sensors, voltage_v=plan.table.voltage_v
-            )
-            autopilots["relay"] = relayed.autopilot
-        autopilots["tuned"] = self._tuned()
+        autopilots = {"start": plan.autopilot, "tuned": self._tuned()}
         performance = tuple(
             assess(plan, name, self._rig(autopilot, _FINE_STEP_S), fresh)
             for name, autopilot in autopilots.items()
@@ -214,7 +200,7 @@ class TuningRun:
         quiet = None
         if not performance[-1].feasible:
             quiet = assess_without_noise(plan, self._rig(autopilots["tuned"], _FINE_STEP_S))
-        return replace(self._result(performance, relay=relayed), quiet=quiet)
+        return replace(self._result(performance), quiet=quiet)
 
     def _planned(self) -> dict[str, float]:
         """Time that each part flies at most, s; the margins, which do not fly, as a share of it."""
@@ -288,14 +274,13 @@ class TuningRun:
         plan = self.plan
         return tuned_autopilot(plan.autopilot, self.gains, plan.name, plan.origin, plan.vehicle.name)
 
-    def _result(self, performance: tuple[Performance, ...], *, relay: Any) -> Tuning:
+    def _result(self, performance: tuple[Performance, ...]) -> Tuning:
         interrupted = self.stopped or (bool(self.results) and self.results[-1].interrupted)
         return Tuning(
             plan=self.plan,
             autopilot=self._tuned(),
             groups=tuple(self.results),
             performance=performance,
-            relay=relay,
             reverted=self.reverted,
             elapsed_s=self.clock.elapsed_s,
             interrupted=interrupted,
