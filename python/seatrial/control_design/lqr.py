@@ -153,7 +153,7 @@ def design_lqr(
     ((2, 6, 15), True)
     """
     chosen = tolerances or Tolerances()
-    found = {}
+    designs = {}
     for name, wanted in modes.items():
         unknown = [loop for loop in wanted if loop not in LOOPS]
         if unknown or not wanted:
@@ -187,7 +187,7 @@ def design_lqr(
         designed = list(results)
         distance = np.abs(np.subtract.outer(np.array(speeds_m_s), np.array(speeds_m_s)[designed]))
         own = [designed[int(j)] for j in distance.argmin(axis=1)]
-        found[name] = LqrGains(
+        designs[name] = LqrGains(
             mode=name,
             loops=loops,
             speeds_m_s=tuple(speeds_m_s),
@@ -199,7 +199,7 @@ def design_lqr(
             trimmed=tuple(trimmed),
             borrowed=tuple(j != k for k, j in enumerate(own)),
         )
-    return found
+    return designs
 
 
 def lqr_tables(gains: Mapping[str, LqrGains], *, tracking_s: float = 5.0) -> list[dict[str, Any]]:
@@ -219,10 +219,10 @@ def _of_rates(gains: LqrGains) -> Array:
 
     That is ``w - u pitch``, so that the rest of what the gain makes of w goes to the pitch.
     """
-    told = gains.gain.copy()
+    rate_gain = gains.gain.copy()
     if "heave" in gains.loops:
-        told[:, :, 2] += np.array(gains.speeds_m_s)[:, None] * told[:, :, 6]
-    return told
+        rate_gain[:, :, 2] += np.array(gains.speeds_m_s)[:, None] * rate_gain[:, :, 6]
+    return rate_gain
 
 
 def _safe_gain(
@@ -246,9 +246,9 @@ def _safe_gain(
         short = np.array([not _holds(row, TARGETS[0]) for row in rows])
         dearness = dearness * np.where(short, _DEARER, 1.0)
     for target in TARGETS:
-        for found in tried:
-            if _holds(found[1], target):
-                return found
+        for design in tried:
+            if _holds(design[1], target):
+                return design
     most = max((of.phase_deg for _, of, _ in tried if of.stable), default=None)
     raise ValueError("none is stable" if most is None else f"phase margin {most:.0f} deg at most")
 
@@ -364,8 +364,8 @@ def lqr_autopilot(
         restoring=autopilot.feed_forward()["restoring"],
         period_s=autopilot.period_s,
     )
-    switched, found = re.subn(r"(?m)^control\s*=.*$", 'control = "lqr"', text, count=1)
-    if not found:
+    switched, replaced = re.subn(r"(?m)^control\s*=.*$", 'control = "lqr"', text, count=1)
+    if not replaced:
         switched = re.sub(r"(?m)^period_s", 'control = "lqr"\nperiod_s', text, count=1)
     tables = tomlkit.dumps({"lqr": lqr_tables(gains, tracking_s=tracking_s)})
     return f"{switched.rstrip()}\n\n{tables}"

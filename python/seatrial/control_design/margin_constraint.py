@@ -247,11 +247,11 @@ class MarginConstraint:
                         for place, row in enumerate(rows):
                             name = f"{loop}.{key}.{place + 1}"
                             row[:] = gains.get(name, self._gains[name])
-        found = []
+        weighed = []
         for point in self._systems:
             given = np.array([tables[loop] for loop in point.at.loops])
-            found.append((point, np.einsum("nbsk,s->knb", given, point.shares)))
-        return found
+            weighed.append((point, np.einsum("nbsk,s->knb", given, point.shares)))
+        return weighed
 
     def _count(self, gains: Gains) -> int:
         lengths = {}

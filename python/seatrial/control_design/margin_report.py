@@ -106,8 +106,8 @@ class MarginRow(Plain, also="verdict"):
             "gain": f"gain {float(decibel(self.gain)):.1f} dB of {ACCEPTED_GAIN_DB:g}",
             "sensitivity": f"sensitivity {self.sensitivity:.2g}, at most {ACCEPTED_SENSITIVITY:g}",
         }
-        told = ", ".join(figures[name] for name in self._small)
-        return f"{self.loop} has little margin ({told})" if told else ""
+        shortfalls = ", ".join(figures[name] for name in self._small)
+        return f"{self.loop} has little margin ({shortfalls})" if shortfalls else ""
 
     @property
     def _small(self) -> tuple[str, ...]:
@@ -303,7 +303,7 @@ def report_margins(
     """
     facts = autopilot_facts(autopilot)
     late = measurement_delays(sensors, vehicle)
-    found = []
+    reported = []
     speeds = reachable_speeds(vehicle, autopilot) if speeds_m_s is None else speeds_m_s
     for mode, speed in operating_points(facts, speeds):
         at = mode_loop(vehicle, facts, mode, speed, measured_late_s=late)
@@ -311,13 +311,13 @@ def report_margins(
         stable = spectral_radius(at.system, law) <= neutral_radius(at.system.period_s)
         rows, disks = refined_margins(at.system, law)
         for row, loop in enumerate(at.loops):
-            found.append(ReportedMargins(mode, speed, loop, stable, **_reported(rows, disks, row)))
-    return found
+            reported.append(ReportedMargins(mode, speed, loop, stable, **_reported(rows, disks, row)))
+    return reported
 
 
 def _reported(of: LoopMargins, disks: Array, row: int) -> dict[str, Any]:
     """Margins of a row by the names of `ReportedMargins`, None where nothing bounds them."""
-    found: dict[str, float | None] = {}
+    margins: dict[str, float | None] = {}
     for name, value, rad_s in (
         ("gain_up_db", decibel(of.gain[row]), of.gain_rad_s),
         ("gain_down_db", decibel(of.reduction[row]), of.reduction_rad_s),
@@ -325,10 +325,10 @@ def _reported(of: LoopMargins, disks: Array, row: int) -> dict[str, Any]:
         ("delay_s", of.delay_s[row], of.delay_rad_s),
     ):
         bounded = bool(np.isfinite(rad_s[row]))
-        found[name] = float(value) if bounded else None
-        found[f"{name.rpartition('_')[0]}_rad_s"] = float(rad_s[row]) if bounded else None
+        margins[name] = float(value) if bounded else None
+        margins[f"{name.rpartition('_')[0]}_rad_s"] = float(rad_s[row]) if bounded else None
     half = 0.5 * float(disks[row])
-    return found | {
+    return margins | {
         "disk": 2.0 * half,
         "disk_gain_db": float(decibel((1.0 + half) / (1.0 - half))) if half < 1.0 else None,
         "disk_phase_deg": float(np.rad2deg(2.0 * np.arctan(half))),

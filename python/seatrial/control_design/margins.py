@@ -138,8 +138,8 @@ def loop_margins(loops: Complex, omega: Array) -> LoopMargins:
     up, edge = size < 1.0, np.full(len(at_edge), omega[-1])
     gain.take(at_edge[up], 1.0 / np.maximum(size[up], _TINY), edge[up])
     reduction.take(at_edge[~up], size[~up], edge[~up])
-    found = [array for of in (phase, gain, reduction, delay) for array in (of.value, of.rad_s)]
-    return LoopMargins(*(array.reshape(shape) for array in (*found, np.maximum(sensitivity, 1.0))))
+    least = [array for of in (phase, gain, reduction, delay) for array in (of.value, of.rad_s)]
+    return LoopMargins(*(array.reshape(shape) for array in (*least, np.maximum(sensitivity, 1.0))))
 
 
 class _Least:
@@ -220,14 +220,14 @@ class LawMargins:
 def law_margins(of: Sampled, gain: Array) -> dict[str, LawMargins]:
     """Margins of the law K (6, 15) per row: opened alone at the vehicle's input, the others closed."""
     omega = frequencies(of.period_s)
-    found, radius = loop_margins(_opened(of, gain)(omega), omega), spectral_radius(of, gain)
+    margins, radius = loop_margins(_opened(of, gain)(omega), omega), spectral_radius(of, gain)
     return {
         name: LawMargins(
             radius,
-            phase_deg=float(found.phase_deg[row]),
-            gain=float(found.gain[row]),
-            delay_s=float(found.delay_s[row]),
-            sensitivity=float(found.sensitivity[row]),
+            phase_deg=float(margins.phase_deg[row]),
+            gain=float(margins.gain[row]),
+            delay_s=float(margins.delay_s[row]),
+            sensitivity=float(margins.sensitivity[row]),
         )
         for row, name in enumerate(of.rows)
     }

@@ -62,15 +62,15 @@ def top_speeds(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[float
     VehicleError
         The speed grows beyond all bounds.
     """
-    facts, found = vehicle.actuator_info(), []
+    facts, extremes = vehicle.actuator_info(), []
     for share in (-1.0, 1.0):
         commands = {name: command(facts[name], share * sense) for name, sense in drivers(vehicle).items()}
-        found.append(
+        extremes.append(
             float(steady(vehicle, commands, free="X", voltage_v=voltage_v).nu[0]) if commands else 0.0
         )
-    if not np.isfinite(found).all():
+    if not np.isfinite(extremes).all():
         raise VehicleError(unbounded(vehicle))
-    return min(found[0], 0.0), found[1]
+    return min(extremes[0], 0.0), extremes[1]
 
 
 def breakpoint_speeds(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> list[float]:

@@ -118,7 +118,7 @@ def operating_points(facts: AutopilotFacts, speeds_m_s: Sequence[float]) -> list
 
     Between a switching speed and its hysteresis below it, either mode may be at work.
     """
-    modes, found = facts.modes, []
+    modes, points = facts.modes, []
     switching = [mode.from_speed_m_s for mode in modes[1:]]
     least, most = min(speeds_m_s), max(speeds_m_s)
     every = {float(u) for u in speeds_m_s} | {u for u in switching if least < u < most}
@@ -126,8 +126,8 @@ def operating_points(facts: AutopilotFacts, speeds_m_s: Sequence[float]) -> list
         for k, mode in enumerate(modes):
             begun = k == 0 or speed >= mode.from_speed_m_s - mode.hysteresis_m_s
             if begun and (k + 1 == len(modes) or speed <= modes[k + 1].from_speed_m_s):
-                found.append((mode.name, speed))
-    return found
+                points.append((mode.name, speed))
+    return points
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,5 +197,5 @@ def mode_law(facts: AutopilotFacts, mode: str, loops: tuple[str, ...], speed_m_s
 def _at_work(vehicle: Vehicle, named: Sequence[str]) -> tuple[str, ...] | None:
     """Actuators of a mode, groups resolved; None for all."""
     facts = vehicle.actuator_info()
-    found = tuple(name for name in vehicle.actuators if name in named or facts[name]["group"] in named)
-    return found or None
+    names = tuple(name for name in vehicle.actuators if name in named or facts[name]["group"] in named)
+    return names or None

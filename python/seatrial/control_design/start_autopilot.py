@@ -178,13 +178,13 @@ def _mode(vehicle: Vehicle, mode: Mode) -> dict[str, Any]:
 def _grouped(vehicle: Vehicle, names: tuple[str, ...]) -> list[str]:
     """Groups where all their actuators are named, and names."""
     facts = vehicle.actuator_info()
-    found: list[str] = []
+    grouped: list[str] = []
     for name in names:
         group = str(facts[name]["group"])
         whole = group and all(other in names for other in vehicle.actuators if facts[other]["group"] == group)
-        if (group if whole else name) not in found:
-            found.append(group if whole else name)
-    return found
+        if (group if whole else name) not in grouped:
+            grouped.append(group if whole else name)
+    return grouped
 
 
 def _loop(loop: LoopStart) -> dict[str, Any]:

@@ -138,16 +138,16 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
     largest = {row: max(_usable(limit, row, shares) for limit in slow) for row in rows}
     largest["X"] = max(largest["X"], 1.05 * _drag(vehicle, speeds[-1]))
     design = Trial(vehicle, rows, late, period_s, top[1], _quiet(vehicle, voltage_v))
-    found: dict[str, list[LoopGain]] = {LOOPS[ROWS.index(row)]: [] for row in rows}
+    gains_of: dict[str, list[LoopGain]] = {LOOPS[ROWS.index(row)]: [] for row in rows}
     weak: list[str] = []
     for u, limit in zip(speeds, limits, strict=True):
         allowed = {row: _usable(limit, row, shares) for row in rows}
         gains, short = design.at(u, allowed, modes)
         weak += short
         for loop, gain in gains.items():
-            found[loop].append(gain)
+            gains_of[loop].append(gain)
     loops = {}
-    for loop, placed in found.items():
+    for loop, placed in gains_of.items():
         used = [
             gain.bandwidth
             for u, gain in zip(speeds, placed, strict=True)
@@ -314,12 +314,12 @@ class Trial:
         if "Z" not in of.rows:
             return 0.0
         most = max(abs(speed), self.top_m_s)
-        found = 0.0
+        upset = 0.0
         for u in (speed, np.copysign(min(abs(speed) + CURRENT_M_S, most), speed)):
             mode_loops = tuple(LOOPS[ROWS.index(row)] for row in of.rows)
             there = plant(self.vehicle, level(u, of.rows), mode_loops)
-            found = max(found, _upset(there, u))
-        return found
+            upset = max(upset, _upset(there, u))
+        return upset
 
     def _passes(
         self,

@@ -174,8 +174,8 @@ def _course(
     z = np.exp(1j * omega * system.period_s)
     step, drive = reference_drive(system, laws, name, (1j * omega, inertia))
     x = np.linalg.solve(z * np.eye(len(step)) - step, drive)
-    (angle, one), (flow, sign) = _WAY[name]
-    answer = one * x[system.seen[system.columns.index(angle)]]
+    (angle, factor), (flow, sign) = _WAY[name]
+    answer = factor * x[system.seen[system.columns.index(angle)]]
     return complex(answer + sign * x[system.seen[system.columns.index(flow)]] / speed)
 
 
@@ -405,9 +405,9 @@ def without_substitute(vehicle: Vehicle, start: StartGains) -> tuple[str, ...]:
     rows = [LOOPS.index(loop) for loop in start.modes[0].loops]
     matrix = np.asarray(vehicle.allocation_matrix())[rows]
     matrix = matrix / np.abs(matrix).max(axis=1, keepdims=True)
-    found = []
+    irreplaceable = []
     for k, name in enumerate(vehicle.actuators):
         values = np.linalg.svd(np.delete(matrix, k, axis=1), compute_uv=False)
         if len(values) < len(rows) or values[-1] < _SINGLE_ACTUATOR * values[0]:
-            found.append(name)
-    return tuple(found)
+            irreplaceable.append(name)
+    return tuple(irreplaceable)

@@ -97,13 +97,13 @@ def trim(
         rest = np.asarray(vehicle.acceleration(at.nu, at.attitude, at.tau))
         return np.asarray((mass @ rest / scale)[idle])
 
-    found = np.zeros(len(angles))
+    solution = np.zeros(len(angles))
     if angles:
-        found = least_squares(residual, found, bounds=(-1.5, 1.5), xtol=1e-14, ftol=1e-14, gtol=1e-14).x
-    left = residual(found)
-    if np.abs(left).max(initial=0.0) > _BALANCED or np.abs(found).max(initial=0.0) > _LARGEST:
+        solution = least_squares(residual, solution, bounds=(-1.5, 1.5), xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    left = residual(solution)
+    if np.abs(left).max(initial=0.0) > _BALANCED or np.abs(solution).max(initial=0.0) > _LARGEST:
         return None
-    return flight(found)
+    return flight(solution)
 
 
 def _body(attitude: Array, drift: float) -> Array:

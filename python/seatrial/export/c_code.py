@@ -327,7 +327,7 @@ def recorded(
     seen = recorded_filter(
         f"{stem}_filter",
         believed,
-        told=None if steering is None else (steering.prefix, [row["name"] for row in steering.inputs]),
+        autopilot=None if steering is None else (steering.prefix, [row["name"] for row in steering.inputs]),
         period_s=None if pilot is None else pilot.period_s,
         mission=plan,
         navigation=navigation,

@@ -27,7 +27,7 @@ def recorded_filter(
     prefix: str,
     model: Vehicle,
     *,
-    told: tuple[str, list[str]] | None,
+    autopilot: tuple[str, list[str]] | None,
     period_s: float | None,
     mission: Mission | None,
     navigation: str | NavigationFilter,
@@ -43,8 +43,8 @@ def recorded_filter(
         Of all of its public names.
     model
         The vehicle that it believes in, unless it was made by hand.
-    told, period_s
-        Prefix and inputs of the autopilot's program that is told the estimate, and its period, s.
+    autopilot, period_s
+        Prefix and inputs of the program of the autopilot that takes the estimate, and its period, s.
     mission
         Its mission, whose landmarks and start the filter knows.
     navigation, sensors
@@ -81,6 +81,6 @@ def recorded_filter(
         start["start"] = Route.of(mission).start
     about = [f"Navigation filter of {commented(filter.vehicle.name)}: one period of {period_s:g} s.", *origin]
     facts = filter_c(
-        filter.core, prefix, about, period_s=period_s, autopilot=told, voltage_v=voltage_v, **start
+        filter.core, prefix, about, period_s=period_s, autopilot=autopilot, voltage_v=voltage_v, **start
     )
     return facts, period_s

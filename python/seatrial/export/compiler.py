@@ -27,8 +27,8 @@ _OPTIONS: Sequence[str] = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract
 def c_compiler() -> str:
     """C compiler that is there, or nothing."""
     own = os.environ.get("CC", "")
-    found = (shutil.which(candidate) for candidate in (own, "cc", "gcc", "clang") if candidate)
-    return next((path for path in found if path), "")
+    paths = (shutil.which(candidate) for candidate in (own, "cc", "gcc", "clang") if candidate)
+    return next((path for path in paths if path), "")
 
 
 def platform() -> str:
@@ -76,16 +76,16 @@ def ran(
         start_new_session=True,
     ) as process:
         try:
-            told, errors = process.communicate(timeout=limit_s)
+            output, errors = process.communicate(timeout=limit_s)
         except BaseException:
             # The session first: what it leaves behind would hold the pipes that the end waits for.
             with suppress(OSError):  # it has ended, and with it the session
                 os.killpg(process.pid, signal.SIGKILL)
             process.kill()
             raise
-    found = subprocess.CompletedProcess(process.args, process.returncode, told, errors)
-    found.check_returncode()
-    return found
+    completed = subprocess.CompletedProcess(process.args, process.returncode, output, errors)
+    completed.check_returncode()
+    return completed
 
 
 def shared_library(sources: Mapping[str, str], compiled: Sequence[str], compiler: str) -> bytes:
@@ -102,9 +102,9 @@ def shared_library(sources: Mapping[str, str], compiled: Sequence[str], compiler
         try:
             ran([compiler, *_OPTIONS, *compiled, "-o", "unit.bin", "-lm"], folder=Path(folder))
         except (OSError, subprocess.SubprocessError) as error:
-            said = getattr(error, "stderr", "") or str(error)
+            output = getattr(error, "stderr", "") or str(error)
             raise SimulationError(
-                f"{compiler}: cannot build the unit: {str(said).strip()[:400]}; set CC to a C99 compiler, or"
-                " build none with --no-binary"
+                f"{compiler}: cannot build the unit: {str(output).strip()[:400]}; set CC to a C99 compiler,"
+                " or build none with --no-binary"
             ) from None
         return (Path(folder) / "unit.bin").read_bytes()

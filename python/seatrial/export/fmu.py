@@ -94,8 +94,8 @@ class FmuExport:
                 program.prefix: {
                     "step_s": program.step_s,
                     "parameters": len(program.parameters),
-                    "inputs": [one["known_as"] for one in program.inputs],
-                    "outputs": [one["known_as"] for one in program.outputs],
+                    "inputs": [variable["known_as"] for variable in program.inputs],
+                    "outputs": [variable["known_as"] for variable in program.outputs],
                 }
                 for program in self.programs.all()
             },
@@ -176,7 +176,7 @@ def _samples(fitted: Fitted, program: Program, samples: int, seed: int) -> dict[
     """Values (samples,) of the parameters that vary, by their names here."""
     if samples == 0:
         return {}
-    known = [one["known_as"] for one in program.parameters]
+    known = [parameter["known_as"] for parameter in program.parameters]
     drawn = {
         name: np.asarray(values) for name, values in fitted.draws(samples, seed).items() if name in known
     }

@@ -116,11 +116,14 @@ def _variables(program: Program) -> list[tuple[dict[str, Any], str, str]]:
     """Numbers of a program with causality and variability, in the order of their value references."""
     return [
         *(
-            (one | {"name": f"parameters.{one['known_as']}"}, "parameter", "tunable")
-            for one in program.parameters
+            (variable | {"name": f"parameters.{variable['known_as']}"}, "parameter", "tunable")
+            for variable in program.parameters
         ),
-        *((one | {"name": one["known_as"]}, "input", "continuous") for one in program.inputs),
-        *((one | {"name": one["known_as"]}, "output", "continuous") for one in program.outputs),
+        *((variable | {"name": variable["known_as"]}, "input", "continuous") for variable in program.inputs),
+        *(
+            (variable | {"name": variable["known_as"]}, "output", "continuous")
+            for variable in program.outputs
+        ),
     ]
 
 
@@ -151,26 +154,29 @@ def _names(program: Program, token: str, samples: Mapping[str, Array]) -> str:
 def _places(program: Program, samples: Mapping[str, Array]) -> str:
     """Where the numbers stand in an instance, the start of its outputs, and the parameter sets."""
     kinds = (("own", program.parameters), ("in", program.inputs), ("out", program.outputs))
-    offsets = [f"offsetof(Instance, {kind}.{one['name']})" for kind, part in kinds for one in part]
+    offsets = [f"offsetof(Instance, {kind}.{variable['name']})" for kind, part in kinds for variable in part]
     lines = [
         "static const size_t number_places[N_NUMBERS] = {",
         *(f"    {offset}," for offset in offsets),
         "};",
         "static const double number_starts[N_NUMBERS] = {",
-        *(f"    {_literal(one['start'])}," for _, part in kinds for one in part),
+        *(f"    {_literal(variable['start'])}," for _, part in kinds for variable in part),
         "};",
         "/* What a parameter may be: the same ranges as in the files. */",
         "static const double parameter_ranges[N_PARAMETERS + 1u][2] = {",
-        *(f"    {{{_literal(one['least'])}, {_literal(one['most'])}}}," for one in program.parameters),
+        *(
+            f"    {{{_literal(variable['least'])}, {_literal(variable['most'])}}},"
+            for variable in program.parameters
+        ),
         "    {0.0, 0.0}, /* none: C knows no empty table */",
         "};",
         f"static void output_starts({program.prefix}_output *out)",
         "{",
-        *(f"    out->{one['name']} = {_literal(one['start'])};" for one in program.outputs),
+        *(f"    out->{variable['name']} = {_literal(variable['start'])};" for variable in program.outputs),
         "}",
     ]
     if samples:
-        by_name = {one["known_as"]: one["name"] for one in program.parameters}
+        by_name = {variable["known_as"]: variable["name"] for variable in program.parameters}
         columns = [samples[name] for name in samples]
         lines += [
             "static const size_t sampled_places[N_SAMPLED] = {",
@@ -200,22 +206,22 @@ def _document(root: Xml.Element) -> bytes:
 
 def _units(root: Xml.Element, program: Program, *, time: bool) -> None:
     """The units in use, in base units; with that of the time where it is a variable."""
-    used = {one["unit"] for one, *_ in _variables(program)} | ({"s"} if time else set())
+    used = {variable["unit"] for variable, *_ in _variables(program)} | ({"s"} if time else set())
     names = sorted(used - {"1"})
     table = Xml.SubElement(root, "UnitDefinitions")
     for name in names:
         unit = Xml.SubElement(table, "Unit", name=name)
-        found = base_units(name)
-        if found is not None:
-            exponents, factor = found
+        base_form = base_units(name)
+        if base_form is not None:
+            exponents, factor = base_form
             facts = {base: str(exponent) for base, exponent in exponents.items()}
             if factor != 1.0:
                 facts["factor"] = repr(factor)
             Xml.SubElement(unit, "BaseUnit", facts)
 
 
-def _with_unit(one: Mapping[str, Any]) -> dict[str, str]:
-    return {} if one["unit"] == "1" else {"unit": one["unit"]}
+def _with_unit(variable: Mapping[str, Any]) -> dict[str, str]:
+    return {} if variable["unit"] == "1" else {"unit": variable["unit"]}
 
 
 def _description_2(program: Program, token: str, sets: int, compiled: tuple[str, ...]) -> Xml.Element:
@@ -243,20 +249,20 @@ def _description_2(program: Program, token: str, sets: int, compiled: tuple[str,
     Xml.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=_number(program.step_s))
     table = Xml.SubElement(root, "ModelVariables")
     outputs = []
-    for reference, (one, causality, variability) in enumerate(_variables(program), start=1):
+    for reference, (variable, causality, variability) in enumerate(_variables(program), start=1):
         facts = {
-            "name": one["name"],
+            "name": variable["name"],
             "valueReference": str(reference),
-            "description": one["about"],
+            "description": variable["about"],
             "causality": causality,
             "variability": variability,
         }
-        start = {} if causality == "output" else {"start": _number(one["start"])}
+        start = {} if causality == "output" else {"start": _number(variable["start"])}
         if causality != "input":
             facts["initial"] = "calculated" if causality == "output" else "exact"
         if causality == "output":
             outputs.append(reference)
-        Xml.SubElement(Xml.SubElement(table, "ScalarVariable", facts), "Real", start | _with_unit(one))
+        Xml.SubElement(Xml.SubElement(table, "ScalarVariable", facts), "Real", start | _with_unit(variable))
     if sets:
         facts = {
             "name": "parameter_set",
@@ -308,11 +314,11 @@ def _description_3(program: Program, token: str, sets: int) -> Xml.Element:
     }
     Xml.SubElement(table, "Float64", independent | {"unit": "s"})
     outputs = []
-    for reference, (one, causality, variability) in enumerate(_variables(program), start=1):
+    for reference, (variable, causality, variability) in enumerate(_variables(program), start=1):
         facts = {
-            "name": one["name"],
+            "name": variable["name"],
             "valueReference": str(reference),
-            "description": one["about"],
+            "description": variable["about"],
             "causality": causality,
             "variability": variability,
         }
@@ -320,8 +326,8 @@ def _description_3(program: Program, token: str, sets: int) -> Xml.Element:
             facts["initial"] = "calculated"
             outputs.append(reference)
         else:
-            facts["start"] = _number(one["start"])
-        Xml.SubElement(table, "Float64", facts | _with_unit(one))
+            facts["start"] = _number(variable["start"])
+        Xml.SubElement(table, "Float64", facts | _with_unit(variable))
     if sets:
         facts = {
             "name": "parameter_set",

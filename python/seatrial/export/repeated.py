@@ -84,13 +84,13 @@ def folded(source: str) -> str:
     -------
     str
     """
-    found = list(_FUNCTION.finditer(source))
-    if not found:
+    functions = list(_FUNCTION.finditer(source))
+    if not functions:
         return source
-    folder = _Folder([_block(match[2]) for match in found])
+    folder = _Folder([_block(match[2]) for match in functions])
     folder.fold()
-    text, end = source[: found[0].start()] + "".join(folder.functions()), found[0].start()
-    for match, block in zip(found, folder.blocks, strict=False):
+    text, end = source[: functions[0].start()] + "".join(folder.functions()), functions[0].start()
+    for match, block in zip(functions, folder.blocks, strict=False):
         text += source[end : match.start()] + _function(match[1], block)
         end = match.end()
     return text + source[end:]
@@ -101,7 +101,7 @@ def _function(signature: str, block: _Block) -> str:
     count = math.ceil(len(block.statements) / _SECTION)
     if count > 1:
         return _in_sections(signature, block, count)
-    body = [*block.head, *(one.text() for one in block.statements), *block.tail]
+    body = [*block.head, *(statement.text() for statement in block.statements), *block.tail]
     return signature + "\n{\n" + "\n".join(body) + "\n}\n"
 
 
@@ -110,14 +110,16 @@ def _in_sections(signature: str, block: _Block, count: int) -> str:
     size = math.ceil(len(block.statements) / count)
     sections = [block.statements[k * size : (k + 1) * size] for k in range(count)]
     short = "measure" if "_measure(" in signature else "step"
-    made = {result: k for k, part in enumerate(sections) for one in part for result in one.results}
-    reads = [{read for one in part for read in one.reads} for part in sections]
+    made = {
+        result: k for k, part in enumerate(sections) for statement in part for result in statement.results
+    }
+    reads = [{read for statement in part for read in statement.reads} for part in sections]
     reads[-1].update(read for line in block.tail for read in _READ.findall(line))
     # Per section what earlier ones made.
     earlier = [{read for read in part if made.get(read, k) != k} for k, part in enumerate(reads)]
     asked = set().union(*earlier)
-    handed = [one for one in block.statements if not asked.isdisjoint(one.results)]
-    members = "".join(f"    {one.kind} {one.name};\n" for one in handed)
+    handed = [statement for statement in block.statements if not asked.isdisjoint(statement.results)]
+    members = "".join(f"    {statement.kind} {statement.name};\n" for statement in handed)
     text = f"typedef struct\n{{\n{members}}} {short}_found;\n\n"
     pointers = [word.strip() for word in signature.split("(")[1].rstrip(")").split(",")]
     calls = [f"    {short}_found found;"]
@@ -128,8 +130,10 @@ def _in_sections(signature: str, block: _Block, count: int) -> str:
             return f"found->{read}" if read in of else read
 
         lines = [line for line in block.head if line.split()[2] in reads[k]]
-        lines += [replace(one, reads=tuple(map(named, one.reads))).text() for one in part]
-        lines += [f"    found->{one.name} = {one.name};" for one in part if one in handed]
+        lines += [replace(statement, reads=tuple(map(named, statement.reads))).text() for statement in part]
+        lines += [
+            f"    found->{statement.name} = {statement.name};" for statement in part if statement in handed
+        ]
         if last:
             stores = (line for line in block.tail if "(void)" not in line)
             lines += [_READ.sub(lambda match: named(match[0]), line) for line in stores]
@@ -175,7 +179,7 @@ class _Folder:
             for line in block.head
             if (match := _STATEMENT.fullmatch(line)) is not None
         }
-        self.kinds |= {one.name: one.kind for block in blocks for one in block.statements}
+        self.kinds |= {statement.name: statement.kind for block in blocks for statement in block.statements}
         self.first = len(blocks)
         self.fresh = 0
 
@@ -206,7 +210,7 @@ class _Folder:
         for number in reversed(range(len(self.signatures))):
             kind, name, results = self.signatures[number]
             block = self.blocks[self.first + number]
-            body = "\n".join([*(one.text() for one in block.statements), *block.tail])
+            body = "\n".join([*(statement.text() for statement in block.statements), *block.tail])
             if len(results) > 1:
                 members = "".join(f"    {of} {member};\n" for of, member in results)
                 yield f"typedef struct\n{{\n{members}}} {kind};\n\n"
@@ -220,10 +224,10 @@ class _Folder:
         self.made: list[dict[str, int]] = []
         self.read: list[dict[str, int]] = []
         for block in self.blocks:
-            made = {result: k for k, one in enumerate(block.statements) for result in one.results}
+            made = {result: k for k, statement in enumerate(block.statements) for result in statement.results}
             read: dict[str, int] = {}
-            for k, one in enumerate(block.statements):
-                read.update(dict.fromkeys(one.reads, k))
+            for k, statement in enumerate(block.statements):
+                read.update(dict.fromkeys(statement.reads, k))
             for line in block.tail:
                 read.update(dict.fromkeys(_READ.findall(line), len(block.statements)))
             self.made.append(made)
@@ -231,15 +235,15 @@ class _Folder:
 
     def _pairs(self, a: tuple[int, int], b: tuple[int, int], k: int) -> tuple[tuple[str, str], ...] | None:
         """What statement k of two runs reads from outside; None where they do different things."""
-        one, other = (self.blocks[block].statements[at + k] for block, at in (a, b))
-        if one.shape != other.shape or one.kind != other.kind or one.is_call:
+        statement, other = (self.blocks[block].statements[at + k] for block, at in (a, b))
+        if statement.shape != other.shape or statement.kind != other.kind or statement.is_call:
             return None
         orders = [other.reads]
-        if one.shape in ("@ * @", "@ + @"):
+        if statement.shape in ("@ * @", "@ + @"):
             orders.append(other.reads[::-1])
         for reads in orders:
             pairs = []
-            for mine, theirs in zip(one.reads, reads, strict=True):
+            for mine, theirs in zip(statement.reads, reads, strict=True):
                 inside = self.made[a[0]].get(mine, -1) - a[1]
                 if max(inside, -1) != max(self.made[b[0]].get(theirs, -1) - b[1], -1):
                     break
@@ -256,7 +260,7 @@ class _Folder:
         wanted: set[int] = set()
         for block, at in places:
             read, run = self.read[block], self.blocks[block].statements[at : at + length]
-            wanted.update(k for k, one in enumerate(run) if read.get(one.name, -1) >= at + length)
+            wanted.update(k for k, statement in enumerate(run) if read.get(statement.name, -1) >= at + length)
         return sorted(wanted)
 
     def _runs(self) -> Iterator[_Run]:
@@ -264,7 +268,7 @@ class _Folder:
         groups: dict[tuple[str, ...], list[tuple[int, int]]] = defaultdict(list)
         before: dict[tuple[int, int], str] = {}
         for number, block in enumerate(self.blocks):
-            shapes = [one.shape for one in block.statements]
+            shapes = [statement.shape for statement in block.statements]
             for at in range(len(shapes) - _SEED + 1):
                 groups[tuple(shapes[at : at + _SEED])].append((number, at))
                 before[number, at] = shapes[at - 1] if at else ""
@@ -365,10 +369,10 @@ class _Folder:
         columns, arguments = given
         own: dict[str, str] = {}
         statements = []
-        for k, one in enumerate(body):
+        for k, statement in enumerate(body):
             outside = iter(zip(*(rows[k] for rows in pairs), strict=True))
             reads = []
-            for read in one.reads:
+            for read in statement.reads:
                 if self.made[first[0]].get(read, -1) >= first[1]:
                     reads.append(own[read])
                     continue
@@ -376,9 +380,9 @@ class _Folder:
                 full = (column[0][0], *(theirs for _, theirs in column))
                 reads.append(read if _shared_constant(full) else arguments[columns[full]])
             fresh = f"g{self._number()}"
-            own[one.name] = fresh
-            self.kinds[fresh] = one.kind
-            statements.append(_Statement(fresh, one.kind, one.shape, tuple(reads), (fresh,)))
+            own[statement.name] = fresh
+            self.kinds[fresh] = statement.kind
+            statements.append(_Statement(fresh, statement.kind, statement.shape, tuple(reads), (fresh,)))
         last = [own[body[k].name] for k in results]
         if len(last) == 1:
             return _Block([], statements, [f"    return {last[0]};"])
@@ -404,8 +408,10 @@ class _Folder:
             return renamed.get(read, read)
 
         home.statements[at + 1 :] = [
-            one if renamed.keys().isdisjoint(one.reads) else replace(one, reads=tuple(map(after, one.reads)))
-            for one in home.statements[at + 1 :]
+            statement
+            if renamed.keys().isdisjoint(statement.reads)
+            else replace(statement, reads=tuple(map(after, statement.reads)))
+            for statement in home.statements[at + 1 :]
         ]
         home.tail = [_READ.sub(lambda match: after(match[0]), line) for line in home.tail]
 

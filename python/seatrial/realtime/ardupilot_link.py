@@ -106,7 +106,7 @@ class SitlSession:
 
         names = ["t_s", "x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg"]
         names += ["u_m_s", "v_m_s", "w_m_s", "p_deg_s", "q_deg_s", "r_deg_s"]
-        names += [f"cmd.{one.actuator}" for one in self.mapping.channels]
+        names += [f"cmd.{channel.actuator}" for channel in self.mapping.channels]
         data = np.array(self.rows, float).reshape(len(self.rows), len(names))
         for k, name in enumerate(names):
             if name.endswith(("_deg", "_deg_s")):
@@ -127,7 +127,7 @@ class SitlSession:
             "steps_per_s": self.steps_per_s,
             "slowest_step_s": self.slowest_step_s,
             "rate_hz": self.rate_hz,
-            "channels": {one.actuator: one.number for one in self.mapping.channels},
+            "channels": {channel.actuator: channel.number for channel in self.mapping.channels},
             "notes": list(self.notes),
         }
 
@@ -344,7 +344,7 @@ class _Loop:
         self.simulated_s = 0.0
         self._every_s = np.inf if log_hz <= 0.0 else 1.0 / log_hz
         self._next_s = 0.0
-        self._commands: dict[str, float] = {one.actuator: one.neutral for one in channels}
+        self._commands: dict[str, float] = {channel.actuator: channel.neutral for channel in channels}
 
     def take(self, data: bytes, sender: Any, now: float) -> bytes | None:
         """Answer to a packet; None where there is none to give."""
@@ -375,10 +375,10 @@ class _Loop:
             if not self.diverged:
                 self._step(dt)
         self._commands = {
-            one.actuator: one.command(float(packet.pwm[one.number - 1]))
-            if one.number <= len(packet.pwm)
-            else one.neutral
-            for one in self.channels
+            channel.actuator: channel.command(float(packet.pwm[channel.number - 1]))
+            if channel.number <= len(packet.pwm)
+            else channel.neutral
+            for channel in self.channels
         }
         motion = self._step(dt)
         link.frames += 1
@@ -400,7 +400,7 @@ class _Loop:
         self.simulated_s += dt
         if before.t_s >= self._next_s - 1e-9 and np.isfinite(before.nu).all():
             self._next_s += self._every_s
-            commands = [self._commands[one.actuator] for one in self.channels]
+            commands = [self._commands[channel.actuator] for channel in self.channels]
             self.rows.append([
                 before.t_s,
                 *before.position.tolist(),

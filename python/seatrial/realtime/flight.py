@@ -357,8 +357,8 @@ class _Flight:
     def _commands(self, motion: Motion) -> dict[str, float]:
         seen = motion if self.shown is None else self.shown.measure(motion)
         if self.hardware is not None:
-            told = {} if self.voltage_v is None else {"voltage_v": self.voltage_v}
-            return self.hardware.exchange(seen, **told)
+            supply = {} if self.voltage_v is None else {"voltage_v": self.voltage_v}
+            return self.hardware.exchange(seen, **supply)
         row = [*seen.position, *seen.euler, *seen.nu]
         # A sample that is held from before was not measured: it grows old by itself.
         fresh = [True] * len(row) if self.shown is None else self.shown.fresh.tolist()
@@ -389,7 +389,7 @@ class _Flight:
     ) -> dict[str, Any]:
         """What is plotted: units as in the columns of a trial."""
         euler = np.rad2deg(motion.euler)
-        found: dict[str, Any] = {
+        numbers: dict[str, Any] = {
             "depth_m": float(motion.position[2]),
             "north_m": float(motion.position[0]),
             "east_m": float(motion.position[1]),
@@ -402,10 +402,10 @@ class _Flight:
         }
         if self.hardware is None:
             thought = self.helm.thought
-            found["desired"] = {
+            numbers["desired"] = {
                 key: value
                 for key, value in thought.items()
                 if isinstance(value, float) and math.isfinite(value)
             }
-            found["mode"] = str(thought.get("mode", ""))
-        return found
+            numbers["mode"] = str(thought.get("mode", ""))
+        return numbers

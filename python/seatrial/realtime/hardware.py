@@ -102,12 +102,12 @@ def _parse(data: bytes, count: int) -> _Command | str:
     """Commands of a packet, or in a word why it is none."""
     if len(data) < _COMMAND.size + _CRC.size:
         return "short"
-    magic, version, told, sequence, acknowledged, _ = _COMMAND.unpack_from(data)
+    magic, version, given_count, sequence, acknowledged, _ = _COMMAND.unpack_from(data)
     if magic != COMMAND_MAGIC:
         return "magic"
     if version != VERSION:
         return "version"
-    if told != count or len(data) != _COMMAND.size + 4 * count + _CRC.size:
+    if given_count != count or len(data) != _COMMAND.size + 4 * count + _CRC.size:
         return "count"
     if zlib.crc32(data[: -_CRC.size]) != _CRC.unpack_from(data, len(data) - _CRC.size)[0]:
         return "checksum"
@@ -284,25 +284,25 @@ class Hardware:
         if obeyed is not None and sender != obeyed:
             self._ignored["stranger"] += 1
             return
-        found = _parse(data, len(self.actuators))
-        if isinstance(found, str):
-            self._ignored[found] += 1
+        command = _parse(data, len(self.actuators))
+        if isinstance(command, str):
+            self._ignored[command] += 1
             return
         if self._last is not None:
             # Numbers of 32 bits go round.
-            step = (found.sequence - self._last) & 0xFFFFFFFF
+            step = (command.sequence - self._last) & 0xFFFFFFFF
             behind = 0x100000000 - step
             if step == 0 or (step > 0x7FFFFFFF and behind <= _RESTART and not silent):
                 self._ignored["old"] += 1
                 return
             if step <= 0x7FFFFFFF:
                 self._lost += step - 1
-        self._last, self._heard, self._heard_from = found.sequence, now, sender
+        self._last, self._heard, self._heard_from = command.sequence, now, sender
         self._taken += 1
-        sent = self._sent_at.pop(found.acknowledged, None)
+        sent = self._sent_at.pop(command.acknowledged, None)
         if sent is not None:
             self._trips.append(now - sent)
-        self._commands = dict(zip(self.actuators, found.values, strict=True))
+        self._commands = dict(zip(self.actuators, command.values, strict=True))
 
 
 def udp_hardware(

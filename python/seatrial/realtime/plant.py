@@ -248,13 +248,13 @@ class Shown:
             kind: sensor.bias * self._random.standard_normal(len(_KINDS[kind].columns))
             for kind, sensor in self._sensors.items()
         }
-        told = {column for kind in self._sensors for column in _KINDS[kind].columns}
+        measured = {column for kind in self._sensors for column in _KINDS[kind].columns}
         groups = ("position", "depth", "attitude", "dvl", "gyro")
-        perfect = [kind for kind in groups if not told & set(_KINDS[kind].columns)]
+        perfect = [kind for kind in groups if not measured & set(_KINDS[kind].columns)]
         left_out = [kind for kind in sensors if kind not in _KINDS]
-        said = [f"Shown without error, for want of a sensor: {', '.join(perfect)}."] if perfect else []
-        said += [f"Left out, without a channel here: {', '.join(left_out)}."] if left_out else []
-        self.sentences = tuple(said)
+        sentences = [f"Shown without error, for want of a sensor: {', '.join(perfect)}."] if perfect else []
+        sentences += [f"Left out, without a channel here: {', '.join(left_out)}."] if left_out else []
+        self.sentences = tuple(sentences)
         self.fresh = np.ones(12, bool)
         self._past: deque[tuple[float, Array]] = deque()
         self._held: dict[str, tuple[float, Array]] = {}

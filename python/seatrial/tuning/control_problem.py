@@ -262,7 +262,7 @@ class ControlProblem(TuningScope):
         points = self.autopilot.speeds_m_s
         gains = self.autopilot.gains()
         excited = {name: excited_points(trials.speeds, points) for name, trials in every.items()}
-        found = []
+        groups = []
         for members in GROUPS:
             chosen = [name for name in members if name in every]
             if not chosen:
@@ -292,8 +292,8 @@ class ControlProblem(TuningScope):
                     f"[tuning.loops.{chosen[0]}]: expected gains that a factor moves, found only zeros for"
                     f" {rider} in {self.autopilot.name}; give it start gains, or leave the table out"
                 )
-            found.append(Group(" and ".join(chosen), tuple(every[name] for name in chosen), parameters))
-        return tuple(found)
+            groups.append(Group(" and ".join(chosen), tuple(every[name] for name in chosen), parameters))
+        return tuple(groups)
 
     def _lookahead_bounds(self, path: str) -> tuple[float, float]:
         """Bounds of the factor on a lookahead, which reach to what goes with the loop as well."""

@@ -86,9 +86,9 @@ def start_metrics(rig: Rig, trials: LoopTrials) -> StartMetrics:
             if not (np.isfinite(normalised).all() and deviation < _AT_REST * abs(size)):
                 continue
             noises.append(deviation)
-            found = step_metrics(t[there] - trials.settle_s, normalised, band=trials.settled)
-            if found.overshoot < _UNSOUND:
-                steps.append((found.rise_s, found.overshoot, min(found.settling_s, trials.until_s)))
+            metrics = step_metrics(t[there] - trials.settle_s, normalised, band=trials.settled)
+            if metrics.overshoot < _UNSOUND:
+                steps.append((metrics.rise_s, metrics.overshoot, min(metrics.settling_s, trials.until_s)))
     table = np.array(steps).reshape(-1, 3)
     largest = np.where(np.isfinite(table), table, 0.0).max(axis=0, initial=0.0)
     return StartMetrics(max(noises), *(float(value) for value in largest))

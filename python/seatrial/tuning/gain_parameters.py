@@ -83,20 +83,24 @@ class GainParameters:
         >>> {name: round(float(values[0]), 9) for name, values in now.gains(x).items()}
         {'surge.K_P.1': 20.0, 'surge.K_P.2': 20.0}
         """
-        found, logarithms = [], []
-        for one in self.parameters:
+        moved, logarithms = [], []
+        for parameter in self.parameters:
             # The point that gave the parameter its name, or the first that it scales.
-            name = one.name if one.name in one.starts else next(iter(one.starts))
+            name = parameter.name if parameter.name in parameter.starts else next(iter(parameter.starts))
             factor = float(
-                np.clip(gains.get(name, one.starts[name]) / one.starts[name], one.lower, one.upper)
+                np.clip(
+                    gains.get(name, parameter.starts[name]) / parameter.starts[name],
+                    parameter.lower,
+                    parameter.upper,
+                )
             )
-            scaled = {key: gains.get(key, value) / factor for key, value in one.starts.items()}
-            ratios = [scaled[key] / value for key, value in one.starts.items()]
-            lower = min(one.lower / min(ratios), factor * (1.0 - _LEAST_WIDTH))
-            upper = max(one.upper / max(ratios), factor * (1.0 + _LEAST_WIDTH))
-            found.append(Parameter(one.name, scaled, lower, upper))
+            scaled = {key: gains.get(key, value) / factor for key, value in parameter.starts.items()}
+            ratios = [scaled[key] / value for key, value in parameter.starts.items()]
+            lower = min(parameter.lower / min(ratios), factor * (1.0 - _LEAST_WIDTH))
+            upper = max(parameter.upper / max(ratios), factor * (1.0 + _LEAST_WIDTH))
+            moved.append(Parameter(parameter.name, scaled, lower, upper))
             logarithms.append(np.log(factor))
-        return GainParameters(tuple(found)), np.array(logarithms)
+        return GainParameters(tuple(moved)), np.array(logarithms)
 
     @classmethod
     def of_loop(
@@ -140,7 +144,7 @@ class GainParameters:
         def nearest(point: int, among: Iterable[int]) -> int:
             return min(among, key=lambda other: (abs(other - point), other))
 
-        found = []
+        parameters = []
         for gain in GAINS:
             starts: dict[int, dict[str, float]] = {place: {} for place in free}
             for point in points:
@@ -150,12 +154,12 @@ class GainParameters:
                 value = gains.get(f"{loop}.{gain}.{own + 1}", 0.0)
                 if value > 0.0:
                     starts[own if own in free else nearest(own, free)][f"{loop}.{gain}.{point + 1}"] = value
-            found += [
+            parameters += [
                 Parameter(f"{loop}.{gain}.{place + 1}", scaled, *bounds)
                 for place, scaled in starts.items()
                 if scaled
             ]
-        return cls(tuple(found))
+        return cls(tuple(parameters))
 
     @classmethod
     def of_number(cls, name: str, start: float, bounds: tuple[float, float]) -> GainParameters:
@@ -174,10 +178,10 @@ def excited_points(speeds_m_s: Iterable[float], points_m_s: Sequence[float]) -> 
     >>> excited_points([1.5, 3.0], [-5.0, -3.0, -1.0, 1.0, 3.0, 5.0])
     [3, 4]
     """
-    found = set()
+    excited = set()
     for speed in speeds_m_s:
         for point in range(len(points_m_s)):
             weight = np.interp(speed, points_m_s, np.eye(len(points_m_s))[point])
             if weight >= _EXCITED:
-                found.add(point)
-    return sorted(found)
+                excited.add(point)
+    return sorted(excited)

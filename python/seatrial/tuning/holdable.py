@@ -49,13 +49,13 @@ def beyond_gains(
     >>> beyond_gains(limits, autopilot.gains(), bounds=(0.1, 10.0))
     ()
     """
-    found = []
+    beyond = []
     for mode, speed in limits.points:
         point = limits.only([(mode, speed)])
         grows = limits.limits.at(speed).any and float(point.growth({})[0]) > 0.0
         if grows and _slowest_growth(point, start, bounds) > 0.0:
-            found.append((mode, speed))
-    return tuple(found)
+            beyond.append((mode, speed))
+    return tuple(beyond)
 
 
 def _slowest_growth(

@@ -71,15 +71,15 @@ def tried_speeds(
     >>> tried_speeds(points, [(1.2, every[1])], away_m_s=0.1, within_m_s=every, apart_m_s=0.5)
     (1.3, 2.0, 3.0)
     """
-    found: list[float] = []
+    tried: list[float] = []
     for wanted in wanted_m_s:
         near = [float(np.clip(wanted, *_inside(mode, away_m_s))) for mode in modes_m_s]
         at = near[int(np.argmin(np.abs(np.array(near) - wanted)))]
         at = round(float(np.clip(at, *within_m_s)), 6)
         used = any(begin <= at < end for begin, end in modes_m_s)
-        if used and not any(abs(at - other) < apart_m_s for other in found):
-            found.append(at)
-    return tuple(thinned(sorted(found)))
+        if used and not any(abs(at - other) < apart_m_s for other in tried):
+            tried.append(at)
+    return tuple(thinned(sorted(tried)))
 
 
 def _inside(mode_m_s: tuple[float, float], away_m_s: float) -> tuple[float, float]:

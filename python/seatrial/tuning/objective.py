@@ -103,12 +103,12 @@ def _points(reachable: ArrayLike, speeds_m_s: ArrayLike | Sequence[float]) -> tu
 
 def _by_gain(gains: Gains) -> dict[str, dict[int, str]]:
     """Per gain ("heading.K_P") the names of its points by their place from 0."""
-    found: dict[str, dict[int, str]] = {}
+    points: dict[str, dict[int, str]] = {}
     for name in gains:
         gain, _, point = name.rpartition(".")
         if gain and point.isdecimal():
-            found.setdefault(gain, {})[int(point) - 1] = name
-    return found
+            points.setdefault(gain, {})[int(point) - 1] = name
+    return points
 
 
 HEADROOM = 0.02
@@ -242,17 +242,17 @@ class Objective:
     def flown(self, gains: Mapping[str, Array], *, headroom: float = HEADROOM) -> Flown:
         """What k sets of gains do with the samples."""
         k = len(next(iter(gains.values())))
-        found = Flown.none(k, len(self.samples))
+        flown = Flown.none(k, len(self.samples))
         share = 1.0 / len(self.trials)
         for trials in self.trials:
             sums, travel, off = self.rig.violations(trials, self.samples, gains, headroom=headroom)
-            found.violation[:] += share * violated(trials, sums).mean(axis=1)
-            found.time[:] += share * sums[..., 0, 2].mean(axis=1) / trials.until_s
+            flown.violation[:] += share * violated(trials, sums).mean(axis=1)
+            flown.time[:] += share * sums[..., 0, 2].mean(axis=1) / trials.until_s
             # What diverges is off without end.
             beyond = np.maximum(np.where(np.isnan(off), np.inf, off) - STEADY, 0.0) * trials.until_s
-            found.offset[:] += share * beyond.mean(axis=1)
-            found.effort[:] += share * np.where(np.isnan(travel), np.inf, travel).mean(axis=1)
-        return found
+            flown.offset[:] += share * beyond.mean(axis=1)
+            flown.effort[:] += share * np.where(np.isnan(travel), np.inf, travel).mean(axis=1)
+        return flown
 
     def still(self, gains: Mapping[str, Array]) -> Still:
         """What takes no flight of the cost of k sets of gains."""
@@ -334,5 +334,5 @@ def robust(total: Array, quantile: float, *, nominal: int = 0) -> Array:
     worst = own.max(axis=1, initial=0.0)
     if drawn.shape[1]:
         worst = np.maximum(worst, np.quantile(drawn, quantile, axis=1))
-    found = worst + _SPREAD * bounded.mean(axis=1)
-    return np.where(sound, found, np.inf)
+    cost = worst + _SPREAD * bounded.mean(axis=1)
+    return np.where(sound, cost, np.inf)

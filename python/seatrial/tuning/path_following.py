@@ -155,14 +155,14 @@ def search_paths(scope: TuningScope, rig: Rig, paths: Sequence[str], *, seed: in
         distance, speed, tau = course_lookahead(scope, rig.autopilot, path)
         trials = path_trials(scope, path, distance, tau)
         numbers = _candidates(rig.autopilot, path, distance, INTEGRAL_SHARES[path] * speed)
-        found = _judged(rig, trials, samples, numbers)
-        chosen = found.best(numbers[GUIDANCE[path][0]])
+        judged = _judged(rig, trials, samples, numbers)
+        chosen = judged.best(numbers[GUIDANCE[path][0]])
         gains |= {name: float(values[chosen]) for name, values in numbers.items()}
         for ends, place in ((before, -1), (after, chosen)):
-            ends["violation"] += float(found.outside[place])
-            ends["time"] += float(found.late[place])
-        tried += len(found.late)
-        flown_s += len(found.late) * len(samples) * len(trials) * trials.duration_s
+            ends["violation"] += float(judged.outside[place])
+            ends["time"] += float(judged.late[place])
+        tried += len(judged.late)
+        flown_s += len(judged.late) * len(samples) * len(trials) * trials.duration_s
     return PathNumbers(gains, before, after, tried, flown_s)
 
 

@@ -116,10 +116,10 @@ class Performance(
     @property
     def outside_s(self) -> dict[str, float]:
         """Violation of the vehicle itself per loop, over its trials, s."""
-        found: dict[str, float] = {}
+        outside: dict[str, float] = {}
         for trial in self.trials:
-            found[trial.loop] = found.get(trial.loop, 0.0) + trial.nominal_s
-        return found
+            outside[trial.loop] = outside.get(trial.loop, 0.0) + trial.nominal_s
+        return outside
 
     @property
     def worst_s(self) -> float:
@@ -156,7 +156,7 @@ def assess(
     responses : bool, optional
         Whether to keep responses and take their figures.
     """
-    found: list[StepPerformance] = []
+    performances: list[StepPerformance] = []
     kept: dict[str, Responses] = {}
     for trials in (trials for group in only or plan.groups for trials in group.trials):
         sums, _, _ = rig.violations(trials, samples, {})
@@ -166,8 +166,8 @@ def assess(
             t, values = rig.responses(trials, _worst(samples, total), {})
             shown = kept[trials.loop] = Responses(trials, t, values[trials.names[0]])
         for k in range(len(trials)):
-            found.append(_step_performance(trials, k, (total[k], samples.nominal), shown))
-    return Performance(name, rig.autopilot, tuple(found), len(samples) - samples.nominal, kept)
+            performances.append(_step_performance(trials, k, (total[k], samples.nominal), shown))
+    return Performance(name, rig.autopilot, tuple(performances), len(samples) - samples.nominal, kept)
 
 
 def _diverges(trials: LoopTrials, sums: Array) -> Array:
@@ -203,8 +203,8 @@ def _step_performance(
     if shown is not None:
         since = shown.t - trials.settle_s
         there = since < trials.until_s
-        found = asdict(step_metrics(since[there], shown.normalised(k)[0][there], band=trials.settled))
-        figures = {key: found[key] for key in figures}
+        metrics = asdict(step_metrics(since[there], shown.normalised(k)[0][there], band=trials.settled))
+        figures = {key: metrics[key] for key in figures}
     return StepPerformance(
         loop=trials.loop,
         unit=entry.unit,
@@ -252,8 +252,8 @@ def why_outside(quiet: StepPerformance, corridor: Corridor) -> str:
     lower, upper = corridor.sampled([corridor.until_s])
     most = max((bound for _, bound in corridor.upper), default=math.inf) - 1.0
     if quiet.rise_s > rise:
-        told = f"in {quiet.rise_s:.1f} s" if math.isfinite(quiet.rise_s) else "not at all"
-        return f"it rises {told}, {rise:g} s are asked; raise rise_s, or take smaller steps"
+        reached = f"in {quiet.rise_s:.1f} s" if math.isfinite(quiet.rise_s) else "not at all"
+        return f"it rises {reached}, {rise:g} s are asked; raise rise_s, or take smaller steps"
     if quiet.overshoot > most:
         return (
             f"it overshoots by {quiet.overshoot:.0%} without noise, too, {most:.0%} are allowed; raise"

@@ -164,8 +164,8 @@ class Race:
         terms = self.here.joined(still, flown)
         costs = terms.cost(self.objective.smoothness)
         violation = flown.violation[whole]
-        told = violation.max(axis=1) > violation.min(axis=1)
-        self.worst += np.bincount(violation[told].argmax(axis=1), minlength=len(self.met))
+        differ = violation.max(axis=1) > violation.min(axis=1)
+        self.worst += np.bincount(violation[differ].argmax(axis=1), minlength=len(self.met))
         best = int(whole[costs[whole].argmin()])
         now = (
             float(costs[best]),
@@ -219,8 +219,8 @@ class Elsewhere(Here):
             )
             for k, part in enumerate(x[k : k + each] for k in range(0, len(x), each))
         )
-        found = run_chunks(chunks, RunDirectory(None), as_it_is(), fleet=self._fleet)
-        return Flown(*map(np.concatenate, zip(*(done.value.parts for done in found), strict=True)))
+        chunks_flown = run_chunks(chunks, RunDirectory(None), as_it_is(), fleet=self._fleet)
+        return Flown(*map(np.concatenate, zip(*(done.value.parts for done in chunks_flown), strict=True)))
 
 
 def flights(objective: Objective, x: Array, places: Sequence[int]) -> Flown:

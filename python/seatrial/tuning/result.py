@@ -46,8 +46,8 @@ class Tuning(RunResult):
     groups
         A `GroupResult` per search, in the order of the searches.
     performance
-        Responses of the start gains ("start") and of the tuned ones ("tuned") on samples that the search never
-        saw.
+        Responses of the start gains ("start") and of the tuned ones ("tuned") on samples that the search
+        never saw.
     reverted
         Groups that have their start gains again, because everything together is better with them.
     elapsed_s
@@ -127,7 +127,7 @@ class Tuning(RunResult):
         # A motion that grows is no matter of limits: it counts where no margin is asked for, too.
         unstable = dict.fromkeys((row.mode, row.speed_m_s) for row in rows if not row.stable)
         beyond = self.plan.beyond_gains
-        found = [
+        shortfalls = [
             f"{mode} at {speed:.2f} m/s (unstable{_ANY if (mode, speed) in beyond else ''})"
             for mode, speed in sorted(
                 unstable, key=lambda point: (point in beyond, point[1] < 0.0, abs(point[1]))
@@ -136,8 +136,8 @@ class Tuning(RunResult):
         for row in rows:
             short = _told_short(row, self.plan.table.margins)
             if short and row.stable:  # margins of an unstable loop mean something else
-                found.append(f"{row.loop} in {row.mode} at {row.speed_m_s:.2f} m/s ({', '.join(short)})")
-        return tuple(found)
+                shortfalls.append(f"{row.loop} in {row.mode} at {row.speed_m_s:.2f} m/s ({', '.join(short)})")
+        return tuple(shortfalls)
 
     def on(self, vehicle: Vehicle | str | Path, *, name: str = "another vehicle") -> Performance:
         """How the tuned responses keep to their corridors on a vehicle that the autopilot does not know.
@@ -266,9 +266,9 @@ def missed_limits(row: ReportedMargins, margins: Margins) -> list[tuple[float, f
 def shown_below(value: float, limit: float) -> str:
     """A number below a limit, with as many digits as tell the two apart."""
     for digits in range(2, 6):
-        if float(told := f"{value:.{digits}g}") < limit:
+        if float(text := f"{value:.{digits}g}") < limit:
             break
-    return told
+    return text
 
 
 def without_table(problem: ControlProblem) -> tuple[str, ...]:

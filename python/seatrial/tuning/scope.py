@@ -139,7 +139,7 @@ class TuningScope:
     def modes_of(self, loop: str) -> list[tuple[float, float]]:
         """Speeds from and to which modes work whose set point of this loop moves, m/s."""
         modes = autopilot_facts(self.autopilot).modes
-        found: list[tuple[float, float]] = []
+        ranges: list[tuple[float, float]] = []
         for k, mode in enumerate(modes):
             moves = {
                 "pitch": mode.depth_by == "pitch",
@@ -149,10 +149,10 @@ class TuningScope:
             if RIDES_ON.get(loop, loop) in mode.loops and moves:
                 begin = mode.from_speed_m_s if k else -np.inf
                 end = modes[k + 1].from_speed_m_s if k + 1 < len(modes) else np.inf
-                if found and found[-1][1] == begin:  # nothing changes for the loop there
-                    begin = found.pop()[0]
-                found.append((begin, end))
-        return found
+                if ranges and ranges[-1][1] == begin:  # nothing changes for the loop there
+                    begin = ranges.pop()[0]
+                ranges.append((begin, end))
+        return ranges
 
     @cached_property
     def slowest_m_s(self) -> float | None:

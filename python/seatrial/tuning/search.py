@@ -125,14 +125,14 @@ def search_margins(plan: ControlProblem, *, seed: int, watch: Watch | None = Non
     stages = [parameters for parameters in stages if len(parameters)]
     if not stages:
         return None
-    found, evaluations, history = dict[str, float](), 0, tuple[Step, ...]()
+    gains, evaluations, history = dict[str, float](), 0, tuple[Step, ...]()
     for parameters in stages:
-        parameters, begin = parameters.through(found)
+        parameters, begin = parameters.through(gains)
         best = _nearest_sound(limits, parameters, begin, seed=seed, watch=watch)
         history += tuple(replace(step, evaluations=step.evaluations + evaluations) for step in best.history)
         evaluations += best.evaluations
         best = replace(best, evaluations=evaluations, history=history)
-        found = {name: float(value[0]) for name, value in parameters.gains(best.x).items()}
+        gains = {name: float(value[0]) for name, value in parameters.gains(best.x).items()}
         after = float(limits.shortfall(parameters.gains(best.x))[0])
         if best.interrupted or after < _SOUND:
             break
@@ -232,7 +232,7 @@ def search_group(
     fly = Here(objective) if fleet is None else Elsewhere(objective, fleet)
     race = Race(objective, fly)
     race.narrow(begin[None])
-    found = evolve(
+    optimum = evolve(
         race,
         begin,
         lower=lower,
@@ -245,8 +245,8 @@ def search_group(
         watch=watch,
         enough=race.enough,
     )
-    if not (found.interrupted or race.inside() or race.enough()):
-        coarse = found
+    if not (optimum.interrupted or race.inside() or race.enough()):
+        coarse = optimum
         race.narrow(coarse.elite)
         fine = refine(
             race.exactly,
@@ -257,23 +257,23 @@ def search_group(
             tolerance=tolerance,
             watch=watch,
         )
-        found = join(coarse, fine) if fine.cost <= coarse.cost or race.narrowed else coarse
+        optimum = join(coarse, fine) if fine.cost <= coarse.cost or race.narrowed else coarse
         if race.narrowed:
-            found = _best(race, found, np.vstack([begin, coarse.elite, fine.elite]))
+            optimum = _best(race, optimum, np.vstack([begin, coarse.elite, fine.elite]))
     elif race.narrowed:
-        found = _best(race, found, np.vstack([begin, found.elite]))
-    ends = [_terms(objective, parameters, x) for x in (begin, found.x)]
-    return _result(group.name, parameters, found, (ends[0], ends[1]), flown_s=fly.flown_s)
+        optimum = _best(race, optimum, np.vstack([begin, optimum.elite]))
+    ends = [_terms(objective, parameters, x) for x in (begin, optimum.x)]
+    return _result(group.name, parameters, optimum, (ends[0], ends[1]), flown_s=fly.flown_s)
 
 
-def _best(race: Race, found: Optimum, candidates: Array) -> Optimum:
+def _best(race: Race, optimum: Optimum, candidates: Array) -> Optimum:
     """The best of some candidates with all samples."""
     costs = race.with_all(candidates)
     return replace(
-        found,
+        optimum,
         x=candidates[int(costs.argmin())],
         cost=float(costs.min()),
-        evaluations=found.evaluations + len(candidates),
+        evaluations=optimum.evaluations + len(candidates),
     )
 
 
@@ -285,7 +285,7 @@ def _terms(objective: Objective, parameters: GainParameters, x: Array) -> dict[s
 def _result(
     name: str,
     parameters: GainParameters,
-    found: Optimum,
+    optimum: Optimum,
     ends: tuple[Mapping[str, float], Mapping[str, float]],
     *,
     flown_s: float,
@@ -294,19 +294,19 @@ def _result(
     near = 1e-3 * (upper - lower)
     at_bound = [
         factor
-        for factor, x, low, high, width in zip(parameters.names, found.x, lower, upper, near, strict=True)
+        for factor, x, low, high, width in zip(parameters.names, optimum.x, lower, upper, near, strict=True)
         if x - low < width or high - x < width
     ]
     return GroupResult(
         name=name,
-        gains={key: float(values[0]) for key, values in parameters.gains(found.x).items()},
+        gains={key: float(values[0]) for key, values in parameters.gains(optimum.x).items()},
         before=ends[0],
         after=ends[1],
-        evaluations=found.evaluations,
+        evaluations=optimum.evaluations,
         flown_s=flown_s,
-        history=found.history,
+        history=optimum.history,
         at_bound=tuple(at_bound),
-        interrupted=found.interrupted,
+        interrupted=optimum.interrupted,
     )
 
 
@@ -385,12 +385,12 @@ class Standing:
 
         The vehicle itself at all, or the worst of the drawn ones by more than chance makes of one sample.
         """
-        found = []
+        loops = []
         for loop, (own, worst) in self.outside_s.items():
             own_start, worst_start = start.outside_s[loop]
             if own > own_start + _SAME_S or worst > _LUCK * worst_start + _LUCK_S:
-                found.append(loop)
-        return tuple(found)
+                loops.append(loop)
+        return tuple(loops)
 
 
 def revert_gains(
@@ -444,12 +444,12 @@ def revert_gains(
             group: kept | {name: start[name] for name in names if name in kept}
             for group, names in moved.items()
         }
-        found = {group: standing(plan, each, samples, threads=threads) for group, each in tried.items()}
-        better = [group for group, one in found.items() if _is_better(one, now, begun, asked)]
+        standings = {group: standing(plan, each, samples, threads=threads) for group, each in tried.items()}
+        better = [group for group, candidate in standings.items() if _is_better(candidate, now, begun, asked)]
         if not better:
             break
-        best = min(better, key=lambda group: _order(found[group], begun, asked))
-        kept, now = tried[best], found[best]
+        best = min(better, key=lambda group: _order(standings[group], begun, asked))
+        kept, now = tried[best], standings[best]
         back.append(best)
         del moved[best]
     if moved and _is_better(begun, now, begun, asked):
@@ -457,29 +457,29 @@ def revert_gains(
     return kept, tuple(back)
 
 
-def _order(one: Standing, start: Standing, margins_asked: bool) -> tuple[bool, int, int, float]:
+def _order(candidate: Standing, start: Standing, margins_asked: bool) -> tuple[bool, int, int, float]:
     return (
-        one.worse_than(start, margins_asked=margins_asked),
-        len(one.lost(start)),
-        len(one.worse(start)),
-        one.score,
+        candidate.worse_than(start, margins_asked=margins_asked),
+        len(candidate.lost(start)),
+        len(candidate.worse(start)),
+        candidate.score,
     )
 
 
-def _is_better(one: Standing, now: Standing, start: Standing, margins_asked: bool) -> bool:
+def _is_better(candidate: Standing, now: Standing, start: Standing, margins_asked: bool) -> bool:
     """Whether some gains are to be preferred, and not at the price of the vehicle itself.
 
     What the start gains have of what was asked for comes first. Then margins that the start gains have are
     worth more than any corridor, but not than margins that they lack.
     """
-    if _order(one, start, margins_asked) >= _order(now, start, margins_asked):
+    if _order(candidate, start, margins_asked) >= _order(now, start, margins_asked):
         return False
-    if now.worse_than(start, margins_asked=margins_asked) > one.worse_than(
+    if now.worse_than(start, margins_asked=margins_asked) > candidate.worse_than(
         start, margins_asked=margins_asked
     ):
         return True
-    regained = len(one.lost(start)) < len(now.lost(start)) and one.lacking <= now.lacking
-    return regained or one.own <= now.own + _SAME
+    regained = len(candidate.lost(start)) < len(now.lost(start)) and candidate.lacking <= now.lacking
+    return regained or candidate.own <= now.own + _SAME
 
 
 def standing(
@@ -516,11 +516,11 @@ def _short(limits: MarginConstraint, gains: Mapping[str, float]) -> frozenset[tu
 
 
 def _outside(performance: Performance) -> dict[str, tuple[float, float]]:
-    found: dict[str, tuple[float, float]] = {}
+    outside: dict[str, tuple[float, float]] = {}
     for trial in performance.trials:
-        nominal, worst = found.get(trial.loop, (0.0, 0.0))
-        found[trial.loop] = (
+        nominal, worst = outside.get(trial.loop, (0.0, 0.0))
+        outside[trial.loop] = (
             nominal + min(trial.nominal_s, _DIVERGED_S),
             worst + min(trial.worst_s, _DIVERGED_S),
         )
-    return found
+    return outside

@@ -268,19 +268,19 @@ class Rig:
         """
         columns = {name: np.atleast_1d(np.asarray(values, float)) for name, values in gains.items()}
         k = len(next(iter(columns.values()))) if columns else 1
-        found = np.empty((k, len(trials), len(samples), 1 + len(trials.beside), 3))
+        violations = np.empty((k, len(trials), len(samples), 1 + len(trials.beside), 3))
         travel = np.empty((k, len(trials), len(samples)))
         offset = np.empty((k, len(trials), len(samples)))
         for chosen, flights in self._flights(trials, samples, columns, k, headroom=headroom, logs=False):
             shape = (len(chosen), len(samples), k)
             judged, ends = np.split(np.asarray(flights.violations), [-_ENDS], axis=1)
             sums = _there_and_back(judged).reshape(*shape, -1, 3)
-            found[:, chosen] = np.moveaxis(sums, 2, 0)
+            violations[:, chosen] = np.moveaxis(sums, 2, 0)
             off = _offset(ends, trials.rest_s(self.autopilot.period_s)).reshape(shape)
             offset[:, chosen] = np.moveaxis(off, 2, 0)
             moved = np.asarray(flights.figures["travel"]).reshape(shape)
             travel[:, chosen] = np.moveaxis(moved, 2, 0)
-        return found, travel, offset
+        return violations, travel, offset
 
     def responses(
         self, trials: LoopTrials, samples: Samples, gains: Mapping[str, float]
@@ -288,14 +288,14 @@ class Rig:
         """Times (p,), s, and per channel of the corridors the answers (trials, samples, p), SI."""
         columns = {name: np.array([float(value)]) for name, value in gains.items()}
         t = trials.grid(self.autopilot.period_s)
-        found = {name: np.full((len(trials), len(samples), len(t)), np.nan) for name in trials.names}
+        answers = {name: np.full((len(trials), len(samples), len(t)), np.nan) for name in trials.names}
         for chosen, flights in self._flights(trials, samples, columns, 1, headroom=0.0, logs=True):
             names = flights.columns
             for case, (trial, sample) in enumerate(np.ndindex(len(chosen), len(samples))):
                 log = np.asarray(flights.log(case))
-                for name, into in found.items():
+                for name, into in answers.items():
                     into[chosen[trial], sample, : len(log)] = log[:, names.index(name)]
-        return t, found
+        return t, answers
 
     def _flights(
         self,
@@ -311,12 +311,12 @@ class Rig:
         speeds = np.array(trials.speeds)
         # Guidance scales its lookahead with the speed of the leg, so that a path needs a leg for each speed.
         legs = sorted(set(np.abs(speeds).tolist())) if trials.loop in PATHS else [1.0]
-        found = []
+        flights = []
         for leg in legs:
             every = trials.loop not in PATHS
             chosen = [i for i, speed in enumerate(speeds) if every or abs(speed) == leg]
-            found.append((chosen, self._fly(trials, samples, gains, (chosen, leg, k), headroom, logs)))
-        return found
+            flights.append((chosen, self._fly(trials, samples, gains, (chosen, leg, k), headroom, logs)))
+        return flights
 
     def _fly(
         self,

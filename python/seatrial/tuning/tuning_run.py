@@ -162,9 +162,11 @@ class TuningRun:
 
     def _revert(self) -> None:
         """Give groups their start gains again where these are better at the last assessment."""
-        found = {result.name: result.gains for result in self.results}
+        gains_of = {result.name: result.gains for result in self.results}
         first = {
-            group.name: found[group.name] for group in self.plan.groups if _name(group, _PASSES - 1) in found
+            group.name: gains_of[group.name]
+            for group in self.plan.groups
+            if _name(group, _PASSES - 1) in gains_of
         }
         self.gains, self.reverted = revert_gains(
             self.plan, self.gains, self._fresh(), first=first, threads=self.threads
@@ -177,9 +179,9 @@ class TuningRun:
             return
 
         def search(_: Callable[[Step], None]) -> GroupResult:
-            found = search_paths(plan, rig, plan.followed, seed=plan.seed)
+            numbers = search_paths(plan, rig, plan.followed, seed=plan.seed)
             return GroupResult(
-                name=GUIDANCE_SEARCH, history=(), at_bound=(), interrupted=False, **vars(found)
+                name=GUIDANCE_SEARCH, history=(), at_bound=(), interrupted=False, **vars(numbers)
             )
 
         self.stages = self.done + 2
@@ -223,16 +225,18 @@ class TuningRun:
         inputs = self._inputs(name)
         self.work.begin(name)
         kept = self.directory.finished(name, inputs)
-        found = search(lambda step: self._report(name, step)) if kept is None else GroupResult.from_dict(kept)
+        result = (
+            search(lambda step: self._report(name, step)) if kept is None else GroupResult.from_dict(kept)
+        )
         self.done += 1
         self.work.end(name, kept=kept is not None)
-        if found is None:
+        if result is None:
             return False
-        self.results.append(replace(found, name=name))
-        self.gains |= found.gains
-        if kept is None and not found.interrupted:
-            self.directory.keep(name, inputs, found.to_dict())
-        return found.interrupted
+        self.results.append(replace(result, name=name))
+        self.gains |= result.gains
+        if kept is None and not result.interrupted:
+            self.directory.keep(name, inputs, result.to_dict())
+        return result.interrupted
 
     def _inputs(self, name: str) -> str:
         """Hash of all that a part of the search depends on."""
@@ -261,8 +265,8 @@ class TuningRun:
     def _spoils(self, place: int) -> bool:
         """Whether the search of a group gave margins away, caught between them and its corridors."""
         name = _name(self.plan.groups[place], 0)
-        found = next(result for result in self.results if result.name == name)
-        return found.after["margin"] > found.before["margin"] + ROUNDING
+        result = next(result for result in self.results if result.name == name)
+        return result.after["margin"] > result.before["margin"] + ROUNDING
 
     def _violates(self, place: int, samples: Samples) -> bool:
         """Whether a group leaves a corridor with the gains that the others found since."""

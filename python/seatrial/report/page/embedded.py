@@ -59,15 +59,15 @@ def files_of_page(page: str | Path) -> dict[str, str]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise SeatrialError(f"{path}: cannot be read as a page ({reason(error)})") from None
-    found = _Scripts()
-    found.feed(text)
-    if len(found.texts) != 1:
+    scripts = _Scripts()
+    scripts.feed(text)
+    if len(scripts.texts) != 1:
         raise SeatrialError(
-            f"{path}: expected one element with the id {ELEMENT}, found {len(found.texts)}; this is no page"
+            f"{path}: expected one element with the id {ELEMENT}, found {len(scripts.texts)}; this is no page"
             " that seatrial report wrote"
         )
     try:
-        entries = from_json(found.texts[0])
+        entries = from_json(scripts.texts[0])
     except ValueError:
         raise SeatrialError(
             f"{path}: the files in it are cut off or changed; get the page again from who sent it"
@@ -79,10 +79,10 @@ def files_of_page(page: str | Path) -> dict[str, str]:
     files: dict[str, str] = {}
     for entry in entries:
         name, content = _checked(path, entry)
-        if name.casefold() in {one.casefold() for one in files}:
+        if name.casefold() in {other.casefold() for other in files}:
             raise SeatrialError(f"{path}: the file {name} is in it twice; this page was changed")
         files[name] = content
-    parts = {one.casefold() for one in files}
+    parts = {other.casefold() for other in files}
     for name in files:
         if any(parent.as_posix().casefold() in parts for parent in PurePosixPath(name).parents):
             raise SeatrialError(f"{path}: {name} lies in what is also a file; this page was changed")

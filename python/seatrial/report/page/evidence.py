@@ -65,7 +65,10 @@ def save_trials(fit: Identification, folder: Path) -> Path:
             tables.append(_table(fit, name))
         except TrialError:  # such a trial is named among the notes of the identification
             continue
-        done[name] = [_window(one.kind, one.start_s, one.end_s) for one in manoeuvres(trial, fit.vehicle)]
+        done[name] = [
+            _window(manoeuvre.kind, manoeuvre.start_s, manoeuvre.end_s)
+            for manoeuvre in manoeuvres(trial, fit.vehicle)
+        ]
     target = folder / TRIALS_FILE
     table = pl.concat(tables, how="diagonal") if tables else pl.DataFrame()
     try:
@@ -125,10 +128,10 @@ def _units(run: RunFolder) -> dict[str, str]:
 def _done(place: Path) -> Mapping[str, Any]:
     """Manoeuvres by trial; none where no file tells them."""
     try:
-        found = from_json(content_inside(place.parent, place, most=_LARGEST).decode())
+        finished = from_json(content_inside(place.parent, place, most=_LARGEST).decode())
     except (SeatrialError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return finished if isinstance(finished, dict) else {}
 
 
 def _read(place: Path) -> pl.DataFrame:

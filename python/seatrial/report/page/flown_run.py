@@ -93,16 +93,16 @@ class FlownRun:
 
     def filter_lines(self) -> str:
         """Lines of a request of the navigation filter that flew; empty without one."""
-        told = self.record.get("filter")
-        if told is None:
+        filter_record = self.record.get("filter")
+        if filter_record is None:
             return ""
         from seatrial.flight.sea import sea_rows
 
-        lines = {"navigation": told["numbers"], "navigation_period": told["period_s"]}
+        lines = {"navigation": filter_record["numbers"], "navigation_period": filter_record["period_s"]}
         if self.filter_model is not None:
             lines["navigation_model"] = self.filter_model
-        if told["own"]:  # it goes by waves of its own, whatever the reader changes
-            lines["navigation_waves"] = told["waves"] or sea_rows([None])[0].tolist()
+        if filter_record["own"]:  # it goes by waves of its own, whatever the reader changes
+            lines["navigation_waves"] = filter_record["waves"] or sea_rows([None])[0].tolist()
         return toml_lines(lines)
 
     @property
@@ -154,39 +154,39 @@ def _end(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _options(told: Mapping[str, Any]) -> dict[str, Any]:
+def _options(record: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of `Cases.of` from the record of a run."""
     from seatrial._core import State
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.sea import SeaState
     from seatrial.sensors.sensor import Sensor
 
-    sensors, start, dither = told["sensors"], told["start"], told["dither"]
-    told["filter"]  # a record without this key is of another version
+    sensors, start, dither = record["sensors"], record["start"], record["dither"]
+    record["filter"]  # a record without this key is of another version
     return {
-        "current": told["current_m_s"],
-        "turbulence": told["turbulence_m_s"],
-        "turbulence_times_s": tuple(told["turbulence_times_s"]),
-        "current_trend": told["current_trend_m_s_per_h"],
-        "current_walk": told["current_walk_m_s_after_1_h"],
-        "waves": None if told["waves"] is None else SeaState(**told["waves"]),
-        "obstacles": [tuple(row) for row in told["obstacles_m"]],
+        "current": record["current_m_s"],
+        "turbulence": record["turbulence_m_s"],
+        "turbulence_times_s": tuple(record["turbulence_times_s"]),
+        "current_trend": record["current_trend_m_s_per_h"],
+        "current_walk": record["current_walk_m_s_after_1_h"],
+        "waves": None if record["waves"] is None else SeaState(**record["waves"]),
+        "obstacles": [tuple(row) for row in record["obstacles_m"]],
         "sensors": None
         if sensors == "perfect"
         else {kind: Sensor(**stated) for kind, stated in sensors.items()},
-        "faults": [Fault(**fault) for fault in told["faults"]],
+        "faults": [Fault(**fault) for fault in record["faults"]],
         "outages": [
             Outage(**{name: value for name, value in outage.items() if value is not None})
-            for outage in told["outages"]
+            for outage in record["outages"]
         ],
-        "seabed": told["seabed"],
-        "seeds": told["seed"],
-        "voltage_v": told["voltage_v"],
-        "feedback": told["feedback"],
-        "rho": told["rho_kg_m3"],
-        "g": told["g_m_s2"],
-        "max_step_s": told["max_step_s"],
-        "max_time_s": told["max_time_s"],
+        "seabed": record["seabed"],
+        "seeds": record["seed"],
+        "voltage_v": record["voltage_v"],
+        "feedback": record["feedback"],
+        "rho": record["rho_kg_m3"],
+        "g": record["g_m_s2"],
+        "max_step_s": record["max_step_s"],
+        "max_time_s": record["max_time_s"],
         "initial": None
         if start is None
         else State(start["position_m"], start["attitude"], np.asarray(start["velocities"])),
@@ -207,6 +207,6 @@ def _toml(value: Any) -> str:
     if isinstance(value, list | tuple | np.ndarray):
         return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, Mapping):
-        given = (f"{key} = {_toml(one)}" for key, one in value.items() if one is not None)
+        given = (f"{key} = {_toml(item)}" for key, item in value.items() if item is not None)
         return f"{{ {', '.join(given)} }}"
     return repr(float(value))

@@ -75,7 +75,7 @@ def core() -> str:
 
 def setups(runs: Sequence[RunFolder]) -> tuple[list[dict[str, Any]], list[str]]:
     """What can fly, one entry per vehicle of the runs, and a sentence for each vehicle that cannot."""
-    found: dict[str, tuple[Vehicle, list[RunFolder]]] = {}
+    vehicles: dict[str, tuple[Vehicle, list[RunFolder]]] = {}
     from seatrial._core import Vehicle
 
     flown = FlownRun.of(runs)
@@ -86,23 +86,23 @@ def setups(runs: Sequence[RunFolder]) -> tuple[list[dict[str, Any]], list[str]]:
             vehicle = Vehicle.from_toml(text)
         except SeatrialError:
             continue
-        known, of = found.get(vehicle.name, (vehicle, []))
+        known, of = vehicles.get(vehicle.name, (vehicle, []))
         # The covariance is about the identified vehicle, so that one flies.
-        found[vehicle.name] = (vehicle if run.kind == "identification" else known, [*of, run])
-    made, said = [], []
+        vehicles[vehicle.name] = (vehicle if run.kind == "identification" else known, [*of, run])
+    made, reasons = [], []
     if flown is not None:  # and what a run flew, it flies itself
         try:
             vehicle = Vehicle.from_toml(flown.vehicle, f"vehicle.toml of {flown.run.name}")
-            found[vehicle.name] = (vehicle, found.get(vehicle.name, (vehicle, [flown.run]))[1])
+            vehicles[vehicle.name] = (vehicle, vehicles.get(vehicle.name, (vehicle, [flown.run]))[1])
         except SeatrialError as error:  # of another version; the page still tells the rest
-            said.append(f"{flown.run.name} cannot fly in this page: {error}")
+            reasons.append(f"{flown.run.name} cannot fly in this page: {error}")
             flown = None
-    for name, (vehicle, of) in found.items():
+    for name, (vehicle, of) in vehicles.items():
         try:
             made.append(_setup(vehicle, of, flown if flown is not None and flown.run in of else None))
         except SeatrialError as error:
-            said.append(f"{name} cannot fly in this page: {error}")
-    return made, said
+            reasons.append(f"{name} cannot fly in this page: {error}")
+    return made, reasons
 
 
 def _setup(vehicle: Vehicle, runs: Sequence[RunFolder], flown: FlownRun | None) -> dict[str, Any]:
@@ -119,7 +119,7 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder], flown: FlownRun | None) 
     if flown is not None and flown.model is not None:
         around["model"] = CoreVehicle.from_toml(flown.model)
     if around.get("voltage_v") is None and any(
-        one["needs_voltage"] for one in vehicle.actuator_info().values()
+        facts["needs_voltage"] for facts in vehicle.actuator_info().values()
     ):
         around["voltage_v"] = NOMINAL_V
     cases = Cases.of(vehicle, pilot, missions[0][1], **around)
@@ -127,10 +127,10 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder], flown: FlownRun | None) 
     return {
         "vehicle": vehicle.name,
         "vehicle_file": vehicle.to_toml(),
-        "autopilots": [_autopilot(label, one) for label, one in autopilots],
+        "autopilots": [_autopilot(label, autopilot) for label, autopilot in autopilots],
         "missions": [
-            _mission(label, one, cases, flown if place == 0 else None)
-            for place, (label, one) in enumerate(missions)
+            _mission(label, mission, cases, flown if place == 0 else None)
+            for place, (label, mission) in enumerate(missions)
         ],
         "actuators": [
             [name, facts["unit"], float(facts["neutral"])] for name, facts in vehicle.actuator_info().items()
@@ -170,7 +170,7 @@ def request_lines(cases: Cases) -> str:
         "turbulence_times": list(around.turbulence_times_s),
         "current_trend": (cases.current_trend / 3600.0).tolist(),
         "current_walk": (cases.current_walk / math.sqrt(3600.0)).tolist(),
-        "obstacles": [list(one) for one in around.obstacles],
+        "obstacles": [list(obstacle) for obstacle in around.obstacles],
         "voltage": math.nan if around.voltage_v is None else around.voltage_v,
         "feedback": around.feedback,
         "max_step": around.max_step_s,
@@ -219,12 +219,12 @@ def _autopilots(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[tuple[str, 
         texts.append(("built in", Autopilot.load(vehicle.name).to_toml()))
     if not texts:
         texts.append(("start gains, designed for this vehicle", start_autopilot(vehicle)))
-    found: list[tuple[str, Autopilot]] = []
+    autopilots: list[tuple[str, Autopilot]] = []
     for label, text in texts:
         autopilot = Autopilot.from_toml(text)
-        if autopilot.to_toml() not in [one.to_toml() for _, one in found]:
-            found.append((f"{autopilot.name} ({label})", autopilot))
-    return found
+        if autopilot.to_toml() not in [other.to_toml() for _, other in autopilots]:
+            autopilots.append((f"{autopilot.name} ({label})", autopilot))
+    return autopilots
 
 
 def _autopilot(label: str, autopilot: Autopilot) -> dict[str, Any]:
@@ -247,17 +247,17 @@ def _missions(runs: Sequence[RunFolder]) -> list[tuple[str, Mission]]:
         for path, text in run.files.items()
         if path == "mission.toml" or path.startswith("missions/")
     ]
-    found: dict[str, tuple[str, Mission]] = {}
+    missions: dict[str, tuple[str, Mission]] = {}
     for kind, text in texts:
         mission = Mission.from_toml(text)
-        found.setdefault(mission.core.to_toml(), (f"{mission.name} (of the {kind})", mission))
+        missions.setdefault(mission.core.to_toml(), (f"{mission.name} (of the {kind})", mission))
     examples = resources("seatrial").joinpath("examples", "missions")
     for name in _SAMPLES:
         place = examples.joinpath(f"{name}.toml")
         if place.is_file():
             mission = Mission.from_toml(place.read_text(encoding="utf-8"))
-            found.setdefault(mission.core.to_toml(), (f"{mission.name} (example)", mission))
-    return list(found.values())
+            missions.setdefault(mission.core.to_toml(), (f"{mission.name} (example)", mission))
+    return list(missions.values())
 
 
 def _mission(label: str, mission: Mission, cases: Cases, flown: FlownRun | None) -> dict[str, Any]:
@@ -279,7 +279,8 @@ def _mission(label: str, mission: Mission, cases: Cases, flown: FlownRun | None)
         **judgement(mission),
         "fence": fence.tolist(),
         "obstacles": [
-            {key: value for key, value in one.items() if key != "leg"} for one in mission.core.obstacles
+            {key: value for key, value in obstacle.items() if key != "leg"}
+            for obstacle in mission.core.obstacles
         ],
     }
 
@@ -291,7 +292,7 @@ def _sensors(cases: Cases, own: Any, flown: FlownRun | None) -> list[dict[str, s
 
     vehicle, period, around = cases.vehicle, cases.autopilot.period_s, cases.circumstances
     gusts = around.turbulence, around.turbulence_times_s
-    found: list[dict[str, str]] = []
+    entries: list[dict[str, str]] = []
     for label, source in (("of the flight", own), ("perfect", None), ("typical", "typical")):
         if label == "of the flight" and own is None:
             continue
@@ -319,12 +320,12 @@ def _sensors(cases: Cases, own: Any, flown: FlownRun | None) -> list[dict[str, s
                 exact=exact,
             )
             entry[key] = "" if aboard is None else toml_lines({"navigation": aboard.to_dict()["numbers"]})
-        if flown is not None and not found and (recorded := flown.filter_lines()):
+        if flown is not None and not entries and (recorded := flown.filter_lines()):
             entry["filter"] = recorded
             if flown.record["filter"]["own"]:
                 entry["filter_varied"] = recorded
-        found.append(entry)
-    return found
+        entries.append(entry)
+    return entries
 
 
 def _coefficients(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
@@ -332,10 +333,10 @@ def _coefficients(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[dict[str,
     identified = _identification(runs)
     values, facts = vehicle.coefficients(), vehicle.coefficient_info()
     rows = []
-    for one in identified.get("coefficients", ()):
-        name, ends = one.get("name"), one.get("interval") or [None]
+    for coefficient in identified.get("coefficients", ()):
+        name, ends = coefficient.get("name"), coefficient.get("interval") or [None]
         if name in values and all(isinstance(x, float) for x in ends):
-            rows.append((name, sorted(ends), f"95 % interval, sigma {one['sigma']:.3g}"))
+            rows.append((name, sorted(ends), f"95 % interval, sigma {coefficient['sigma']:.3g}"))
     if not rows:
         for name in _MAIN:
             if (value := values.get(name, 0.0)) != 0.0:
@@ -357,18 +358,23 @@ def _coefficients(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[dict[str,
 
 def _covariance(runs: Sequence[RunFolder]) -> dict[str, Any] | None:
     """Names, values and a factor F of the covariance F F' that vehicles are drawn from; None if unknown."""
-    told = _identification(runs).get("covariance")
-    if not told or not told.get("names"):
+    covariance = _identification(runs).get("covariance")
+    if not covariance or not covariance.get("names"):
         return None
     try:
-        matrix = np.array(told["matrix"], float)
+        matrix = np.array(covariance["matrix"], float)
         size, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     except (ValueError, TypeError, np.linalg.LinAlgError):
         return None
     kept = size > 1e-12 * size.max()
     factor = vectors[:, kept] * np.sqrt(size[kept])
     digits = [[float(f"{x:.6g}") for x in row] for row in factor]
-    return {"names": told["names"], "at": told["at"], "factor": digits, "notes": told.get("notes", [])}
+    return {
+        "names": covariance["names"],
+        "at": covariance["at"],
+        "factor": digits,
+        "notes": covariance.get("notes", []),
+    }
 
 
 def _identification(runs: Sequence[RunFolder]) -> Mapping[str, Any]:
@@ -379,16 +385,16 @@ def _steps(autopilot: Autopilot, runs: Sequence[RunFolder]) -> list[dict[str, An
     """Steps of the loops that the autopilot has, with size and corridor of the campaign where it has them."""
     loops = {name.partition(".")[0] for name in autopilot.gains()}
     asked = _tuned_loops(runs)
-    found = []
-    for name, channel, unit, step, one in _STEPS:
+    entries = []
+    for name, channel, unit, step, in_si in _STEPS:
         if not loops & set(_LOOPS_OF_STEP[name]):
             continue
         table = next((asked[loop] for loop in _TABLES_OF_STEP[name] if loop in asked), None)
-        size = step if table is None or not table.steps else float(table.steps[0]) * one
+        size = step if table is None or not table.steps else float(table.steps[0]) * in_si
         corridor = None if table is None or table.corridor is None else _corridor(table.corridor)
-        entry = {"set_point": name, "channel": channel, "unit": unit, "step": size, "one": one}
-        found.append(entry | {"corridor": corridor})
-    return found
+        entry = {"set_point": name, "channel": channel, "unit": unit, "step": size, "one": in_si}
+        entries.append(entry | {"corridor": corridor})
+    return entries
 
 
 def _tuned_loops(runs: Sequence[RunFolder]) -> Mapping[str, LoopTable]:
@@ -417,14 +423,14 @@ def _corridor(table: CorridorTable) -> dict[str, list[float | None]]:
 
 def _note(runs: Sequence[RunFolder], flown: FlownRun | None, voltage_v: float | None) -> str:
     """What the page assumes, and whether its flight is that of the run."""
-    said = []
+    sentences = []
     if flown is None and any(run.kind == "flight" for run in runs):
-        said.append(
+        sentences.append(
             "The record of the flight is that of another version: the page flies in calm water with perfect"
             " sensors. Fly it again to see the run's flight here."
         )
     elif flown is None:
-        said.append("This report has no flight: the page begins in calm water with perfect sensors.")
+        sentences.append("This report has no flight: the page begins in calm water with perfect sensors.")
     if voltage_v is not None:
-        said.append(f"The supply is {voltage_v:g} V.")
-    return " ".join(said)
+        sentences.append(f"The supply is {voltage_v:g} V.")
+    return " ".join(sentences)

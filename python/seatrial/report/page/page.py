@@ -89,7 +89,7 @@ def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
         for number, (run, own) in enumerate(zip(runs, series, strict=True), 1)
     ]
     for part in parts:  # two of a kind are told apart
-        if [one["kind"] for one in parts].count(part["kind"]) > 1:
+        if [part["kind"] for part in parts].count(part["kind"]) > 1:
             part["short"] = f"{part['kind']} {part['name']}"
     files = _files(runs)
     packed = core()
@@ -135,10 +135,10 @@ def write_page(folders: Sequence[str | Path | RunFolder], out: str | Path, *, ti
         A folder is no run directory, or the page cannot be written.
     """
     target = check_place(out)
-    names = ", ".join(str(one.name if isinstance(one, RunFolder) else one) for one in folders)
+    names = ", ".join(str(folder.name if isinstance(folder, RunFolder) else folder) for folder in folders)
     remedy = "the folder holds what seatrial does not write: repeat the run"
     with guarded(names, "the page", remedy, budget=_PAGE, refusal=SeatrialError):
-        runs = [one if isinstance(one, RunFolder) else RunFolder.read(one) for one in folders]
+        runs = [folder if isinstance(folder, RunFolder) else RunFolder.read(folder) for folder in folders]
         text = page(runs, title=title)
     try:
         write_atomic(target, text.encode())
@@ -211,8 +211,8 @@ def _part(run: RunFolder, number: int, *, shown: bool) -> dict[str, Any]:
         "held": None if run.held and run.results.get("reservations") else run.held,
         "baselines": baselines(run),
         "intervals": intervals(run),
-        "sections": [one for one in sections if not one.details],
-        "details": [one for one in sections if one.details],
+        "sections": [section for section in sections if not section.details],
+        "details": [section for section in sections if section.details],
         "evidence": shown,
         # The three views stand on the first screen.
         "figures": [_shown(figure, run.name) for figure in run.figures if figure.name != "vehicle"],
@@ -225,15 +225,15 @@ def _part(run: RunFolder, number: int, *, shown: bool) -> dict[str, Any]:
 
 def _views(runs: Sequence[RunFolder]) -> list[dict[str, str]]:
     """Three views of every vehicle of the runs: its name, and the source of an image."""
-    found: dict[str, Figure] = {}
+    views: dict[str, Figure] = {}
     for run in runs:
         if (text := run.files.get("vehicle.toml")) is not None and (drawn := _three_views(text)) is not None:
-            found.setdefault(drawn.name, drawn)
-    return [{"name": name, "source": _source(figure)} for name, figure in found.items()]
+            views.setdefault(drawn.name, drawn)
+    return [{"name": name, "source": _source(figure)} for name, figure in views.items()]
 
 
 def _coefficients(runs: Sequence[RunFolder], flying: Sequence[Mapping[str, Any]]) -> Mapping[str, str]:
-    """What the coefficients of the runs' vehicles mean, those that are not zero or can be changed in flight."""
+    """Meaning of the vehicles' coefficients, of those that are not zero or can be changed in flight."""
     from seatrial._core import Vehicle
 
     changeable = {slider["name"] for setup in flying for slider in setup["coefficients"]}
@@ -345,7 +345,7 @@ def _shortened(path: re.Match[str]) -> str:
 
 def _files(runs: Sequence[RunFolder]) -> dict[str, str]:
     """Files of all runs by path, in a folder per run where there are several; equal ones once."""
-    found: dict[str, str] = {}
+    files: dict[str, str] = {}
     seen: set[str] = set()
     for run in runs:
         above = [] if len(runs) == 1 else [_plain(run.name)]
@@ -356,8 +356,9 @@ def _files(runs: Sequence[RunFolder]) -> dict[str, str]:
             seen.add(digest)
             *folders, name = path.removesuffix(".toml").split("/")
             inside = "/".join([*above, *map(_plain, folders), _plain(name)])
-            found[free_name(inside, [one.removesuffix(".toml") for one in found]) + ".toml"] = text
-    return found
+            taken = [place.removesuffix(".toml") for place in files]
+            files[free_name(inside, taken) + ".toml"] = text
+    return files
 
 
 def _plain(name: str) -> str:

@@ -104,7 +104,7 @@ class RunFolder:
                 " after 'Results in'"
             )
         if not (path / RUN_FILE).is_file():
-            inside = [one.parent.name for one in sorted(path.glob(f"*/{RUN_FILE}"))]
+            inside = [file.parent.name for file in sorted(path.glob(f"*/{RUN_FILE}"))]
             there = (
                 f"; there are runs in it: {', '.join(str(path / name) for name in inside)}" if inside else ""
             )
@@ -129,9 +129,9 @@ class RunFolder:
     @property
     def held(self) -> bool | None:
         """The verdict, where the run has one."""
-        told = [self.results[key] for key in _VERDICTS if isinstance(self.results.get(key), bool)]
-        if told:
-            return bool(told[0])
+        verdicts = [self.results[key] for key in _VERDICTS if isinstance(self.results.get(key), bool)]
+        if verdicts:
+            return bool(verdicts[0])
         return _OUTCOMES.get(str(self.results.get("outcome", self.report.outcome)))
 
 
@@ -190,10 +190,10 @@ def refused(content: bytes, ending: str) -> str | None:
 
 
 def _inputs(folder: Path) -> dict[str, str]:
-    found = [path for name in INPUTS if os.path.lexists(path := folder / name)]
+    named = [path for name in INPUTS if os.path.lexists(path := folder / name)]
     more = [*sorted((folder / "missions").glob("*.toml")), *sorted(folder.glob("*.toml"))]
     files: dict[str, str] = {}
-    for path in [*found, *(path for path in more if path not in found)]:
+    for path in [*named, *(path for path in more if path not in named)]:
         if not path.is_dir() and path.lstat().st_size <= _LARGEST_FILE:
             files[path.relative_to(folder).as_posix()] = _text(folder, path, _LARGEST_FILE)
     return files
@@ -253,19 +253,19 @@ def _facts(path: Path) -> dict[str, Any]:
         if not isinstance(facts.get(key), kind) and (key == "kind" or facts.get(key) is not None)
     ]
     if wrong:
-        found = [f"{key} {facts[key]!r:.40}" if key in facts else f"no {key}" for key in wrong]
+        wrong_entries = [f"{key} {facts[key]!r:.40}" if key in facts else f"no {key}" for key in wrong]
         raise SeatrialError(
-            f"{path}: expected the facts of a run as seatrial writes them, found {', '.join(found)}; repeat"
-            " the run"
+            f"{path}: expected the facts of a run as seatrial writes them, found {', '.join(wrong_entries)};"
+            " repeat the run"
         )
     return facts
 
 
 def _read_json(path: Path) -> dict[str, Any]:
     try:
-        found = from_json(_text(path.parent, path, _LARGEST_JSON))
+        content = from_json(_text(path.parent, path, _LARGEST_JSON))
     except ValueError as error:
         raise SeatrialError(f"{path}: expected JSON, found none ({error}); repeat the run") from None
-    if not isinstance(found, dict):
-        raise SeatrialError(f"{path}: expected a JSON object, found {type(found).__name__}; repeat the run")
-    return found
+    if not isinstance(content, dict):
+        raise SeatrialError(f"{path}: expected a JSON object, found {type(content).__name__}; repeat the run")
+    return content

@@ -26,7 +26,7 @@ def baselines(run: RunFolder) -> list[dict[str, Any]]:
         scores = (ahead["all"] if "all" in ahead else next(iter(ahead.values())))["channels"]
         rows = []
         for channel, score in scores.items():
-            given = {name: one[channel] for name, one in rivals.items() if one.get(channel) is not None}
+            given = {name: rival[channel] for name, rival in rivals.items() if rival.get(channel) is not None}
             if not given or not isinstance(score, dict) or score.get("r2") is None:
                 continue
             best = max(given, key=lambda name: float(given[name]))
@@ -47,15 +47,15 @@ def intervals(run: RunFolder) -> Table | None:
         near = _correlated(run.results.get("covariance"))
         rows = [
             (
-                one["name"],
-                one["unit"],
-                _digits(one["estimate"]),
-                *(_digits(end) for end in one["interval"]),
-                one.get("verdict") or "",
-                near.get(one["name"], ""),
+                coefficient["name"],
+                coefficient["unit"],
+                _digits(coefficient["estimate"]),
+                *(_digits(end) for end in coefficient["interval"]),
+                coefficient.get("verdict") or "",
+                near.get(coefficient["name"], ""),
             )
-            for one in run.results.get("coefficients", ())
-            if one.get("interval") and None not in one["interval"]
+            for coefficient in run.results.get("coefficients", ())
+            if coefficient.get("interval") and None not in coefficient["interval"]
         ]
     except (KeyError, TypeError, ValueError):  # of another version
         return None
@@ -68,19 +68,19 @@ def intervals(run: RunFolder) -> Table | None:
     return Table(title, columns, tuple(rows), note=note) if rows else None
 
 
-def _correlated(told: Any) -> dict[str, str]:
+def _correlated(covariance: Any) -> dict[str, str]:
     """Per coefficient the others that its estimate depends on most, with their correlations."""
-    if not told or not told.get("names"):
+    if not covariance or not covariance.get("names"):
         return {}
-    names, matrix = list(told["names"]), np.array(told["matrix"], float)
+    names, matrix = list(covariance["names"]), np.array(covariance["matrix"], float)
     size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     scale = np.where(size > 0.0, size, 1.0)
     correlations = matrix / np.outer(scale, scale) - np.eye(len(names))
-    found = {}
+    strongest = {}
     for name, row in zip(names, correlations, strict=True):
         order = [k for k in np.argsort(-np.abs(row)) if abs(row[k]) >= _STRONG][:_NAMED]
-        found[name] = ", ".join(f"{names[k]} {row[k]:+.2f}".replace("-", "\N{MINUS SIGN}") for k in order)
-    return found
+        strongest[name] = ", ".join(f"{names[k]} {row[k]:+.2f}".replace("-", "\N{MINUS SIGN}") for k in order)
+    return strongest
 
 
 def _digits(value: float) -> str:

@@ -32,7 +32,7 @@ _UNMET = 3  # checks that are not met and are shown beside the usual ones
 _SHOWN = ("rate wanted", "output", "acceleration wanted", "throttle", "motor 1", "motor 6")
 
 
-def replay_gallery(found: Replay, folder: str | Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
+def replay_gallery(replay: Replay, folder: str | Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
     """Paths of the figure of a replay after it was written into a folder.
 
     Raises
@@ -40,35 +40,41 @@ def replay_gallery(found: Replay, folder: str | Path, *, formats: tuple[str, ...
     SeatrialError
         The folder cannot be written.
     """
-    return save(replay_figure(found), Path(folder) / "replay", formats=formats)
+    return save(replay_figure(replay), Path(folder) / "replay", formats=formats)
 
 
-def replay_figure(found: Replay) -> Figure:
+def replay_figure(replay: Replay) -> Figure:
     """Figure of the quantities that tell most, and of what is not met, in the order of the signal.
 
     Parameters
     ----------
-    found : Replay
+    replay : Replay
     """
-    chosen = [one for kind in _SHOWN if (one := _first(found, kind)) is not None]
+    chosen = [quantity for kind in _SHOWN if (quantity := _first(replay, kind)) is not None]
     # What is not met is shown, whatever its kind; a log in MANUAL may have none of the usual ones.
-    chosen += [one for one in found.quantities if not one.holds and one not in chosen][:_UNMET]
-    chosen = sorted(chosen or found.quantities[:_UNMET], key=found.quantities.index)
+    chosen += [quantity for quantity in replay.quantities if not quantity.holds and quantity not in chosen][
+        :_UNMET
+    ]
+    chosen = sorted(chosen or replay.quantities[:_UNMET], key=replay.quantities.index)
     with house_style():
         figure = new_figure(0.6 + 1.25 * len(chosen))
         panels = figure.subplots(len(chosen), 2, sharex=True, squeeze=False, width_ratios=(2.0, 1.0))
-        for (left, right), one in zip(panels, chosen, strict=True):
-            t = one.t - found.quantities[0].t[0]
-            shown = np.where(one.judged, one.replayed, np.nan)
-            left.plot(t, one.logged, color=MEASURED, label="logged")
+        for (left, right), quantity in zip(panels, chosen, strict=True):
+            t = quantity.t - replay.quantities[0].t[0]
+            shown = np.where(quantity.judged, quantity.replayed, np.nan)
+            left.plot(t, quantity.logged, color=MEASURED, label="logged")
             left.plot(t, shown, color=SIMULATED, linestyle="--", label="replayed")
-            right.plot(t, shown - one.logged, color=RESIDUAL, linewidth=0.6)
-            most = 1.3 * max(float(np.nanmax(np.abs(shown - one.logged))), one.limit)
-            right.axhspan(-one.limit, one.limit, color="0.92", zorder=0)
+            right.plot(t, shown - quantity.logged, color=RESIDUAL, linewidth=0.6)
+            most = 1.3 * max(float(np.nanmax(np.abs(shown - quantity.logged))), quantity.limit)
+            right.axhspan(-quantity.limit, quantity.limit, color="0.92", zorder=0)
             right.set_ylim(-most, most)
-            unit = "" if one.unit == "1" else f", {one.unit.replace('us', 'µs').replace('m/s2', 'm/s²')}"
-            panel_title(left, f"{one.controller}: {one.name}{unit}")
-            panel_title(right, f"difference, limit {one.limit:.2g}")
+            unit = (
+                ""
+                if quantity.unit == "1"
+                else f", {quantity.unit.replace('us', 'µs').replace('m/s2', 'm/s²')}"
+            )
+            panel_title(left, f"{quantity.controller}: {quantity.name}{unit}")
+            panel_title(right, f"difference, limit {quantity.limit:.2g}")
             right.locator_params(axis="x", nbins=4)
         panels[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
         for panel in panels[-1]:
@@ -76,14 +82,16 @@ def replay_figure(found: Replay) -> Figure:
     return figure
 
 
-def _first(found: Replay, kind: str) -> Quantity | None:
+def _first(replay: Replay, kind: str) -> Quantity | None:
     """The quantity of a kind that is drawn: of several axes that of yaw, else the first."""
-    same = [one for one in found.quantities if one.name == kind]
-    return next((one for one in same if one.controller.endswith("yaw")), same[0] if same else None)
+    same = [quantity for quantity in replay.quantities if quantity.name == kind]
+    return next(
+        (quantity for quantity in same if quantity.controller.endswith("yaw")), same[0] if same else None
+    )
 
 
 def tuning_gallery(
-    found: LogTuning, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
+    tuning: LogTuning, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
 ) -> list[Path]:
     """Paths of the figures of a tuning from a log: replay, envelope, steps before and after.
 
@@ -92,65 +100,72 @@ def tuning_gallery(
     SeatrialError
         The folder cannot be written.
     """
-    drawn = replay_gallery(found.replay, folder, formats=formats)
-    drawn += save(envelope_figure(found), Path(folder) / "envelope", formats=formats)
-    return drawn + save(steps_figure(found), Path(folder) / "steps", formats=formats)
+    drawn = replay_gallery(tuning.replay, folder, formats=formats)
+    drawn += save(envelope_figure(tuning), Path(folder) / "envelope", formats=formats)
+    return drawn + save(steps_figure(tuning), Path(folder) / "steps", formats=formats)
 
 
-def envelope_figure(found: LogTuning) -> Figure:
+def envelope_figure(tuning: LogTuning) -> Figure:
     """Figure of the log's loop errors in the envelope of the flights, a row per channel.
 
     Parameters
     ----------
-    found : LogTuning
+    tuning : LogTuning
     """
-    shares = found.reflight.shares
+    shares = tuning.reflight.shares
     with house_style():
         figure = new_figure(0.8 + 1.15 * len(shares))
         panels = np.atleast_1d(figure.subplots(len(shares), 1, sharex=True))
-        first = min(float(one.t[0]) for one in found.reflight.envelopes)
+        first = min(float(envelope.t[0]) for envelope in tuning.reflight.envelopes)
         for panel, share in zip(panels, shares, strict=True):
-            own = [one for one in found.reflight.envelopes if one.channel == share.channel]
-            for k, one in enumerate(own):
-                t = one.t - first
-                panel.fill_between(t, one.lower, one.upper, color=SIMULATED, alpha=0.25, linewidth=0.0,
-                                   label="95 % of the flights" if k == 0 else None)  # fmt: skip
-                panel.plot(t, one.middle, color=SIMULATED, linewidth=0.7, label="median" if k == 0 else None)
-                panel.plot(t, one.measured, color=MEASURED, linewidth=0.7, label="log" if k == 0 else None)
-                if one.held_out.any():
-                    held = t[one.held_out]
-                    panel.axvspan(float(held[0]), float(held[-1]), color="0.94", zorder=0)
+            own = [envelope for envelope in tuning.reflight.envelopes if envelope.channel == share.channel]
+            for k, envelope in enumerate(own):
+                t = envelope.t - first
+                panel.fill_between(
+                    t, envelope.lower, envelope.upper, color=SIMULATED, alpha=0.25, linewidth=0.0,
+                    label="95 % of the flights" if k == 0 else None,
+                )  # fmt: skip
+                panel.plot(
+                    t, envelope.middle, color=SIMULATED, linewidth=0.7, label="median" if k == 0 else None
+                )
+                panel.plot(
+                    t, envelope.measured, color=MEASURED, linewidth=0.7, label="log" if k == 0 else None
+                )
+                if envelope.held_out.any():
+                    kept_out = t[envelope.held_out]
+                    panel.axvspan(float(kept_out[0]), float(kept_out[-1]), color="0.94", zorder=0)
             most = 1.15 * max(
-                float(np.quantile(np.abs([one.lower, one.upper, one.measured]), 0.998)) for one in own
+                float(np.quantile(np.abs([envelope.lower, envelope.upper, envelope.measured]), 0.998))
+                for envelope in own
             )
             panel.set_ylim(-most, most)
-            told = share.fit if np.isnan(share.held_out) else share.held_out
+            outside = share.fit if np.isnan(share.held_out) else share.held_out
             unit = share.unit.replace("deg", "°")
-            title = f"{share.channel} error, {unit}: {100 * told:.1f} % of the held-out rows outside"
+            title = f"{share.channel} error, {unit}: {100 * outside:.1f} % of the held-out rows outside"
             panel_title(panel, title)
         panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3)
         panels[-1].set_xlabel("time, s (grey: held out)")
     return figure
 
 
-def steps_figure(found: LogTuning) -> Figure:
+def steps_figure(tuning: LogTuning) -> Figure:
     """Figure of set-point steps in their corridors over the missions of the first course, before and after.
 
     Parameters
     ----------
-    found : LogTuning
+    tuning : LogTuning
     """
     from seatrial.ardusub.tuning import SIZES_DEG, corridors_of, slew_of
 
-    names = list(found.before.bands)
-    slew = slew_of(found.parameters)
-    corridors = corridors_of(found.rise_s, size_deg=SIZES_DEG[0], slew_deg_s=slew)
+    names = list(tuning.before.bands)
+    slew = slew_of(tuning.parameters)
+    corridors = corridors_of(tuning.rise_s, size_deg=SIZES_DEG[0], slew_deg_s=slew)
     with house_style():
         figure = new_figure(0.8 + 1.5 * len(names))
         panels = figure.subplots(len(names), 2, sharex=True, sharey="row", squeeze=False)
         for (name, row), last in zip(zip(names, panels, strict=True), range(len(names)), strict=True):
             for panel, missions, words in zip(
-                row, (found.before, found.after), ("before", "after"), strict=True
+                row, (tuning.before, tuning.after), ("before", "after"), strict=True
             ):
                 least, low, middle, high, largest = missions.bands[name]
                 t = missions.since

@@ -103,7 +103,7 @@ def _scores(fit: UnitFit) -> str:
     if not fit.directions:
         rms = float(np.sqrt(np.mean(fit.table.residual**2))) if fit.table is not None else np.nan
         return f"table, residual {rms:.2g} N (rms)"
-    words = ", ".join(f"{share(one.fit.r2, 4)} {side}" for side, one in fit.directions.items())
+    words = ", ".join(f"{share(direction.fit.r2, 4)} {side}" for side, direction in fit.directions.items())
     return f"R² {words}"
 
 
@@ -160,8 +160,8 @@ def _curve(upper: Axes, lower: Axes, fit: UnitFit) -> None:
 def _outlying(fit: UnitFit) -> NDArray[np.bool_]:
     """Mask (n,) of the points that are outliers."""
     outlying = np.zeros(len(fit.points.signal), bool)
-    for one in fit.directions.values():
-        outlying[one.outliers] = True
+    for direction in fit.directions.values():
+        outlying[direction.outliers] = True
     return outlying
 
 

@@ -125,10 +125,10 @@ def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
         for row, panels in enumerate(grid):
             beside = shown[2 * row : 2 * row + 2]
             window = _common(beside)
-            for axes, one in zip(panels, beside, strict=False):
+            for axes, response in zip(panels, beside, strict=False):
                 if axes is not panels[0]:
                     axes.sharey(panels[0])  # equal limits alone leave each panel ticks of its own
-                _panel(axes, one, window)
+                _panel(axes, response, window)
         for axes in list(grid.flat)[len(shown) :]:
             axes.set_axis_off()
         # The width of tick labels is known after a first layout: without it a panel's label leaves the page.
@@ -138,31 +138,33 @@ def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
 
 def _common(beside: Sequence[InCorridor]) -> tuple[float, float]:
     """Vertical limits of panels that stand side by side: the eye compares their heights."""
-    ends = [_window(one.corridor, np.atleast_2d(one.responses)[worst_response(one)]) for one in beside]
+    ends = [
+        _window(panel.corridor, np.atleast_2d(panel.responses)[worst_response(panel)]) for panel in beside
+    ]
     return min(low for low, _ in ends), max(high for _, high in ends)
 
 
-def _panel(axes: Axes, one: InCorridor, window: tuple[float, float]) -> None:
-    bundle = np.atleast_2d(np.asarray(one.responses, dtype=float))
-    worst = worst_response(one)
-    areas = violations(one.t, bundle[worst], one.corridor)
-    period = float(one.t[1] - one.t[0])  # the last sample stands for the period after it
-    end = min(one.corridor.until_s, float(one.t[-1]) + period)
+def _panel(axes: Axes, panel: InCorridor, window: tuple[float, float]) -> None:
+    bundle = np.atleast_2d(np.asarray(panel.responses, dtype=float))
+    worst = worst_response(panel)
+    areas = violations(panel.t, bundle[worst], panel.corridor)
+    period = float(panel.t[1] - panel.t[0])  # the last sample stands for the period after it
+    end = min(panel.corridor.until_s, float(panel.t[-1]) + period)
     low, high = window
-    _excluded(axes, one.corridor, end, low, high)
-    axes.axhline(one.corridor.target, color=FAINT, linewidth=0.7, linestyle=(0, (4, 2)))
+    _excluded(axes, panel.corridor, end, low, high)
+    axes.axhline(panel.corridor.target, color=FAINT, linewidth=0.7, linestyle=(0, (4, 2)))
     for k in np.unique(np.linspace(0, len(bundle) - 1, min(len(bundle), _FAINTEST)).astype(int)):
         if k != worst:
-            axes.plot(one.t, _drawn(bundle[k]), color=SIMULATED, linewidth=0.5, alpha=0.35, zorder=2.2)
-    _areas(axes, one, bundle[worst], areas)
-    label = "response" if len(bundle) == 1 else f"worst of {len(bundle)} {one.each}"
+            axes.plot(panel.t, _drawn(bundle[k]), color=SIMULATED, linewidth=0.5, alpha=0.35, zorder=2.2)
+    _areas(axes, panel, bundle[worst], areas)
+    label = "response" if len(bundle) == 1 else f"worst of {len(bundle)} {panel.each}"
     label += _beyond(bundle[worst], low, high)
-    axes.plot(one.t, _drawn(bundle[worst]), color=SIMULATED, linewidth=1.4, zorder=3, label=label)
-    axes.set_xlim(min(0.0, float(one.t[0])), end)
+    axes.plot(panel.t, _drawn(bundle[worst]), color=SIMULATED, linewidth=1.4, zorder=3, label=label)
+    axes.set_xlim(min(0.0, float(panel.t[0])), end)
     axes.set_ylim(low, high)
     axes.set_xlabel("time since the step, s")
-    axes.set_ylabel(one.label)
-    panel_title(axes, one.name, one.remark)
+    axes.set_ylabel(panel.label)
+    panel_title(axes, panel.name, panel.remark)
     handles, labels = axes.get_legend_handles_labels()
     first = [labels.index(label), labels.index("corridor")]
     order = [*first, *(k for k in range(len(labels)) if k not in first)]
@@ -190,17 +192,17 @@ def _excluded(axes: Axes, corridor: Corridor, end: float, low: float, high: floa
             label = "_"
 
 
-def _areas(axes: Axes, one: InCorridor, response: Array, areas: Array) -> None:
+def _areas(axes: Axes, panel: InCorridor, response: Array, areas: Array) -> None:
     """Areas outside the corridor, with their sizes in the legend."""
-    grid = _fine(one.corridor, one.t)
-    y = np.interp(grid, one.t, _drawn(response))
+    grid = _fine(panel.corridor, panel.t)
+    y = np.interp(grid, panel.t, _drawn(response))
     sides = (
         ("below", areas[0], np.minimum, SECOND, "////"),
         ("above", areas[1], np.maximum, RESIDUAL, "\\\\\\\\"),
     )
-    weights = one.corridor.weight_lower, one.corridor.weight_upper
+    weights = panel.corridor.weight_lower, panel.corridor.weight_upper
     for bound, weight, (word, area, beyond, colour, hatch) in zip(
-        one.corridor.sampled(grid), weights, sides, strict=True
+        panel.corridor.sampled(grid), weights, sides, strict=True
     ):
         edge = np.where(np.isfinite(bound), bound, np.nan)
         axes.fill_between(
@@ -435,9 +437,9 @@ def _legend(figure: Figure, courses: Sequence[Course]) -> None:
         Line2D([], [], color=MEASURED, linewidth=1.0, linestyle=(0, (3, 1.2)), label="start gains"),
         Line2D([], [], color=SIMULATED, linewidth=1.3, label="tuned"),
     ]
-    if any(np.ndim(one.before) > 1 or np.ndim(one.after) > 1 for one in courses):
+    if any(np.ndim(course.before) > 1 or np.ndim(course.after) > 1 for course in courses):
         handles.append(Patch(color=SIMULATED, alpha=0.22, linewidth=0.0, label="span of the samples"))
-    if any(one.steps for one in courses):
+    if any(course.steps for course in courses):
         handles.append(Patch(facecolor=_CORRIDOR, edgecolor=THIRD, linewidth=0.5, label="corridor"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), columnspacing=1.4)
 
@@ -481,9 +483,9 @@ def speed_steps(plan: ControlProblem, start: Autopilot, tuned: Autopilot) -> Fig
     start, tuned : Autopilot
     """
     times, levels = course_of_set_points(plan)
-    found = [_flown(plan, autopilot, times, levels) for autopilot in (start, tuned)]
-    t: Array = plan.autopilot.period_s * np.arange(float(max(len(one) for one in found)))
-    before, after = (np.pad(one, (0, len(t) - len(one)), constant_values=np.nan) for one in found)
+    flown = [_flown(plan, autopilot, times, levels) for autopilot in (start, tuned)]
+    t: Array = plan.autopilot.period_s * np.arange(float(max(len(speeds) for speeds in flown)))
+    before, after = (np.pad(speeds, (0, len(t) - len(speeds)), constant_values=np.nan) for speeds in flown)
     set_point = levels[np.clip(np.searchsorted(times, t + 1e-9, side="right") - 1, 0, len(levels) - 1)]
     course = Course(
         name=f"{plan.vehicle.name}: speed over its set points",

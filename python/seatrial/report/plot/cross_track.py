@@ -109,19 +109,21 @@ def cross_track(
         The counts do not fit the edges.
     """
     pooled = np.atleast_2d(np.asarray(counts, float)).sum(axis=0)
-    told = None if perceived is None else np.atleast_2d(np.asarray(perceived, float)).sum(axis=0)
+    perceived_counts = None if perceived is None else np.atleast_2d(np.asarray(perceived, float)).sum(axis=0)
     edge, p95 = np.asarray(edges, float), np.asarray(p95_m, float)
     with house_style():
         figure = new_figure(2.7)
         curve, beside = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
-        _curve(curve, pooled, edge, threshold_m, told)
+        _curve(curve, pooled, edge, threshold_m, perceived_counts)
         _histogram(beside, p95, threshold_m, of)
         if heading:
             figure.suptitle(heading, x=0.01, ha="left", fontweight="bold")
     return figure
 
 
-def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None, told: Array | None) -> None:
+def _curve(
+    axes: Axes, counts: Array, edges: Array, threshold_m: float | None, perceived_counts: Array | None
+) -> None:
     above = exceedance(counts, edges)
     seen = above > 0.0
     panel_title(axes, "all samples", "settled legs of all missions")
@@ -133,8 +135,8 @@ def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None, t
     last = min(int(np.flatnonzero(seen)[-1]) + 1, len(edges) - 1)
     floor = 10.0 ** np.floor(np.log10(100.0 * above[seen].min()))
     x, y = np.append(0.0, edges[seen]), np.append(100.0, 100.0 * above[seen])
-    if told is not None:
-        _told(axes, told, edges)
+    if perceived_counts is not None:
+        _told(axes, perceived_counts, edges)
     axes.plot(x, y, color=SIMULATED, label="true")
     for part in _MARKED:
         value = quantile_of_counts(counts, edges, share_below=part)
@@ -153,7 +155,7 @@ def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None, t
     axes.set_xlim(0.0, 1.15 * max(edges[last], threshold_m or 0.0))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     _threshold(axes, threshold_m, at=0.0)
-    if told is not None:
+    if perceived_counts is not None:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.21), ncols=2, borderaxespad=0.0)
 
 

@@ -152,10 +152,10 @@ def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False, room: float 
         last = middle if alone else middle + 0.5 * least
 
 
-def _above(axes: Axes, t: float, said: str) -> None:
+def _above(axes: Axes, t: float, text: str) -> None:
     """Small print above a panel."""
     axes.annotate(
-        said,
+        text,
         (t, 1.0),
         xycoords=axes.get_xaxis_transform(),
         xytext=(0, 1.5),
@@ -169,13 +169,13 @@ def _above(axes: Axes, t: float, said: str) -> None:
 def events(flight: Flight) -> list[Event]:
     """Faults, outages and reactions of a flight in order of time; of many the first."""
     what = flight.circumstances
-    found = [(fault.at_s, fault.sentence()) for fault in what.faults]
-    found += [(outage.from_s, outage.sentence()) for outage in what.outages]
-    found += [
+    timed = [(fault.at_s, fault.sentence()) for fault in what.faults]
+    timed += [(outage.from_s, outage.sentence()) for outage in what.outages]
+    timed += [
         (alert.t_s, f"{alert.reaction} at {alert.t_s:.0f} s: {cause(alert.cause)}") for alert in flight.alerts
     ]
-    found = sorted(one for one in found if one[0] <= flight.t[-1])[:_MOST_EVENTS]
-    return [Event(t, words, mark) for (t, words), mark in zip(found, _EVENT_MARKS, strict=False)]
+    timed = sorted(entry for entry in timed if entry[0] <= flight.t[-1])[:_MOST_EVENTS]
+    return [Event(t, words, mark) for (t, words), mark in zip(timed, _EVENT_MARKS, strict=False)]
 
 
 def event_lines(axes: Axes, flight: Flight) -> None:
@@ -327,8 +327,8 @@ def _remark(flight: Flight, most: int) -> str:
     way = f"{length} in {flight.t[-1]:.0f} s"
     verdict = flight.outcome_in_words.removeprefix("flown to its end, ")
     first = verdict.partition(" and ")[0]
-    told = [f"{words}, {way}" for words in (verdict, first, "not complete")]
-    return next((remark for remark in told if len(remark) <= most), way)
+    remarks = [f"{words}, {way}" for words in (verdict, first, "not complete")]
+    return next((remark for remark in remarks if len(remark) <= most), way)
 
 
 def _flown(plan: Plan, flight: Flight) -> None:
@@ -452,7 +452,7 @@ def shown_loops(flight: Flight) -> list[Shown]:
     Desired values are blank where their loop is not at work; of a heading both are without jumps.
     """
     active, wanted = flight.active, flight.desired
-    by_pitch = np.array([one["depth_by"] == "pitch" for one in flight.autopilot.modes])[flight.mode]
+    by_pitch = np.array([mode["depth_by"] == "pitch" for mode in flight.autopilot.modes])[flight.mode]
     yaw = np.unwrap(flight.euler[:, 2])
     off = (wanted["heading"] - yaw + np.pi) % (2.0 * np.pi) - np.pi
     degrees = 180.0 / np.pi
@@ -464,13 +464,13 @@ def shown_loops(flight: Flight) -> list[Shown]:
         ("pitch, deg", degrees * np.where(by_pitch, wanted["pitch"], 0.0), degrees * flight.euler[:, 1]),
         ("heading, deg", degrees * (yaw + off), degrees * yaw),
     )
-    found = []
+    loops = []
     for i in (0, 1, 5, 4, 2, 3):
         label, desired, done = signals[i]
         rows = active[:, i] | (by_pitch & active[:, 4]) if i == 2 else active[:, i]
         if rows.any():
-            found.append(Shown(i, label, np.where(rows & ~flight.done, desired, np.nan), done))
-    return found
+            loops.append(Shown(i, label, np.where(rows & ~flight.done, desired, np.nan), done))
+    return loops
 
 
 def flight_loops(flight: Flight) -> Figure:

@@ -193,37 +193,37 @@ def motors(vehicle: Vehicle) -> list[Motor]:
     """A `Motor` per group of actuators with equal numbers, in the vehicle's order."""
     facts, values = vehicle.actuator_info(), vehicle.coefficients()
     tables = vehicle.motors()
-    found: dict[Motor, list[str]] = {}
+    members_of: dict[Motor, list[str]] = {}
     for name in vehicle.actuators:
-        one, table = facts[name], tables[name]
+        facts_of, table = facts[name], tables[name]
         n_acc = values.get(f"{name}.n_acc", float(table.get("n_acc_per_s", math.inf)))
         key = Motor(
-            group=str(one["group"]) or name,
+            group=str(facts_of["group"]) or name,
             actuators=(),
-            unit=str(one["unit"]),
-            neutral=float(one["neutral"]),
-            maximum=(_limit(one["maximum_ahead"]), _limit(one["maximum_astern"])),
-            minimum=(float(one["minimum_ahead"] or 0.0), float(one["minimum_astern"] or 0.0)),
+            unit=str(facts_of["unit"]),
+            neutral=float(facts_of["neutral"]),
+            maximum=(_limit(facts_of["maximum_ahead"]), _limit(facts_of["maximum_astern"])),
+            minimum=(float(facts_of["minimum_ahead"] or 0.0), float(facts_of["minimum_astern"] or 0.0)),
             lifts=table.get("below_minimum", "lift") == "lift",
             n_acc=n_acc,
             n_dec=values.get(f"{name}.n_dec", float(table.get("n_dec_per_s", n_acc))),
             K_V=values.get(f"{name}.K_V", float(table.get("K_V", 1.0))),
             T_1=values.get(f"{name}.T_1", float(table.get("T_1_s", 0.0))),
             T_t=values.get(f"{name}.T_t", float(table.get("T_t_s", 0.0))),
-            characteristic="fin" if one["kind"] == "fin" else str(one["characteristic"]),
+            characteristic="fin" if facts_of["kind"] == "fin" else str(facts_of["characteristic"]),
         )
-        found.setdefault(key, []).append(name)
-    return [replace(key, actuators=tuple(members)) for key, members in found.items()]
+        members_of.setdefault(key, []).append(name)
+    return [replace(key, actuators=tuple(members)) for key, members in members_of.items()]
 
 
 def drives(vehicle: Vehicle) -> list[tuple[list[str], Motor]]:
     """Motors that differ, whatever they drive: names of their groups, and one of them."""
-    found: dict[Motor, list[str]] = {}
+    groups_of: dict[Motor, list[str]] = {}
     for motor in motors(vehicle):
         plain = replace(motor, group="", actuators=(), characteristic="")
-        found.setdefault(plain, []).append(motor.group)
+        groups_of.setdefault(plain, []).append(motor.group)
     first = {group: motor for motor in reversed(motors(vehicle)) for group in [motor.group]}
-    return [(list(dict.fromkeys(groups)), first[groups[0]]) for groups in found.values()]
+    return [(list(dict.fromkeys(groups)), first[groups[0]]) for groups in groups_of.values()]
 
 
 def behind_motor(

@@ -70,17 +70,17 @@ def intervals(assessment: Assessment) -> Figure:
     assessment : Assessment
         Of an identification.
     """
-    found, names = assessment.uncertainty, list(assessment.verdicts)
-    places = [found.names.index(name) for name in names]
-    size = np.maximum(np.abs(found.estimate[places]), 1e-12)
+    uncertainty, names = assessment.uncertainty, list(assessment.verdicts)
+    places = [uncertainty.names.index(name) for name in names]
+    size = np.maximum(np.abs(uncertainty.estimate[places]), 1e-12)
     with house_style():
         figure = new_figure(max(3.2, 1.1 + _ROW_IN * len(names)))
         left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.15])
-        relative = [100.0 * part[places] / size for part in (found.sigma, found.naive)]
+        relative = [100.0 * part[places] / size for part in (uncertainty.sigma, uncertainty.naive)]
         _deviations(left, names, *relative, verdicts=assessment.verdicts)
-        _correlations(figure, right, names, found.correlation[np.ix_(places, places)])
+        _correlations(figure, right, names, uncertainty.correlation[np.ix_(places, places)])
         panel_title(left, "Standard deviations")
-        left.set_xlabel(f"% of the estimate, blocks of {found.block_s:.3g} s")
+        left.set_xlabel(f"% of the estimate, blocks of {uncertainty.block_s:.3g} s")
         panel_title(right, "Correlations")
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
@@ -119,23 +119,23 @@ _WEAK = 0.1
 _LABEL = 24  # letters of names beside a bar
 
 
-def residual_figure(found: ResidualAnalysis) -> Figure:
+def residual_figure(analysis: ResidualAnalysis) -> Figure:
     """Figure of the autocorrelation of every channel's residual, and of what would explain it, ranked.
 
     A band holds 95 of 100 autocorrelations of white residuals. A bar is the fall of the cost in percent when
     a coefficient is freed, or the share of a channel's residual, in percent, that a signal explains.
     """
-    shown = found.autocorrelations
+    shown = analysis.autocorrelations
     rows = -(-max(len(shown), 1) // _COLUMNS)
-    bars = len(found.suggestions) + len(found.signals)
+    bars = len(analysis.suggestions) + len(analysis.signals)
     lower = 0.55 + _BAR_IN * max(bars, 1)
     with house_style():
         figure = new_figure(0.35 + _ANALYSIS_ROW_IN * rows + lower)
         parts = np.asarray(figure.subfigures(2, 1, height_ratios=[_ANALYSIS_ROW_IN * rows + 0.3, lower]))
         upper_part, lower_part = parts[0], parts[1]
         grid = upper_part.subplots(rows, _COLUMNS, squeeze=False, sharex=True, sharey=True)
-        for axes, one in zip(grid.flat, shown, strict=False):
-            _autocorrelation(axes, one)
+        for axes, channel in zip(grid.flat, shown, strict=False):
+            _autocorrelation(axes, channel)
         for axes in list(grid.flat)[len(shown) :]:
             axes.set_axis_off()
         for axes in grid[:, 0]:
@@ -145,38 +145,41 @@ def residual_figure(found: ResidualAnalysis) -> Figure:
             if used:
                 used[-1].set_xlabel("lag, s")
                 used[-1].tick_params(labelbottom=True)
-        _ranked(lower_part.subplots(), found)
+        _ranked(lower_part.subplots(), analysis)
     return figure
 
 
-def _autocorrelation(axes: Axes, one: Autocorrelation) -> None:
-    axes.axhspan(-one.band, one.band, color=SHADE, linewidth=0.0)
+def _autocorrelation(axes: Axes, channel: Autocorrelation) -> None:
+    axes.axhspan(-channel.band, channel.band, color=SHADE, linewidth=0.0)
     axes.axhline(0.0, color=FAINT, linewidth=0.6)
-    coloured = bool((np.abs(one.rho) > max(_WEAK, 2.0 * one.band)).any())
-    axes.plot(one.lag_s, one.rho, color=RESIDUAL if coloured else SIMULATED)
+    coloured = bool((np.abs(channel.rho) > max(_WEAK, 2.0 * channel.band)).any())
+    axes.plot(channel.lag_s, channel.rho, color=RESIDUAL if coloured else SIMULATED)
     axes.set_ylim(-0.4, 1.0)
-    axes.set_xlim(0.0, float(one.lag_s[-1]))
+    axes.set_xlim(0.0, float(channel.lag_s[-1]))
     panel_title(
-        axes, one.channel, f"{one.excess:.1f} \N{MULTIPLICATION SIGN} noise, memory {one.correlation_s:.2g} s"
+        axes,
+        channel.channel,
+        f"{channel.excess:.1f} \N{MULTIPLICATION SIGN} noise, memory {channel.correlation_s:.2g} s",
     )
 
 
-def _ranked(axes: Axes, found: ResidualAnalysis) -> None:
+def _ranked(axes: Axes, analysis: ResidualAnalysis) -> None:
     """Bars of suggestions, then of signals, the largest at the top."""
     entries = [
-        (f"{_names([one.name, *one.alternatives])}  ({one.channel} follows {one.follows})", one.gain)
-        for one in found.suggestions
+        (f"{_names([term.name, *term.alternatives])}  ({term.channel} follows {term.follows})", term.gain)
+        for term in analysis.suggestions
     ]
     entries += [
-        (f"{one.channel} follows {one.signal}{_lag(one.lag_s)}", 100.0 * one.r2) for one in found.signals
+        (f"{signal.channel} follows {signal.signal}{_lag(signal.lag_s)}", 100.0 * signal.r2)
+        for signal in analysis.signals
     ]
     panel_title(axes, "What would explain it")
     if not entries:
         axes.set_axis_off()
-        words = f"None of {found.tested} coefficients is missing, and no signal is followed"
+        words = f"None of {analysis.tested} coefficients is missing, and no signal is followed"
         axes.text(0.0, 0.5, words, transform=axes.transAxes, va="center")
         return
-    first = len(found.suggestions)
+    first = len(analysis.suggestions)
     colours = [SIMULATED] * first + [FAINT] * (len(entries) - first)
     places = np.arange(len(entries))
     axes.barh(places, [value for _, value in entries], color=colours, height=0.62)
@@ -193,7 +196,8 @@ def _ranked(axes: Axes, found: ResidualAnalysis) -> None:
     )
     both = len(measures) > 1
     shown = [
-        f"{one} ({colour})" if both else one for one, colour in zip(measures, ("blue", "grey"), strict=False)
+        f"{measure} ({colour})" if both else measure
+        for measure, colour in zip(measures, ("blue", "grey"), strict=False)
     ]
     axes.set_xlabel(f"{' or '.join(shown)}, %")
 
@@ -253,14 +257,14 @@ def phase_costs(stage: StageResult) -> list[tuple[str, Array, Array]]:
     The criterion of the global search has a longer step, and the segments' starts may be estimated between
     the phases: a phase may begin above or below the end of the one before.
     """
-    found: list[tuple[str, list[float], list[float]]] = []
+    phases: list[tuple[str, list[float], list[float]]] = []
     for step in stage.history:
-        if not found or found[-1][0] != step.phase:
-            found.append((step.phase, [], []))
+        if not phases or phases[-1][0] != step.phase:
+            phases.append((step.phase, [], []))
         if np.isfinite(step.best):
-            found[-1][1].append(float(step.evaluations))
-            found[-1][2].append(step.best)
-    return [(phase, np.array(tried), np.array(best)) for phase, tried, best in found if tried]
+            phases[-1][1].append(float(step.evaluations))
+            phases[-1][2].append(step.best)
+    return [(phase, np.array(tried), np.array(best)) for phase, tried, best in phases if tried]
 
 
 def _panel(axes: Axes, stage: StageResult) -> None:
@@ -396,15 +400,15 @@ def _scores(fit: Identification, trial: str, channel: str) -> str:
     """Scores of a channel as they stand in the title of its panel."""
     words = []
     for part, label in (("hold_out", "held out"), ("fit", "fit")):
-        found = []
+        scores = []
         for kind, remark in (("ahead", f"{fit.restarts.ahead_s:g} s ahead"), ("free", "free run")):
             row = fit.scores.get(part, {}).get(kind, {}).get(trial)
             if row is not None and channel in row and row[channel].blind:
-                found = ["none, commands react to waves"]
+                scores = ["none, commands react to waves"]
             elif row is not None and channel in row and row[channel].n > 1:
-                found.append(f"{tidy(row[channel].r2)} ({remark})")
-        if found:
-            words.append(f"{label} R\N{SUPERSCRIPT TWO} {', '.join(found)}")
+                scores.append(f"{tidy(row[channel].r2)} ({remark})")
+        if scores:
+            words.append(f"{label} R\N{SUPERSCRIPT TWO} {', '.join(scores)}")
     return "  |  ".join(words)
 
 
@@ -424,7 +428,7 @@ class Row:
     lower: float
     upper: float
     start: float
-    found: float
+    optimum: float
     polished: float | None = None
     sigma: float | None = None
 
@@ -434,7 +438,7 @@ class Row:
 
     def words(self) -> str:
         """Start value, optimum and joint estimate, with their unit."""
-        values = [self.start, self.found] + ([] if self.polished is None else [self.polished])
+        values = [self.start, self.optimum] + ([] if self.polished is None else [self.polished])
         least = _NOTHING * (self.upper - self.lower)
         shown = " \N{RIGHTWARDS ARROW} ".join(number(x if abs(x) > least else 0.0) for x in values)
         return shown if self.unit == "1" else f"{shown} {printed_unit(self.unit)}".rstrip()
@@ -446,7 +450,7 @@ def coefficient_bars(axes: Axes, rows: Sequence[Row]) -> None:
         y = -float(place)
         axes.plot([0.0, 1.0], [y, y], color=FAINT, linewidth=3.0, solid_capstyle="butt", alpha=0.45)
         axes.plot(row.share(row.start), y, "s", color=SECOND, markersize=4.2, markerfacecolor="white")
-        axes.plot(row.share(row.found), y, "o", color=SIMULATED, markersize=4.4, zorder=4)
+        axes.plot(row.share(row.optimum), y, "o", color=SIMULATED, markersize=4.4, zorder=4)
         if row.polished is not None:
             centre, spread = row.share(row.polished), 1.96 * (row.sigma or 0.0) / (row.upper - row.lower)
             if np.isfinite(spread):

@@ -262,7 +262,7 @@ def _legend(figure: Figure, sides: Sequence[_Side], modes: Sequence[str]) -> Non
         handles.append(Line2D([], [], color=FAINT, linestyle="", marker="x", label="unstable (dotted)"))
     handles.append(Patch(color=_FORBIDDEN, label=f"below its limit, $|S|$ > {_SENSITIVITY:g}"))
     # Two lines where the page is too narrow for one.
-    wide = sum(len(str(one.get_label())) + _HANDLE for one in handles) > _LETTERS
+    wide = sum(len(str(handle.get_label())) + _HANDLE for handle in handles) > _LETTERS
     figure.legend(
         handles=handles,
         loc="upper left",

@@ -110,25 +110,25 @@ def _remark(mission: Mission) -> str:
 
 def _extra(mission: Mission, farms: list[Array]) -> list[str]:
     """Words of the legend that only some missions have."""
-    said = ["station kept"] if np.any(np.asarray(mission.waypoints["hold_s"]) > 0.0) else []
-    said += ["fence"] if len(mission.fence) else []
-    said += ["net or obstacle"] if farms else []
-    said += ["depth limit"] if np.isfinite(mission.limits["max_depth_m"]) else []
-    return said + (["bottom not known"] if "altitude" in mission.waypoints["vertical"] else [])
+    words = ["station kept"] if np.any(np.asarray(mission.waypoints["hold_s"]) > 0.0) else []
+    words += ["fence"] if len(mission.fence) else []
+    words += ["net or obstacle"] if farms else []
+    words += ["depth limit"] if np.isfinite(mission.limits["max_depth_m"]) else []
+    return words + (["bottom not known"] if "altitude" in mission.waypoints["vertical"] else [])
 
 
 def outlines(mission: Mission, cylinders: Sequence[tuple[float, float, float]] = ()) -> list[Array]:
     """Outlines (n, 2) of what stands in the water, north and east in m; cylinders: north, east, radius."""
-    found = []
+    lines = []
     further = [{"north_m": n, "east_m": e, "radius_m": r} for n, e, r in cylinders]
     for farm in [*mission.obstacles, *further]:
         if "corners_m" in farm:
-            found.append(np.asarray(farm["corners_m"], dtype=float))
+            lines.append(np.asarray(farm["corners_m"], dtype=float))
         else:
             angles = np.linspace(0.0, math.tau, 73)
             circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-            found.append(np.array([farm["north_m"], farm["east_m"]]) + farm["radius_m"] * circle)
-    return found
+            lines.append(np.array([farm["north_m"], farm["east_m"]]) + farm["radius_m"] * circle)
+    return lines
 
 
 def draw_obstacles(plan: Plan, farms: list[Array]) -> None:

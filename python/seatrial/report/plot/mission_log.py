@@ -127,7 +127,7 @@ def residual_page(verdict: LogVerdict) -> Figure:
         panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
         for place, name in enumerate(names):
             axes = panels[place % rows, place // rows]
-            one, k = judged.channels[name], CHANNELS.index(name)
+            channel, k = judged.channels[name], CHANNELS.index(name)
             scale, unit = readable(name)
             error = _broken([
                 np.where(m[:, k], e[:, k], np.nan) for e, m in zip(log.residual, log.counted, strict=True)
@@ -138,11 +138,13 @@ def residual_page(verdict: LogVerdict) -> Figure:
             line(axes, t, error, color=MEASURED, linewidth=0.6, label="measured less predicted")
             with np.errstate(invalid="ignore"):
                 _dots(axes, t, error, np.abs(error) > half)
-            axes.set_ylabel(f"{name}, {unit}", color=RESIDUAL if one.fails else "#262626")
+            axes.set_ylabel(f"{name}, {unit}", color=RESIDUAL if channel.fails else "#262626")
             _sensible(axes, np.concatenate([error, half, -half]))
-            p = f"p = {one.p:.2g}" if one.p >= 1e-4 else "p < 0.0001"
-            panel_title(axes, "fails" if one.fails else "", f"{100.0 * one.outside:.1f} % outside, {p}")
-            if one.fails:
+            p = f"p = {channel.p:.2g}" if channel.p >= 1e-4 else "p < 0.0001"
+            panel_title(
+                axes, "fails" if channel.fails else "", f"{100.0 * channel.outside:.1f} % outside, {p}"
+            )
+            if channel.fails:
                 axes.title.set_color(RESIDUAL)
                 axes.set_title("fails", loc="left", fontweight="bold", color=RESIDUAL)
         for axes in panels.ravel()[len(names) :]:
@@ -176,7 +178,7 @@ def suspect_bars(verdict: LogVerdict) -> Figure:
         figure = new_figure(0.9 + 0.42 * len(shown))
         axes = figure.subplots()
         rows = np.arange(len(shown))
-        left = [one.left for one in shown]
+        left = [suspect.left for suspect in shown]
         before = left[0] / max(1.0 - shown[0].gain, 1e-12) ** 0.5
         colours = [THIRD if k == 0 else SIMULATED for k in rows]
         axes.barh(rows, left, color=colours, height=0.55, alpha=0.85, linewidth=0)
@@ -185,18 +187,18 @@ def suspect_bars(verdict: LogVerdict) -> Figure:
         ends = axes.get_xaxis_transform()
         axes.text(1.0, 1.01, "as a valid model", transform=ends, fontsize=6.5, color=MEASURED, ha="right")
         axes.text(before, 1.01, "model as it is", transform=ends, fontsize=6.5, color=RESIDUAL, ha="left")
-        for row, one in zip(rows, shown, strict=True):
-            inside = one.left > 0.2 * before  # beside a long bar it would cross the line of the model
+        for row, suspect in zip(rows, shown, strict=True):
+            inside = suspect.left > 0.2 * before  # beside a long bar it would cross the line of the model
             axes.text(
-                one.left - 0.012 * before if inside else max(one.left, 1.0) + 0.012 * before,
+                suspect.left - 0.012 * before if inside else max(suspect.left, 1.0) + 0.012 * before,
                 float(row),
-                f"{100.0 * one.gain:.{1 if one.gain > 0.99 else 0}f} %",
+                f"{100.0 * suspect.gain:.{1 if suspect.gain > 0.99 else 0}f} %",
                 va="center",
                 ha="right" if inside else "left",
                 fontsize=6.5,
                 color="white" if inside else "#404040",
             )
-        named = [textwrap.fill(_SIGN.sub("\N{MINUS SIGN}", one.change), _WRAP) for one in shown]
+        named = [textwrap.fill(_SIGN.sub("\N{MINUS SIGN}", suspect.change), _WRAP) for suspect in shown]
         axes.set_yticks(rows, named, fontsize=7)
         axes.invert_yaxis()
         axes.grid(False, axis="y")

@@ -351,9 +351,9 @@ def characteristic(
     return figure
 
 
-def _equal(one: list[tuple[str, Array]], other: list[tuple[str, Array]]) -> bool:
-    return [label for label, _ in one] == [label for label, _ in other] and all(
-        a.shape == b.shape and np.allclose(a, b) for (_, a), (_, b) in zip(one, other, strict=True)
+def _equal(curves: list[tuple[str, Array]], other: list[tuple[str, Array]]) -> bool:
+    return [label for label, _ in curves] == [label for label, _ in other] and all(
+        a.shape == b.shape and np.allclose(a, b) for (_, a), (_, b) in zip(curves, other, strict=True)
     )
 
 
@@ -386,12 +386,12 @@ def thrust(
     sense = -1.0 if facts["reversed"] else 1.0
     hold = settling_s(vehicle)
     t = np.linspace(0.0, hold, 41)
-    found = []
+    thrusts = []
     for step in np.asarray(steps, dtype=float):
         commands: dict[str, ArrayLike] = {name: np.full(len(t), facts["neutral"] + sense * step)}
         initial = State(nu=[speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0])
         run = vehicle.simulate(
             t, commands, initial, free="", voltage_v=voltage_for(vehicle, t, voltage_v), max_step_s=0.05
         )
-        found.append(float(np.asarray(run.tau)[-1, axis] / direction[axis]))
-    return np.array(found)
+        thrusts.append(float(np.asarray(run.tau)[-1, axis] / direction[axis]))
+    return np.array(thrusts)

@@ -52,21 +52,21 @@ def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: fl
     voltage_v : float
         Supply voltage at which tables of thrust are read, V.
     """
-    one = plan.sequence[trial - 1]
-    manoeuvre = one.manoeuvre
+    ranked = plan.sequence[trial - 1]
+    manoeuvre = ranked.manoeuvre
     run = simulated(vehicle, manoeuvre, voltage_v=voltage_v)
     other = simulated(uneven(vehicle), manoeuvre, voltage_v=voltage_v, tilt_deg=START_TILT_DEG)
     with house_style():
-        figure = new_figure(max(4.6, 1.3 + _ROW_IN * len(one.gains)))
+        figure = new_figure(max(4.6, 1.3 + _ROW_IN * len(ranked.gains)))
         grid = figure.add_gridspec(3, 2, width_ratios=[1.35, 1.0], height_ratios=[1.0, 1.0, 1.3])
         commands = figure.add_subplot(grid[0, 0])
         motion = figure.add_subplot(grid[1, 0], sharex=commands)
         track = figure.add_subplot(grid[2, 0])
         _commands(commands, vehicle, manoeuvre)
-        _motion(motion, run, one)
+        _motion(motion, run, ranked)
         _track(track, run, other)
-        _told(figure.add_subplot(grid[:, 1]), one)
-        repeats = f", {one.repeats} times" if one.repeats > 1 else ""
+        _told(figure.add_subplot(grid[:, 1]), ranked)
+        repeats = f", {ranked.repeats} times" if ranked.repeats > 1 else ""
         figure.suptitle(
             f"Trial {trial}: {manoeuvre.name}, {manoeuvre.duration_s:.0f} s{repeats}",
             x=0.01,
@@ -80,7 +80,7 @@ def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: fl
 def _commands(axes: Axes, vehicle: Vehicle, manoeuvre: Manoeuvre) -> None:
     """Commands, one line for actuators that do the same; shares of the largest where units differ."""
     facts = vehicle.actuator_info()
-    units = {str(one["unit"]) for one in facts.values()}
+    units = {str(facts_of["unit"]) for facts_of in facts.values()}
     groups = {tuple(members): group for group, members in actuator_groups(vehicle).items()}
 
     def shown(name: str) -> Array:
@@ -111,7 +111,7 @@ def _commands(axes: Axes, vehicle: Vehicle, manoeuvre: Manoeuvre) -> None:
     _legend(axes, *axes.get_legend_handles_labels(), columns=4)
 
 
-def _motion(axes: Axes, run: Run, one: Ranked) -> None:
+def _motion(axes: Axes, run: Run, ranked: Ranked) -> None:
     """Attitude, and on the right the depth, downwards."""
     euler = np.rad2deg(run.euler)
     axes.plot(run.t, euler[:, 0], color=SECOND, label="roll")
@@ -119,7 +119,7 @@ def _motion(axes: Axes, run: Run, one: Ranked) -> None:
     axes.set_ylabel("roll, pitch, deg")
     axes.set_xlabel("time, s")
     below: Any = axes.twinx()
-    depth = one.forecast.start_depth_m + np.asarray(run.position)[:, 2]
+    depth = ranked.forecast.start_depth_m + np.asarray(run.position)[:, 2]
     below.plot(run.t, depth, color=SIMULATED, label="depth")
     below.set_ylabel("depth, m")
     below.set_ylim(1.15 * max(float(depth.max()), 1.0), 0.0)
@@ -147,13 +147,13 @@ def _track(axes: Axes, run: Run, other: Run) -> None:
     panel_title(axes, "Track")
 
 
-def _told(axes: Axes, one: Ranked) -> None:
+def _told(axes: Axes, ranked: Ranked) -> None:
     """Standard deviations before and after, the greatest gain on top."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    rows = np.arange(len(one.gains))[::-1]
-    before = np.array([100.0 * change.before / change.whole for change in one.gains])
-    after = np.array([100.0 * change.after / change.whole for change in one.gains])
+    rows = np.arange(len(ranked.gains))[::-1]
+    before = np.array([100.0 * change.before / change.whole for change in ranked.gains])
+    after = np.array([100.0 * change.after / change.whole for change in ranked.gains])
     axes.hlines(rows, after, before, color=FAINT, linewidth=0.8)
     axes.plot(before, rows, "o", color=FOURTH, markersize=_DOT, label="before")
     axes.plot(after, rows, "o", color=SIMULATED, markersize=_DOT, label="after this trial")
@@ -162,9 +162,11 @@ def _told(axes: Axes, one: Ranked) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_yticks(rows, [change.name + ("" if change.of_value else " *") for change in one.gains])
+    axes.set_yticks(rows, [change.name + ("" if change.of_value else " *") for change in ranked.gains])
     axes.set_ylim(-0.7, len(rows) - 0.3)
-    zero = "" if all(change.of_value for change in one.gains) else " (* about zero: of a tenth of its bounds)"
+    zero = (
+        "" if all(change.of_value for change in ranked.gains) else " (* about zero: of a tenth of its bounds)"
+    )
     axes.set_xlabel(f"standard deviation, % of the value{zero}")
     _legend(axes, *axes.get_legend_handles_labels())
     panel_title(axes, "Coefficients")

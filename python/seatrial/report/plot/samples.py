@@ -47,7 +47,7 @@ def flight_samples(flight: Flight) -> Figure:
     samples = flight.samples
     if samples is None:
         raise SimulationError("expected a flight with a payload, found none; fly it with payload=FILE")
-    stops = [one for one in samples.stops if one.label in set(samples.stop)]
+    stops = [stop for stop in samples.stops if stop.label in set(samples.stop)]
     with house_style():
         figure = new_figure(4.6)
         grid = figure.add_gridspec(len(CHANNELS), 2, width_ratios=(1.25, 1.0))
@@ -123,9 +123,9 @@ def _radius(stop: StopSamples) -> float:
     return 2.0 * max(stop.position[0].deviation, stop.position[1].deviation)
 
 
-def _apart(one: StopSamples, other: StopSamples) -> float:
+def _apart(stop: StopSamples, other: StopSamples) -> float:
     """Horizontal distance of two stops, m."""
-    (north, east), (there, aside) = ([axis.mean for axis in stop.position[:2]] for stop in (one, other))
+    (north, east), (there, aside) = ([axis.mean for axis in stop.position[:2]] for stop in (stop, other))
     return math.hypot(there - north, aside - east)
 
 
@@ -152,8 +152,8 @@ def _plumes(axes: Axes, flight: Flight, samples: Samples, low: np.ndarray, high:
 def _course(axes: Axes, samples: Samples, stops: list[StopSamples], k: int) -> None:
     """A channel over time: measured, its two deviations, and the true water."""
     labels = np.array(samples.stop)
-    for one in stops:
-        at = samples.t[(labels == one.label) & (samples.phase == SETTLED)]
+    for stop in stops:
+        at = samples.t[(labels == stop.label) & (samples.phase == SETTLED)]
         if not len(at):
             continue
         axes.axvspan(float(at[0]), float(at[-1]), color=SHADE, linewidth=0.0, zorder=0)

@@ -97,14 +97,14 @@ def draw_inputs(axes: Axes, inputs: dict[str, Input]) -> None:
     """Draw the inputs over time; of many actuators only the number is named."""
     few = len(inputs) <= _NAMED
     styles = zip(("#262626", THIRD, SIMULATED, SECOND) * 8, ("-", "--", "-.", ":") * 8, strict=True)
-    for (name, one), (colour, dashes) in zip(inputs.items(), styles, strict=False):
+    for (name, entry), (colour, dashes) in zip(inputs.items(), styles, strict=False):
         if few:
             axes.step(
-                one.t, one.signal, where="post", color=colour, linestyle=dashes, linewidth=0.9, label=name
+                entry.t, entry.signal, where="post", color=colour, linestyle=dashes, linewidth=0.9, label=name
             )
         else:
-            axes.step(one.t, one.signal, where="post", color="#262626", linewidth=0.35, alpha=0.6)
-    units = {one.unit.replace("us", "\N{MICRO SIGN}s") for one in inputs.values()}
+            axes.step(entry.t, entry.signal, where="post", color="#262626", linewidth=0.35, alpha=0.6)
+    units = {entry.unit.replace("us", "\N{MICRO SIGN}s") for entry in inputs.values()}
     axes.set_ylabel(" or ".join(sorted(units)))
     axes.locator_params(axis="y", nbins=4)
     panel_title(axes, "inputs", "" if few else f"{len(inputs)} actuators")
@@ -137,7 +137,7 @@ def stage_result(fit: Identification, result: StageResult) -> Figure:
     TrialError, CampaignError
         A trial of the stage can no longer be read or simulated.
     """
-    stage = next(one for one in fit.problem.stages if one.name == result.name)
+    stage = next(stage for stage in fit.problem.stages if stage.name == result.name)
     parameters = fit.problem.parameters[stage.name]
     data = cut(fit.problem, stage)
     pieces = _pieces(fit, stage, data, _models(fit, result))
@@ -175,7 +175,7 @@ def polished_cost(fit: Identification, result: StageResult) -> float | None:
 
     if fit.assessment is None or not fit.assessment.polished.rounds:
         return None
-    stage = next(one for one in fit.problem.stages if one.name == result.name)
+    stage = next(stage for stage in fit.problem.stages if stage.name == result.name)
     chosen = fit.problem.parameters[stage.name]
     data = cut(fit.problem, stage)
     criterion = Criterion(
@@ -189,9 +189,9 @@ def polished_cost(fit: Identification, result: StageResult) -> float | None:
 def _models(fit: Identification, result: StageResult) -> list[Vehicle]:
     """Vehicles to compare: at the stage's start, at its optimum, at the joint estimate where there is one."""
     before: dict[str, float] = {}
-    stage = next(one for one in fit.problem.stages if one.name == result.name)
+    stage = next(stage for stage in fit.problem.stages if stage.name == result.name)
     for name in fit.problem.stages_before(stage):
-        before |= next(one.coefficients for one in fit.stages if one.name == name)
+        before |= next(earlier.coefficients for earlier in fit.stages if earlier.name == name)
     start = dict(before)
     for parameter in fit.problem.parameters[result.name]:
         start |= parameter.coefficients(result.starts[parameter.name])
@@ -205,8 +205,8 @@ def _models(fit: Identification, result: StageResult) -> list[Vehicle]:
 def _pieces(fit: Identification, stage: Stage, data: StageData, models: Sequence[Vehicle]) -> list[Piece]:
     pieces, end = [], None
     for index, (name, trial) in enumerate(zip(data.names, data.trials, strict=True)):
-        spans = [(one.start, one.stop) for one in data.segments if one.record == index]
-        found = [
+        spans = [(segment.start, segment.stop) for segment in data.segments if segment.record == index]
+        predictions = [
             predict(
                 vehicle,
                 trial,
@@ -218,7 +218,7 @@ def _pieces(fit: Identification, stage: Stage, data: StageData, models: Sequence
             for vehicle in models
         ]
         shift = 0.0 if end is None else end - float(trial.t[0])
-        pieces.append(Piece(name, trial, shift, found))
+        pieces.append(Piece(name, trial, shift, predictions))
         end = float(trial.t[-1]) + shift
     return pieces
 
@@ -296,7 +296,7 @@ def _rows(fit: Identification, result: StageResult, parameters: Sequence[Paramet
                 lower=parameter.lower,
                 upper=parameter.upper,
                 start=result.starts[parameter.name],
-                found=result.estimates[parameter.name],
+                optimum=result.estimates[parameter.name],
                 polished=None if known is None else float(known["estimate"]),
                 sigma=None if known is None else float(known["sigma"]),
             )

@@ -114,8 +114,8 @@ def tidy(number: float) -> str:
     """A score as it stands in a title: two decimals, or "below -9.9", or "none"."""
     if number != number:
         return "none"
-    told = f"{round(number, 2) + 0.0:.2f}" if number > -9.95 else "below -9.9"  # no minus before a zero
-    return told.replace("-", "\N{MINUS SIGN}")
+    text = f"{round(number, 2) + 0.0:.2f}" if number > -9.95 else "below -9.9"  # no minus before a zero
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 def save(
@@ -191,7 +191,7 @@ def printed_unit(unit: str) -> str:
     >>> printed_unit("N s2/m2")
     'N s²/m²'
     """
-    return re.sub(r"(?<=[a-z])[23]", lambda found: "²³"["23".index(found[0])], unit)
+    return re.sub(r"(?<=[a-z])[23]", lambda match: "²³"["23".index(match[0])], unit)
 
 
 def number(value: float, digits: int = 3) -> str:

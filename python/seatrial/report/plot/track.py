@@ -57,7 +57,7 @@ class Plan:
 
 def extent(*places: ArrayLike) -> tuple[Array, Array]:
     """Lower and upper corner (north, east) of all finite places (n, 2+), m; never without any width."""
-    rows = np.concatenate([np.asarray(one, dtype=float)[:, :2] for one in places])
+    rows = np.concatenate([np.asarray(points, dtype=float)[:, :2] for points in places])
     rows = rows[np.isfinite(rows).all(axis=1)]
     low, high = rows.min(axis=0), rows.max(axis=0)
     air = np.maximum(_AIR * float((high - low).max()), 0.5)
@@ -119,7 +119,7 @@ def waypoints(plan: Plan, path: PlannedPath, acceptance: ArrayLike, *avoid: Arra
     _spheres(plan, places, np.asarray(acceptance, dtype=float))
     rims = []
     if len(places) <= _MOST_CIRCLES:
-        rims = [_rim(*one) for one in zip(places, np.asarray(acceptance, dtype=float), strict=True)]
+        rims = [_rim(*place) for place in zip(places, np.asarray(acceptance, dtype=float), strict=True)]
     _names(plan, path, [path.points, *avoid, *rims])
 
 
@@ -164,7 +164,7 @@ def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
     from matplotlib.patheffects import withStroke
 
     page, wide, high = plan.page(path.places), plan.box_in[2], plan.box_in[3]
-    way = np.concatenate([_dense(plan.page(one), 0.06) for one in lines])
+    way = np.concatenate([_dense(plan.page(line), 0.06) for line in lines])
     taken: list[Box] = []
     order = [0, len(path.names) - 1, *range(1, len(path.names) - 1)]
     for k in dict.fromkeys(order):
@@ -195,11 +195,11 @@ def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
         edge = {1: box[0], 0: 0.5 * (box[0] + box[2]), -1: box[2]}[side]
         east, north = low + plan.m_per_in * np.array([edge, 0.5 * (box[1] + box[3])])
         ha: Any = {1: "left", 0: "center", -1: "right"}[side]
-        said = plan.axes.text(
+        text = plan.axes.text(
             east, north, path.names[k], fontsize=6.5, color=_INK, ha=ha, va="center_baseline", zorder=6
         )
         # A name may have to stand on a line: it stays readable on a white edge.
-        said.set_path_effects([withStroke(linewidth=1.8, foreground="white")])
+        text.set_path_effects([withStroke(linewidth=1.8, foreground="white")])
 
 
 def _dense(page: Array, step_in: float) -> Array:
@@ -219,8 +219,8 @@ def _inside(box: Box, points: Array) -> int:
     return int(((box[0] < x) & (x < box[2]) & (box[1] < y) & (y < box[3])).sum())
 
 
-def _meet(one: Box, other: Box) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+def _meet(box: Box, other: Box) -> bool:
+    return box[0] < other[2] and other[0] < box[2] and box[1] < other[3] and other[1] < box[3]
 
 
 BOTTOM = "#C8B99A"
@@ -404,7 +404,7 @@ def bottom_depth(place: Array, seabed: Seabed | None) -> float:
 
 def patterns(names: Sequence[str]) -> list[tuple[str, int, int]]:
     """Runs of waypoints whose labels differ in their number only: (name, first, last)."""
-    stems = [found["stem"] if (found := _OF_PATTERN.fullmatch(name)) else name for name in names]
+    stems = [match["stem"] if (match := _OF_PATTERN.fullmatch(name)) else name for name in names]
     runs: list[tuple[str, int, int]] = []
     for k, stem in enumerate(stems):
         if runs and runs[-1][0] == stem:

@@ -210,16 +210,16 @@ def draw_variants(
     SeatrialError
         The folder cannot be written.
     """
-    one = next(iter(scores.values()))
+    first_scores = next(iter(scores.values()))
     velocities = [CHANNELS[AXES.index(axis)] for axis in AXES if axis in free]
     written: list[Path] = []
     taken: list[str] = []
-    for name in dict.fromkeys(one.trials):
-        trial = next((w.trial for w in one.windows if w.trial.name == name), None)
+    for name in dict.fromkeys(first_scores.trials):
+        trial = next((w.trial for w in first_scores.windows if w.trial.name == name), None)
         if trial is None:
             continue
-        channels = [c for c in one if c in velocities and c in trial.channels]
-        channels = channels or [c for c in one if c in trial.channels]
+        channels = [c for c in first_scores if c in velocities and c in trial.channels]
+        channels = channels or [c for c in first_scores if c in trial.channels]
         figure = variants(trial, scores, channels=channels)
         taken.append(free_name(file_name(name, instead="_"), taken))
         written += save(figure, folder / f"variants_{taken[-1]}", formats=formats)
@@ -306,13 +306,13 @@ def _joined(
         if window.trial.name != trial.name:
             continue
         observed = measured[window.start : window.stop]
-        one = window.simulated[:, k]
+        answer = window.simulated[:, k]
         if angle:  # beside the measurement, by whole turns
-            one = observed + (one - observed + np.pi) % (2.0 * np.pi) - np.pi
+            answer = observed + (answer - observed + np.pi) % (2.0 * np.pi) - np.pi
         for parts, values in (
             (t, trial.t[window.start : window.stop]),
-            (simulated, one),
-            (error, observed - one),
+            (simulated, answer),
+            (error, observed - answer),
         ):
             parts += [values, np.array([np.nan])]
     return np.concatenate(t), np.concatenate(simulated), np.concatenate(error)

@@ -170,7 +170,7 @@ def _step(of: Responses, trial: int, loop: str) -> str:
 
 def _tells(start: Performance, loop: str, trial: int) -> str:
     """How far the start gains leave the corridor, for the right of a title."""
-    own = [one for one in start.trials if one.loop == loop][trial]
+    own = [trial_of for trial_of in start.trials if trial_of.loop == loop][trial]
     if not np.isfinite(own.nominal_s):
         return "start gains: diverge"
     size = f"{own.nominal_s:.2g}" if own.nominal_s < 100.0 else f"{own.nominal_s:.0f}"

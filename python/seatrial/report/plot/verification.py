@@ -68,10 +68,10 @@ _DECADE = 0.5  # of a decade, from the smallest number to the edge
 
 @dataclass(frozen=True)
 class Verified:
-    """A row of `verified_requirements`: name, what was found, the allowed failure probability."""
+    """A row of `verified_requirements`: name, failure probability with its interval, the allowed one."""
 
     name: str
-    found: FailureProbability
+    probability: FailureProbability
     allowed: float
 
 
@@ -90,7 +90,7 @@ def verified_requirements(rows: Sequence[Verified], *, heading: str = "") -> Fig
     with house_style():
         figure = new_figure(0.95 + _ROW_IN * len(rows))
         axes = figure.subplots()
-        numbers = [value for row in rows for value in (*_span(row.found), row.allowed) if value > 0.0]
+        numbers = [value for row in rows for value in (*_span(row.probability), row.allowed) if value > 0.0]
         left = 10.0 ** (np.floor(np.log10(min(numbers)) / _DECADE) * _DECADE - _DECADE)
         right = 1.0
         for place, row in enumerate(rows):
@@ -102,7 +102,7 @@ def verified_requirements(rows: Sequence[Verified], *, heading: str = "") -> Fig
         axes.tick_params(axis="y", length=0)
         axes.grid(visible=False, axis="y")
         axes.xaxis.set_major_formatter(lambda value, _: share(value))
-        sure = sorted({f"{100.0 * row.found.confidence:g} %" for row in rows})
+        sure = sorted({f"{100.0 * row.probability.confidence:g} %" for row in rows})
         axes.set_xlabel(
             f"failure probability of a mission; bar: {' and '.join(sure)} interval; tick: allowed"
         )
@@ -126,7 +126,7 @@ def cause_bars(causes: Sequence[Influence], *, heading: str = "", most: int = 6)
         Number of causes that are shown.
     """
     shown = list(causes[:most])
-    led = [one for one in shown if one.named and one.by_failures][:3]
+    led = [cause for cause in shown if cause.named and cause.by_failures][:3]
     with house_style():
         figure = new_figure(max(2.1, 1.35 + 0.3 * len(shown)) if not led else 2.9)
         panels = figure.subplots(1, 1 + len(led), squeeze=False, width_ratios=[1.5] + [1.0] * len(led))[0]
@@ -140,7 +140,7 @@ def cause_bars(causes: Sequence[Influence], *, heading: str = "", most: int = 6)
                 axes.set_ylim(0.0, highest)
         goes = (
             "what its failures go with"
-            if all(one.by_failures for one in shown)
+            if all(cause.by_failures for cause in shown)
             else "what its reserve goes with"
         )
         figure.suptitle(
@@ -150,29 +150,29 @@ def cause_bars(causes: Sequence[Influence], *, heading: str = "", most: int = 6)
 
 
 def _requirement(axes: Axes, row: Verified, place: int, span: tuple[float, float]) -> None:
-    colour = _COLOUR[row.found.verdict(row.allowed)]
-    low, high = _span(row.found)
+    colour = _COLOUR[row.probability.verdict(row.allowed)]
+    low, high = _span(row.probability)
     axes.fill_between(
         [row.allowed, span[1]], place - 0.42, place + 0.42, color=RESIDUAL, alpha=0.08, linewidth=0.0
     )
     axes.plot([max(low, span[0]), high], [place, place], color=colour, linewidth=3.2, solid_capstyle="butt")
-    if row.found.failures:
-        axes.plot(row.found.estimate, place, "o", color=colour, markersize=6.0, markeredgecolor="white")
+    if row.probability.failures:
+        axes.plot(row.probability.estimate, place, "o", color=colour, markersize=6.0, markeredgecolor="white")
     else:
         axes.plot(high, place, "|", color=colour, markersize=9.0, markeredgewidth=1.6)
     axes.plot([row.allowed] * 2, [place - 0.42, place + 0.42], color=MEASURED, linewidth=1.6)
 
 
-def _span(found: FailureProbability) -> tuple[float, float]:
-    return found.interval if found.failures else (0.0, found.at_most)
+def _span(probability: FailureProbability) -> tuple[float, float]:
+    return probability.interval if probability.failures else (0.0, probability.at_most)
 
 
 def _words(row: Verified) -> str:
-    return f"{row.found.verdict(row.allowed)}: {row.found.failures} of {row.found.runs}"
+    return f"{row.probability.verdict(row.allowed)}: {row.probability.failures} of {row.probability.runs}"
 
 
 def _strengths(axes: Axes, causes: Sequence[Influence]) -> None:
-    by_failures = all(one.by_failures for one in causes)
+    by_failures = all(cause.by_failures for cause in causes)
     for place, cause in enumerate(causes):
         axes.barh(place, cause.strength, height=0.62, color=SIMULATED if cause.named else FAINT)
         inside = cause.strength > 0.6
@@ -180,7 +180,7 @@ def _strengths(axes: Axes, causes: Sequence[Influence]) -> None:
             cause.strength + (-0.02 if inside else 0.02), place, _size(cause), va="center", fontsize=6.5,
             ha="right" if inside else "left", color="white" if inside and cause.named else "#262626",
         )  # fmt: skip
-    axes.set_yticks(range(len(causes)), [_two_lines(one.label, 24) for one in causes], fontsize=6.5)
+    axes.set_yticks(range(len(causes)), [_two_lines(entry.label, 24) for entry in causes], fontsize=6.5)
     axes.set_ylim(max(len(causes), 1) - 0.4, -0.6)
     axes.set_xlim(0.0, 1.0)
     axes.tick_params(axis="y", length=0)
@@ -258,34 +258,34 @@ def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figu
     first = flights[0].flight
     path = planned_path(first.mission, seabed=first.circumstances.seabed)
     acceptance = np.array([stop.acceptance for stop in first.route.stops])
-    tracks = [one.flight.position[np.isfinite(one.flight.position).all(axis=1)] for one in flights]
+    tracks = [worst.flight.position[np.isfinite(worst.flight.position).all(axis=1)] for worst in flights]
     reach = [path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]]
     corners = extent(path.points, *tracks, *reach)
-    obstacles = [one for one in first.circumstances.obstacles if _within(one, corners)]
+    obstacles = [obstacle for obstacle in first.circumstances.obstacles if _within(obstacle, corners)]
     plain = ["planned path", waypoint_label(path), "sphere of acceptance"] + [_OBSTACLE] * bool(obstacles)
-    page = layout(corners, [*plain, *(one.label for one in flights)])
+    page = layout(corners, [*plain, *(worst.label for worst in flights)])
     with house_style():
         figure = new_figure(page.height, constrained=False)
         plan = new_plan(figure, page.plan, corners)
         _obstacles(plan.axes, obstacles)
         waypoints(plan, path, acceptance, tracks[0])
         profile = profile_axes(figure, page)
-        for number, (one, track) in enumerate(zip(flights, tracks, strict=True)):
+        for number, (worst, track) in enumerate(zip(flights, tracks, strict=True)):
             colour = CYCLE[number % len(CYCLE)]
             style: dict[str, Any] = {
                 "color": colour,
                 "linewidth": 1.2 if number == 0 else 0.9,
                 "zorder": 4.0 - 0.1 * number,
             }
-            plan.axes.plot(track[:, 1], track[:, 0], label=one.label, **style)
+            plan.axes.plot(track[:, 1], track[:, 0], label=worst.label, **style)
             plan.axes.plot(track[-1, 1], track[-1, 0], "s", color=colour, markersize=4.0, zorder=5.0)
-            profile.plot(one.flight.t[: len(track)], track[:, 2], **style)
+            profile.plot(worst.flight.t[: len(track)], track[:, 2], **style)
         panel_title(plan.axes, "tracks", "square: end")
         profile.invert_yaxis()
         profile.set_xlabel("time, s")
         profile.set_ylabel("depth, m")
         profile.ticklabel_format(useOffset=False)
-        profile.set_xlim(0.0, max(float(one.flight.t[-1]) for one in flights))
+        profile.set_xlim(0.0, max(float(worst.flight.t[-1]) for worst in flights))
         panel_title(profile, "depth")
         page_title(figure, page, heading or f"worst missions of {first.mission.name}")
         page_legend(figure, (plan.axes, profile), page)
@@ -319,7 +319,7 @@ _MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4
 
 
 def verification_gallery(
-    found: Verification, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
+    verification: Verification, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
 ) -> list[Path]:
     """Paths of the figures of a verification after they were written into a folder.
 
@@ -331,48 +331,59 @@ def verification_gallery(
         The folder cannot be written.
     """
     written: list[Path] = []
-    for name, figure in verification_figures(found):
+    for name, figure in verification_figures(verification):
         written += save(figure, Path(folder) / name, formats=formats)
     return written
 
 
-def verification_figures(found: Verification) -> Iterator[tuple[str, Figure]]:
+def verification_figures(verification: Verification) -> Iterator[tuple[str, Figure]]:
     """Name and figure, one after the other: requirements, cross-track error, causes and worst missions."""
-    missions = ", ".join(found.flights.titles)
-    rows = [Verified(one.requirement.name, one.found, one.requirement.allowed) for one in found.requirements]
-    yield "requirements", verified_requirements(rows, heading=f"{missions}: {len(found.flown)} missions")
-    yield "cross_track", _cross_track(found)
+    missions = ", ".join(verification.flights.titles)
+    rows = [
+        Verified(judged.requirement.name, judged.found, judged.requirement.allowed)
+        for judged in verification.requirements
+    ]
+    yield (
+        "requirements",
+        verified_requirements(rows, heading=f"{missions}: {len(verification.flown)} missions"),
+    )
+    yield "cross_track", _cross_track(verification)
     taken: set[str] = set()
-    for one in [row for row in found.requirements if row.found.failures][:_MOST_REQUIREMENTS]:
-        name = free_name(file_name(one.requirement.name, instead="_"), taken)
+    for judged in [row for row in verification.requirements if row.found.failures][:_MOST_REQUIREMENTS]:
+        name = free_name(file_name(judged.requirement.name, instead="_"), taken)
         taken.add(name)
-        yield f"causes_{name}", cause_bars(one.causes, heading=one.requirement.name)
-        if one.worst:
-            yield f"worst_{name}", _worst(found, one)
+        yield f"causes_{name}", cause_bars(judged.causes, heading=judged.requirement.name)
+        if judged.worst:
+            yield f"worst_{name}", _worst(verification, judged)
 
 
-def _cross_track(found: Verification) -> Figure:
+def _cross_track(verification: Verification) -> Figure:
     """Cross-track error, true and as perceived; the missions' p95 of the one that a requirement is about."""
-    asked = [limit for one in found.requirements for limit in _LIMIT.findall(one.requirement.holds)]
+    asked = [
+        limit for judged in verification.requirements for limit in _LIMIT.findall(judged.requirement.holds)
+    ]
     # Where requirements ask for both, the true error is what matters.
-    figure, limit = max(asked, key=lambda one: one[0] == _TRUE, default=(_TRUE, ""))
+    figure, limit = max(asked, key=lambda limit_of: limit_of[0] == _TRUE, default=(_TRUE, ""))
     return cross_track(
-        found.flown.true_counts,
+        verification.flown.true_counts,
         error_edges(),
-        perceived=found.flown.perceived_counts,
-        p95_m=found.flown.metrics[figure],
+        perceived=verification.flown.perceived_counts,
+        p95_m=verification.flown.metrics[figure],
         of="true" if figure == _TRUE else "as guidance perceived it",
         threshold_m=float(limit) if limit else None,
     )
 
 
-def _worst(found: Verification, one: JudgedRequirement) -> Figure:
+def _worst(verification: Verification, judged: JudgedRequirement) -> Figure:
     """Tracks of the worst missions, as far as they fly the same mission as the worst of all."""
-    same = [run for run in one.worst if run.mission == one.worst[0].mission][:_MOST_TRACKS]
+    same = [run for run in judged.worst if run.mission == judged.worst[0].mission][:_MOST_TRACKS]
     flights = [
         WorstFlight(
-            f"mission {run.number}: {reserve(run.reserve, one.judgement.unit)}", found.replay(run.number)
+            f"mission {run.number}: {reserve(run.reserve, judged.judgement.unit)}",
+            verification.replay(run.number),
         )
         for run in same
     ]
-    return worst_missions(flights, heading=f"{same[0].mission}, {one.requirement.name}: smallest robustness")
+    return worst_missions(
+        flights, heading=f"{same[0].mission}, {judged.requirement.name}: smallest robustness"
+    )
