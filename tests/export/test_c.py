@@ -18,7 +18,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.control_design import lqr_autopilot
 from seatrial.export.c_code import identifier, recorded
-from seatrial.export.compiler import ran
+from seatrial.export.fmu import ran
 from seatrial.export.names import refused_names
 
 HERE = Path(__file__).parent

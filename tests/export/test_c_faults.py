@@ -14,7 +14,7 @@ import pytest
 import seatrial as st
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
-from seatrial.export.compiler import ran
+from seatrial.export.fmu import ran
 from tests.export.test_c import STRICT, needs
 from tests.flight.sensor_faults import CHANNELS, FAULT_AT_S, KINDS, MISSION, Fault, Flown, Told, fault, fly
 

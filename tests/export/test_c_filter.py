@@ -16,7 +16,7 @@ import seatrial as st
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.export.c_code import Program
-from seatrial.export.compiler import ran
+from seatrial.export.fmu import ran
 from seatrial.flight.navigation import Beacon, Pen, Wall
 from seatrial.flight.sea import SeaState
 from seatrial.sensors.sensor import Sensor

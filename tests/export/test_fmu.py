@@ -15,7 +15,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import SimulationError
-from seatrial.export.compiler import ran
+from seatrial.export.fmu import ran
 from seatrial.export.fmu_files import base_units
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")

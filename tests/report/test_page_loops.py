@@ -10,7 +10,7 @@ import pytest
 
 import seatrial as st
 from seatrial.control_design.margin_constraint import MarginConstraint
-from seatrial.report.page.loops import open_loops
+from seatrial.report.page.flying import open_loops
 
 
 def unpacked(series: dict[str, Any]) -> np.ndarray:

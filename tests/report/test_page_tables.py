@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from seatrial.base.report import Report
+from seatrial.report.page.page import intervals
 from seatrial.report.page.run_folder import RunFolder
-from seatrial.report.page.tables import intervals
 
 COEFFICIENTS = [
     {"name": "X_u", "unit": "N s/m", "estimate": -3.5, "interval": [-3.7, -3.3], "verdict": "identifiable"},

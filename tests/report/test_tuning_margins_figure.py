@@ -10,8 +10,8 @@ import pytest
 import seatrial as st
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.control_design.tuning_table import Margins
-from seatrial.report.plot.margins import tuning_margins
 from seatrial.report.plot.style import MEASURED, SIMULATED, save
+from seatrial.report.plot.tuning import tuning_margins
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,8 +12,7 @@ from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.control_design.tuning_table import Loops, LoopTable, TuningTable
 from seatrial.identification.fitted import Fitted
 from seatrial.report.results.tuning import sentences
-from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.holdable import beyond_gains
+from seatrial.tuning.control_problem import ControlProblem, beyond_gains
 from seatrial.tuning.result import Tuning
 from seatrial.tuning.search import search_margins
 from tests.tuning.tuning_campaigns import cwolf, plan, start

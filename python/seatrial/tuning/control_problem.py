@@ -5,7 +5,13 @@ Depth goes over pitch and the cross-track error over heading: they are searched 
 on, with their lookahead and integral of guidance. Gains of the pitch loop at points where it only holds the
 hull level are searched with heave, which disturbs it there.
 
-Held by tests/tuning/test_tuning_plan.py.
+A hull that its flow upsets in pitch, without an actuator for pitch, tumbles above some speed with any gains
+of the other loops. Margins that are asked for there cannot be had, and a search for them would only drive
+the gains from bound to bound. A point counts as beyond all gains where a motion grows with the start gains,
+and with every set within the bounds that a search for the slowest growth tries: each gain of the point's
+loops by a factor of its own. It takes no flight.
+
+Held by tests/tuning/test_tuning_plan.py and tests/tuning/test_holdable.py.
 """
 
 from __future__ import annotations
@@ -16,16 +22,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+
 from seatrial._core import Autopilot
+from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.base.run import sha256
 from seatrial.base.toml_file import checked, loaded
 from seatrial.control_design.autopilot_facts import autopilot_facts, refuse_misfit, refuse_other_laws
 from seatrial.control_design.tuning_table import LoopTable, TuningTable
+from seatrial.estimation.search import evolve
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.gain_parameters import GainParameters, excited_points
-from seatrial.tuning.holdable import beyond_gains
 from seatrial.tuning.loop_steps import steps_of, usual_speeds
 from seatrial.tuning.path_following import GUIDANCE, course_lookahead
 from seatrial.tuning.scope import TuningScope
@@ -315,3 +324,70 @@ class ControlProblem(TuningScope):
                 for group in self.groups
             ],
         }
+
+
+_POPULATION, _GENERATIONS, _TOLERANCE = 32, 100, 1e-2
+
+
+def beyond_gains(
+    limits: MarginConstraint, start: Mapping[str, float], *, bounds: tuple[float, float]
+) -> tuple[tuple[str, float], ...]:
+    """Points (mode, speed in m/s) of some limits that no gains within the bounds keep stable.
+
+    Parameters
+    ----------
+    limits : MarginConstraint
+        Of the autopilot; points where no margin is asked for are left out.
+    start : mapping of str to float
+        Start gains, by the names of `Autopilot.gains`.
+    bounds : (float, float)
+        Of the factors on the start gains.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.control_design.margin_constraint import MarginConstraint
+    >>> autopilot = st.Autopilot.load("cwolf")
+    >>> limits = MarginConstraint(st.Vehicle.load("cwolf"), autopilot, [3.021])
+    >>> beyond_gains(limits, autopilot.gains(), bounds=(0.1, 10.0))
+    ()
+    """
+    beyond = []
+    for mode, speed in limits.points:
+        point = limits.only([(mode, speed)])
+        grows = limits.limits.at(speed).any and float(point.growth({})[0]) > 0.0
+        if grows and _slowest_growth(point, start, bounds) > 0.0:
+            beyond.append((mode, speed))
+    return tuple(beyond)
+
+
+def _slowest_growth(
+    point: MarginConstraint, start: Mapping[str, float], bounds: tuple[float, float]
+) -> float:
+    """Least rate of growth at a single point over factors on its loops' gains, 1/s."""
+    parameters = GainParameters(())
+    for loop in point.loops:
+        parameters += GainParameters.of_loop(loop, start, free=[0], reached=[0], bounds=bounds)
+    if not len(parameters):
+        return float(point.growth({})[0])
+    least = np.inf
+
+    def growth(x: Array) -> Array:
+        nonlocal least
+        rates = point.growth(parameters.gains(x))
+        least = min(least, float(rates.min()))
+        return rates
+
+    lower, upper = parameters.bounds
+    evolve(
+        growth,
+        np.zeros(len(parameters)),
+        lower=lower,
+        upper=upper,
+        seed=0,
+        population=_POPULATION,
+        generations=_GENERATIONS,
+        tolerance=_TOLERANCE,
+        enough=lambda: least == 0.0,
+    )
+    return least

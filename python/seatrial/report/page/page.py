@@ -1,7 +1,8 @@
 """Runs as one HTML file: the first screen, the evidence, what all of it rests on, and the files themselves.
 
 The page needs no network and, to be read, no script. Figures are SVG where the run has them, else PNG.
-Held by ``tests/report/test_page.py``.
+Held by ``tests/report/test_page.py`` and
+``tests/report/test_page_tables.py``.
 """
 
 from __future__ import annotations
@@ -16,16 +17,18 @@ from importlib.resources import files as resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.budget import Budget, guarded
 from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.file_names import file_name, free_name
+from seatrial.base.report import Column, Table
 from seatrial.base.run import sha256, to_json, version
 from seatrial.report.page.embedded import ELEMENT, as_embedded, script_json
 from seatrial.report.page.evidence import evidence
 from seatrial.report.page.flying import core, setups
 from seatrial.report.page.run_folder import Figure, RunFolder
-from seatrial.report.page.tables import baselines, intervals
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -364,3 +367,78 @@ def _files(runs: Sequence[RunFolder]) -> dict[str, str]:
 def _plain(name: str) -> str:
     """A name of ASCII letters, digits, - and _ that a page may carry."""
     return file_name(name.encode("ascii", "replace").decode())
+
+
+_STRONG = 0.3
+"""Size of a correlation from which on it is named."""
+
+_NAMED = 3
+
+
+def baselines(run: RunFolder) -> list[dict[str, Any]]:
+    """Per channel R2 on held-out data of the model and of the best simple predictor."""
+    try:
+        rivals = run.results["baselines"]
+        ahead = run.results["scores"]["hold_out"]["ahead"]
+        scores = (ahead["all"] if "all" in ahead else next(iter(ahead.values())))["channels"]
+        rows = []
+        for channel, score in scores.items():
+            given = {name: rival[channel] for name, rival in rivals.items() if rival.get(channel) is not None}
+            if not given or not isinstance(score, dict) or score.get("r2") is None:
+                continue
+            best = max(given, key=lambda name: float(given[name]))
+            rows.append({"channel": channel, "model": score["r2"], "rival": best, "r2": given[best]})
+    except (KeyError, TypeError, AttributeError):
+        return []
+    return rows
+
+
+def intervals(run: RunFolder) -> Table | None:
+    """Estimates of an identification with their 95 % intervals and the coefficients they depend on most.
+
+    None for another run, or where no interval is known.
+    """
+    if run.kind != "identification":
+        return None
+    try:
+        near = _correlated(run.results.get("covariance"))
+        rows = [
+            (
+                coefficient["name"],
+                coefficient["unit"],
+                _digits(coefficient["estimate"]),
+                *(_digits(end) for end in coefficient["interval"]),
+                coefficient.get("verdict") or "",
+                near.get(coefficient["name"], ""),
+            )
+            for coefficient in run.results.get("coefficients", ())
+            if coefficient.get("interval") and None not in coefficient["interval"]
+        ]
+    except (KeyError, TypeError, ValueError):  # of another version
+        return None
+    heads = ("coefficient", "unit", "estimate", "95 % from", "to", "verdict", "depends most on (correlation)")
+    columns = tuple(
+        Column(head, align="right" if head in ("estimate", "95 % from", "to") else "left") for head in heads
+    )
+    title = "Intervals of the coefficients, and their correlations"
+    note = f"Correlations of a size from {_STRONG:g} on, the {_NAMED} largest."
+    return Table(title, columns, tuple(rows), note=note) if rows else None
+
+
+def _correlated(covariance: Any) -> dict[str, str]:
+    """Per coefficient the others that its estimate depends on most, with their correlations."""
+    if not covariance or not covariance.get("names"):
+        return {}
+    names, matrix = list(covariance["names"]), np.array(covariance["matrix"], float)
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale = np.where(size > 0.0, size, 1.0)
+    correlations = matrix / np.outer(scale, scale) - np.eye(len(names))
+    strongest = {}
+    for name, row in zip(names, correlations, strict=True):
+        order = [k for k in np.argsort(-np.abs(row)) if abs(row[k]) >= _STRONG][:_NAMED]
+        strongest[name] = ", ".join(f"{names[k]} {row[k]:+.2f}".replace("-", "\N{MINUS SIGN}") for k in order)
+    return strongest
+
+
+def _digits(value: float) -> str:
+    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")

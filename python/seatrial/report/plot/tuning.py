@@ -1,25 +1,48 @@
 """Figures of a tuning: corridors with error areas, responses before and after, speeds, margins.
 
-Of the trials of a loop at a speed the one is drawn that the tuned gains hold least. Held by
-`tests/report/test_tuning_gallery.py`.
+Of the trials of a loop at a speed the one is drawn that the tuned gains hold least. Margins have a row per
+loop: phase, gain and delay margin with their limits over the speeds, and the Nyquist plot of the loop opened
+alone, the others closed, with the disk that it keeps out of where the sensitivity stays below two (Åström and
+Hägglund, 2006: 1.4 to 2 is usual). Held by `tests/report/test_tuning_gallery.py` and
+`tests/report/test_tuning_margins_figure.py`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
+from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
+from seatrial.control_design.margins import decibel
 from seatrial.control_design.tuning_table import LOOPS
 from seatrial.report.plot.corridors import Course, InCorridor, SetPointStep, corridor_figure, step_responses
-from seatrial.report.plot.style import save
+from seatrial.report.plot.style import (
+    FAINT,
+    MEASURED,
+    RESIDUAL,
+    SIMULATED,
+    house_style,
+    new_figure,
+    panel_title,
+    save,
+)
+from seatrial.vehicle.authority import LOOPS as LOOP_NAMES
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.control_design.tuning_table import Margins
+    from seatrial.sensors.sensor import Sensor
     from seatrial.tuning.performance import Performance, Responses
     from seatrial.tuning.result import Tuning
 
@@ -83,8 +106,6 @@ def _figures(tuning: Tuning, loops: Collection[str] | None) -> Iterator[tuple[st
         from seatrial.report.plot.corridors import speed_steps
 
         yield "speeds", speed_steps(tuning.plan, tuning.start, tuning.autopilot)
-    from seatrial.report.plot.margins import tuning_margins
-
     yield (
         "margins",
         tuning_margins(
@@ -193,3 +214,242 @@ def _one_per_speed(tuned: Performance, start: Performance, loop: str) -> list[in
     for trial in sorted(range(len(violated)), key=violated.__getitem__):
         worst.setdefault(own[0][trial].speed_m_s, trial)
     return [worst[speed] for speed in sorted(worst)][:_PANELS]
+
+
+Complex = NDArray[np.complex128]
+
+_ROW_IN, _HEAD_IN = 1.5, 0.55
+
+_SENSITIVITY = 2.0
+
+_FORBIDDEN = "#F3C9B5"
+
+_LOOK = {"start gains": (MEASURED, 0.7, 2.6), "tuned": (SIMULATED, 1.7, 3.8)}  # colour, width, marker
+
+_MARKERS = "os^D"  # per mode
+
+_LARGEST_DB, _LEAST_S, _LARGEST_S = 45.0, 0.03, 60.0  # margins beyond are drawn there
+
+_LETTERS, _HANDLE = 126, 6  # that a line of the legend holds, and the room of a handle in letters
+
+_WINDOW = (-2.2, 0.9, -1.25, 1.25)
+
+_FAR_M_S = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """An autopilot as it is drawn: its margins and open loops per point."""
+
+    name: str
+    points: list[PointMargins]
+    loops: list[tuple[Array, Complex]]
+
+
+def tuning_margins(
+    vehicle: Vehicle,
+    autopilots: tuple[Autopilot, Autopilot],
+    *,
+    speeds_m_s: Sequence[float] | None = None,
+    limits: Margins | None = None,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
+) -> Figure:
+    """Figure of the margins of an autopilot before and after its tuning.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    autopilots : tuple of Autopilot
+        Before and after, of PID loops.
+    speeds_m_s : sequence of float, optional
+        Desired speeds, m/s; of each its supporting points that the vehicle reaches when missing.
+    limits : Margins, optional
+        Least margins; those of a campaign that gives none when missing.
+    sensors : mapping of str to Sensor, str or Path, optional
+        Their latency and interval count as dead time; perfect ones when missing.
+
+    Raises
+    ------
+    CampaignError
+        An autopilot with a regulator in place of PID loops, or without a speed.
+    """
+    sides = []
+    for name, autopilot in zip(_LOOK, autopilots, strict=True):
+        constraint = MarginConstraint(vehicle, autopilot, speeds_m_s, limits=limits, sensors=sensors)
+        sides.append(_Side(name, constraint.margins({}), constraint.open_loops({})))
+    used = [
+        loop for loop in LOOP_NAMES if any(loop in point.loops for side in sides for point in side.points)
+    ]
+    speeds = [point.speed_m_s for side in sides for point in side.points]
+    slowest, span = min(speeds), max(max(speeds) - min(speeds), 1.0)
+    modes = list(dict.fromkeys(point.mode for side in sides for point in side.points))
+    columns: tuple[tuple[str, str, str, Callable[[PointMargins, int], tuple[float, ...]]], ...] = (
+        ("phase margin", "deg", "phase_deg", _phase),
+        ("gain margin", "dB", "gain_db", _gain),
+        ("delay margin", "s", "delay_s", _delay),
+    )
+    with house_style():
+        height = _ROW_IN * len(used) + _HEAD_IN
+        figure = new_figure(height)
+        figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - _HEAD_IN / height))  # type: ignore[union-attr, call-arg]
+        grid = figure.subplots(len(used), 4, squeeze=False, width_ratios=(1.0, 1.0, 1.0, 1.25))
+        for index, (row, loop) in enumerate(zip(grid, used, strict=True)):
+            for axes, (title, unit, key, value) in zip(row, columns, strict=False):
+                for side in sides:
+                    _margin(axes, side, loop, value, modes)
+                asked = [getattr(constraint.limits.at(speed), key) for speed in (-1.0, 1.0)]
+                _limit(axes, (asked[0], asked[1]), unit)
+                axes.set_xlim(slowest - 0.05 * span, slowest + 1.05 * span)
+                if index == 0:
+                    panel_title(axes, f"{title}, {unit}")
+            _nyquist(row[3], sides, loop)
+            row[0].set_ylabel(loop, fontweight="bold")
+        panel_title(grid[0, 3], "open loop")
+        for axes in grid[-1, :3]:
+            axes.set_xlabel("speed ahead, m/s")
+        grid[-1, 3].set_xlabel("real part")
+        _legend(figure, sides, modes)
+        figure.text(
+            0.01,
+            1.0 - 0.14 / height,
+            f"{vehicle.name}: margins of the linear loops, each opened alone",
+            fontweight="bold",
+            fontsize=10,
+            va="center",
+        )
+    return figure
+
+
+def _phase(point: PointMargins, k: int) -> tuple[float, ...]:
+    return (float(point.of.phase_deg[0, k]),)
+
+
+def _gain(point: PointMargins, k: int) -> tuple[float, ...]:
+    up, down = (float(decibel(side[0, k])) for side in (point.of.gain, point.of.reduction))
+    return min(up, _LARGEST_DB), down if down < _LARGEST_DB else np.nan
+
+
+def _delay(point: PointMargins, k: int) -> tuple[float, ...]:
+    return (float(np.clip(point.of.delay_s[0, k], _LEAST_S, _LARGEST_S)),)
+
+
+def _margin(
+    axes: Axes,
+    side: _Side,
+    loop: str,
+    value: Callable[[PointMargins, int], tuple[float, ...]],
+    modes: Sequence[str],
+) -> None:
+    """A margin over the speeds, a line per mode; downwards dashed, unstable points as crosses at the foot."""
+    colour, width, size = _LOOK[side.name]
+    for mode in modes:
+        points = [point for point in side.points if point.mode == mode and loop in point.loops]
+        if not points:
+            continue
+        speed = np.array([point.speed_m_s for point in points])
+        stable = np.array([point.growth_per_s[0] == 0.0 for point in points])
+        values = np.array([value(point, point.loops.index(loop)) for point in points])
+        for column, dashes in zip(values.T, ("-", (0, (3, 2))), strict=False):
+            axes.plot(
+                speed,
+                np.where(stable, column, np.nan),
+                color=colour,
+                linewidth=width,
+                linestyle=dashes,
+                marker=_MARKERS[modes.index(mode) % len(_MARKERS)],
+                markersize=size,
+                markerfacecolor=colour if dashes == "-" else "white",
+                clip_on=False,
+            )
+        axes.plot(
+            speed[~stable],
+            np.full((~stable).sum(), 0.06),
+            "x",
+            color=colour,
+            markersize=4.5,
+            transform=axes.get_xaxis_transform(),
+        )
+
+
+def _limit(axes: Axes, limits: tuple[float, float], unit: str) -> None:
+    """Axis of a margin in a unit, and what is short of its limit: astern and ahead."""
+    if unit == "s":
+        axes.set_yscale("log")
+        axes.set_ylim(_LEAST_S, _LARGEST_S)
+        axes.set_yticks([_LEAST_S, 0.1, 1.0, 10.0, _LARGEST_S], ["", "0.1", "1", "10", "≥60"])
+        axes.minorticks_off()
+    elif unit == "dB":
+        axes.set_ylim(0.0, _LARGEST_DB)
+        axes.set_yticks([0.0, 15.0, 30.0, 45.0], ["0", "15", "30", "≥45"])
+    else:
+        axes.set_ylim(0.0, 180.0)
+        axes.set_yticks([0.0, 45.0, 90.0, 135.0, 180.0])
+    bottom = axes.get_ylim()[0]
+    for limit, (begin, end) in zip(limits, ((-_FAR_M_S, 0.0), (0.0, _FAR_M_S)), strict=True):
+        if limit > 0.0:
+            axes.fill_between([begin, end], bottom, limit, color=_FORBIDDEN, linewidth=0.0, zorder=0.5)
+            axes.plot([begin, end], [limit, limit], color=RESIDUAL, linewidth=0.9)
+
+
+def _nyquist(axes: Axes, sides: Sequence[_Side], loop: str) -> None:
+    """The open loops of all points about -1."""
+    from matplotlib.patches import Circle
+
+    axes.add_patch(Circle((-1.0, 0.0), 1.0 / _SENSITIVITY, color=_FORBIDDEN, linewidth=0.0, zorder=0.5))
+    axes.add_patch(Circle((0.0, 0.0), 1.0, fill=False, color=FAINT, linewidth=0.7, linestyle=":"))
+    axes.plot(-1.0, 0.0, "+", color=RESIDUAL, markersize=5)
+    for side in sides:
+        colour, width, _ = _LOOK[side.name]
+        for point, (_, loops) in zip(side.points, side.loops, strict=True):
+            if loop in point.loops:
+                response = loops[0, point.loops.index(loop)]
+                dashes = "-" if point.growth_per_s[0] == 0.0 else ":"
+                axes.plot(response.real, response.imag, color=colour, linewidth=0.7 * width, linestyle=dashes)
+    axes.set_xlim(_WINDOW[:2])
+    axes.set_ylim(_WINDOW[2:])
+    axes.set_aspect("equal")
+    axes.set_xticks([-2.0, -1.0, 0.0])
+    axes.set_yticks([-1.0, 0.0, 1.0])
+    axes.set_ylabel("imaginary part", labelpad=0.0)
+
+
+def _legend(figure: Figure, sides: Sequence[_Side], modes: Sequence[str]) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=_LOOK[side.name][0], linewidth=_LOOK[side.name][1], label=side.name)
+        for side in sides
+    ]
+    handles += [
+        Line2D(
+            [], [], color=FAINT, linestyle="", marker=_MARKERS[k % len(_MARKERS)], markersize=4, label=mode
+        )
+        for k, mode in enumerate(modes)
+    ]
+    handles.append(
+        Line2D(
+            [],
+            [],
+            color=FAINT,
+            linestyle=(0, (3, 2)),
+            marker="o",
+            markerfacecolor="white",
+            label="gain downwards",
+        )
+    )
+    if any(point.growth_per_s[0] > 0.0 for side in sides for point in side.points):
+        handles.append(Line2D([], [], color=FAINT, linestyle="", marker="x", label="unstable (dotted)"))
+    handles.append(Patch(color=_FORBIDDEN, label=f"below its limit, $|S|$ > {_SENSITIVITY:g}"))
+    # Two lines where the page is too narrow for one.
+    wide = sum(len(str(handle.get_label())) + _HANDLE for handle in handles) > _LETTERS
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        bbox_to_anchor=(0.0, 1.0 - 0.24 / figure.get_figheight()),
+        ncols=-(-len(handles) // 2) if wide else len(handles),
+        labelspacing=0.2,
+        columnspacing=1.1,
+        handletextpad=0.5,
+        borderaxespad=0.0,
+    )
