@@ -31,7 +31,7 @@ STATES = ("z", "roll", "pitch", "heading", "u", "v", "w", "p", "q", "r",
           "int u", "int v", "int z", "int pitch", "int heading")  # fmt: skip
 """Columns of K: deviations "measured minus desired" in m, rad, m/s, rad/s, then integrals of some of them."""
 
-PLAIN = 10
+PLAIN = 10  # states of the motion, before the integrals: depth, three angles, six velocities
 
 INTEGRATED = {"surge": (4, 10), "sway": (5, 11), "heave": (0, 12), "pitch": (2, 13), "heading": (3, 14)}
 """Per loop the state that is integrated and its integral, as columns of K."""
@@ -39,7 +39,7 @@ INTEGRATED = {"surge": (4, 10), "sway": (5, 11), "heave": (0, 12), "pitch": (2, 
 SMALL_MOTION = 0.02
 """In m/s and rad/s; within the motion that is designed for, a hull that turns about by itself may wander."""
 
-_TANGENT = 1e-5
+_TANGENT = 1e-5  # step of the slope in m/s and rad/s: small beside any motion, large beside rounding
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ MOTION = 0.05
 TARGETS = ((40.0, 2.0), (35.0, 2.2), (30.0, 2.5))
 """Phase margin in deg and largest |1/(1 + L)|, the best that can be had; less is refused."""
 
-_DEARER, _ROUNDS = 1.4, 14
+_DEARER, _ROUNDS = 1.4, 14  # a row gets at most 1.4^14, a factor of 111, dearer
 
 
 @dataclass(frozen=True)

@@ -33,17 +33,17 @@ from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHAS
 
 Complex = NDArray[np.complex128]
 
-_FREQUENCIES = 400
+_FREQUENCIES = 400  # over about four decades: neighbours differ by 2 to 3 %, and minima are refined
 
 _BELOW_NYQUIST = 0.9999  # at half the sampling rate every response is real: it is looked at by itself
 
 _DIVISIONS = 64  # of an interval with a crossing: its place is then known to 1e-7 of its frequency
 
-_HOUR_S = 3600.0
+_HOUR_S = 3600.0  # a growth that doubles in more than an hour counts as neutral
 
 _REAL = 1e-9  # imaginary part, as a share, that is rounding
 
-_TINY = 1e-300
+_TINY = 1e-300  # keeps a division by zero finite
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 POINTS = 6
 """Number of breakpoints, that of the core."""
 
-RANGE = 0.95
+RANGE = 0.95  # of the reachable speeds: at the very end nothing is left to control with
 
 CRUISE = 0.3
 """Share of the top speed from which cruise takes over from hover."""

@@ -58,7 +58,7 @@ _REFERENCE = {"position": 5.0, "speed": 2.0}  # natural frequency of the referen
 
 _DOPPLER_NOISE_M_S = 0.008  # of one ping, that of the typical sensors
 
-_NOISE_SHARE = 0.25
+_NOISE_SHARE = 0.25  # of the least thrust, that noise of the velocity may ask for
 
 
 @dataclass(frozen=True)
@@ -215,20 +215,22 @@ def _without_stiff_roll(vehicle: Vehicle, rows: str, late: dict[str, Delay], lef
     return rows.replace("K", "")
 
 
+# Of a loop with start gains: largest overshoot, a share of the step, and least phase margin.
 OVERSHOOT, PHASE_DEG = 0.24, 35.0
 
 CURRENT_M_S = 0.3
 """Current that the gains are made for."""
 
-_SETTLED = 0.05
+_SETTLED = 0.05  # band of the last part of a step: the usual 5 %
 
 _OPEN_DEPTH = 1e-6  # rounding of the eigenvalue 1, at ten steps per second e^(1/28 h)
 
 _SETTLING = 90.0  # times 1/bandwidth
 
+# On the bandwidth, tried in this order: near 1 first.
 _FACTORS = (1.0, 0.9, 0.8, 1.25, 0.7, 1.6, 0.6, 0.5, 2.0, 0.4)
 
-_STIFFNESS = (1.0, 0.7, 0.5)
+_STIFFNESS = (1.0, 0.7, 0.5)  # shares of the wanted stiffness, tried from the stiffest on
 
 _TILT = {"K": 1, "M": 2}  # the angle, as a column of K, that a righting moment goes with
 

@@ -51,7 +51,7 @@ CROSSINGS = 2.0
 MOTION = 0.1
 """In m/s and rad/s, of a correction: quadratic damping counts by its secant over that."""
 
-_ROUNDS = 20
+_ROUNDS = 20  # each halves what is left: a millionth
 
 _WAY = {"heading": ((3, 1.0), (5, 1.0)), "pitch": ((2, 1.0), (6, -1.0))}
 """Angle of the course: the angle that is controlled, and the cross-flow over the speed with its sign."""
@@ -212,7 +212,7 @@ LEAST_LENGTHS = 2.0
 
 _PITCH_DEG, _HELD = 20.0, 0.5  # largest pitch asked for; share of the reach that holds it
 
-_TURN_DEG_S = 20.0
+_TURN_DEG_S = 20.0  # of a survey, at most
 
 _SHARE = 0.5  # of the largest demand, for what the guidance asks
 
@@ -371,7 +371,7 @@ def steady_speed(vehicle: Vehicle, nu: Array, axis: int, force: float) -> float:
 
 _FASTER = 1.1  # than the slowest level flight, while surfacing
 
-_DOPPLER_S = 20.0
+_DOPPLER_S = 20.0  # without a velocity, after which the vehicle surfaces
 
 _SINGLE_ACTUATOR = 0.02  # smallest over largest singular value of what is left
 

@@ -35,7 +35,7 @@ class Loop:
     of_top: bool = False
 
 
-_DEG = math.pi / 180.0
+_DEG = math.pi / 180.0  # rad per degree
 
 LOOPS = {
     "surge": Loop("u", "m/s", 1.0, math.inf, 0.15, of_top=True),

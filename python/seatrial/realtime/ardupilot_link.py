@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from seatrial.sensors.sensor import Sensor
 
-PORT = 9002
+PORT = 9002  # that ArduPilot's JSON interface sends to by default
 
 LOOPBACK = "127.0.0.1"
 

@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 
 _CHANNELS = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
 
-_FASTEST = 1000.0
+_FASTEST = 1000.0  # times real time, at most: a day in a minute and a half
 
-_LONGEST_S = 24 * 3600.0
+_LONGEST_S = 24 * 3600.0  # a day: all samples of a flight stay in memory
 
 
 @dataclass(frozen=True, eq=False)

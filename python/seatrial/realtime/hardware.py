@@ -35,11 +35,11 @@ from seatrial.base.errors import SimulationError, reason
 from seatrial.base.report import Table
 from seatrial.realtime.plant import Motion
 
-SENSOR_MAGIC, COMMAND_MAGIC = 0x31535453, 0x31435453
+SENSOR_MAGIC, COMMAND_MAGIC = 0x31535453, 0x31435453  # "STS1" and "STC1" in little-endian order
 
-VERSION = 1
+VERSION = 1  # of the layout of both packets
 
-WATCHDOG_FLAG = 1
+WATCHDOG_FLAG = 1  # bit of the sensor packet's flags: commands are too old
 
 _SENSOR = struct.Struct("<IHHIQ3d14f")
 
@@ -47,9 +47,9 @@ _COMMAND = struct.Struct("<IHHIIQ")
 
 _CRC = struct.Struct("<I")
 
-_LARGEST = 2048
+_LARGEST = 2048  # bytes of a datagram: more than a packet with the most actuators has
 
-_MOST_ACTUATORS = 64
+_MOST_ACTUATORS = 64  # a command packet stays below 300 bytes, so in one frame
 
 _MOST_PER_PERIOD = 256
 """Packets that are read per period: a flood does not stop the loop."""

@@ -20,15 +20,15 @@ from typing import Any
 
 from seatrial.realtime.plant import Motion
 
-MAGIC_16, MAGIC_32 = 18458, 29569
+MAGIC_16, MAGIC_32 = 18458, 29569  # of ArduPilot's servo packets with 16 and with 32 channels
 
 _HEAD = struct.Struct("<HHI")
 
 _SIZES = {MAGIC_16: 16, MAGIC_32: 32}
 
-_SLOWEST_HZ, _FASTEST_HZ = 1, 20_000
+_SLOWEST_HZ, _FASTEST_HZ = 1, 20_000  # of a frame rate that ArduPilot can mean
 
-_LONGEST_PULSE_US = 3000
+_LONGEST_PULSE_US = 3000  # servo pulses are 800 to 2200 us long
 
 
 @dataclass(frozen=True)

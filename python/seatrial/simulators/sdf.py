@@ -37,7 +37,7 @@ _FORCES, _VELOCITIES, _ADDED = "xyzkmn", "UVWPQR", "xyzpqr"
 
 _TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
-_FLIP3 = np.diag([1.0, -1.0, -1.0])
+_FLIP3 = np.diag([1.0, -1.0, -1.0])  # forward-left-up to forward-right-down, and back
 
 _FLIP6 = FLIP[:, None] * FLIP[None, :]
 

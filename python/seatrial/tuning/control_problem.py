@@ -48,11 +48,11 @@ if TYPE_CHECKING:
 GROUPS = (("heave",), ("heading", "cross_track"), ("surge",), ("sway",), ("pitch", "depth"))
 """Loops and paths that are searched together, in the order of the search: what holds the hull level first."""
 
-_GUIDANCE_BOUNDS = (0.3, 3.0)
+_GUIDANCE_BOUNDS = (0.3, 3.0)  # factors on numbers of guidance: half a decade either way
 
 _ABOUT_FIT = (0.5, 2.0)  # of the lookahead that goes with the loop: always within the bounds
 
-_FILTER_BOUNDS = (0.3, 3.0)
+_FILTER_BOUNDS = (0.3, 3.0)  # factors on the corner of a reference filter: half a decade either way
 
 
 @dataclass(frozen=True)
@@ -326,6 +326,7 @@ class ControlProblem(TuningScope):
         }
 
 
+# Of the search for points beyond gains: less than a second.
 _POPULATION, _GENERATIONS, _TOLERANCE = 32, 100, 1e-2
 
 

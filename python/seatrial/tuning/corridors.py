@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.tuning.step_trial import Rig
 
-_SEEDS = (11, 12)
+_SEEDS = (11, 12)  # two noises: one may flatter the start gains
 
 _UNSOUND = 1.0  # overshoot as a share of the step from which a response is no response
 
@@ -103,13 +103,13 @@ def _about_a_line(t: Array, values: Array) -> float:
 
 _LEFT = 0.5  # of the reach, to other loops
 
-_ROOM = 2.0
+_ROOM = 2.0  # of the time that the largest acceleration needs: the loop must also brake
 
-_SHORTEST_S, _LONGEST_S = 2.0, 60.0
+_SHORTEST_S, _LONGEST_S = 2.0, 60.0  # rise times that make sense for an underwater vehicle
 
-_OVERSHOOT, _OVERSHOOT_MOST = 0.15, 0.3
+_OVERSHOOT, _OVERSHOOT_MOST = 0.15, 0.3  # of the step: what a good loop does, and the most that is accepted
 
-_SETTLED, _SETTLED_MOST = 0.08, 0.1
+_SETTLED, _SETTLED_MOST = 0.08, 0.1  # of the step: band of a settled response
 
 _SETTLING = 2.5  # over the rise, by the limits
 
@@ -123,7 +123,7 @@ _BETTER = 0.95  # of what the start gains do
 
 _PATHS = {"depth": "pitch", "cross_track": "heading"}
 
-_SLOWEST_ROW = 1e-6
+_SLOWEST_ROW = 1e-6  # m/s2 or rad/s2: keeps the rise time of a row without reach finite
 
 
 def steps_above_noise(

@@ -25,6 +25,7 @@ from seatrial.base.errors import SimulationError
 if TYPE_CHECKING:
     from seatrial.control_design.corridor import Corridor
 
+# Of the step: dead time ends at 5 %, a rise at 90 %, begun at 0 or 10 %.
 _BEGUN, _RISES_FROM, _RISEN = 0.05, 0.1, 0.9
 
 _END = 0.1  # last share of a record, over which a steady error is averaged

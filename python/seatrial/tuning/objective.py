@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 Gains = Mapping[str, ArrayLike]
 
-_NEIGHBOURS = 3
+_NEIGHBOURS = 3  # points that a second difference takes
 
 
 def roughness(gains: Gains, reachable: ArrayLike, *, speeds_m_s: ArrayLike) -> Array:

@@ -54,9 +54,9 @@ _FACTORS = np.geomspace(0.4, 4.0, 11)
 
 _CANDIDATES = len(_FACTORS) + 1  # that of the file included
 
-_OVERSHOOT = 0.3
+_OVERSHOOT = 0.3  # of the step across the path, that is accepted
 
-_EQUAL = 1.05
+_EQUAL = 1.05  # of the least cost: what differs by less is as good
 
 _DELAYS, _SHORTEST_S, _LONGEST_S = 24.0, 30.0, 150.0  # a path settles within 24 delays: 6 times 2 Delta/U
 

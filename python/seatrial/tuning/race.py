@@ -45,9 +45,9 @@ _INSIDE = 0.01
 _EVEN = 0.01
 """Cost, of what only breaks ties, that is not worth further flights: 1 ms of a step."""
 
-_PATIENCE = 10
+_PATIENCE = 10  # generations without a gain after which a search ends
 
-_DIVERGED_S = 1e6
+_DIVERGED_S = 1e6  # violation in s that stands for a diverged candidate in sums
 
 Fly = Callable[[Array, Sequence[int]], Flown]
 """What candidates (k, m) do with some of all samples."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from seatrial.control_design.tuning_table import Margins
     from seatrial.tuning.control_problem import ControlProblem
 
-_DIGITS = 4
+_DIGITS = 4  # of gains in a file: no more is read or set by hand
 
 
 _ANY = ", with any gains within the bounds"

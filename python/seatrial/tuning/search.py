@@ -46,9 +46,9 @@ GUIDANCE_SEARCH = "guidance"
 GENERATIONS, ROUNDS = 30, 25
 """Batches of the evolution strategy and of the simplexes where the campaign gives no budget."""
 
-_MARGIN_GENERATIONS, _MARGIN_POPULATION = 100, 32
+_MARGIN_GENERATIONS, _MARGIN_POPULATION = 100, 32  # margins take no flight, so a search is cheap
 
-_TOLERANCE = 1e-2
+_TOLERANCE = 1e-2  # of the logarithms of the factors: 1 % of a gain
 
 _SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once
 
@@ -313,11 +313,11 @@ def _result(
 Report = Callable[[str, Step], None]
 """Told the name of what is searched and the state of its search."""
 
-_STEP_S = 0.02
+_STEP_S = 0.02  # longest step of the vehicle, s: that of the last assessment
 
 _DIVERGED_S = 1e6  # a response that diverges counts as much: one fewer of them is better
 
-_SAME_S = 1e-6
+_SAME_S = 1e-6  # s: less is rounding
 
 _LUCK, _LUCK_S = 1.5, 0.1  # of one sample: share, and s of a step
 

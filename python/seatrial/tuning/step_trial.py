@@ -202,7 +202,7 @@ class LoopTrials:
 
 _REST = 0.25  # of the corridor, its last part, in which a loop with an integral has come to rest
 
-_LEG_M = 1e6
+_LEG_M = 1e6  # m: no trial comes to the end of its leg
 
 _OFFSETS = [1, 2]  # offset and drift among the errors of a channel
 

@@ -49,13 +49,13 @@ _PACE = 1.0 / 60_000.0  # s per s of flight before anything was measured: about 
 
 _BEGUN = 0.02  # of all work, that the first guess of the pace counts as
 
-_PASSES = 2
+_PASSES = 2  # the second turn takes up groups that the gains of others spoilt
 
 _FRESH, _NOISES = 24, 8  # vehicles drawn for the last assessment, and noises of the vehicle itself
 
-_FINE_STEP_S = 0.02
+_FINE_STEP_S = 0.02  # longest step of the vehicle in the last assessment, s; searches take twice as long ones
 
-_OTHER_SEED = 7919
+_OTHER_SEED = 7919  # added to the seed: samples that no search drew
 
 _OF_MARGINS = 0.1  # of the work of the searches that fly
 

@@ -22,8 +22,8 @@ from seatrial.base.run import from_json, sha256
 ELEMENT = "seatrial-files"
 """The id of the script element."""
 
-_LARGEST_PAGE = 64 * 2**20
-_MOST_FILES = 200
+_LARGEST_PAGE = 64 * 2**20  # bytes; seatrial warns of a page above 8 MB
+_MOST_FILES = 200  # a page of ten runs has some dozens
 _PATH = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_.+-]{0,119}(/[A-Za-z0-9_+-][A-Za-z0-9_.+-]{0,119}){0,3}")
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 

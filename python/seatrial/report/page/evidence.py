@@ -41,7 +41,7 @@ _LARGEST = 2**30  # bytes of the table of all trials: some 30 million samples
 
 _STEPS = 65000  # of 16 bits, without the one that stands for "none"
 
-_NONE = -32768
+_NONE = -32768  # the least 16 bit number, which no value is packed to
 
 
 def save_trials(fit: Identification, folder: Path) -> Path:

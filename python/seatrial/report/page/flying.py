@@ -63,7 +63,7 @@ _TABLES_OF_STEP = {
 }
 """Loops of a campaign whose steps these are."""
 
-_CORRIDOR_POINTS = 401
+_CORRIDOR_POINTS = 401  # more than a panel has pixels
 
 _LOOPS_OF_STEP = {
     "heading": ("heading",),

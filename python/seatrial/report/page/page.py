@@ -372,7 +372,7 @@ def _plain(name: str) -> str:
 _STRONG = 0.3
 """Size of a correlation from which on it is named."""
 
-_NAMED = 3
+_NAMED = 3  # correlations of a coefficient, so that a row fits a screen
 
 
 def baselines(run: RunFolder) -> list[dict[str, Any]]:

@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_estimate import MotorEstimate
     from seatrial.bench_test.result import BenchTest
 
-_POINTS = 201
+_POINTS = 201  # of a curve: smooth in print
 
-_NAMED = 6
+_NAMED = 6  # outlying points with a number: more hide one another
 
-_DENSE = 60
+_DENSE = 60  # points from which on markers shrink
 
 _DASHES = (
     "-",
@@ -236,11 +236,11 @@ def _voltages(upper: Axes, lower: Axes, fit: UnitFit) -> None:
     _legend_below(lower, upper, title="supply")
 
 
-_SHARE = 1.0 - np.exp(-1.0)
+_SHARE = 1.0 - np.exp(-1.0)  # of a step that a first-order lag does in its time constant
 
 _CLEAR = 8.0  # standard deviations of the noise that a step must exceed to be shown
 
-_FINE = 600
+_FINE = 600  # points of a step in time: smooth in print
 
 _USUAL = 0.96  # part of the residuals that sets the axis where a few are far beyond
 

@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     from seatrial.control_design.corridor import Corridor
     from seatrial.tuning.control_problem import ControlProblem
 
-_HEIGHT_IN = 2.65
+_HEIGHT_IN = 2.65  # layout, inches
 
 _MARGIN, _MOST = 0.12, 0.6  # beyond the bounds, as shares of their range: at least, and at most
 
-_JUST_BEFORE_S = 1e-6
+_JUST_BEFORE_S = 1e-6  # draws the jumps of a bound upright
 
 _SMALLEST_S = 0.001  # an area below is told as less than that
 
@@ -259,11 +259,11 @@ def _drawn(response: Array) -> Array:
     return np.where(np.isfinite(response), response, np.nan)
 
 
-_STEP_RESPONSES_HEIGHT_IN, _LEGEND_IN = 2.2, 0.5
+_STEP_RESPONSES_HEIGHT_IN, _LEGEND_IN = 2.2, 0.5  # layout, inches
 
 _IN_A_COLUMN = 3  # more courses stand in two, and all of them on a page
 
-_PAGE_IN = 9.8
+_PAGE_IN = 9.8  # layout, inches
 
 _CORRIDOR = "#DDEBDD"
 
@@ -276,7 +276,7 @@ _PER_STEP = 240  # points of a bound
 
 _ALONE_IN = 0.8  # more height for the only panel
 
-_MOSTLY = 0.4
+_MOSTLY = 0.4  # share of a panel that a response must fill to be seen
 
 
 @dataclass(frozen=True)
@@ -448,11 +448,11 @@ _SHARES = (0.0, 0.3, 0.6, 0.9, 0.75, 0.45, 0.15)  # of the top speed, ahead
 
 _ASTERN = 0.5  # of the slowest breakpoint that is reached
 
-_DEPTH_M = 20.0
+_DEPTH_M = 20.0  # away from surface and waves
 
 _HOLD_S = (15.0, 40.0)  # of a set point: at least, and at most
 
-_MAX_STEP_S = 0.02
+_MAX_STEP_S = 0.02  # of the vehicle, as in the last assessment of a tuning
 
 
 def course_of_set_points(plan: ControlProblem) -> tuple[Array, Array]:

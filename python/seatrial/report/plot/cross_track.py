@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MARKED = (0.50, 0.95, 0.99)
+_MARKED = (0.50, 0.95, 0.99)  # shares of the samples whose error is marked
 
-_BINS = 40
+_BINS = 40  # bars of the histogram
 
 
 def exceedance(counts: ArrayLike, edges: ArrayLike) -> Array:

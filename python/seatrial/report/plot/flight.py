@@ -51,9 +51,9 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
     from seatrial.report.plot.track import Plan, PlannedPath
 
-_MOST_POINTS, _MOST_EVENTS = 2400, 7
+_MOST_POINTS, _MOST_EVENTS = 2400, 7  # more points than a panel has dots, and events with a marker each
 
-_MOST_LEGS = 50
+_MOST_LEGS = 50  # legs that are numbered: more run into one another
 
 _EVENT_MARKS = "XPD*v^<>"
 
@@ -425,7 +425,7 @@ def _apart(page: Array, step_in: float) -> NDArray[np.bool_]:
     return np.asarray(np.concatenate([[True], np.diff(cell) > 0.0]) | ~np.isfinite(page).all(axis=1))
 
 
-_ROW_IN, _STRIP_IN = 1.02, 0.135
+_ROW_IN, _STRIP_IN = 1.02, 0.135  # layout, inches
 
 _SATURATED = "#F3C9B5"
 

@@ -51,9 +51,9 @@ _ERRORS = (
     ("vertical", "vertical error", "$z_e$, m", "positive: below the path"),
 )
 
-_BINS = 41
+_BINS = 41  # bars of the histogram, odd: one about zero
 
-_SHARE = 95.0
+_SHARE = 95.0  # percent of the samples between the marked ends
 
 
 def flight_gallery(flight: Flight, folder: str | Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
@@ -136,7 +136,7 @@ def _metres(value: float) -> str:
 
 Pair = tuple[float, float]
 
-_FAST = 1e9
+_FAST = 1e9  # 1/s: a motor without a limit of its rate
 
 _USUAL = {"rad": 0.5}
 
@@ -272,7 +272,7 @@ def _limit(value: float | None) -> float:
     return math.inf if value is None else float(value)
 
 
-_ROW_IN = 1.35
+_ROW_IN = 1.35  # layout, inches
 
 _BAND = "#E4E4E4"
 

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 _COLOURS = {"identifiable": SIMULATED, "weak": SECOND, "not identifiable": RESIDUAL}
 
-_ROW_IN = 0.14
+_ROW_IN = 0.14  # layout, inches
 
 _LARGEST = 1e3  # per cent: what is less certain stands at the edge
 
@@ -112,9 +112,9 @@ def _correlations(figure: Figure, axes: Axes, names: list[str], matrix: np.ndarr
     bar.outline.set_visible(False)
 
 
-_COLUMNS, _ANALYSIS_ROW_IN, _BAR_IN = 3, 1.15, 0.24
+_COLUMNS, _ANALYSIS_ROW_IN, _BAR_IN = 3, 1.15, 0.24  # layout, inches
 
-_WEAK = 0.1
+_WEAK = 0.1  # autocorrelation below which nothing is coloured
 
 _LABEL = 24  # letters of names beside a bar
 
@@ -220,7 +220,7 @@ _PHASES = {
     "simplex": ("simplex", RESIDUAL, (0, (3, 1))),
 }
 
-_CONVERGENCE_ROW_IN = 1.75
+_CONVERGENCE_ROW_IN = 1.75  # layout, inches
 
 
 def convergence(stages: Sequence[StageResult]) -> Figure:
@@ -412,7 +412,7 @@ def _scores(fit: Identification, trial: str, channel: str) -> str:
     return "  |  ".join(words)
 
 
-_AIR = 0.3
+_AIR = 0.3  # of a row, between bar and text
 
 _ROOM = 31  # letters of a name and its numbers that stand side by side in full size
 

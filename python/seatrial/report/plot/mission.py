@@ -48,7 +48,7 @@ _INK = "#262626"
 
 _FARM, _UNKNOWN = "#D9CFE3", "#E9E4D4"
 
-_FENCE_DASHES = (0, (6, 1.5, 1, 1.5))
+_FENCE_DASHES = (0, (6, 1.5, 1, 1.5))  # offset, then lengths of line and gap in points
 
 _PATTERN_DASHES = ((0, (4, 1.2)), (0, (1.4, 1.2)), (0, (4, 1.2, 1.2, 1.2)))
 

@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 
 _BAND = "#CFE3F1"
 
-_MOST_SUSPECTS = 8
+_MOST_SUSPECTS = 8  # bars of a page, the likeliest first
 
-_WRAP = 62
+_WRAP = 62  # letters of a line of a label
 
-_MARKS = 1500
+_MARKS = 1500  # markers of a panel: more are one blot
 
 _RARE, _BEYOND = (
     0.025,

@@ -37,17 +37,17 @@ if TYPE_CHECKING:
 
     from seatrial._core import Vehicle
 
-_HEIGHT_IN, _TOP_IN, _BOTTOM_IN, _GAP_IN = 4.9, 0.62, 0.5, 0.36
+_HEIGHT_IN, _TOP_IN, _BOTTOM_IN, _GAP_IN = 4.9, 0.62, 0.5, 0.36  # layout, inches
 
 _LEFT_IN, _WIDE_IN, _AXIS_IN, _LEGEND_IN = 0.55, 2.55, 0.5, 0.9  # _AXIS_IN: room for an axis at the right
 
 _ABOVE = (1.0, 1.0)  # right end of a panel's top: where a legend hides no curve
 
-_CURVE = tuple(0.05 * k for k in range(1, 21))
+_CURVE = tuple(0.05 * k for k in range(1, 21))  # shares of the largest command
 
-_TURN_SHARE = 0.5
+_TURN_SHARE = 0.5  # of the largest command, at which turns are drawn
 
-_DRAWN_DEG = 540.0
+_DRAWN_DEG = 540.0  # one and a half turns: the circle closes
 
 _DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)))
 

@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from seatrial.experiment.manoeuvre import Manoeuvre
     from seatrial.experiment.plan_result import Plan, Ranked
 
-_ROW_IN = 0.135
+_ROW_IN = 0.135  # layout, inches
 
 _TITLE_ROW, _HANDLE = 42, 4  # characters beside a panel's title, and those that a line of a legend takes
 
-_DOT = 3.2
+_DOT = 3.2  # size of a marker, points
 
 _LEAST_M = 1.0  # the track's panel shows no less to either side of the start
 

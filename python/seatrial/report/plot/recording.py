@@ -32,7 +32,7 @@ _PANELS = (
 
 _DEGREES = ("p", "q", "r", "roll", "pitch", "yaw")
 
-_PANEL_IN, _EDGES_IN = 1.05, 0.95
+_PANEL_IN, _EDGES_IN = 1.05, 0.95  # layout, inches
 
 _MOST_POINTS = 4000  # per line: more are thinner than a pixel
 

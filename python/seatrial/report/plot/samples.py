@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
     from seatrial.flight.payload import Samples, StopSamples
 
-_GRID = 120
-_LEVELS = 6
-_ROOM = 0.14
+_GRID = 120  # points of the map, each way
+_LEVELS = 6  # colours of the map
+_ROOM = 0.14  # of the map's extent, at its edge
 _NAMES = {
     "nitrate_mg_l": "nitrate",
     "density_kg_m3": "density",

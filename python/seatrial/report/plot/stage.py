@@ -114,7 +114,7 @@ def draw_inputs(axes: Axes, inputs: dict[str, Input]) -> None:
         )
 
 
-_PANEL_IN, _ERROR_IN, _INPUT_IN, _EDGES_IN, _ROW_IN = 1.1, 0.42, 0.85, 0.85, 0.33
+_PANEL_IN, _ERROR_IN, _INPUT_IN, _EDGES_IN, _ROW_IN = 1.1, 0.42, 0.85, 0.85, 0.33  # layout, inches
 
 _MODELS: tuple[tuple[str, str, float, Any], ...] = (
     ("start values", SECOND, 0.9, (0, (4, 1.5))),

@@ -42,13 +42,13 @@ HULL, HULL_EDGE = "#EEF2F5", "#7A8791"
 
 FAINT = "#9AA3AA"
 
-COLUMN_IN = 88.0 / 25.4
+COLUMN_IN = 88.0 / 25.4  # layout, inches
 
-WIDTH_IN = 180.0 / 25.4
+WIDTH_IN = 180.0 / 25.4  # layout, inches
 
-DPI = 200
+DPI = 200  # of PNG, for screens
 
-PRINT_DPI = 300
+PRINT_DPI = 300  # of PNG, for print
 
 _STYLE: dict[str, Any] = {
     "axes.axisbelow": True,
@@ -208,11 +208,11 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-_SIZE_PT, _SMALLEST_PT = 6.5, 4.0
+_SIZE_PT, _SMALLEST_PT = 6.5, 4.0  # of a legend: usual, and where it must shrink
 
-_AIR_IN, _ROW_IN = 0.09, 0.10
+_AIR_IN, _ROW_IN = 0.09, 0.10  # layout, inches
 
-_TOGETHER_IN = 0.06
+_TOGETHER_IN = 0.06  # layout, inches
 
 
 def label_rows(

@@ -31,13 +31,13 @@ Box = tuple[float, float, float, float]
 
 _INK = "#262626"
 
-_AIR = 0.07
+_AIR = 0.07  # of the track's extent, at its edge
 
-_LETTER_IN, _LINE_IN = 0.062, 0.12
+_LETTER_IN, _LINE_IN = 0.062, 0.12  # layout, inches
 
-_LEAST_CIRCLE_IN = 0.03
+_LEAST_CIRCLE_IN = 0.03  # layout, inches
 
-_MOST_CIRCLES = 60
+_MOST_CIRCLES = 60  # waypoints that are drawn with their sphere of acceptance
 
 
 @dataclass(frozen=True)
@@ -154,6 +154,7 @@ def _spheres(plan: Plan, places: Array, acceptance: Array) -> None:
     )
 
 
+# Right and up of a place, in the order in which a name tries them.
 _SIDES = ((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))
 
 _AWAY_IN = (0.07, 0.14, 0.22)  # from a waypoint to its name: the nearest place that is clear
@@ -225,11 +226,12 @@ def _meet(box: Box, other: Box) -> bool:
 
 BOTTOM = "#C8B99A"
 
-_LEFT_IN, _RIGHT_IN, _TOP_IN, _AXIS_IN = 0.55, 0.2, 0.56, 0.42
+_LEFT_IN, _RIGHT_IN, _TOP_IN, _AXIS_IN = 0.55, 0.2, 0.56, 0.42  # layout, inches
 
+# Layout, inches; a track higher than 0.85 of its width stands beside its profile.
 _PROFILE_IN, _ROW_IN, _TALL = 1.45, 0.15, 0.85
 
-_ARROW_IN = 0.3
+_ARROW_IN = 0.3  # layout, inches
 
 
 @dataclass(frozen=True)
@@ -333,7 +335,7 @@ def page_legend(figure: Figure, panels: tuple[Axes, Axes], page: Layout) -> None
 
 Seabed = tuple[float, float, float]
 
-_ARC_RAD = math.radians(5.0)
+_ARC_RAD = math.radians(5.0)  # of an arc per straight piece
 
 _PLAIN = re.compile(r"waypoint \d+")
 

@@ -50,7 +50,7 @@ NAMES = dict(
     )
 )
 
-_PANEL_IN, _EDGES_IN = 1.35, 0.85
+_PANEL_IN, _EDGES_IN = 1.35, 0.85  # layout, inches
 
 ANGLES = ("roll", "pitch", "yaw")
 
@@ -188,7 +188,7 @@ _ANGLES = ("roll", "pitch", "yaw")
 
 _DEGREES = ("p", "q", "r", *_ANGLES)
 
-_PANEL_HEIGHT_IN, _EDGES_HEIGHT_IN = 1.45, 0.85
+_PANEL_HEIGHT_IN, _EDGES_HEIGHT_IN = 1.45, 0.85  # layout, inches
 
 
 def draw_variants(

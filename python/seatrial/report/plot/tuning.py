@@ -56,7 +56,7 @@ _LABELS = {
     "cross_track": "cross-track position",
 }
 
-_PANELS = 6
+_PANELS = 6  # speeds of a figure of responses
 
 _SPEEDS_ON_A_PAGE = 3  # in the figure of corridors
 
@@ -218,9 +218,9 @@ def _one_per_speed(tuned: Performance, start: Performance, loop: str) -> list[in
 
 Complex = NDArray[np.complex128]
 
-_ROW_IN, _HEAD_IN = 1.5, 0.55
+_ROW_IN, _HEAD_IN = 1.5, 0.55  # layout, inches
 
-_SENSITIVITY = 2.0
+_SENSITIVITY = 2.0  # the upper end of what is usual (Åström and Hägglund, 2006)
 
 _FORBIDDEN = "#F3C9B5"
 
@@ -232,9 +232,9 @@ _LARGEST_DB, _LEAST_S, _LARGEST_S = 45.0, 0.03, 60.0  # margins beyond are drawn
 
 _LETTERS, _HANDLE = 126, 6  # that a line of the legend holds, and the room of a handle in letters
 
-_WINDOW = (-2.2, 0.9, -1.25, 1.25)
+_WINDOW = (-2.2, 0.9, -1.25, 1.25)  # of the Nyquist plot: about -1 and the unit circle
 
-_FAR_M_S = 100.0
+_FAR_M_S = 100.0  # a limit is drawn to the edge of its panel
 
 
 @dataclass(frozen=True, eq=False)

@@ -196,7 +196,14 @@ def legend(figure: Figure, corner: tuple[float, float] | None, *, fins: bool) ->
         )
 
 
-_LEFT_IN, _GAP_IN, _BOTTOM_IN, _FOOT_IN, _TOP_IN, _RIGHT_IN = 0.62, 0.68, 0.62, 0.46, 0.62, 0.1
+_LEFT_IN, _GAP_IN, _BOTTOM_IN, _FOOT_IN, _TOP_IN, _RIGHT_IN = (
+    0.62,
+    0.68,
+    0.62,
+    0.46,
+    0.62,
+    0.1,
+)  # layout, inches
 
 _LABELS_IN = 0.28  # height of a row of labels
 

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 _COLOUR = {"held": THIRD, "failed": RESIDUAL, "undecided": SECOND}
 
-_ROW_IN = 0.36
+_ROW_IN = 0.36  # layout, inches
 
 _LONGEST = 34  # letters of a name beside a panel
 
@@ -315,7 +315,7 @@ _LIMIT = re.compile(r"\b((?:true_)?cross_track_p95_m) <=? ([0-9.]+)")
 
 _TRUE = "true_cross_track_p95_m"
 
-_MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4
+_MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4  # figures of a gallery, and tracks of a figure
 
 
 def verification_gallery(
