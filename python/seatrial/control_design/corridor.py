@@ -151,9 +151,11 @@ class Corridor:
                 f"expected until_s after the response has settled at {settles:g} s, found {until_s:g};"
                 " let the corridor end later"
             )
+        # From settled to steady within half of what is left.
         half = 0.5 * (settles + until_s)
         above, at_end = min(overshoot, settled), min(overshoot, steady)
         return cls(
+            # Two points at one time make a step of the bound.
             lower=(
                 (0.0, -undershoot),
                 (risen, -undershoot),

@@ -169,9 +169,11 @@ def design_lqr(
         working = tuple(actuators[name]) if actuators and name in actuators else None
         for u in speeds_m_s:
             flight = trim(vehicle, u, rows, working)
+            # Without straight level motion at a speed the design is made about the level hull.
             about = flight or level(u, rows, working)
             systems.append(sampled(plant(vehicle, about, loops, motion=MOTION), late, period_s, loops))
             trimmed.append(flight is not None)
+        # A speed without a sound gain is no failure as long as another speed has one.
         results: dict[int, tuple[Array, LawMargins, tuple[float, ...]]] = {}
         refusals = []
         for k, system in enumerate(systems):
@@ -184,6 +186,7 @@ def design_lqr(
                 f"modes[{name!r}]: no gain makes the motion stable with a margin ({'; '.join(refusals)});"
                 " choose other speeds, or control more loops"
             )
+        # Such a speed borrows the gain of the nearest speed that has one.
         designed = list(results)
         distance = np.abs(np.subtract.outer(np.array(speeds_m_s), np.array(speeds_m_s)[designed]))
         own = [designed[int(j)] for j in distance.argmin(axis=1)]

@@ -300,12 +300,14 @@ def recorded(
     if autopilot is not None and mission is not None:
         pilot, plan = loaded(Autopilot, autopilot, "autopilot"), loaded(Mission, mission, "mission")
         checked_step(max_step_s, pilot)
+        # Whole steps of the vehicle in a period of the autopilot; what rounding adds makes no step.
         substeps = max(
             1, math.ceil(pilot.period_s / max_step_s - max(pilot.period_s / max_step_s, 1.0) * 1e-9)
         )
         step_s = pilot.period_s / substeps
         route = Route.of(plan)
         begin |= {"position": route.start, "attitude": [0.0, 0.0, route.heading]}
+    # The vehicle first: the other programs only need its names and its period.
     about = [f"{commented(flown.name)}: one step of {step_s:g} s.", *_origin()]
     program = _program(
         f"{stem}_vehicle",
@@ -324,6 +326,7 @@ def recorded(
             pilot, believed, plan.core, f"{stem}_autopilot", about, feedback=feedback, voltage_v=supply
         )
         steering = _program(f"{stem}_autopilot", facts, pilot.period_s)
+    # The filter takes the inputs that the autopilot's program has.
     seen = recorded_filter(
         f"{stem}_filter",
         believed,

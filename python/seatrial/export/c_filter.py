@@ -76,6 +76,7 @@ def recorded_filter(
     )
     if filter is None:
         return None
+    # A filter that was made by hand has its own start.
     start: dict[str, Any] = {}
     if mission is not None and not isinstance(asked, NavigationFilter):
         start["start"] = Route.of(mission).start

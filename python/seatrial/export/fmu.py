@@ -173,6 +173,7 @@ def export_fmu(
     builder = c_compiler() if compiler is None else compiler
     units: dict[str, str | bytes] = {}
     for program in programs.all():
+        # Only the vehicle has drawn parameters.
         of_program = sampled if program is programs.vehicle else {}
         for version in ("2.0", "3.0"):
             units[f"{program.prefix}.fmi{version[0]}.fmu"] = _unit(program, version, of_program, builder)

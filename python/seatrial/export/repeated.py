@@ -288,12 +288,14 @@ class _Folder:
         room = len(self.blocks[first[0]].statements) - first[1]
         for other in others:
             most = min(room, len(self.blocks[other[0]].statements) - other[1])
+            # In one block the two must not overlap.
             if other[0] == first[0]:
                 most = min(most, abs(other[1] - first[1]))
             rows = takewhile(lambda row: row is not None, (self._pairs(first, other, k) for k in range(most)))
             pairs = [row for row in rows if row is not None]
             if len(pairs) >= _SEED:
                 matches.append((other, pairs))
+        # Shorter runs may be found in more places, or need fewer arguments.
         best: _Run | None = None
         for length in sorted({n for _, pairs in matches for n in _lengths(len(pairs))}, reverse=True):
             gained = _STATEMENT_BYTES * length - _CALL_BYTES
@@ -309,6 +311,7 @@ class _Folder:
             places = [first, *(other for other, _ in chosen)]
             columns = self._columns([pairs for _, pairs in chosen])
             calls = len(places)
+            # A call costs its arguments and results; all places but one save the statements.
             once = _ARGUMENT_BYTES * len(columns) + _RESULT_BYTES * len(self._results(places, length))
             gain = (calls - 1) * _STATEMENT_BYTES * length - calls * (once + _CALL_BYTES)
             if gain >= _LEAST_BYTES and (best is None or gain > best.gain):

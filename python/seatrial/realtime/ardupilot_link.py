@@ -305,6 +305,7 @@ def sitl(
     notes += [] if shown is None else shown.sentences
     loop = _Loop(plant, mapped.channels, shown, seabed_m, log_hz)
     with listen(host, port) as link:
+        # Short waits, so that Ctrl-C and the idle time are seen.
         link.settimeout(min(idle_s, 0.25))
         if ready is not None:
             ready(link.getsockname())

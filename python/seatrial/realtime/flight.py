@@ -272,11 +272,13 @@ def fly_realtime(
     notes = () if shown is None else shown.sentences
     info = flown.actuator_info()
     neutral = {name: float(info[name]["neutral"]) for name in flown.actuators}
+    # An address is opened here and closed below; a link that was given is the caller's.
     link = None
     if isinstance(hardware, tuple):
         hardware, link = udp_hardware(
             hardware, flown.actuators, neutral, listen_on=hardware_from, watchdog_s=watchdog_s
         )
+    # From here on viewers and links are open: whatever happens, they are closed.
     live = None
     try:
         if live_port is not None or record is not None:
@@ -293,6 +295,7 @@ def fly_realtime(
             live.close()
         if link is not None:
             link.close()
+    # Hardware does not tell why it ended.
     thought = {} if hardware is not None else helm.thought
     return RealtimeFlight(
         vehicle=flown,

@@ -148,6 +148,7 @@ def body_of(vehicle: Vehicle) -> Body:
     inertia = np.diag(of("I_x", "I_y", "I_z"))
     for i, j, name in ((0, 1, "I_xy"), (0, 2, "I_xz"), (1, 2, "I_yz")):
         inertia[i, j] = inertia[j, i] = -given.get(name, 0.0)
+    # Vehicle files name an added mass off the diagonal once, by either of its two names.
     added, linear, quadratic = _zeros(), _zeros(), _zeros()
     for i, force in enumerate(_FORCES):
         for j, velocity in enumerate(_VELOCITIES):

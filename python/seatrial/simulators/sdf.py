@@ -254,6 +254,7 @@ def _hydrodynamics(plugin: Element, where: str, left: list[str]) -> tuple[Array,
             ):
                 known.add(key)
                 target[i, j] = _number(plugin, key, where)
+    # Versions up to 6 and later ones differ in the sign of xDotU; a file does not say its version.
     diagonal = np.diag(derivatives)
     if diagonal.any() and (diagonal >= 0.0).all():
         left.append(
@@ -263,6 +264,7 @@ def _hydrodynamics(plugin: Element, where: str, left: list[str]) -> tuple[Array,
         derivatives = -derivatives
     if plugin.findtext("disable_added_mass", "").strip().lower() in ("true", "1"):
         derivatives = np.zeros((6, 6))
+    # Whatever else the plugin has is named, so that nothing is lost in silence.
     others = sorted({_local(child) for child in plugin} - known)
     products = [key for key in others if len(key) in (3, 6) and key[0] in _FORCES]
     if products:

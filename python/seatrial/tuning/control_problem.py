@@ -278,8 +278,10 @@ class ControlProblem(TuningScope):
                 continue
             parameters = GainParameters(())
             rider = members[0]
+            # Only gains at points that a trial tells of are free; the others follow the nearest of these.
             free = sorted({p for name in chosen for p in excited[name]} & set(self.places))
             parts: list[tuple[str, list[int], list[int]]] = [(rider, free, [])]
+            # Where pitch only holds the hull level it is searched with heave, and not again by itself.
             if rider == "heave" and any(name in every for name in ("pitch", "depth")):
                 moved = {p for name in ("pitch", "depth") for p in excited.get(name, [])}
                 level = [p for p in free if p not in moved]
@@ -290,6 +292,7 @@ class ControlProblem(TuningScope):
                 parameters += GainParameters.of_loop(
                     loop, gains, free=own, taken=taken, reached=self.places, bounds=self.table.bounds
                 )
+            # A reference filter and numbers of guidance shape the response as gains do.
             if filtered := gains.get(f"{rider}.reference_rad_s", 0.0):
                 parameters += GainParameters.of_number(f"{rider}.reference_rad_s", filtered, _FILTER_BOUNDS)
             for path in chosen:

@@ -200,17 +200,21 @@ def default_corridor(
     size = max(abs(step) for step in steps) * entry.to_si
     late = delays(vehicle, row)[row].total_s + autopilot.period_s
     omega = facts.loops.get(rider, {}).get("reference_rad_s")
+    # What answers late rises late: three delays, and three time constants of the reference filter.
     late_s = 3.0 * late + (3.0 / omega if omega else 0.0)
+    # Least time for the step with the acceleration that is left, or by the rate that guidance allows.
     if loop in _PATHS:
         least = _along_a_path(facts, loop, size)
     else:
         slowest = min((abs(speed) for speed in speeds_m_s), default=0.0)
         ends = np.abs(reach(vehicle, slowest if _finned(vehicle) else 0.0, row, voltage_v=voltage_v)[row])
+        # The weaker way, at the slowest speed: fins do least there.
         tau = min(float(ends[ends > 0.0].min(initial=np.inf)), facts.loops[rider]["tau_max"])
         inertia = float(np.asarray(vehicle.mass_matrix())[ROWS.index(row), ROWS.index(row)])
         most = max(_LEFT * tau / inertia, _SLOWEST_ROW)
         least = size / most if loop in ("surge", "sway") else 2.0 * float(np.sqrt(size / most))
         least = max(least, _by_rate(facts, loop, size))
+    # No more is asked than a little better than the start gains, within what makes sense.
     start = StartMetrics(0.0, 0.0, 0.0, 0.0) if start is None else start
     rise = float(np.clip(max(_ROOM * (least + late_s), _BETTER * start.rise_s), _SHORTEST_S, _LONGEST_S))
     settling = float(np.clip(_BETTER * start.settling_s, _SETTLING * rise, 2.0 * _SETTLING * rise))

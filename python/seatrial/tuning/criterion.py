@@ -211,6 +211,7 @@ def step_metrics(t: ArrayLike, y: ArrayLike, *, band: float = 0.05) -> StepMetri
             f"a step response: expected two or more rising times from the step on, found {len(at)}"
             f" {'that do not rise' if len(at) > 1 else 'sample(s)'}; sort the samples or record longer"
         )
+    # What diverged has no figures; infinite ones fail every limit.
     if not np.isfinite(response).all():
         return StepMetrics(*[math.inf] * 7)
     risen, from_ten = _first(at, response, _RISEN), _first(at, response, _RISES_FROM)

@@ -148,10 +148,12 @@ class GainParameters:
         for gain in GAINS:
             starts: dict[int, dict[str, float]] = {place: {} for place in free}
             for point in points:
+                # A point beyond the top speed is never flown: it takes the gain of the nearest that is.
                 own = point if point in reached else nearest(point, reached)
                 if own in taken or not free:
                     continue
                 value = gains.get(f"{loop}.{gain}.{own + 1}", 0.0)
+                # One factor moves a free point and all that follow it.
                 if value > 0.0:
                     starts[own if own in free else nearest(own, free)][f"{loop}.{gain}.{point + 1}"] = value
             parameters += [

@@ -188,6 +188,7 @@ def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
             start=start,
         )
 
+    # Twice: what the start gains do with the usual steps says how much noise and how slow a rise to allow.
     first = _stepped(scope, loop, table, speeds, usual, corridor(usual))
     start = start_metrics(scope.rig(scope.autopilot, max_step_s=_START_STEP_S), first)
     steps = table.steps or steps_above_noise(loop, start.noise, top_m_s=top_m_s, largest=largest)

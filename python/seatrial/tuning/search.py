@@ -230,6 +230,7 @@ def search_group(
     budget = plan.table.budget
     tolerance = budget.tolerance or _TOLERANCE
     fly = Here(objective) if fleet is None else Elsewhere(objective, fleet)
+    # Of many samples those that are worst now: what one of them violates, all violate at least.
     race = Race(objective, fly)
     race.narrow(begin[None])
     optimum = evolve(
@@ -245,6 +246,7 @@ def search_group(
         watch=watch,
         enough=race.enough,
     )
+    # The simplex goes on where the evolution strategy ends outside the corridors.
     if not (optimum.interrupted or race.inside() or race.enough()):
         coarse = optimum
         race.narrow(coarse.elite)
@@ -257,11 +259,13 @@ def search_group(
             tolerance=tolerance,
             watch=watch,
         )
+        # With fewer samples the costs of the two do not compare: then all samples decide.
         optimum = join(coarse, fine) if fine.cost <= coarse.cost or race.narrowed else coarse
         if race.narrowed:
             optimum = _best(race, optimum, np.vstack([begin, coarse.elite, fine.elite]))
     elif race.narrowed:
         optimum = _best(race, optimum, np.vstack([begin, optimum.elite]))
+    # Before and after without headroom, as the assessment counts.
     ends = [_terms(objective, parameters, x) for x in (begin, optimum.x)]
     return _result(group.name, parameters, optimum, (ends[0], ends[1]), flown_s=fly.flown_s)
 

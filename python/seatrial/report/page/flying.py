@@ -470,6 +470,7 @@ def open_loops(vehicle: Vehicle, autopilot: Autopilot) -> dict[str, Any]:
         own = {name: float(value) for name, value in autopilot.gains().items()}
         names = {loop: [name for name in own if name.startswith(f"{loop}.K_")] for loop in _loops(own)}
         whole, margins = constraint.open_loops({}), constraint.margins({})
+        # L is linear in each gain: the part of a gain is L less L without it.
         without = {
             (loop, key): constraint.open_loops({
                 name: 0.0 for name in given if name.startswith(f"{loop}.{key}.")
@@ -485,6 +486,7 @@ def open_loops(vehicle: Vehicle, autopilot: Autopilot) -> dict[str, Any]:
         for i, loop in enumerate(point.loops):
             response = responses[0, i]
             parts = {key: response - without[loop, key][k][1][0, i] for key in _KEYS}
+            # What feed-forward leaves is not scaled by any gain.
             parts["rest"] = response - sum(parts.values())
             least = _NOTHING * np.abs(response).max()
             loops.append({

@@ -254,6 +254,7 @@ def behind_motor(
         ideal |= dict.fromkeys((f"{name}.n_acc", f"{name}.n_dec"), _FAST)
     if not lag:
         ideal |= {f"{name}.K_V": 1.0, f"{name}.T_1": 0.0, f"{name}.T_t": 0.0}
+    # A motor without a lag or rate limit of its own has no such coefficient.
     known = vehicle.coefficients()
     vehicle = vehicle.with_coefficients({key: x for key, x in ideal.items() if key in known})
     times = np.asarray(t, dtype=float)
