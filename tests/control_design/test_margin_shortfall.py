@@ -94,7 +94,7 @@ ASKED = HEADING.replace(
 
 def named(*rows: ReportedMargins) -> tuple[str, ...]:
     """What a tuning says of margins."""
-    one = Tuning(plan(ASKED), start(), (), (), None, (), 0.0, False)
+    one = Tuning(plan(ASKED), start(), (), (), (), 0.0, False)
     vars(one)["margins"] = {"tuned": list(rows)}
     return one.short_margins
 

@@ -71,7 +71,7 @@ def test_margins_count_where_gains_can_hold_the_motion_and_no_gain_moves_for_the
 
 def test_such_points_are_told_with_what_to_do() -> None:
     one = tender()
-    tuning = Tuning(one, one.autopilot, (), (), None, (), 0.0, interrupted=False)
+    tuning = Tuning(one, one.autopilot, (), (), (), 0.0, interrupted=False)
     short = tuning.short_margins
     # Ahead first: missions do not go astern.
     assert short[0] == "hover at 0.75 m/s (unstable, with any gains within the bounds)"

@@ -87,7 +87,7 @@ def test_an_unstable_motion_falls_short_where_no_margin_is_asked_for_too() -> No
 def tuning_of(text: str) -> Tuning:
     """A tuning that has changed nothing."""
     one = plan(text)
-    return Tuning(one, one.autopilot, (), (), None, (), 0.0, interrupted=False)
+    return Tuning(one, one.autopilot, (), (), (), 0.0, interrupted=False)
 
 
 def outside_by(name: str, tuning: Tuning, **loops: float) -> Performance:
