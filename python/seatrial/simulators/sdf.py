@@ -9,7 +9,7 @@ A written model has its added mass in ``fluid_added_mass``, which the physics en
 not in the plugin, which takes the acceleration of the step before.
 
 Files are read without trust: no document types or entities, limits on size, depth and elements. Held by
-``tests/simulators/test_sdf.py`` (the equations of the plugin) and ``tests/simulators/test_markup.py``.
+``tests/simulators/test_sdf.py``.
 """
 
 from __future__ import annotations
