@@ -53,9 +53,9 @@ def test_requirements_can_be_printed_and_show_verdict_interval_and_limit() -> No
     axes = panel(figure, "farm")
     assert axes.get_xscale() == "log"
     drawn = [np.asarray(one.get_xdata(), dtype=float) for one in axes.get_lines()]
-    lower, upper = ROWS[0].found.interval
+    lower, upper = ROWS[0].probability.interval
     assert any(len(x) == 2 and np.allclose(x, [lower, upper]) for x in drawn)
-    assert any(len(x) == 1 and x[0] == ROWS[0].found.estimate for x in drawn)
+    assert any(len(x) == 1 and x[0] == ROWS[0].probability.estimate for x in drawn)
     for row in ROWS:
         assert any(np.all(x == row.allowed) for x in drawn)
     assert {"held: 3 of 2000", "undecided: 0 of 2000", "failed: 60 of 2000"} <= set(texts(figure))

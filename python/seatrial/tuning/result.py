@@ -39,8 +39,8 @@ class Tuning(RunResult):
 
     Attributes
     ----------
-    campaign, plan
-        What was asked for (None without a file), and the trials and samples that it became.
+    plan
+        What was asked, with its trials and samples.
     autopilot
         With the tuned gains.
     groups
