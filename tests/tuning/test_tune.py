@@ -394,7 +394,7 @@ def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(
 def test_what_a_tuning_without_a_file_lacks_is_named() -> None:
     with pytest.raises(CampaignError, match="a vehicle and its autopilot"):
         st.tune("cwolf")  # type: ignore[call-overload]
-    with pytest.raises(CampaignError, match=r"relay tuning was worse .* seatrial\.start_autopilot"):
+    with pytest.raises(CampaignError, match=r"relay tuning is not offered.* seatrial\.start_autopilot"):
         st.tune("cwolf", "cwolf", relay=True)  # type: ignore[call-overload]
     with pytest.raises(CampaignError, match="heding"):
         st.tune("cwolf", "cwolf", loops={"heding": {}})

@@ -140,8 +140,8 @@ def tune(
     checked_threads(threads)
     if "relay" in asked:
         raise CampaignError(
-            "tune: relay: relay tuning was worse than the search by corridors on every loop; leave it out,"
-            " and take start gains from seatrial.start_autopilot"
+            "tune: relay: relay tuning is not offered, as no loop was better with it than with the search by"
+            " corridors; leave it out, and take start gains from seatrial.start_autopilot"
         )
     if not isinstance(problem, ControlProblem):
         if callable(getattr(problem, "control_problem", None)):
@@ -157,11 +157,11 @@ def tune(
         raise CampaignError(f"tune: {given}: the problem says that; give it only beside a vehicle")
     assert problem.groups is not None  # what cannot be tuned is refused before a directory is made
     with RunDirectory(run_dir, "tuning", resume=resume) as run, fleet_of(executor) as fleet:
-        found = TuningRun(problem, run, progress=progress, threads=threads, fleet=fleet).run()
-        if found.interrupted and found.groups:
+        tuning = TuningRun(problem, run, progress=progress, threads=threads, fleet=fleet).run()
+        if tuning.interrupted and tuning.groups:
             with contextlib.suppress(SeatrialError):  # the gains are in what is returned all the same
                 # The best gains so far are an autopilot file beside the finished groups.
-                found = replace(found, kept=run.leave("autopilot.toml", found.autopilot.to_toml()))
-        elif run_dir is not None and not found.interrupted:
-            run.publish(found.facts, found.files())
-    return found
+                tuning = replace(tuning, kept=run.leave("autopilot.toml", tuning.autopilot.to_toml()))
+        elif run_dir is not None and not tuning.interrupted:
+            run.publish(tuning.facts, tuning.files())
+    return tuning
