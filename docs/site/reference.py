@@ -1,4 +1,4 @@
-"""Pages of the reference, written from the program: names, rooms, verbs, tables of the campaign file."""
+"""Pages of the reference, written from the program: names, rooms, verbs, keys of the files."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import typer
 from pydantic import BaseModel
 
 import seatrial as st
+from docs.site.file_keys import FILES, page
 from seatrial.base.toml_file import Section
 from seatrial.campaign.file import CampaignFile
 from seatrial.cli import app
@@ -29,6 +30,7 @@ def write_reference(folder: Path) -> list[tuple[str, str]]:
         "rooms": ("Python: functions of the rooms", _rooms()),
         "command_line": ("Command line: every verb", command_line()),
         "campaign_keys": ("Campaign file: tables and types", campaign_tables()),
+        **{f"{file}_keys": (f"{file.capitalize()} file: every key", page(file)) for file in FILES},
     }
     for name, (title, text) in made.items():
         (folder / f"{name}.md").write_text(f"# {title}\n\n{text}", encoding="utf-8")
