@@ -52,8 +52,8 @@ LONG = (
     "how_sure",
     "tune_an_autopilot",
     "bench_test",
-    "rare_failures",
-    "gallery",
+    "verify_an_autopilot",
+    "share_a_report",
     "generated_trials",
 )
 """Pages whose examples identify or tune for more than some seconds."""
