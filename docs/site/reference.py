@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
+import textwrap
 import types
 import typing
 from collections.abc import Iterator
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import typer
 from pydantic import BaseModel
@@ -19,7 +22,7 @@ from seatrial.base.toml_file import Section
 from seatrial.campaign.file import CampaignFile
 from seatrial.cli import app
 
-__all__ = ["campaign_tables", "command_line", "write_reference"]
+__all__ = ["campaign_sections", "campaign_tables", "command_line", "key_meanings", "write_reference"]
 
 
 def write_reference(folder: Path) -> list[tuple[str, str]]:
@@ -29,7 +32,7 @@ def write_reference(folder: Path) -> list[tuple[str, str]]:
         "python": ("Python: every public name", _python()),
         "rooms": ("Python: functions of the rooms", _rooms()),
         "command_line": ("Command line: every verb", command_line()),
-        "campaign_keys": ("Campaign file: tables and types", campaign_tables()),
+        "campaign_keys": ("Campaign file: every key", campaign_tables()),
         **{f"{file}_keys": (f"{file.capitalize()} file: every key", page(file)) for file in FILES},
     }
     for name, (title, text) in made.items():
@@ -123,23 +126,39 @@ def _cell(text: str) -> str:
 def campaign_tables() -> str:
     """Tables of the campaign file as the program checks them."""
     parts = [
-        "Every table with its keys, their types and defaults, as the program checks them; what they mean: "
-        "[campaign file](../campaign-file.md)."
+        "Every table with its keys, their types and defaults, as the program checks them; what the tables "
+        "are for: [campaign file](../campaign-file.md)."
     ]
-    for section in _sections(CampaignFile):
+    for section in campaign_sections(CampaignFile):
+        meanings = key_meanings(section)
         rows = [
-            f"| `{field.alias or name}` | {_cell(_type(field.annotation))} | {_default(field)} |"
+            f"| `{field.alias or name}` | {_cell(_type(field.annotation))} | {_default(field)} "
+            f"| {_cell(meanings.get(name, '')).replace('``', '`')} |"
             for name, field in section.model_fields.items()
         ]
         parts += [
             f"## {section.__name__}",
             _first_sentence(section),
-            "\n".join(["| key | type | default |", "|---|---|---|", *rows]),
+            "\n".join(["| key | type | default | meaning |", "|---|---|---|---|", *rows]),
         ]
     return "\n\n".join(parts) + "\n"
 
 
-def _sections(root: type[BaseModel]) -> Iterator[type[BaseModel]]:
+def key_meanings(section: type[BaseModel]) -> dict[str, str]:
+    """The text below each field of a table and of the tables that it extends."""
+    found: dict[str, str] = {}
+    for base in reversed(section.__mro__):
+        if issubclass(base, Section):
+            body = cast("ast.ClassDef", ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]).body
+            for field, text in pairwise(body):
+                if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+                    match text:
+                        case ast.Expr(value=ast.Constant(value=str(words))):
+                            found[field.target.id] = " ".join(words.split())
+    return found
+
+
+def campaign_sections(root: type[BaseModel]) -> Iterator[type[BaseModel]]:
     """The model of a file and the models of its tables, each once, in the order of the file."""
     seen: dict[type[BaseModel], None] = {}
 

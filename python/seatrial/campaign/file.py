@@ -38,8 +38,12 @@ class Environment(Section):
     """Water, gravity, and where the water ends."""
 
     rho_kg_m3: Positive | None = None
+    """Density, kg/m³; by default the vehicle's."""
     g_m_s2: Positive | None = None
+    """Gravity, m/s²; by default the vehicle's."""
     surface_m: Number | None = None
+    """Where the surface is, m down from the zero of z: 0 where z is the depth; without it the vehicle is
+    under water; by default not known."""
 
 
 Position = tuple[Number, Number, Number]
@@ -49,8 +53,11 @@ class SensorPositions(Section):
     """Where sensors sit, m forward, starboard and down of O."""
 
     velocity_m: Position | None = None
+    """Place of the velocity sensor, over ground and through water (Doppler log); by default O."""
     position_m: Position | None = None
+    """Place of the positioning antenna, transponder or marker frame; by default O."""
     depth_m: Position | None = None
+    """Place of the pressure cell; by default that of the position."""
 
     def by_sensor(self) -> dict[str, Position]:
         """Positions that are given, by sensor."""
@@ -73,16 +80,27 @@ class TrialSource(Section):
     """One recording: where it is, how it is read, what of it is held out."""
 
     file: Name
+    """Recording."""
     reader: str | None = None
+    """As in the campaign, instead of its own."""
     columns: dict[str, Any] = Field(default_factory=dict)
+    """Entries beside or instead of the campaign's."""
     rate_hz: Positive | None = None
+    """Common time base, Hz; by default the campaign's."""
     environment: Environment = Environment()
+    """Water and gravity of this trial."""
     places: SensorPositions = SensorPositions()
+    """Where its sensors sat."""
     corrections: Corrections = Field(default_factory=dict)
+    """What was wrong with its sensors."""
     mixer: MixerTable | None = None
+    """Instead of the campaign's as a whole; by default the campaign's."""
     hold_out: bool = False
+    """The whole trial judges and is never fitted."""
     hold_out_s: tuple[Interval, ...] = ()
+    """Parts that judge and are never fitted, s of the trial's own time."""
     input: Input | None = None
+    """As in the campaign, instead of its own."""
 
     @model_validator(mode="after")
     def _intervals_run_forwards(self) -> TrialSource:
@@ -101,27 +119,50 @@ class CampaignFile(Section):
     file_kind = CAMPAIGN
 
     format: Literal[1]
+    """Version of the format: 1."""
     name: FolderName
+    """Name of the campaign and, under ``runs/``, of its results."""
     vehicle: Name
+    """Built-in name or path of a vehicle file."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    """Of every random number."""
     description: str = ""
+    """What it is for."""
     bench: Name | None = None
+    """Bench file whose results replace characteristics and motors of the vehicle."""
     environment: Environment = Environment()
+    """Water and gravity of all trials."""
     places: SensorPositions = SensorPositions()
+    """Where the sensors sit."""
     corrections: Corrections = Field(default_factory=dict)
+    """What was wrong with the sensors."""
     reader: str | None = None
+    """A reader of read a log, or ``generated``; for all trials; by default by file ending."""
     rate_hz: Positive | None = None
+    """Common time base of all trials; by default the recording's."""
     input: Input = "commands"
+    """What drives the model: commands, logged wrench, measured actuator signals."""
     columns: dict[str, Any] = Field(default_factory=dict)
+    """Column map of all trials."""
     mixer: MixerTable | None = None
+    """Commands from sticks, radio or servo channels, and a constant supply voltage."""
     budget: Budget = Budget()
+    """Budget of all stages."""
     trials: dict[str, TrialSource] = Field(default_factory=dict)
+    """The recordings."""
     stages: tuple[Stage, ...] = ()
+    """The steps of the identification."""
     polish: JointSettings | None = None
+    """The joint estimate after the stages."""
     anchor: Anchor = Anchor()
+    """What fixes the absolute scale of all forces."""
     autopilot: Name | None = None
+    """Start of a tuning, and verified where no tuned one is given: built-in name or path; by default the
+    built-in one of a built-in vehicle."""
     tuning: TuningTable | None = None
+    """What the loops of the autopilot shall do; by default every loop, all defaults."""
     verification: VerificationTable | None = None
+    """What the missions meet, and what must hold."""
 
     @model_validator(mode="after")
     def _something_to_do(self) -> CampaignFile:

@@ -55,10 +55,15 @@ class DistributionTable(Section):
     """One distribution by its name."""
 
     fixed: Number | None = None
+    """Always this."""
     uniform: Interval | None = None
+    """Between them."""
     normal: tuple[Number, Positive] | None = None
+    """Mean and standard deviation; a speed or a time is cut at zero."""
     rayleigh: Positive | None = None
+    """Rayleigh: speed of two normal components of this standard deviation each."""
     weibull: tuple[Positive, Positive] | None = None
+    """Scale and shape; the usual fit to measured speeds of a current."""
 
     @model_validator(mode="after")
     def _one(self) -> DistributionTable:
@@ -218,8 +223,11 @@ class MissionTable(Section):
     """A mission that is flown, and its weight among the missions."""
 
     file: Name
+    """Mission file."""
     name: str = ""
+    """What to call it."""
     weight: Positive = 1.0
+    """How often it is flown beside the others."""
 
     @property
     def title(self) -> str:
@@ -236,11 +244,19 @@ class Current(Section):
     """
 
     speed_m_s: PositiveDistribution | None = None
+    """Mean speed of the water, m/s; by default uniform from 0 to a quarter of the slowest speed of the
+    missions."""
     direction_deg: Direction = DistributionTable(uniform=(0.0, 360.0))
+    """Where it goes, degrees from north over east."""
     vertical_m_s: NotNegative = 0.0
+    """Standard deviation of the mean velocity down, m/s."""
     turbulence_m_s: PositiveDistribution | None = None
+    """Standard deviation about the mean, north and east; 0.55 of it down, m/s; by default a tenth of the
+    speed."""
     turbulence_times_s: tuple[Positive, Positive] = (60.0, 2.0)
+    """Its correlation time, and the time in which eddies average out along the hull, s."""
     walk_m_s: NotNegative = 0.0
+    """Standard deviation, after an hour, of a random walk of the mean north and east, m/s."""
 
 
 class Waves(Section):
@@ -250,10 +266,16 @@ class Waves(Section):
     """
 
     height_m: PositiveDistribution
+    """Significant wave height, m."""
     period_s: PositiveDistribution | None = None
+    """Peak period, s; made longer where a sea of this height would break; by default 4.3 s for the root
+    of a metre."""
     toward_deg: Direction = DistributionTable(uniform=(0.0, 360.0))
+    """Where the waves go, degrees from north over east."""
     spreading_deg: NotNegative = 0.0
+    """Standard deviation of the directions in one sea, degrees."""
     peakedness: Positive = 3.3
+    """γ of the spectrum."""
 
 
 class FaultTable(Section):
@@ -263,10 +285,15 @@ class FaultTable(Section):
     """
 
     actuator: Name = "any"
+    """Name of an actuator, of a group of which one fails, or any."""
     kind: Literal["dead", "stuck"] = "dead"
+    """Gives nothing any more, or stays."""
     command: Number | None = None
+    """Where a stuck one stays, in the unit of its command; by default where it is."""
     probability: Probability
+    """Share of the missions."""
     between_s: Between | None = None
+    """When it begins, s; by default the planned time."""
 
     @model_validator(mode="after")
     def _consistent(self) -> FaultTable:
@@ -280,9 +307,14 @@ class OutageTable(Section):
     """A group of channels, or the sensor that measures them, silent for a while in some missions."""
 
     sensor: Name
+    """``position``, ``depth``, ``attitude``, ``velocity``, ``rates``, ``altitude``, ``water``, or a kind
+    of sensor."""
     probability: Probability
+    """Share of the missions."""
     duration_s: PositiveDistribution
+    """How long it is silent, s."""
     between_s: Between | None = None
+    """When it begins, s; by default the planned time."""
 
     @model_validator(mode="after")
     def _consistent(self) -> OutageTable:
@@ -297,26 +329,37 @@ class Start(Section):
     """
 
     position_m: NotNegative = 1.0
+    """North and east, each, m."""
     depth_m: NotNegative = 0.2
+    """Depth, m."""
     heading_deg: Turn = DistributionTable(normal=(0.0, 10.0))
+    """Turned away from the mission's heading, degrees; a number is a standard deviation."""
     speed_m_s: PositiveDistribution | None = None
+    """Speed ahead through the water, m/s; by default drifts with the water."""
 
 
 class Seabed(Section):
     """A plane bottom: its depth below the origin, and by how much it deepens per metre."""
 
     depth_m: Number
+    """Below the origin, m."""
     slope_north: Number = 0.0
+    """By how much it deepens per metre to the north."""
     slope_east: Number = 0.0
+    """The same to the east."""
 
 
 class Obstacle(Section):
     """A round thing in the water; ``from_mission``: what the mission states, which is there anyway."""
 
     north_m: Number | None = None
+    """Axis of a cylinder from surface to bottom, m."""
     east_m: Number | None = None
+    """East of the origin, m."""
     radius_m: NotNegative | None = None
+    """Radius, m."""
     from_mission: bool = False
+    """Stands alone: the obstacles that the mission states."""
 
     @model_validator(mode="after")
     def _either(self) -> Obstacle:
@@ -335,8 +378,11 @@ class RequirementTable(Section):
     """What must hold in at least a share of all missions."""
 
     name: Name
+    """What to call it."""
     holds: Name
+    """Expression over the figures of a mission."""
     probability: Share = 0.95
+    """At least this share of the missions must hold it; ``st.Requirement`` in Python asks for 0.99."""
 
 
 Triple = tuple[Number, Number, Number]
@@ -346,16 +392,23 @@ class CaseFault(Section):
     """An actuator of a regression case that fails at a time; without a command it stays where it is."""
 
     actuator: Name
+    """Name of an actuator, of a group of which one fails, or any."""
     at_s: NotNegative
+    """From when on, s."""
     command: Number | None = None
+    """Where a stuck one stays, in the unit of its command; by default where it is."""
 
 
 class CaseOutage(Section):
     """A time without samples of a group of sensors in a regression case."""
 
     sensor: Name
+    """``position``, ``depth``, ``attitude``, ``velocity``, ``rates``, ``altitude``, ``water``, or a kind
+    of sensor."""
     from_s: NotNegative
+    """From when, s."""
     until_s: Positive
+    """Until when, s."""
 
 
 class CaseTable(Section):
@@ -368,19 +421,34 @@ class CaseTable(Section):
     """
 
     name: Name
+    """What to call it."""
     mission: Name | None = None
+    """Name of the mission; by default the first."""
     requirements: tuple[Name, ...] = ()
+    """Names of those that must hold."""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**53)] = 0
+    """Of noise and gusts."""
     current_m_s: Triple = (0.0, 0.0, 0.0)
+    """Its mean, north, east, down, m/s."""
     turbulence_m_s: Triple = (0.0, 0.0, 0.0)
+    """Standard deviation about it, m/s."""
     waves: tuple[Number, Number, Number, Number, Number] | None = None
+    """Height, peak period, direction, spreading, peakedness, m, s, deg, deg."""
     position_m: Triple | None = None
+    """North, east, down, m; by default the mission's start."""
     attitude_deg: Triple | None = None
+    """Roll, pitch, yaw, deg; by default level, along the mission."""
     velocity: tuple[Number, Number, Number, Number, Number, Number] | None = None
+    """Over ground in the body frame, six numbers, m/s, rad/s; by default at rest in the water."""
     coefficients: dict[str, Number] = Field(default_factory=dict)
+    """By name, SI."""
     sensor_offsets: dict[str, Number] = Field(default_factory=dict)
+    """By channel: ``x``, ``y``, ``z``, ``roll``, ``pitch``, ``yaw``, ``u``, ``v``, ``w``, ``p``, ``q``,
+    ``r``, ``altitude``, ``u_water``, ``v_water``, ``w_water``, standard deviations."""
     faults: Annotated[tuple[CaseFault, ...], BeforeValidator(_as_list)] = ()
+    """Actuators that fail."""
     outages: Annotated[tuple[CaseOutage, ...], BeforeValidator(_as_list)] = ()
+    """Sensors that fall silent."""
 
 
 class VerificationTable(Section):
@@ -395,23 +463,43 @@ class VerificationTable(Section):
         BeforeValidator(_as_list),
         Field(min_length=1),
     ]
+    """What is flown."""
     runs: Count = 1000
+    """Number of missions in all."""
     sensors: Name = "typical"
+    """``"typical"``, ``"perfect"`` or a file of sensors."""
     navigation: Literal["sensors", "filter"] = "sensors"
+    """What the autopilot goes by: sensors, or the estimate of a navigation filter on the identified
+    vehicle."""
     confidence: Share = 0.95
+    """Of the verdicts and intervals."""
     keep_worst: Annotated[int, Field(strict=True, ge=0)] = 5
+    """Worst missions listed per requirement, to be flown again by number."""
     coefficients: Annotated[str | dict[str, float], BeforeValidator(_coefficients)] = "covariance"
+    """Drawn from the identified covariance, not drawn, or ``{ "X_uu" = 10.0 }``: further standard
+    deviations in per cent; ``*`` stands for any letters."""
     current: Current = Current()
+    """Steady and turbulent water."""
     waves: Waves | None = None
+    """The sea."""
     faults: Annotated[tuple[FaultTable, ...], BeforeValidator(_as_list)] = ()
+    """Actuators that fail."""
     outages: Annotated[tuple[OutageTable, ...], BeforeValidator(_as_list)] = ()
+    """Sensors that fall silent."""
     start: Start = Start()
+    """Scatter of the start."""
     seabed: Annotated[Seabed | None, BeforeValidator(_short_seabed)] = None
+    """Depth of the bottom, m."""
     obstacles: Annotated[tuple[Obstacle, ...], BeforeValidator(_as_list)] = (Obstacle(from_mission=True),)
+    """What must not be touched."""
     voltage_v: Positive | None = None
+    """Supply, V; by default required where thrust depends on it."""
     max_time_s: Positive | None = None
+    """Longest flight, s; by default three times the planned time and five minutes."""
     requirements: Annotated[tuple[RequirementTable, ...], BeforeValidator(_as_list)] = ()
+    """What must hold."""
     cases: Annotated[tuple[CaseTable, ...], BeforeValidator(_as_list)] = ()
+    """Regression cases, flown as they stand."""
 
     @model_validator(mode="after")
     def _names_once(self) -> VerificationTable:

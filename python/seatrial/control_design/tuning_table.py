@@ -93,7 +93,9 @@ class Weights(Section):
     """Weights of leaving a corridor downwards and upwards."""
 
     lower: NotNegative = 1.0
+    """Weight of a shortfall."""
     upper: NotNegative = 1.0
+    """Weight of an excess."""
 
     @model_validator(mode="after")
     def _one_counts(self) -> Weights:
@@ -117,15 +119,25 @@ class CorridorTable(Section):
     """A corridor by its figures, or by the points of its bounds (time since the step in s, share of it)."""
 
     rise_s: Positive | None = None
+    """90 % of the step are reached, and not left again, s; by default required without points."""
     overshoot: NotNegative | None = None
+    """Largest excess, share of the step; by default 0.1."""
     settling_s: Positive | None = None
+    """Then within ``settled``, s; by default 2 ``rise_s``."""
     settled: Positive | None = None
+    """Half-width of the band, share of the step; by default 0.05."""
     steady: Positive | None = None
+    """Half-width at the end, share of the step; by default ``settled``."""
     until_s: Positive | None = None
+    """End of the corridor, s; by default twice the settling."""
     undershoot: NotNegative | None = None
+    """How far the response may go the wrong way, share of the step; by default 0.1."""
     dead_s: NotNegative | None = None
+    """Dead time, from the end of which rise and settling count, s; by default 0."""
     lower: tuple[Point, ...] = ()
+    """Points of the lower bound; equal times are a jump."""
     upper: tuple[Point, ...] = ()
+    """Points of the upper bound."""
 
     @model_validator(mode="after")
     def _figures_or_points(self) -> CorridorTable:
@@ -172,13 +184,21 @@ class Beside(Section):
     """What the other channels may do meanwhile: half-widths about their set points."""
 
     surge_m_s: Positive | None = None
+    """Speed ahead, m/s."""
     sway_m_s: Positive | None = None
+    """Speed athwart, m/s."""
     depth_m: Positive | None = None
+    """Depth, m."""
     roll_deg: Positive | None = None
+    """Roll, degrees."""
     pitch_deg: Positive | None = None
+    """Pitch, degrees."""
     heading_deg: Positive | None = None
+    """Heading, degrees."""
     cross_track_m: Positive | None = None
+    """Cross-track error, m."""
     vertical_error_m: Positive | None = None
+    """Vertical error of guidance, m."""
 
     def half_widths(self) -> dict[str, float]:
         """Half-width in SI (m/s, m, rad) of every channel that is bounded.
@@ -196,10 +216,15 @@ class LoopTable(Section):
     """Set-point steps of a loop, and the corridor that the responses shall keep to."""
 
     steps: Annotated[tuple[Number, ...], Field(min_length=1)] | None = None
+    """Steps of the set point; each is flown there and back; by default one size, chosen."""
     speeds_m_s: Annotated[tuple[Number, ...], Field(min_length=1)] | None = None
+    """Desired speeds at which it steps, m/s; by default up to three of the reachable breakpoints."""
     corridor: CorridorTable | None = None
+    """Bounds of the response; by default from the vehicle's limits."""
     weights: Weights = Weights()
+    """What a second below and a second above count."""
     beside: Beside = Beside()
+    """What the other channels may do meanwhile."""
 
     @model_validator(mode="after")
     def _steps_move(self) -> LoopTable:
@@ -219,13 +244,21 @@ class Loops(Section):
     """Tables of the loops that are tuned, by name."""
 
     surge: LoopTable | None = None
+    """Speed ahead; steps in m/s."""
     sway: LoopTable | None = None
+    """Speed athwart; steps in m/s."""
     heave: LoopTable | None = None
+    """Depth by vertical thrusters; steps in m."""
     roll: LoopTable | None = None
+    """Refused by the tuner; its margins count all the same."""
     pitch: LoopTable | None = None
+    """Pitch of the mode that holds the depth by it; steps in degrees below 90."""
     heading: LoopTable | None = None
+    """Heading; steps in degrees below 120."""
     depth: LoopTable | None = None
+    """Path over pitch, with guidance; steps in m."""
     cross_track: LoopTable | None = None
+    """Path over heading, with guidance; steps in m."""
 
     @model_validator(mode="after")
     def _fit_their_loop(self) -> Loops:
@@ -263,8 +296,11 @@ class LeastMargins(Section):
     """Least margins of the linearised loop; 0 requires none, but an unstable motion always falls short."""
 
     phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = ACCEPTED_PHASE_DEG
+    """Phase margin, degrees."""
     gain_db: NotNegative = ACCEPTED_GAIN_DB
+    """Gain margin upwards and downwards, dB."""
     delay_s: NotNegative = 0.2
+    """Delay margin, s."""
 
     @property
     def any(self) -> bool:
@@ -276,6 +312,7 @@ class Margins(LeastMargins):
     """Least margins at every supporting point, and others astern, where many a hull is unstable."""
 
     astern: LeastMargins | None = None
+    """Other margins at speeds below 0; by default the same."""
 
     @property
     def any_at_all(self) -> bool:
@@ -319,13 +356,26 @@ class TuningTable(Section):
     """How gains are searched, and what the closed loop shall do with them."""
 
     loops: Loops = Loops()
+    """What is tuned."""
     samples: Annotated[int, Field(strict=True, ge=0)] = 3
+    """Vehicles drawn from the identified covariance, each in a current, beside the vehicle itself in
+    still water."""
     robust: Annotated[Literal["worst"] | float, BeforeValidator(_quantile)] = "worst"
+    """What counts over the samples: the worst, or a quantile."""
     current_m_s: NotNegative | None = None
+    """Steady current that the samples meet, from all sides, m/s; by default a twentieth of the top speed."""
     sensors: Name = "typical"
+    """``"typical"``, ``"perfect"`` or a file of sensors."""
     margins: Margins = Margins()
+    """Least margins of the linearised loops."""
     smoothness: NotNegative = 0.05
+    """Weight of the second differences of ln(gain) along the breakpoints."""
     bounds: Annotated[Interval, BeforeValidator(_factors)] = (0.1, 10.0)
+    """Factors on the start gains between which is searched."""
     settle_s: Positive | None = None
+    """Time at the set point before the step, s; by default 15 or ``until_s``, the longer; 1.6 ``until_s``
+    for a corridor of the defaults."""
     voltage_v: Positive | None = None
+    """Supply, V; by default required where thrust depends on it."""
     budget: Budget = Budget()
+    """As above, for each group of loops."""

@@ -26,8 +26,11 @@ class Nuisance(Section):
     """A nuisance parameter: how far it may plausibly lie from zero, and whether all trials share it."""
 
     sd: Positive | None = None
+    """How far it plausibly lies from zero, SI; by default by name."""
     shared: bool | None = None
+    """One value for all of its trials; by default true for ``lever_…`` and ``latency_…``."""
     trials: TrialNames = ()
+    """Trials that have it."""
 
 
 class JointSettings(Section):
@@ -60,20 +63,37 @@ class JointSettings(Section):
     """
 
     trials: TrialNames = ()
+    """What is fitted jointly."""
     axes: Axes | None = None
+    """Modes of the axes, as in a stage; by default free where any stage frees, measured where one
+    measures."""
     coefficients: dict[str, EntryOfCoefficient] = Field(default_factory=dict)
+    """Further ones, or other bounds, as in a stage."""
     fixed: tuple[Name, ...] = ()
+    """Parameters of the stages that keep the stages' value."""
     nuisances: dict[str, Annotated[Nuisance, BeforeValidator(_short_nuisance)]] = Field(default_factory=dict)
+    """Nuisance parameters: ``NAME = sd``, ``NAME = "default"`` or a table."""
     channels: dict[str, Positive] = Field(default_factory=dict)
+    """What is compared; a weight divides the variance."""
     segment_s: Positive = SEGMENT_S
+    """Restart after this time, s."""
     loss: Literal["squared", "huber"] = "huber"
+    """Loss of the residuals."""
     knee: Positive = 3.0
+    """Knee of ``"huber"``, standard deviations of the residual."""
     start: Literal["smoothed", "estimated"] = "estimated"
+    """Initial conditions of the segments: from the smoothed log, or estimated with the rest."""
     starts: Count = 1
+    """Further starts lie in the middle half of the bounds."""
     rounds: Annotated[int, Field(strict=True, ge=0)] = 20
+    """Most rounds; 0 judges the stages' result."""
     method: Literal["automatic", "output", "innovations"] = "automatic"
+    """What is compared with the log: a simulation of each segment, or predictions of a filter, without
+    ``nuisances``; ``"automatic"`` chooses."""
     horizon_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    """With ``"innovations"``: how far ahead the filter predicts, s; 0 is one sample."""
     horizons_s: tuple[Positive, ...] = (0.2, 0.5, 2.0)
+    """With ``"innovations"``: other horizons, s, whose estimates must agree."""
 
     @model_validator(mode="after")
     def _measured_by_the_filter(self) -> JointSettings:

@@ -32,9 +32,15 @@ class Budget(Section):
     """Limits of a search. What is absent is chosen from the number of its parameters."""
 
     population: Annotated[int, Field(strict=True, ge=2)] | None = None
+    """Candidates per generation, rounded up to full lanes of eight; by default by the number of
+    coefficients."""
     generations: Count | None = None
+    """Most generations of the global search; by default 100 + 15 per coefficient."""
     simplex_rounds: Count | None = None
+    """Most rounds of the fine search; by default by the number of coefficients."""
     tolerance: Positive | None = None
+    """End of the fine search: gain over the last rounds; the global search ends at a tenth, or this where
+    it is more; by default 1e-4."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +60,11 @@ class Axes(Section):
     """Modes of the axes by letter; an axis that is not mentioned is frozen."""
 
     free: str = ""
+    """Simulated; at least one."""
     measured: str = ""
+    """Replayed from the log."""
     frozen: str = ""
+    """Keep their initial value."""
 
     @model_validator(mode="after")
     def _each_axis_once(self) -> Axes:
@@ -78,7 +87,9 @@ class Tie(Section):
     """A coefficient that follows another one by a factor (symmetry)."""
 
     name: Name
+    """The coefficient that follows."""
     factor: Number = 1.0
+    """Its value over the leading one."""
 
 
 def _short_coefficient(entry: Any) -> Any:
@@ -95,10 +106,16 @@ class Coefficient(Section):
     advice: ClassVar[str] = '. A name with a dot needs quotes: "stern.gain" = [0.5, 2.0].'
 
     bounds: Interval | None = None
+    """In SI; by default default bounds."""
     start: Number | None = None
+    """Start of the search, inside the bounds; by default an earlier stage's estimate, else the vehicle's
+    value."""
     sd: Positive | None = None
+    """Standard deviation of a prior of the joint estimate about the vehicle's value, or ``start``."""
     relative: bool = False
+    """``bounds``, ``start`` and ``sd`` are factors of the vehicle's value."""
     tie: tuple[Annotated[Tie, BeforeValidator(_short_tie)], ...] = ()
+    """Coefficients that follow by symmetry."""
 
     @model_validator(mode="after")
     def _bounds_in_order(self) -> Coefficient:
@@ -142,17 +159,29 @@ class Stage(Section):
     """
 
     name: Name
+    """Unique."""
     trials: Annotated[TrialNames, Field(min_length=1)]
+    """What is fitted."""
     axes: Axes
+    """Modes of the axes."""
     coefficients: dict[str, EntryOfCoefficient] = Field(default_factory=dict)
+    """What is identified."""
     after: tuple[Name, ...] = ()
+    """Stages whose estimates this one starts from and keeps."""
     segment_s: Positive = 10.0
+    """Restart after this time, s."""
     overlap_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    """Overlap of one segment with the next, s."""
     channels: dict[str, Positive] = Field(default_factory=dict)
+    """What is compared: names of ``u v w p q r x y z roll pitch yaw``."""
     loss: Literal["absolute", "squared", "huber"] = "absolute"
+    """Criterion."""
     knee: Positive = 1.8
+    """Knee of ``"huber"``, standard deviations."""
     start: Literal["smoothed", "estimated"] = "smoothed"
+    """Initial velocities of the segments: from the smoothed log, or estimated as nuisance parameters."""
     budget: Budget = Budget()
+    """How long it searches."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Stage:
