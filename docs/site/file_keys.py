@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+SUFFIX = ".md"
 SOURCES = Path(__file__).resolve().parents[2] / "crates" / "seatrial" / "src"
 
 FILES = {
@@ -153,7 +154,7 @@ def page(file: str) -> str:
     """The tables as a page of the reference."""
     parts = [
         f"Keys of the {file} file as the program reads them. What it is for, with an example: "
-        f"[{file} file](../{file}-file.md). An unknown key is refused with the nearest known name, a number "
+        f"[{file} file](../{file}-file{SUFFIX}). An unknown key is refused with the nearest known name, a number "
         "beyond its physical range with the range."
     ]
     for table in tables(file):
