@@ -154,8 +154,8 @@ def page(file: str) -> str:
     """The tables as a page of the reference."""
     parts = [
         f"Keys of the {file} file as the program reads them. What it is for, with an example: "
-        f"[{file} file](../{file}-file{SUFFIX}). An unknown key is refused with the nearest known name, a number "
-        "beyond its physical range with the range."
+        f"[{file} file](../{file}-file{SUFFIX}). An unknown key is refused with the nearest known name, "
+        "a number beyond its physical range with the range."
     ]
     for table in tables(file):
         rows = [f"| `{key.name}` | {key.type} | {key.default} | {key.meaning} |" for key in table.keys]
