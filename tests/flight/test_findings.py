@@ -13,6 +13,7 @@ import pytest
 import seatrial as st
 from seatrial.flight.findings import missed_waypoint, outside, overrun
 from seatrial.flight.seeds import fly_seeds
+from seatrial.report.results.flight_findings import problem, remedy
 from tests.flight.flying import BOX, OUT
 
 STEEP = """
@@ -108,12 +109,12 @@ def test_a_waypoint_missed_at_one_depth_is_no_question_of_the_dive() -> None:
     # The first leg dives, the second one stays at its depth.
     missed = next(k for k, leg in enumerate(flight.legs) if k > 0 and not leg.reached)
     leg = flight.legs[missed]
-    found = missed_waypoint(flight, missed, leg)
-    assert "slope" not in found.words
-    assert found.remedy.startswith(f"enlarge its acceptance radius beyond {leg.smallest_m:.1f} m")
+    finding = missed_waypoint(flight, missed, leg)
+    assert "slope" not in problem(finding)
+    assert remedy(finding).startswith(f"enlarge its acceptance radius beyond {leg.smallest_m:.1f} m")
     wrong = missed_waypoint(flight, missed, replace(leg, perceived_m=0.01, smallest_m=9.0))
-    assert wrong.words.endswith("its position was wrong by so much")
-    assert "--navigation filter" in wrong.remedy
+    assert problem(wrong).endswith("its position was wrong by so much")
+    assert "--navigation filter" in remedy(wrong)
 
 
 def test_a_current_from_ahead_makes_a_flight_late_and_the_speed_made_good_is_told() -> None:
@@ -225,9 +226,9 @@ def test_a_position_that_was_wrong_by_an_outage_is_told_by_it() -> None:
         ),
     )
     wrong = missed_waypoint(lost, 0, replace(flight.legs[0], perceived_m=0.01, smallest_m=9.0))
-    assert wrong.words.endswith("its position was wrong by so much (no samples of gps from 1 s on)")
-    assert "position aid" in wrong.remedy
-    assert "--navigation filter" not in wrong.remedy
+    assert problem(wrong).endswith("its position was wrong by so much (no samples of gps from 1 s on)")
+    assert "position aid" in remedy(wrong)
+    assert "--navigation filter" not in remedy(wrong)
 
 
 def test_a_flight_along_the_bottom_without_touching_it_is_complete() -> None:

@@ -117,9 +117,9 @@ class Report:
     def lines(self) -> tuple[str, str, str]:
         """How good, the worst problem, what to do next: a line each."""
         return (
-            f"{self.title}: {self.outcome}. {_sentence(self.good)}",
-            f"Worst: {_sentence(self.worst)}",
-            f"Next: {_sentence(self.next_step)}",
+            f"{self.title}: {self.outcome}. {as_sentence(self.good)}",
+            f"Worst: {as_sentence(self.worst)}",
+            f"Next: {as_sentence(self.next_step)}",
         )
 
     def shown(self, *, verbose: bool = True) -> Iterator[Section]:
@@ -269,7 +269,7 @@ _SHORT_WORDS = (
 """Words of two letters that begin a sentence: no symbol of a quantity is called so."""
 
 
-def _sentence(text: str) -> str:
+def as_sentence(text: str) -> str:
     """The text with a capital first letter of its first word and a full stop."""
     text = text.strip()
     first = text.partition(" ")[0]

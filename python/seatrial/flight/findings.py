@@ -1,30 +1,33 @@
-"""What went wrong on a flight, by the facts of its log: limits that it broke, waypoints missed, time lost.
+"""What went wrong on a flight, by the facts of its log, as data: limits, waypoints, reactions, time lost.
 
-Each finding is a sentence without its full stop and what to do about it. True positions count, not those
-that the autopilot was told.
+True positions count, not those that the autopilot perceived. A finding names its cause where the log shows
+it; what to do is that of the root, and the words are those of `seatrial.report.results.flight_findings`.
 
 The slope of a leg is compared with what guidance asks for at most (``pitch_max_deg`` where the depth goes by
 pitch, ``depth_rate_max_m_s`` at the leg's speed where it goes by heave), and with the steepest path over 5 s
 that the vehicle flew on it.
 
-Held by ``tests/flight/test_findings.py``.
+Held by ``tests/flight/test_findings.py`` and ``tests/flight/test_reactions.py``.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array, Mask
-from seatrial.flight.excesses import OFF_LIMIT_M, too_deep, too_low, touched
-from seatrial.flight.metrics import Leg, saturated
-from seatrial.flight.watches import source
-from seatrial.vehicle.stability import statics
+from seatrial.base.finding import Finding, Severity
+from seatrial.flight import excesses, reactions
+from seatrial.flight.excesses import IN_THE_AIR_M, OFF_LIMIT_M, STEEP_DEG, too_deep, too_low, touched
+from seatrial.flight.metrics import DIVERGED, Leg, Loop, saturated
+from seatrial.vehicle.actuators import beyond_tables
+from seatrial.vehicle.authority import commanded_rows
+from seatrial.vehicle.stability import growth, statics
 
 if TYPE_CHECKING:
     from seatrial.flight.log import FlightLog
@@ -43,14 +46,210 @@ _CROSSING = 0.1  # of a leg's speed: from there on a current counts across it
 
 _LONGER, _LEAST_S = 1.2, 30.0  # of the planned time, from which on a flight was late, and at least so much
 
+_SATURATED = 0.05  # of a loop's time: less is a turn or a start
 
-class Finding(NamedTuple):
-    """What was found, a sentence without its full stop, and what to do about it."""
+_OFF_M = 0.05  # of the position that the autopilot was told: less explains no miss
 
+_TILTED = math.radians(20.0)
+"""Pitch, rad, off its demand from which a hull that no loop holds has left its trim: waves and starts of a
+built-in hovering vehicle pitch it by less than half of that."""
+
+RESERVE = 0.75
+"""Share of the speed at which pitch becomes unstable that is safe to fly: an open frame that turned at 0.76
+of it kept to 20 deg, at 0.87 it pitched to 56 deg (tests/flight/test_findings.py)."""
+
+
+class Result(NamedTuple):
+    """What came of a flight, beside its log: as of `seatrial.flight.flight.Flight`."""
+
+    outcome: str
     words: str
-    remedy: str
-    at_s: float = math.nan
-    """When it began; nan where that says nothing."""
+    metrics: Mapping[str, float]
+    legs: Sequence[Leg]
+    loops: Mapping[str, Loop]
+    alerts: Sequence[reactions.Alert]
+
+
+def findings(flight: FlightLog, result: Result) -> tuple[Finding, ...]:
+    """What went wrong, the gravest first; of a flight that succeeded the weakness that counts most.
+
+    Parameters
+    ----------
+    flight : FlightLog
+    result : Result
+    """
+    grave = _grave(flight, result)
+    tilted = None if result.outcome == DIVERGED else tilt(flight)
+    if tilted is not None:
+        # What happened after the vehicle had tilted comes of it; NaN tells no time and is explained as well.
+        grave = [finding if finding.at_s < tilted.at_s else finding.because(tilted) for finding in grave]
+    return tuple(grave) or _lesser(flight, result)
+
+
+def _grave(flight: FlightLog, result: Result) -> list[Finding]:
+    """What made a flight fail or put the vehicle at risk, the gravest first; empty for a good flight."""
+    if result.outcome == DIVERGED:
+        return [Finding("diverged", Severity.DANGER)]
+    found = (
+        [_nearness(flight, result.metrics)]
+        if excesses.too_near(result.metrics, flight.mission.promised_m)
+        else []
+    )
+    found += broken_limits(flight, result.metrics)
+    if result.alerts:
+        called = reactions.called_for(flight, result.alerts, found)
+        if result.metrics["pitch_largest_deg"] > STEEP_DEG:
+            called = [
+                finding.because(Finding("loops doubtful", Severity.DANGER))
+                if finding.kind == "safety reaction" and finding.cause is None
+                else finding
+                for finding in called
+            ]
+        found = called
+    elif missed := [(k, leg) for k, leg in enumerate(result.legs) if not leg.reached]:
+        k, leg = missed[0]
+        if math.isnan(leg.begin_s) or result.outcome == "out of time":
+            words = {"outcome": result.words}
+            found.append(Finding("waypoint out of time", Severity.PROBLEM, leg.label, words))
+        else:
+            found.append(missed_waypoint(flight, k, leg))
+    return found + beyond_the_model(flight, result.metrics)
+
+
+def beyond_the_model(flight: FlightLog, metrics: Mapping[str, float]) -> list[Finding]:
+    """Where the vehicle left the water, or pitched beyond what its model and loops are made for."""
+    found = []
+    if (pitch := metrics["pitch_largest_deg"]) > STEEP_DEG:
+        values = {"pitch_deg": pitch, "limit_deg": STEEP_DEG, **_at(flight, metrics["pitch_time_s"])}
+        found.append(Finding("pitched over", Severity.DANGER, flight.vehicle.name, values))
+    if (height := -metrics["depth_smallest_m"]) > IN_THE_AIR_M:
+        values = {"height_m": height, **_at(flight, metrics["depth_smallest_time_s"])}
+        found.append(Finding("left the water", Severity.DANGER, flight.vehicle.name, values))
+    return found
+
+
+def tilt(flight: FlightLog) -> Finding | None:
+    """That the hull tilted in a mode in which no loop holds its pitch; None where it did not.
+
+    The destabilising (Munk) moment grows with the speed squared, the righting moment is that of the buoyancy
+    over the weight: above a speed pitch is unstable (Fossen 2011, chapter 12), and thrust beside the centre
+    tilts a hull at any speed. Where the actuators can command pitch, a loop is what is missing.
+    """
+    free = [k for k, mode in enumerate(flight.autopilot.modes) if "pitch" not in mode["loop_names"]]
+    rows = flight.under_way & np.isin(flight.mode, free)
+    tilted = np.abs(flight.euler[:, 1]) > _TILTED
+    # What a mode with a pitch loop tilted on purpose, and left behind, is none of its own.
+    begun = np.flatnonzero(rows[1:] & tilted[1:] & ~tilted[:-1]) + 1
+    if not len(begun):
+        return None
+    speed = float(np.max(np.abs(flight.nu[rows, 0])))
+    limit, name = unstable_from(flight.vehicle, 2.0 * speed), flight.vehicle.name
+    pitch = math.degrees(float(np.max(np.abs(flight.euler[rows, 1]))))
+    began = float(flight.t[begun[0]])
+    if "M" in commanded_rows(flight.vehicle):
+        values: dict[str, Any] = {"pitch_deg": pitch, "mode": flight.modes[int(flight.mode[begun[0]])]}
+        return Finding("pitch not held", Severity.DANGER, name, values, at_s=began)
+    if limit is None or speed < RESERVE * limit:
+        return None
+    asked, height = max(stop.speed for stop in flight.route.stops), statics(flight.vehicle).b_over_g_m
+    values = {
+        "from_m_s": limit,
+        "flown_m_s": speed,
+        "pitch_deg": pitch,
+        "safe_m_s": RESERVE * limit,
+        "b_over_g_m": height,
+        # The righting moment has to grow as the speed squared does.
+        "b_over_g_needed_m": height * (asked / (RESERVE * limit)) ** 2,
+    }
+    return Finding("pitch unstable", Severity.DANGER, name, values, at_s=began)
+
+
+def unstable_from(vehicle: Any, fastest_m_s: float) -> float | None:
+    """Speed ahead from which pitch is unstable, m/s; None where it is stable up to the fastest one.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    fastest_m_s : float
+        Up to which is looked.
+    """
+    if growth(vehicle, fastest_m_s, "pitch") <= 0.0 or growth(vehicle, 0.0, "pitch") > 0.0:
+        return None
+    from scipy.optimize import brentq
+
+    return float(brentq(lambda speed: growth(vehicle, speed, "pitch"), 0.0, fastest_m_s, xtol=1e-3))
+
+
+def _at(flight: FlightLog, time_s: float) -> dict[str, Any]:
+    """When and where a time was, as values of a finding."""
+    return where(flight, int(np.argmin(np.abs(flight.t - time_s))))
+
+
+def where(flight: FlightLog, row: int) -> dict[str, Any]:
+    """When and where a row is: time in s, position in m, and the leg that is under way."""
+    north, east, down = flight.position[row]
+    stop = flight.route.stops[min(int(flight.leg[row]), len(flight.route.stops) - 1)]
+    return {
+        "at_s": float(flight.t[row]),
+        "north_m": north,
+        "east_m": east,
+        "depth_m": down,
+        "leg": stop.label,
+    }
+
+
+def _nearness(flight: FlightLog, metrics: Mapping[str, float]) -> Finding:
+    """How near the hull came to something, because of a position that was so wrong where that explains it."""
+    at = metrics["clearance_time_s"]
+    row = int(np.argmin(np.abs(flight.t - at)))
+    perceived = [flight.measured[name][row] for name in ("x", "y")]
+    off = math.dist(perceived, flight.position[row, :2])
+    short = -min(metrics["clearance_m"], metrics["clearance_reserve_m"])
+    near = Finding("too near", Severity.DANGER, flight.vehicle.name, clearance(flight, metrics), at_s=at)
+    if off > max(short, _OFF_M):
+        return near.because(wrong_position(flight, math.inf, off_m=off))
+    return near
+
+
+def clearance(flight: FlightLog, metrics: Mapping[str, float]) -> dict[str, Any]:
+    """How near the hull came to what stands in the water, when and where, and what was promised, m."""
+    clear, reserve = metrics["clearance_m"], metrics["clearance_reserve_m"]
+    counts = excesses.promise_counts(clear, reserve)
+    promised = flight.mission.promised_m if counts else math.nan
+    values = {"clearance_m": clear, "reserve_m": reserve, "promised_m": promised}
+    return values | _at(flight, metrics["clearance_time_s"])
+
+
+def _lesser(flight: FlightLog, result: Result) -> tuple[Finding, ...]:
+    """The weakness of a flight that succeeded: time, errors beyond a radius, supply, saturation."""
+    if late := overrun(flight, result.legs):
+        return (late,)
+    busy = saturated_loops(result.loops)
+    if off := off_course(flight, result.legs):
+        return (off, *busy[:1])
+    supply = flight.circumstances.voltage_v
+    if supply is not None and (beyond := beyond_tables(flight.vehicle, supply)):
+        return (Finding("thrust table exceeded", Severity.WEAKNESS, values={"sentence": beyond[0]}),)
+    for loop in result.loops.values():
+        exhausted = loop.name in ("pitch", "heave") and loop.saturated > EXHAUSTED
+        if exhausted and (trim := out_of_trim(flight, loop.name)):
+            values = {"share": loop.saturated, "of": "of its time"}
+            return (Finding("loop saturated", Severity.WEAKNESS, loop.name, values, trim),)
+    return tuple(busy[:1])
+
+
+def saturated_loops(loops: Mapping[str, Loop]) -> list[Finding]:
+    """Loops that were saturated, the most saturated one first."""
+    return [
+        Finding(
+            "loop busy",
+            Severity.WEAKNESS,
+            loop.name,
+            {"share": loop.saturated, "demand": loop.demand_largest, "unit": loop.demand_unit},
+        )
+        for loop in sorted(loops.values(), key=lambda loop: -loop.saturated)
+        if loop.saturated > _SATURATED
+    ]
 
 
 def broken_limits(flight: FlightLog, metrics: Mapping[str, float]) -> list[Finding]:
@@ -59,64 +258,49 @@ def broken_limits(flight: FlightLog, metrics: Mapping[str, float]) -> list[Findi
     name, limits, depth = flight.vehicle.name, flight.mission.limits, flight.position[:, 2]
     altitude = np.where(np.isfinite(flight.altitude), flight.altitude, np.inf)
     lowest = int(np.argmin(altitude))
-    away = "plan the legs farther from the bottom, or slow down before the depth changes"
     least = limits["min_altitude_m"]
+
+    def broken(kind: str, row: int, rows: Mask, **values: float) -> Finding:
+        since = float(flight.t[int(np.argmax(rows))])
+        return Finding(kind, Severity.DANGER, name, values | where(flight, row), at_s=since)
+
     if touched(metrics):
-        since = _since(flight, altitude <= 0.0)
-        found.append(Finding(f"{name} touched the bottom, {where(flight, lowest)}", away, since))
+        found.append(broken("bottom touched", lowest, altitude <= 0.0))
     elif too_low(metrics, least):
-        words = f"{name} came to {altitude[lowest]:.2f} m above the bottom, {where(flight, lowest)};"
-        words += f" the mission's least altitude is {least:g} m"
-        found.append(Finding(words, away, _since(flight, altitude < least - OFF_LIMIT_M)))
+        values = {"altitude_m": float(altitude[lowest]), "limit_m": least}
+        found.append(broken("too low", lowest, altitude < least - OFF_LIMIT_M, **values))
     if len(flight.mission.fence):
         beyond = outside(flight.position[:, :2], flight.mission.fence)
         row = int(np.argmax(beyond))
         if beyond[row] > OFF_LIMIT_M:
-            words = f"{name} was up to {beyond[row]:.1f} m outside the mission's fence, {where(flight, row)}"
-            inside = "plan the legs and their turns farther inside the fence, or widen it"
-            found.append(Finding(words, inside, _since(flight, beyond > OFF_LIMIT_M)))
+            found.append(broken("outside the fence", row, beyond > OFF_LIMIT_M, beyond_m=float(beyond[row])))
     most = limits["max_depth_m"]
     if too_deep(metrics, most):
         row = int(np.nanargmax(depth))
-        words = f"{name} went {metrics['depth_largest_m']:.2f} m deep, {where(flight, row)};"
-        words += f" the mission's largest depth is {most:g} m"
-        remedy = "plan shallower legs, or raise the mission's largest depth"
-        found.append(Finding(words, remedy, _since(flight, depth > most + OFF_LIMIT_M)))
+        values = {"deepest_m": metrics["depth_largest_m"], "limit_m": most}
+        found.append(broken("too deep", row, depth > most + OFF_LIMIT_M, **values))
     return found
 
 
-def _since(flight: FlightLog, broken: Mask) -> float:
-    """Time of the first row that is broken, s."""
-    return float(flight.t[int(np.argmax(broken))])
-
-
-def injected(flight: FlightLog, group: str, at_s: float) -> str:
-    """The outage of a group of channels that was asked for and had begun by a time, in words; empty without.
+def wrong_position(flight: FlightLog, until_s: float, *, off_m: float = math.nan) -> Finding:
+    """That the position was wrong: by an outage that was asked for and had begun, and what the flight had.
 
     Parameters
     ----------
     flight : FlightLog
-    group : str
-        As "position".
-    at_s : float
+    until_s : float
+        Time by which the outage has to have begun, s.
+    off_m : float, optional
+        How far off the position was, m.
     """
-    begun = [one for one in flight.circumstances.outages if one.group == group and one.from_s <= at_s]
-    return begun[-1].sentence() if begun else ""
-
-
-def position_remedy(flight: FlightLog) -> str:
-    """What to do about a position that was wrong: what the flight did not have already.
-
-    A navigation filter bridges samples that are missing. Alone it takes an offset of the fix for the truth;
-    USBL and ranges to landmarks, which only the filter reads, show it (docs/validation.md, acoustics).
-    """
-    fixes = f"give it {source('position')}, or position fixes more often or more exact ones"
-    if flight.circumstances.navigation == "filter":
-        return fixes
-    missing = any(injected(flight, group, math.inf) for group in ("position", "velocity", "water"))
-    if missing:
-        return f"{fixes}, or fly by the navigation filter (--navigation filter), which bridges the outage"
-    return f"{fixes}; USBL and ranges need --navigation filter, which alone does not find an offset"
+    missing = any(reactions.injected(flight, group, math.inf) for group in ("position", "velocity", "water"))
+    values = {
+        "outage": reactions.injected(flight, "position", until_s) if math.isnan(off_m) else "",
+        "off_m": off_m,
+        "filtered": flight.circumstances.navigation == "filter",
+        "missing": missing,
+    }
+    return Finding("position wrong", Severity.PROBLEM, values=values)
 
 
 def outside(points: Array, fence: Array) -> Array:
@@ -145,53 +329,36 @@ def outside(points: Array, fence: Array) -> Array:
     return np.where(inside | ~np.isfinite(north), 0.0, nearest)
 
 
-def not_reached(leg: Leg) -> str:
-    """How near it came, as perceived, which decides whether the waypoint counts as reached, and in truth."""
-    return (
-        f'"{leg.label}" not reached: the autopilot perceived it at {leg.perceived_m:.2f} m at the nearest'
-        f" (radius {leg.acceptance_m:g} m), the true distance was {leg.smallest_m:.2f} m"
-    )
-
-
 def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
-    """How near the vehicle came to the waypoint of leg `k` that it began and missed, why, and what to do."""
-    words = not_reached(leg)
+    """How near the vehicle came to the waypoint of leg `k` that it began and missed, and why."""
+    values: dict[str, Any] = {
+        "perceived_m": leg.perceived_m,
+        "acceptance_m": leg.acceptance_m,
+        "smallest_m": leg.smallest_m,
+    }
+    ended = leg.begin_s + leg.time_s
+    missed = Finding("waypoint missed", Severity.PROBLEM, leg.label, values, at_s=ended)
     if leg.perceived_m <= leg.acceptance_m < leg.smallest_m:
-        outage = injected(flight, "position", leg.begin_s + leg.time_s)
-        why = f" ({outage})" if outage else ""
-        return Finding(f"{words}: its position was wrong by so much{why}", position_remedy(flight))
+        return missed.because(wrong_position(flight, ended))
     aside, deep = _miss(flight, k)
-    words += f", {aside:.1f} m aside and {abs(deep):.1f} m too {'deep' if deep > 0.0 else 'shallow'}"
+    missed = replace(missed, values=values | {"aside_m": aside, "deep_m": deep, "loop": "heading"})
+    by = "heave" if _by_heave(flight, k) else "pitch"
     slope = _Slope.of(flight, k)
     if abs(deep) > aside and (slope is None or slope.flown < _HARDLY * slope.asked):
-        by = "heave" if _by_heave(flight, k) else "pitch"
         share = _saturated_on(flight, k, by)
         if share > EXHAUSTED:
-            words += f"; the {by} loop was saturated for {100.0 * share:.0f} % of the leg"
-            cause = out_of_trim(flight, by, shallow=deep < 0.0)
-            remedy = cause.remedy if cause else "fly faster if fins steer it, or fit stronger actuators"
-            words += f": {cause.words}" if cause else ""
-            return Finding(words, f"{remedy}; a longer leg does not help")
+            exhausted = Finding("loop saturated", Severity.PROBLEM, by, {"share": share, "of": "of the leg"})
+            return missed.because(exhausted).because(out_of_trim(flight, by, shallow=deep < 0.0))
     # What a leg is steeper than guidance allows is made in circles, so that the miss may be aside.
     if slope is not None and (slope.refused or (slope.lagging and abs(deep) > aside)):
-        return Finding(
-            f"{words}; {slope.words()}", f"{slope.remedy()}; a larger acceptance radius would only hide it"
-        )
+        return missed.because(slope.finding())
     if abs(deep) > aside:
-        return Finding(
-            words,
-            "slow the leg down or lengthen it, for its depth was not reached in time; then tune the"
-            f" {'heave' if _by_heave(flight, k) else 'pitch'} loop (seatrial tune)",
-        )
-    return Finding(
-        words,
-        f"enlarge its acceptance radius beyond {leg.smallest_m:.1f} m, slow the leg down, or tune the heading"
-        " loop (seatrial tune)",
-    )
+        return replace(missed, values={**missed.values, "loop": by})
+    return missed
 
 
 def out_of_trim(flight: FlightLog, by: str, *, shallow: bool | None = None) -> Finding | None:
-    """Net buoyancy that explains why the loop that changes the depth is at its limit, and what to do.
+    """Net buoyancy that explains why the loop that changes the depth is at its limit.
 
     Parameters
     ----------
@@ -204,21 +371,16 @@ def out_of_trim(flight: FlightLog, by: str, *, shallow: bool | None = None) -> F
     Returns
     -------
     Finding or None
-        A clause, None where the net buoyancy is small against what the loop can do.
+        None where the net buoyancy is small against what the loop can do.
     """
     rest = statics(flight.vehicle)
-    net = abs(rest.net_n)
     limit = float(flight.autopilot.loops().get("heave", {}).get("tau_max", 0.0))
     # A thruster carries the net buoyancy itself. Fins carry it by the lift of a hull that is pitched.
     material = _CARRIED * limit if by == "heave" else _BUOYANT * rest.weight_n
-    if net <= material or (shallow is not None and shallow != (rest.net_n > 0.0)):
+    if abs(rest.net_n) <= material or (shallow is not None and shallow != (rest.net_n > 0.0)):
         return None
-    kind, change = (
-        ("light", "take out buoyancy or add ballast") if rest.net_n > 0.0 else ("heavy", "add buoyancy")
-    )
-    words = f"the vehicle is too {kind} by {net:.1f} N ({100.0 * net / rest.weight_n:.1f} % of its weight)"
-    faster = " or fly the leg faster, for the force of fins grows with the speed squared"
-    return Finding(words, f"trim the vehicle ({change}){faster if by == 'pitch' else ''}")
+    values = {"net_n": rest.net_n, "weight_n": rest.weight_n}
+    return Finding("out of trim", Severity.PROBLEM, by, values)
 
 
 def _saturated_on(flight: FlightLog, k: int, loop: str) -> float:
@@ -234,31 +396,29 @@ def overrun(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
     took, planned, allowed = float(flight.t[-1]), flight.route.planned_time, flight.route.longest
     if took < max(_LONGER * planned, planned + _LEAST_S) and took <= allowed:
         return None
-    words = f"it took {took:.0f} s, {took / planned:.2g} times the planned {planned:.0f} s"
-    words += f", and the mission allows {allowed:.0f} s" if took > allowed else ""
+    values: dict[str, Any] = {"took_s": took, "planned_s": planned, "allowed_s": allowed}
     lost = [
         (leg.time_s - _planned(flight, k), k)
         for k, leg in enumerate(legs)
         if leg.task == "pass" and math.isfinite(leg.time_s)
     ]
     if not lost or max(lost)[0] <= 0.0:
-        return Finding(words, "allow more time, or plan for the speed that the vehicle makes good")
+        return Finding("late", Severity.WEAKNESS, values=values)
     k = max(lost)[1]
     leg, stop = legs[k], flight.route.stops[k]
-    words += f', furthest behind its plan on the way to "{leg.label}":'
-    words += f" {leg.time_s:.0f} s for {_planned(flight, k):.0f} s"
+    values |= {
+        "leg_s": leg.time_s,
+        "leg_planned_s": _planned(flight, k),
+        "made_good_m_s": flight.route.length(k) / leg.time_s,
+        "asked_m_s": stop.speed,
+    }
     slope = _Slope.of(flight, k)
-    if slope is not None and slope.refused:
-        return Finding(f"{words}; {slope.words()}", slope.remedy())
-    made = flight.route.length(k) / leg.time_s
-    return Finding(
-        f"{words} ({made:.2f} m/s made good, {stop.speed:g} m/s asked for)",
-        "plan the legs for the speed that the vehicle makes good in this water, or allow more time",
-    )
+    cause = slope.finding(missed=False) if slope is not None and slope.refused else None
+    return Finding("late", Severity.WEAKNESS, leg.label, values, cause)
 
 
 def off_course(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
-    """The largest error of a leg beyond its radius of acceptance, and what to do; None without one."""
+    """The largest error of a leg beyond its radius of acceptance; None without one."""
     beyond = [
         (size, name, k)
         for k, leg in enumerate(legs)
@@ -268,20 +428,20 @@ def off_course(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
     if not beyond:
         return None
     size, name, k = max(beyond)
-    words = f'{name} error of {size:.2f} m on the way to "{legs[k].label}", more than its acceptance radius'
-    words += f" of {legs[k].acceptance_m:g} m"
-    if name == "vertical":
-        by = "heave" if _by_heave(flight, k) else "pitch"
-        return Finding(words, f"lengthen the leg or slow it down; then tune the {by} loop (seatrial tune)")
     guidance, speed = flight.autopilot.guidance(), flight.route.stops[k].speed
     current = math.hypot(*flight.circumstances.current[:2])
-    keys = [f"lookahead_m ({guidance['lookahead_m']:g})"]
-    remedy = "turn onto it earlier or with a longer leg"
-    if current > _CROSSING * speed:
-        words += f"; the current of {current:.2g} m/s is {100.0 * current / speed:.0f} % of its {speed:g} m/s"
-        keys.insert(0, f"integral_gain_m_s ({guidance['integral_gain_m_s']:g})")
-        remedy = f"fly it faster against this current, {remedy}"
-    return Finding(words, f"{remedy}, or tune {' and '.join(keys)} under [guidance] of the autopilot file")
+    values = {
+        "error": name,
+        "error_m": size,
+        "acceptance_m": legs[k].acceptance_m,
+        "loop": "heave" if _by_heave(flight, k) else "pitch",
+        "speed_m_s": speed,
+        "current_m_s": current,
+        "crossing": current > _CROSSING * speed,
+        "lookahead_m": guidance["lookahead_m"],
+        "integral_gain_m_s": guidance["integral_gain_m_s"],
+    }
+    return Finding("off course", Severity.WEAKNESS, legs[k].label, values)
 
 
 @dataclass(frozen=True)
@@ -331,27 +491,26 @@ class _Slope:
         """Whether the vehicle flew nowhere as steep as the leg is."""
         return self.asked > _LAGGING * self.flown > 0.0
 
-    def words(self) -> str:
-        """The slope against what is possible."""
-        way = "descends" if self.depth_m > 0.0 else "climbs"
-        asked, limit, flown = (f"{math.degrees(x):.0f} deg" for x in (self.asked, self.limit, self.flown))
-        rest = (
-            f"the vehicle flew at most {flown}"
-            if self.flown < self.asked
-            else "the rest was made on the spot"
-        )
-        return (
-            f"the leg {way} {abs(self.depth_m):.1f} m over {self.length_m:.1f} m, a slope of {asked}, where"
-            f" guidance allows {limit} ({self.limited_by}); {rest}"
-        )
+    def finding(self, *, missed: bool = True) -> Finding:
+        """The slope against what is possible, and how long the leg has to be.
 
-    def remedy(self) -> str:
-        """How long the leg has to be."""
+        Parameters
+        ----------
+        missed : bool
+            Whether a waypoint was missed for it, or only reached late.
+        """
         reach = min(self.limit, self.flown) if self.lagging else self.limit
-        return (
-            f"lengthen the leg to at least {math.ceil(abs(self.depth_m) / math.tan(reach))} m, or begin the"
-            " change of depth a leg earlier"
-        )
+        values = {
+            "depth_m": self.depth_m,
+            "length_m": self.length_m,
+            "asked_deg": math.degrees(self.asked),
+            "limit_deg": math.degrees(self.limit),
+            "limited_by": self.limited_by,
+            "flown_deg": math.degrees(self.flown),
+            "needed_m": math.ceil(abs(self.depth_m) / math.tan(reach)),
+            "missed": missed,
+        }
+        return Finding("leg too steep", Severity.PROBLEM, values=values)
 
 
 def _by_heave(flight: FlightLog, k: int) -> bool:
@@ -393,13 +552,3 @@ def _planned(flight: FlightLog, k: int) -> float:
     path = flight.route
     down = 0.0 if path.follows_bottom(k) else float(path.stops[k].position[2] - path.before(k)[2])
     return math.hypot(path.length(k), down) / path.stops[k].speed
-
-
-def where(flight: FlightLog, row: int) -> str:
-    """When and where a row is, in words."""
-    north, east, down = flight.position[row]
-    label = flight.route.stops[min(int(flight.leg[row]), len(flight.route.stops) - 1)].label
-    return (
-        f"at {flight.t[row]:.1f} s, north {north:.1f} m, east {east:.1f} m, {down:.1f} m deep, on the way to"
-        f' "{label}"'
-    )

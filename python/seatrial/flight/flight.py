@@ -15,10 +15,12 @@ import numpy as np
 
 from seatrial._core import autopilot_names
 from seatrial.base.atomic_write import parquet
+from seatrial.base.finding import Finding
 from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Section, report_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.flight import excesses
+from seatrial.flight.findings import Result, findings
 from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
@@ -143,6 +145,12 @@ class Flight(FlightLog):
         )
 
     @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """What went wrong with its causes, the gravest first; of a good flight what limits how good it is."""
+        result = Result(self.outcome, self.outcome_in_words, self.metrics, self.legs, self.loops, self.alerts)
+        return findings(self, result)
+
+    @cached_property
     def legs(self) -> tuple[Leg, ...]:
         """What became of every leg, one per waypoint."""
         return legs_of(self)
@@ -190,6 +198,7 @@ class Flight(FlightLog):
             "actuators": {name: use.to_dict() for name, use in self.actuator_use.items()},
             "alerts": [asdict(alert) for alert in self.alerts],
             "circumstances": self.circumstances.to_dict(),
+            "findings": [finding.to_dict() for finding in self.findings],
             "sentences": self.sentences(),
         } | ({} if self.samples is None else {"payload": self.samples.to_dict()})
 

@@ -1,4 +1,4 @@
-"""What the safety called for on a flight, why, what became of the vehicle then, and what to do about it.
+"""What the safety called for on a flight, why, and what became of the vehicle then.
 
 Held by ``tests/flight/test_reactions.py``.
 """
@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial.base.finding import Finding, Severity
 from seatrial.flight import watches
-from seatrial.flight.findings import Finding, injected
 from seatrial.vehicle.stability import statics
 
 if TYPE_CHECKING:
@@ -24,8 +24,6 @@ _SANK_M = 0.1  # below where the reaction began: less is the way on of a hull un
 
 _RISING_M_S, _LATELY_S = 0.02, 10.0  # slower it does not come up; time over which that is told
 
-_DOWN_M_S = 0.005  # of the current: what matters to a vehicle that floats up
-
 
 @dataclass(frozen=True)
 class Alert:
@@ -36,10 +34,24 @@ class Alert:
     cause: str
 
 
-def called_for(
-    flight: FlightLog, alerts: Sequence[Alert], others: Sequence[Finding], *, otherwise: str = ""
-) -> list[Finding]:
-    """The first reaction, why, what became of the vehicle and what to do, in its place among `others`.
+def injected(flight: FlightLog, group: str, at_s: float) -> str:
+    """The outage of a group of channels that was asked for and had begun by a time, in words; empty without.
+
+    Parameters
+    ----------
+    flight : FlightLog
+    group : str
+        As "position".
+    at_s : float
+    """
+    begun = [
+        outage for outage in flight.circumstances.outages if outage.group == group and outage.from_s <= at_s
+    ]
+    return begun[-1].sentence() if begun else ""
+
+
+def called_for(flight: FlightLog, alerts: Sequence[Alert], others: Sequence[Finding]) -> list[Finding]:
+    """The first reaction, why, and what became of the vehicle, in its place among `others`.
 
     It comes first where the vehicle did not come up, or where its cause began before the others did.
 
@@ -50,63 +62,54 @@ def called_for(
         In the order in which they were called for, at least one.
     others : sequence of Finding
         What else went wrong, the gravest first.
-    otherwise : str, optional
-        What to do where it is not the watch that tells it.
     """
     first = alerts[0]
     missed = watches.group(first.cause)
-    outage = injected(flight, missed, first.t_s)
     waited = watches.patience(first.cause, flight.autopilot.safety())
     begun = first.t_s - waited
-    earlier = any(one.at_s > begun for one in others)
-    words = f"the safety called for {first.reaction} at {first.t_s:.1f} s, because"
-    words += f" {watches.cause(first.cause)}{f' ({outage})' if outage else ''}"
-    remedy = watches.remedy(first.cause, outage)
-    if earlier and missed:
-        remedy = f"shorten {first.cause}.after_s ({waited:g} s) under [safety], so that it reacts in time, or"
-        remedy += f" give it {watches.source(missed)}"
-    left = ascent(flight, alerts)
-    lost = left is not None and bool(left.remedy)
-    if left is not None:
-        words, remedy = f"{words}; {left.words}", left.remedy or remedy
-    found = Finding(words, otherwise or remedy, begun)
-    return [found, *others] if earlier or lost else [*others, found]
+    earlier = any(finding.at_s > begun for finding in others)
+    after = ascent(flight, alerts)
+    values = {
+        "reaction": first.reaction,
+        "watch": first.cause,
+        "called_s": first.t_s,
+        "waited_s": waited,
+        "group": missed,
+        "outage": injected(flight, missed, first.t_s),
+        # A watch of samples that waited while something else went wrong waited too long.
+        "too_patient": bool(earlier and missed),
+        **after,
+    }
+    called = Finding("safety reaction", Severity.DANGER, flight.vehicle.name, values, at_s=begun)
+    lost = after.get("ended") in ("sank", "stayed")
+    return [called, *others] if earlier or lost else [*others, called]
 
 
-def ascent(flight: FlightLog, alerts: Sequence[Alert]) -> Finding | None:
-    """That a vehicle which was to come up was not up at the end; None where it was.
+def ascent(flight: FlightLog, alerts: Sequence[Alert]) -> dict[str, Any]:
+    """What became of a vehicle that was to come up and was not up at the end; empty where it was.
 
-    Without a remedy where it still came nearer to the surface: it was only not given the time.
+    ``ended`` is "rising" where it still came nearer to the surface and was only not given the time, "sank" or
+    "stayed"; with it go depths in m, the time that it had in s, and what holds it down.
     """
     if not alerts or alerts[-1].reaction not in ("surface", "abort"):
-        return None
+        return {}
     last, depth = alerts[-1], flight.position[:, 2]
     begins, lately = np.searchsorted(flight.t, (last.t_s, flight.t[-1] - _LATELY_S))
     since = float(flight.t[-1]) - last.t_s
     highest = float(np.nanmin(depth[begins:]))
     up = highest <= flight.autopilot.safety()["surfaced_above_m"]
     if up or since < _LATELY_S or not math.isfinite(depth[-1]):
-        return None
-    words = f"{flight.vehicle.name} did not come up in the {since:.0f} s after: it"
+        return {}
     rising = float((depth[lately] - depth[-1]) / (flight.t[-1] - flight.t[lately]))
-    if rising > _RISING_M_S:
-        return Finding(f"{words} was still {depth[-1]:.1f} m deep, and rose at {rising:.2f} m/s", "")
     sank = depth[-1] > depth[begins] + _SANK_M
-    went = f"sank from {depth[begins]:.1f} to" if sank else "stayed below, at"
-    return Finding(f"{words} {went} {depth[-1]:.1f} m", _come_up(flight, last))
-
-
-def _come_up(flight: FlightLog, last: Alert) -> str:
-    """How a vehicle is brought up that did not come up."""
-    net, down = statics(flight.vehicle).net_n, float(flight.circumstances.current[2])
-    water = f" in water that goes down at {down:g} m/s" if down > _DOWN_M_S else ""
-    floats = f"give it more buoyancy ({net:+.2g} N{water}) or a weight to drop"
-    if last.reaction == "surface":
-        return f"{floats}, or more speed on the way up (surface_speed_m_s under [safety])"
-    if last.cause == "actuator":
-        return f"{floats}: an abort stops its motors"
-    key = watches.reaction_key(last.cause)
-    return (
-        f'let it come up under power ({key} = "surface" under [safety] in the autopilot file), for an abort'
-        f" stops its motors; or {floats}"
-    )
+    return {
+        "ended": "rising" if rising > _RISING_M_S else "sank" if sank else "stayed",
+        "since_s": since,
+        "rising_m_s": rising,
+        "begun_m": float(depth[begins]),
+        "ended_m": float(depth[-1]),
+        "net_n": statics(flight.vehicle).net_n,
+        "down_m_s": float(flight.circumstances.current[2]),
+        "last_reaction": last.reaction,
+        "last_watch": last.cause,
+    }

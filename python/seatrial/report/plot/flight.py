@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.flight.metrics import saturated
-from seatrial.flight.watches import cause
 from seatrial.report.plot.mission import draw_obstacles, outlines
 from seatrial.report.plot.style import (
     FAINT,
@@ -43,6 +42,7 @@ from seatrial.report.plot.track import (
     waypoint_label,
     waypoints,
 )
+from seatrial.report.results.watches import cause
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,29 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 
 import numpy as np
 
-from seatrial.base.report import Report, Section
-from seatrial.flight import excesses, watches
-from seatrial.flight.excesses import IN_THE_AIR_M, STEEP_DEG
-from seatrial.flight.findings import (
-    EXHAUSTED,
-    Finding,
-    broken_limits,
-    missed_waypoint,
-    not_reached,
-    off_course,
-    out_of_trim,
-    overrun,
-    position_remedy,
-    where,
-)
+from seatrial.base.finding import Finding, Severity
+from seatrial.base.report import Report, Section, as_sentence
+from seatrial.flight.findings import beyond_the_model, clearance, saturated_loops
 from seatrial.flight.flight import Flight
 from seatrial.flight.metrics import Leg, differs, true_vertical
 from seatrial.flight.mismatch import ANOTHER
-from seatrial.flight.reactions import ascent, called_for
+from seatrial.flight.reactions import ascent
 from seatrial.flight.tables import legs_table, loops_table, metrics_table, navigation_table
+from seatrial.report.results import watches
+from seatrial.report.results.flight_findings import not_reached, problem, remedy, saturation, still_down
 from seatrial.vehicle.actuators import beyond_tables
 
 _SWITCHES_PER_MINUTE = 6.0  # more than this looks like a limit cycle around the minimum
@@ -69,12 +60,14 @@ def sentences(flight: Flight) -> list[str]:
             f" ({worst.label}), the vertical error {metrics['vertical_rms_m']:.2f} m rms and at most"
             f" {max(leg.vertical_largest_m for leg in straight):.2f} m."
         )
-    found += [*_clear(flight), *_beyond_the_model(flight)]
+    near = Finding("too near", Severity.NOTE, flight.vehicle.name, clearance(flight, metrics))
+    found += [as_sentence(problem(near))] if math.isfinite(metrics["clearance_m"]) else []
+    found += [as_sentence(problem(beyond)) for beyond in beyond_the_model(flight, metrics)]
     found += [f"WARNING: {one}." for one in _beyond_tables(flight)]
     found += _speeds(flight)
     found += _depth(legs)
     found += _stations(legs)
-    found += _loops(flight) + _unmet(flight)
+    found += [*map(saturation, saturated_loops(flight.loops)), *_unmet(flight)]
     found += _actuators(flight)
     found += _sensors(flight)
     return found
@@ -129,85 +122,29 @@ def _truly(metrics: Mapping[str, float]) -> str:
     return f" as perceived; truly {rms:.2f} m rms, at most {largest:.2f} m"
 
 
-_CHECK = "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)"
-
-
 def _worst(flight: Flight) -> tuple[str, str]:
     """The worst problem of a flight, and what to do about it; a second one beside it where both are grave.
 
     An autopilot of another vehicle comes behind what went wrong, and before what did not.
     """
-    grave = _grave(flight)
+    findings = flight.findings
+    grave = findings and findings[0].severity > Severity.WEAKNESS
     if flight.warnings:
-        doubt = "; ".join(one.removesuffix(".") for one in flight.warnings)
+        doubt = "; ".join(warning.removesuffix(".") for warning in flight.warnings)
         if grave:
-            return f"{grave[0].words}; {doubt}", f"{grave[0].remedy}; and {ANOTHER}"
-        return f"{doubt}; {_lesser(flight)[0]}", f"{ANOTHER}; then fly again"
-    if grave:
-        return "; ".join(one.words for one in grave[:2]), grave[0].remedy
-    return _lesser(flight)
+            return f"{problem(findings[0])}; {doubt}", f"{remedy(findings[0])}; and {ANOTHER}"
+        return f"{doubt}; {_good(flight)[0]}", f"{ANOTHER}; then fly again"
+    if not grave:
+        return _good(flight)
+    # What one and the same root explains is said once.
+    others = [finding for finding in findings[1:2] if finding.root is not findings[0].root]
+    return "; ".join(map(problem, (findings[0], *others))), remedy(findings[0])
 
 
-def _grave(flight: Flight) -> list[Finding]:
-    """What made a flight fail or put the vehicle at risk, the gravest first; empty for a good flight."""
-    if flight.diverged:
-        return [Finding("the motion diverged", _CHECK)]
-    found = [_nearness(flight)] if too_near(flight) else []
-    found += broken_limits(flight, flight.metrics)
-    if flight.alerts:
-        turned = flight.metrics["pitch_largest_deg"] > STEEP_DEG
-        found = called_for(flight, flight.alerts, found, otherwise=_CHECK if turned else "")
-    elif missed := [(k, leg) for k, leg in enumerate(flight.legs) if not leg.reached]:
-        k, leg = missed[0]
-        if math.isnan(leg.begin_s) or flight.outcome == "out of time":
-            found.append(
-                Finding(
-                    f'"{leg.label}" was not reached: {flight.outcome_in_words}',
-                    "give the flight more time (--max-time), or a speed that the vehicle can hold in this"
-                    " current",
-                )
-            )
-        else:
-            found.append(missed_waypoint(flight, k, leg))
-    remedy = "begin deeper ([start] depth_m) or under way, and limit the pitch (pitch_max_deg)"
-    return found + [Finding(one.removesuffix("."), remedy) for one in _beyond_the_model(flight)]
-
-
-def _nearness(flight: Flight) -> Finding:
-    """How near the hull came to something, and what to do: about its position where that was so wrong."""
-    metrics, words = flight.metrics, _clear(flight)[0].removesuffix(".")
-    at = metrics["clearance_time_s"]
-    row = int(np.argmin(np.abs(flight.t - at)))
-    told = [flight.measured[name][row] for name in ("x", "y")]
-    off = math.dist(told, flight.position[row, :2])
-    short = -min(metrics["clearance_m"], metrics["clearance_reserve_m"])
-    if off > max(short, _OFF_M):
-        words += f"; the position that the autopilot was told was {off:.1f} m off there"
-        return Finding(words, position_remedy(flight), at)
-    return Finding(
-        words,
-        "lay the way farther out (margin_m of the perimeter, or other waypoints), slow down before stops, or"
-        " wait for less current; seatrial check with --vehicle, --autopilot and --current tells beforehand",
-        at,
-    )
-
-
-def _lesser(flight: Flight) -> tuple[str, str]:
-    """The worst of a flight that succeeded: time, errors beyond a radius, supply, saturation, the rest."""
-    if late := overrun(flight, flight.legs):
-        return late[:2]
-    saturated = _loops(flight)
-    if off := off_course(flight, flight.legs):
-        return f"{off.words}; {saturated[0]}" if saturated else off.words, off.remedy
-    if beyond := _beyond_tables(flight):
-        return beyond[0], "fly with a supply that the table was measured at (--voltage), or measure it there"
-    for loop in flight.loops.values():
-        exhausted = loop.name in ("pitch", "heave") and loop.saturated > EXHAUSTED
-        if exhausted and (trim := out_of_trim(flight, loop.name)):
-            share = f"the {loop.name} loop was saturated for {100.0 * loop.saturated:.0f} % of its time"
-            return f"{share}: {trim.words}", trim.remedy
-    if saturated:
-        return saturated[0], "lower the speed or the gains of this loop; its actuators have no more to give"
+def _good(flight: Flight) -> tuple[str, str]:
+    """The weakness of a flight that succeeded, and what to do about it; what stands out least without one."""
+    if findings := flight.findings:
+        return "; ".join(map(problem, findings)), remedy(findings[0])
     actuators = _actuators(flight)
     if actuators and "limit cycle" in actuators[0]:
         return actuators[0], "lower the gain or filter the sensor of the loop that drives it"
@@ -230,7 +167,7 @@ def _ending(flight: Flight) -> str:
     behind = sum(leg.reached for leg in flight.legs)
     count = f"{behind} of {len(flight.legs)} waypoints reached"
     missed = [leg for leg in flight.legs if not leg.reached and not math.isnan(leg.begin_s)]
-    by = "".join(f"; {not_reached(leg)}" for leg in missed[:3])
+    by = "".join(f"; {not_reached(leg.label, asdict(leg))}" for leg in missed[:3])
     what = {
         "complete": flight.outcome_in_words,
         "surfaced": "the vehicle surfaced before the end",
@@ -239,48 +176,6 @@ def _ending(flight: Flight) -> str:
         "diverged": "the motion diverged; check gains, vehicle and the largest step",
     }[flight.outcome]
     return f"{who}: {what}, {count}{by if flight.outcome == 'complete' else ''}."
-
-
-def too_near(flight: Flight) -> bool:
-    """Whether the hull touched something, or came nearer than the mission promises by more than a tenth."""
-    return bool(excesses.too_near(flight.metrics, flight.mission.promised_m))
-
-
-def _clear(flight: Flight) -> list[str]:
-    """How near the hull came to what stands in the water, when and where, and what was promised."""
-    clear = flight.metrics["clearance_m"]
-    if not math.isfinite(clear):
-        return []
-    when = _at(flight, flight.metrics["clearance_time_s"])
-    promised, reserve = flight.mission.promised_m, flight.metrics["clearance_reserve_m"]
-    said = f"; the mission promises {promised:g} m" if excesses.promise_counts(clear, reserve) else ""
-    if said and reserve < 0.0:
-        said += f", {-reserve:.2f} m more"
-    near = f"The hull came to {clear:.2f} m from" if clear > 0.0 else f"The hull was {-clear:.2f} m inside"
-    return [f"{near} an obstacle, {when}{said}."]
-
-
-def _at(flight: Flight, time_s: float) -> str:
-    """When and where, in words."""
-    return where(flight, int(np.argmin(np.abs(flight.t - time_s))))
-
-
-def _beyond_the_model(flight: Flight) -> list[str]:
-    """Where the vehicle left the water, or pitched beyond what its model and loops are made for."""
-    metrics = flight.metrics
-    found = []
-    if (pitch := metrics["pitch_largest_deg"]) > STEEP_DEG:
-        found.append(
-            f"{flight.vehicle.name} pitched to {pitch:.0f} deg, {_at(flight, metrics['pitch_time_s'])}; more"
-            f" than {STEEP_DEG:g} deg is beyond what coefficients and loops are made for."
-        )
-    if (height := -metrics["depth_smallest_m"]) > IN_THE_AIR_M:
-        found.append(
-            f"{flight.vehicle.name} rose to {height:.1f} m above the surface,"
-            f" {_at(flight, metrics['depth_smallest_time_s'])}: it leapt out of the water, which coefficients"
-            " and loops are not made for."
-        )
-    return found
 
 
 def _beyond_tables(flight: Flight) -> list[str]:
@@ -298,8 +193,8 @@ def _reactions(flight: Flight) -> list[str]:
             f"Reaction at {alert.t_s:.1f} s: {alert.reaction}, because {watches.cause(alert.cause)}"
             f"{watches.silence(flight, alert.cause, alert.t_s)}."
         )
-    if (left := ascent(flight, flight.alerts)) is not None:
-        found.append(f"{left.words}.")
+    if after := still_down(flight.vehicle.name, ascent(flight, flight.alerts)):
+        found.append(f"{after}.")
     if said and not flight.alerts:
         found.append("No reaction of the safety was called for.")
     return found
@@ -339,17 +234,6 @@ def _stations(legs: Sequence[Leg]) -> list[str]:
     worst = max(held, key=lambda leg: leg.hold_largest_m)
     return [
         f"Station was kept within {worst.hold_largest_m:.2f} m ({worst.label}, {worst.hold_rms_m:.2f} m rms)."
-    ]
-
-
-def _loops(flight: Flight) -> list[str]:
-    """Loops that were saturated, the most saturated one first."""
-    loops = sorted(flight.loops.values(), key=lambda loop: -loop.saturated)
-    return [
-        f"The {loop.name} loop was saturated for {100.0 * loop.saturated:.0f} % of its time; its"
-        f" largest demand was {loop.demand_largest:.3g} {loop.demand_unit}."
-        for loop in loops
-        if loop.saturated > _SATURATED
     ]
 
 
