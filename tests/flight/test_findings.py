@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from dataclasses import replace
@@ -11,6 +12,10 @@ import numpy as np
 import pytest
 
 import seatrial as st
+from seatrial.base.finding import Severity
+from seatrial.base.run import to_json
+from seatrial.check.mission import check_mission
+from seatrial.control_design.start_autopilot import start_autopilot
 from seatrial.flight.findings import missed_waypoint, outside, overrun
 from seatrial.flight.seeds import fly_seeds
 from seatrial.report.results.flight_findings import problem, remedy
@@ -253,3 +258,138 @@ def test_the_distance_outside_a_fence_is_that_to_its_nearest_side() -> None:
     assert outside(points, fence).tolist() == pytest.approx([0.0, 1.0, 5.0, 2.0, 0.0])
     # The same whichever way the corners run.
     assert outside(points, fence[::-1]).tolist() == pytest.approx([0.0, 1.0, 5.0, 2.0, 0.0])
+
+
+FRAME = """
+format = 1
+name = "frame"
+controllable = ["X", "Y", "Z", "K", "N"]
+[coefficients]
+m = 12.0
+I_x = 0.2
+I_y = 0.25
+I_z = 0.3
+B = 119.0
+z_b = -0.02
+X_udot = -5.0
+Y_vdot = -12.0
+Z_wdot = -15.0
+K_pdot = -0.1
+M_qdot = -0.1
+N_rdot = -0.1
+X_u = -4.0
+Y_v = -6.0
+Z_w = -5.0
+K_p = -0.07
+M_q = -0.07
+N_r = -0.07
+X_uu = -18.0
+Y_vv = -22.0
+Z_ww = -37.0
+K_pp = -1.5
+M_qq = -1.5
+N_rr = -1.5
+[motors.small]
+maximum_ahead = 400.0
+T_1_s = 0.1
+[characteristics.small]
+kind = "table"
+signal = [-400.0, -200.0, -30.0, 30.0, 200.0, 400.0]
+force_n = [[-40.0, -14.0, 0.0, 0.0, 18.0, 51.0]]
+"""
+"""An open frame with the sizes of a small ROV, heavier in heave than in surge, its pitch left to buoyancy."""
+
+PLACES = {
+    "front_starboard": ([0.14, 0.1, 0.0], [0.7071, -0.7071, 0.0]),
+    "front_port": ([0.14, -0.1, 0.0], [0.7071, 0.7071, 0.0]),
+    "rear_starboard": ([-0.14, 0.1, 0.0], [-0.7071, -0.7071, 0.0]),
+    "rear_port": ([-0.14, -0.1, 0.0], [-0.7071, 0.7071, 0.0]),
+    "up_starboard": ([0.0, 0.11, 0.0], [0.0, 0.0, -1.0]),
+    "up_port": ([0.0, -0.11, 0.0], [0.0, 0.0, -1.0]),
+}
+
+SQUARE = """
+format = 1
+name = "square"
+speed_m_s = {speed:.3f}
+acceptance_radius_m = 1.0
+[start]
+depth_m = 1.0
+[[legs]]
+north_m = 20.0
+east_m = 0.0
+depth_m = 5.0
+[[legs]]
+north_m = 20.0
+east_m = 20.0
+depth_m = 5.0
+[[legs]]
+north_m = 0.0
+east_m = 20.0
+depth_m = 2.0
+"""
+
+
+@pytest.fixture(scope="module")
+def frame() -> tuple[st.Vehicle, st.Autopilot]:
+    text = FRAME + "".join(
+        f'[[thrusters]]\nname = "{name}"\ncommand = "us"\nneutral = 1500.0\nposition_m = {place}\n'
+        f'direction = {direction}\nmotor = "small"\ncharacteristic = "small"\n'
+        for name, (place, direction) in PLACES.items()
+    )
+    vehicle = st.Vehicle.from_toml(text)
+    return vehicle, st.Autopilot.from_toml(start_autopilot(vehicle))
+
+
+def test_a_hull_whose_pitch_nothing_holds_is_told_before_its_legs_and_both_remedies_help(
+    frame: tuple[st.Vehicle, st.Autopilot],
+) -> None:
+    vehicle, autopilot = frame
+    flight = st.fly(vehicle, autopilot, st.Mission.from_toml(SQUARE.format(speed=0.5)))
+    report = flight.report()
+    assert not flight.complete
+    root = flight.findings[0].root
+    assert (root.kind, flight.findings[0].kind) == ("pitch unstable", "waypoint missed")
+    assert report.worst.startswith(f"pitch of frame is unstable above {root['from_m_s']:.2f} m/s")
+    assert report.next_step.startswith("fly at 0.3")
+    assert "lengthen" not in report.next_step
+    # A longer leg, once the advice, changes nothing.
+    longer = st.Mission.from_toml(SQUARE.format(speed=0.5).replace("20.0", "45.0"))
+    assert not st.fly(vehicle, autopilot, longer).complete
+    slower = st.fly(vehicle, autopilot, st.Mission.from_toml(SQUARE.format(speed=root["safe_m_s"])))
+    stiff = vehicle.with_coefficients({"z_b": -root["b_over_g_needed_m"]})
+    stiffer = st.fly(stiff, autopilot, st.Mission.from_toml(SQUARE.format(speed=0.5)))
+    for mended in (slower, stiffer):
+        assert mended.complete
+        assert mended.metrics["pitch_largest_deg"] < 25.0
+        assert not mended.findings or mended.findings[0].severity < Severity.PROBLEM
+
+
+def test_a_check_of_the_mission_tells_the_root_as_the_flight_does(
+    frame: tuple[st.Vehicle, st.Autopilot],
+) -> None:
+    vehicle, autopilot = frame
+    mission = st.Mission.from_toml(SQUARE.format(speed=0.5))
+    check = check_mission(mission, vehicle=vehicle, autopilot=autopilot, current=(0.1, 0.0, 0.0))
+    flight = st.fly(vehicle, autopilot, mission)
+    assert check.report().next_step == flight.report().next_step
+
+
+def test_a_mode_without_a_pitch_loop_is_told_where_the_actuators_could_hold_it() -> None:
+    heavy = st.Vehicle.load("bluerov2-heavy")
+    text = st.Autopilot.load("bluerov2-heavy").to_toml()
+    without = st.Autopilot.from_toml(text.replace('"pitch", "heading"]', '"heading"]'))
+    mission = st.Mission.from_toml(SQUARE.format(speed=0.6))
+    flight = st.fly(heavy, without, mission, voltage_v=16.0)
+    assert flight.findings[0].root.kind == "pitch not held"
+    assert flight.report().next_step.startswith('add "pitch" to the loops of mode')
+    held = st.fly(heavy, "bluerov2-heavy", mission, voltage_v=16.0)
+    assert held.metrics["pitch_largest_deg"] < 0.5 * flight.metrics["pitch_largest_deg"]
+
+
+def test_findings_are_plain_data_with_their_causes() -> None:
+    flight = st.fly("lauv", "lauv", st.Mission.from_toml(STEEP))
+    data = json.loads(to_json(flight.to_dict()))["findings"][0]
+    assert (data["kind"], data["severity"], data["subject"]) == ("waypoint missed", "problem", "down")
+    assert data["cause"]["kind"] == "leg too steep"
+    assert data["cause"]["values"]["needed_m"] > 20.0

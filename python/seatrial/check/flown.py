@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from seatrial.base.errors import SimulationError
-from seatrial.base.report import Table
+from seatrial.base.report import Table, report_of
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -51,8 +51,8 @@ class FlownCheck:
         Of the hull from what stands in the water, and beyond what the mission promises; infinite without.
     depth_largest_m, duration_s
         Of the flight.
-    worst
-        The worst problem in words; of a complete flight whatever is largest.
+    worst, remedy
+        The worst problem in words, of a complete flight whatever is largest; what to do about it.
     """
 
     current: Water
@@ -66,6 +66,7 @@ class FlownCheck:
     depth_largest_m: float
     duration_s: float
     worst: str
+    remedy: str = ""
 
     @property
     def water(self) -> str:
@@ -139,7 +140,8 @@ def fly_beforehand(
                 return (), [f"Not flown here: {error}"], []
             return (), [], [f"it cannot be flown: {error}"]
         missed = [leg for leg in flight.legs if not leg.reached]
-        doubt = "; ".join(one.removesuffix(".") for one in flight.warnings)
+        # An autopilot of another vehicle is told once, by the check itself.
+        said = report_of(flight, doubted=False)
         found.append(
             FlownCheck(
                 current=water,
@@ -153,7 +155,8 @@ def fly_beforehand(
                 reserve_m=flight.metrics["clearance_reserve_m"],
                 depth_largest_m=flight.metrics["depth_largest_m"],
                 duration_s=flight.metrics["duration_s"],
-                worst=flight.report().worst.removeprefix(f"{doubt}; ").removesuffix(f"; {doubt}"),
+                worst=said.worst,
+                remedy=said.next_step,
             )
         )
     return tuple(found), [], []

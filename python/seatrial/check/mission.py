@@ -238,6 +238,8 @@ class MissionCheck:
         What came of it, flown beforehand in still water and in currents; none without vehicle and autopilot.
     sensors
         With which it was flown, in words.
+    remedy
+        What to do about the first warning, where a flight shows its cause; empty otherwise.
     """
 
     name: str
@@ -252,6 +254,7 @@ class MissionCheck:
     warnings: tuple[str, ...]
     flown: tuple[FlownCheck, ...] = ()
     sensors: str = "perfect sensors"
+    remedy: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """The check as plain data for JSON."""
@@ -270,7 +273,8 @@ class MissionCheck:
                 waters = "currents from four sides" if len(self.flown) > 2 else self.flown[1].water
                 worst += f" and in {waters}"
         if self.warnings:
-            worst, next_step = self.warnings[0], "change the mission or the vehicle's limits, and check again"
+            worst = self.warnings[0]
+            next_step = self.remedy or "change the mission or the vehicle's limits, and check again"
         count = len(self.warnings)
         energy = "" if self.energy is None else f", {self.energy.total_wh:.3g} Wh"
         return Report(
@@ -363,6 +367,7 @@ def check_mission(
     if autopilot is not None:
         warnings += autopilot_warnings(mission, rows, autopilot)
     flown: tuple[FlownCheck, ...] = ()
+    remedy = ""
     fitted = "perfect sensors"
     if sensors is not None:
         fitted = f"{sensors} sensors" if isinstance(sensors, str) else "given sensors"
@@ -375,6 +380,9 @@ def check_mission(
         told, short = flown_sentences(flown, fitted)
         notes += [*left_out, *told]
         doubt = mismatch(autopilot, vehicle)
+        failed = next((flight for flight in flown if not flight.complete), None)
+        # It is of the first warning, and that is of a flight where nothing stands before it.
+        remedy = failed.remedy if failed is not None and not doubt and not refused else ""
         warnings = [*([doubt] if doubt else []), *refused, *short, *warnings]
     turned, tight = turn_sentences(mission, circles, autopilot)
     flown_well = bool(flown) and all(one.complete for one in flown)
@@ -392,6 +400,7 @@ def check_mission(
         warnings=(*warnings, *(() if flown_well else tight)),
         flown=flown,
         sensors=fitted,
+        remedy=remedy,
     )
 
 

@@ -187,7 +187,7 @@ def _at(flight: FlightLog, time_s: float) -> dict[str, Any]:
 
 def where(flight: FlightLog, row: int) -> dict[str, Any]:
     """When and where a row is: time in s, position in m, and the leg that is under way."""
-    north, east, down = flight.position[row]
+    north, east, down = flight.position[row].tolist()
     stop = flight.route.stops[min(int(flight.leg[row]), len(flight.route.stops) - 1)]
     return {
         "at_s": float(flight.t[row]),

@@ -73,9 +73,9 @@ def sentences(flight: Flight) -> list[str]:
     return found
 
 
-def report(flight: Flight, *, sections: Sequence[Section] = ()) -> Report:
+def report(flight: Flight, *, sections: Sequence[Section] = (), doubted: bool = True) -> Report:
     """Three lines, metrics, legs and loops, further sections, sentences."""
-    worst, next_step = _worst(flight)
+    worst, next_step = _worst(flight, doubted=doubted)
     tables = [metrics_table({**flight.metrics, **true_vertical(flight)}), legs_table(flight.legs)]
     if not flight.diverged:
         tables.append(loops_table(flight.loops))
@@ -122,14 +122,14 @@ def _truly(metrics: Mapping[str, float]) -> str:
     return f" as perceived; truly {rms:.2f} m rms, at most {largest:.2f} m"
 
 
-def _worst(flight: Flight) -> tuple[str, str]:
+def _worst(flight: Flight, *, doubted: bool) -> tuple[str, str]:
     """The worst problem of a flight, and what to do about it; a second one beside it where both are grave.
 
     An autopilot of another vehicle comes behind what went wrong, and before what did not.
     """
     findings = flight.findings
     grave = findings and findings[0].severity > Severity.WEAKNESS
-    if flight.warnings:
+    if flight.warnings and doubted:
         doubt = "; ".join(warning.removesuffix(".") for warning in flight.warnings)
         if grave:
             return f"{problem(findings[0])}; {doubt}", f"{remedy(findings[0])}; and {ANOTHER}"
