@@ -17,12 +17,13 @@ import typer
 from pydantic import BaseModel
 
 import seatrial as st
-from docs.site.file_keys import FILES, page
+from docs.site.file_keys import FILES, SUFFIX, page
 from seatrial.base.toml_file import Section
+from seatrial.bench_test.file import BenchFile
 from seatrial.campaign.file import CampaignFile
 from seatrial.cli import app
 
-__all__ = ["campaign_sections", "campaign_tables", "command_line", "key_meanings", "write_reference"]
+__all__ = ["command_line", "key_meanings", "model_tables", "write_reference"]
 
 
 def write_reference(folder: Path) -> list[tuple[str, str]]:
@@ -32,7 +33,8 @@ def write_reference(folder: Path) -> list[tuple[str, str]]:
         "python": ("Python: every public name", _python()),
         "rooms": ("Python: functions of the rooms", _rooms()),
         "command_line": ("Command line: every verb", command_line()),
-        "campaign_keys": ("Campaign file: every key", campaign_tables()),
+        "campaign_keys": ("Campaign file: every key", model_tables("campaign", CampaignFile)),
+        "bench_keys": ("Bench file: every key", model_tables("bench", BenchFile)),
         **{f"{file}_keys": (f"{file.capitalize()} file: every key", page(file)) for file in FILES},
     }
     for name, (title, text) in made.items():
@@ -123,13 +125,13 @@ def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
 
 
-def campaign_tables() -> str:
-    """Tables of the campaign file as the program checks them."""
+def model_tables(file: str, root: type[BaseModel]) -> str:
+    """Tables of the campaign or bench file as the program checks them."""
     parts = [
         "Every table with its keys, their types and defaults, as the program checks them; what the tables "
-        "are for: [campaign file](../campaign-file.md)."
+        f"are for: [{file} file](../{file}-file{SUFFIX})."
     ]
-    for section in campaign_sections(CampaignFile):
+    for section in model_sections(root):
         meanings = key_meanings(section)
         rows = [
             f"| `{field.alias or name}` | {_cell(_type(field.annotation))} | {_default(field)} "
@@ -158,7 +160,7 @@ def key_meanings(section: type[BaseModel]) -> dict[str, str]:
     return found
 
 
-def campaign_sections(root: type[BaseModel]) -> Iterator[type[BaseModel]]:
+def model_sections(root: type[BaseModel]) -> Iterator[type[BaseModel]]:
     """The model of a file and the models of its tables, each once, in the order of the file."""
     seen: dict[type[BaseModel], None] = {}
 

@@ -13,7 +13,8 @@ import pytest
 
 from docs.site.build import DOCS, broken, navigation, pages
 from docs.site.formulas import FormulaError, mathml
-from docs.site.reference import campaign_tables, command_line
+from docs.site.reference import command_line, model_tables
+from seatrial.campaign.file import CampaignFile
 from tests.docs.pages import NAMES, blocks, text
 
 CODE = re.compile(r"```.*?```|`[^`\n]+`", re.DOTALL)
@@ -90,7 +91,7 @@ def test_links_that_lead_nowhere_and_what_is_fetched_are_found(tmp_path: Path) -
 
 
 def test_the_reference_tells_types_and_defaults_of_the_files_and_options_of_the_verbs() -> None:
-    tables = campaign_tables()
+    tables = model_tables("campaign", CampaignFile)
     assert "| `hold_out` | true or false | `false` |" in tables
     assert "| `file` | text | must be given |" in tables
     verbs = command_line()

@@ -42,11 +42,17 @@ class _Driven(Section):
     """A recording and the actuators that were driven in it."""
 
     name: Name
+    """Unique."""
     file: Name
+    """Record; with a column ``t_s``, or without time: then every row is a steady operating point."""
     reader: str | None = None
+    """As of all files, instead of its own."""
     columns: dict[str, Any] = Field(default_factory=dict)
+    """Entries beside or instead of those of all files."""
     group: Name | None = None
+    """Group that was driven; or ``actuators``."""
     actuators: Names | None = None
+    """Actuators that were driven, where not a whole group."""
 
     @model_validator(mode="after")
     def _one_choice(self) -> _Driven:
@@ -61,19 +67,29 @@ class SignOf(Section):
     """The column whose side of neutral is the sign of revolutions that were logged without one."""
 
     column: Name
+    """Column of the recording, by its own name."""
     neutral: Number = 0.0
+    """Above it revolutions are ahead, below astern."""
 
 
 class Pull(_Driven):
     """A load-cell record."""
 
     axis: Annotated[str, Field(min_length=1)] | None = None
+    """Axes of the load cell: columns ``load.X_n`` …, force of the vehicle on its tether in body axes; or
+    ``direction``."""
     direction: Literal["ahead", "astern", "starboard", "port", "down", "up"] | None = None
+    """Where a single cell over pulleys is pulled: column ``load_n``, positive."""
     use: Literal["command", "measured"] = "command"
+    """Thrust over the command behind the motor's limits, or over logged revolutions (``meas.…``)."""
     sign_of: SignOf | None = None
+    """For revolutions logged without sign."""
     tare: Annotated[bool, Field(strict=True)] | None = None
+    """Subtract the mean load of the plateaus at zero signal; by default where there are rests."""
     settle_s: NotNegative = 2.0
+    """Time after a change of the command that is left out, s."""
     voltage_v: Positive | None = None
+    """Supply voltage, V, where no column ``voltage_v`` gives it."""
 
     @model_validator(mode="after")
     def _one_cell(self) -> Pull:
@@ -94,13 +110,23 @@ class Regression(Section):
     """The model of the characteristic. What is absent in a group's own is that of all groups."""
 
     order: Literal[1, 2, 3, "square", "points"] | None = None
+    """Polynomial per direction, thrust per n|n|, or a table of the points themselves; by default 2."""
     through_origin: Annotated[bool, Field(strict=True)] | None = None
+    """Without a constant: no signal, no thrust; by default false."""
     inputs: tuple[Literal["signal", "voltage"], ...] | None = None
+    """What thrust depends on; with the voltage all products up to the order; by default ``["signal"]``."""
     outliers: Literal["drop", "keep"] | None = None
+    """Left out or kept, and named in either case; by default ``"drop"``."""
     kind: Literal["quadratic", "polynomial", "table"] | None = None
+    """Kind of characteristic that is written; quadratic for ``"square"`` of revolutions, table for order
+    3, points and voltage, polynomial otherwise."""
     knots: Annotated[int, Field(strict=True, ge=4)] | None = None
+    """Most signals of a table of points; by default 25."""
     tolerance_n: Positive | None = None
+    """Error at which a table of points gets no further knot, N; a quarter of it at rest; by default 1 %
+    of the largest thrust."""
     table_voltage_v: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
+    """Voltages of the table of a fitted surface; by default six over the tested ones."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Regression:
@@ -140,16 +166,27 @@ class BenchFile(Section):
     file_kind = "a bench file"
 
     format: Literal[1]
+    """Version of the format: 1."""
     name: FolderName
+    """Name of the test and, under ``runs/bench-``, of its results."""
     vehicle: Name
+    """Built-in name or path of a vehicle file."""
     description: str = ""
+    """What was tested, where."""
     rho_kg_m3: Density | None = None
+    """Density of the water of the test; thrust is converted to the vehicle's; by default the vehicle's."""
     reader: str | None = None
+    """A reader of read a log, or ``generated``; for all files; by default by file ending."""
     columns: dict[str, Any] = Field(default_factory=dict)
+    """Column map of all files."""
     pulls: tuple[Pull, ...] = ()
+    """Load-cell records."""
     steps: tuple[Steps, ...] = ()
+    """Records of commanded and measured revolutions."""
     regression: Regression = Regression()
+    """How all groups are fitted."""
     regressions: dict[str, Regression] = Field(default_factory=dict)
+    """How one group is fitted, where it differs; actuators tested alone are called ``SbU`` or ``SbU+PL``."""
 
     @model_validator(mode="after")
     def _something(self) -> BenchFile:
