@@ -59,6 +59,20 @@ def test_a_code_in_a_command_is_found_and_no_pulse_is(name: str, code: float) ->
     np.testing.assert_array_equal(np.flatnonzero(found.at), at)
 
 
+@pytest.mark.parametrize(
+    "code", [-32.768, 32.767, 327.67, 655.35, -214.7483648, 6553.5, float(np.float32(-32.768))]
+)
+def test_the_end_of_an_integer_type_in_the_unit_of_the_column_is_a_code(code: float) -> None:
+    speed = MEASURED["speed"].copy()
+    speed[[20, 400]] = code
+    (found,) = sentinels(speed)
+    assert (found.value, found.count) == (code, 2)
+    # A depth that passes through the number keeps it.
+    deep = np.round(np.linspace(20.0, 45.0, 600), 3)
+    deep[300] = abs(code) if abs(code) < 45.0 else deep[300]
+    assert sentinels(deep) == []
+
+
 def test_several_codes_in_one_column_are_all_found() -> None:
     y, _ = spoilt(MEASURED["depth"], -9999.0)
     y[[3, 300]] = 99999.0

@@ -1,6 +1,8 @@
 """Numbers that stand for "no sample" in a recording: written codes, and values that recur where none can be.
 
-Loggers fill a cell without a sample with a code (-9999, 99999, 65535, the largest number of a type, 1e30).
+Loggers fill a cell without a sample with a code (-9999, 99999, 65535, the largest number of a type, 1e30), or
+with that number in the unit of the column: 16 bits of mm/s end at -32.768 m/s, which is how acoustic Doppler
+instruments write a velocity that they could not measure.
 Taken as samples they are the largest motion of the log. A number is such a code where the other samples of
 its column leave no doubt: it is a usual code and lies outside them by more than their own range; or it recurs
 exactly, briefly, and lies ten ranges outside; or it recurs exactly as a lone excursion from which the column
@@ -47,6 +49,12 @@ _INTEGERS = tuple(
     float(value) for bits in (16, 32, 64) for value in (2**bits - 1, 2 ** (bits - 1) - 1, 2 ** (bits - 1))
 )
 _CODES = np.array(sorted({*_NINES, *_INTEGERS, 99999.99, 999999.0, 9999999.0}))
+# The ends of an integer type, written in units of its last digit: tenths to ten thousandths, and 1e-7 deg.
+_SCALED = np.unique([value * unit for value in _INTEGERS for unit in (1e-1, 1e-2, 1e-3, 1e-4, 1e-7)])
+_SCALED = _SCALED[_SCALED > 1.0]
+
+_EXACT = 1e-6
+"""Relative error up to which a number is the end of a type: single precision keeps it to 6e-8."""
 
 _LONG_CODE = 9999.0  # from here on a code is hardly a value that a human or an autopilot commands
 
@@ -109,14 +117,20 @@ def sentinels(y: Array, *, jumps: bool = False) -> list[Sentinel]:
     rest = np.isfinite(y) & ~np.isin(y, values[wrong])
     resting = rest.any() and np.ptp(y[rest]) == 0.0
     # Beside a column that rests, and of a number that is no usual code, only brief fills are sure.
-    found = [one for one in found if (_is_code(one.value) and not resting) or _brief(one.at[known])]
+    found = [
+        one for one in found if (_is_code(np.abs([one.value]))[0] and not resting) or _brief(one.at[known])
+    ]
     if not jumps:
         found += _excursions(np.where(rest, y, np.nan), values[(counts >= _FEWEST) & ~wrong])
     return sorted(found, key=lambda one: -one.count)
 
 
-def _is_code(value: float) -> bool:
-    return bool(np.isin(np.round(abs(value), 2), np.round(_CODES, 2)) or abs(value) > _ENORMOUS)
+def _is_code(size: Array) -> Mask:
+    """Which numbers without their sign (k,) are usual codes."""
+    place = np.clip(np.searchsorted(_SCALED, size), 1, len(_SCALED) - 1)
+    away = np.minimum(np.abs(_SCALED[place] - size), np.abs(_SCALED[place - 1] - size))
+    usual = np.isin(np.round(size, 2), np.round(_CODES, 2)) | (size > _ENORMOUS)
+    return np.asarray(usual | (away <= _EXACT * size))
 
 
 def _brief(at: Mask) -> bool:
@@ -127,7 +141,7 @@ def _brief(at: Mask) -> bool:
 def _outside(values: Array, counts: NDArray[np.int_], *, jumps: bool) -> Mask:
     """Which of the distinct `values` (k,), rising, are codes that lie outside of all others."""
     size = np.abs(values)
-    code = np.isin(np.round(size, 2), np.round(_CODES, 2)) | (size > _ENORMOUS)
+    code = _is_code(size)
     least = np.where(size >= _LONG_CODE, _OUTSIDE, _SHORT_OUTSIDE)
     wrong = np.zeros(len(values), bool)
     total = float(counts.sum())
