@@ -62,6 +62,8 @@ def fails(verdict: LogVerdict) -> list[str]:
 
 def _how_good(verdict: LogVerdict) -> str:
     """Share of the log outside the 95 % band of a valid model, in the channel that speaks most against it."""
+    if verdict.contradictions:
+        return "sensors of this log contradict one another"
     if verdict.validity is None or not verdict.validity.channels:
         return "no window of this log could be judged"
     channels = verdict.validity.channels
@@ -96,6 +98,13 @@ def _how_good(verdict: LogVerdict) -> str:
 
 def _worst(verdict: LogVerdict) -> tuple[str, str]:
     """The worst finding, and what to do about it."""
+    if verdict.contradictions:
+        wrong = verdict.contradictions[0]
+        before = f", or the {wrong.from_s:.0f} s before" if wrong.from_s > 0.0 else ""
+        return wrong.sentence(), (
+            "find out which of them is wrong (a stuck or reversed sensor, a clock of its own), and correct it"
+            f" in the column map or judge the log without it{before}"
+        )
     if verdict.suspects:
         first = verdict.suspects[0]
         look = _look_first(verdict)

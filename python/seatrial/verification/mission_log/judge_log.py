@@ -25,6 +25,7 @@ from seatrial.identification.fitted import Fitted
 from seatrial.trial.trial import Trial
 from seatrial.trial.verdict import blind, judge_trial
 from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
+from seatrial.verification.mission_log.contradiction import Contradiction, contradictions
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
 from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
 from seatrial.verification.mission_log.power import GROWN, UNEXPLAINED, Power, group_power
@@ -302,19 +303,24 @@ def judge_log(
     windows = restarts(
         known.vehicle, record.trial, ahead_s=ahead_s, start_s=start_s, stop_s=stop_s, input=input
     )
+    wrong = contradictions(record.trial, windows.channels)
     flown = _loaded(mission)
     metrics = log_metrics(record, flown, known.vehicle, obstacles=obstacles)
-    judged = judge_model(
-        known,
-        windows,
-        reference,
-        draws=draws,
-        seed=seed,
-        level=level,
-        payload_density_kg_m3=payload_density_kg_m3,
-        ahead_s=ahead_s,
-        offsets=offsets_of("typical" if sensors is None else sensors, known.vehicle),
-        hidden=hidden,
+    judged = (
+        ModelJudgement("not judged", _contradicted(wrong[0]))
+        if wrong
+        else judge_model(
+            known,
+            windows,
+            reference,
+            draws=draws,
+            seed=seed,
+            level=level,
+            payload_density_kg_m3=payload_density_kg_m3,
+            ahead_s=ahead_s,
+            offsets=offsets_of("typical" if sensors is None else sensors, known.vehicle),
+            hidden=hidden,
+        )
     )
     steps = logged_steps(record, corridors or {})
     notes = [*judged.notes, *_without_steps(corridors or {}, [step.loop for step in steps])]
@@ -330,7 +336,8 @@ def judge_log(
     return LogVerdict(
         log=record,
         model=judged.model,
-        reason=judged.reason + _hidden(hidden, record.trial),
+        reason=judged.reason + ("" if wrong else _hidden(hidden, record.trial)),
+        contradictions=wrong,
         validity=judged.validity,
         suspects=judged.suspects,
         power=judged.power,
@@ -345,6 +352,11 @@ def judge_log(
         mission=flown,
         clock=clock.stop(),
     )
+
+
+def _contradicted(wrong: Contradiction) -> str:
+    """A sentence on the channels that tell of two motions."""
+    return f"{wrong.sentence()}: whatever the model, one of them is wrong."
 
 
 def _hidden(axes: str, trial: Trial) -> str:

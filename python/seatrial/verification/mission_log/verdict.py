@@ -12,7 +12,7 @@ Tests: ``test_recorded_verdict.py``, ``test_recorded_campaign.py`` and ``test_re
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.flight.mission import Mission
     from seatrial.verification.mission_log.candidates import Suspect
+    from seatrial.verification.mission_log.contradiction import Contradiction
     from seatrial.verification.mission_log.envelope import Envelope
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.metrics import LoggedStep
@@ -85,6 +86,8 @@ class LogVerdict:
         Requirements on them, and set-point steps against their corridors.
     envelope
         Of the mission in closed loop; None where it was not asked for.
+    contradictions
+        Channels of the log that tell of two motions: a sensor is wrong, and the model is not judged.
     notes
         Sentences on what was not known.
     current
@@ -110,6 +113,7 @@ class LogVerdict:
     autopilot: Autopilot | None = None
     mission: Mission | None = None
     current: tuple[float, float] | None = None
+    contradictions: tuple[Contradiction, ...] = ()
     clock: Clock = field(default_factory=Clock)
 
     @property
@@ -156,6 +160,7 @@ class LogVerdict:
             "reason": self.reason,
             "validity": None if self.validity is None else self.validity.to_dict(),
             "suspects": [one.to_dict() for one in self.suspects],
+            "contradictions": [asdict(one) for one in self.contradictions],
             "power": None if self.power is None else self.power.to_dict(),
             "metrics": dict(self.metrics),
             "requirements": [
