@@ -23,7 +23,7 @@ WRITE = (
 def report(test: BenchTest) -> Report:
     """Three lines, regression, fit, motors; sentences as details."""
     worst, next_step = _worst(test)
-    said = test.sentences()
+    statements = test.sentences()
     return Report(
         title=test.file.name,
         outcome=f"bench test of {test.before.name}",
@@ -32,10 +32,10 @@ def report(test: BenchTest) -> Report:
         next_step=next_step,
         sections=(
             Section(
-                sentences=tuple(text for text in said if "WARNING" in text),
+                sentences=tuple(text for text in statements if "WARNING" in text),
                 tables=(_regression_table(test), _fit_table(test), _table_errors(test), _motor_table(test)),
             ),
-            Section("Remarks", tuple(said), details=True),
+            Section("Remarks", tuple(statements), details=True),
         ),
     )
 
@@ -44,7 +44,9 @@ def _how_good(test: BenchTest) -> str:
     """Fit of the pulls, the worst direction named; fit of the motors."""
     parts = []
     fits = {
-        f"{unit} {side}": one.fit for unit, fit in test.pulls.items() for side, one in fit.directions.items()
+        f"{unit} {side}": direction.fit
+        for unit, fit in test.pulls.items()
+        for side, direction in fit.directions.items()
     }
     if fits:
         worst = min(fits, key=lambda name: fits[name].r2)
@@ -62,7 +64,7 @@ def _how_good(test: BenchTest) -> str:
             f"thrust table{plural} of {len(test.pulls)} group{plural}, points within {rms:.2g} N rms"
         )
     for unit, motor in test.motors.items():
-        known = sum(one.determined for one in motor.parameters.values())
+        known = sum(parameter.determined for parameter in motor.parameters.values())
         parts.append(
             f"motor of {unit}: {known} of {len(motor.parameters)} parameters determined, mean error"
             f" {motor.fitness.absolute:.3g} {motor.unit}"
@@ -78,17 +80,17 @@ def _worst(test: BenchTest) -> tuple[str, str]:
             0
         ], "correct this in the bench file or repeat the test before the results are used"
     for unit, motor in test.motors.items():
-        if missing := [one for one in motor.parameters.values() if not one.determined]:
-            names = ", ".join(one.name for one in missing)
+        if missing := [parameter for parameter in motor.parameters.values() if not parameter.determined]:
+            names = ", ".join(parameter.name for parameter in missing)
             return (
                 f"{unit} motor: {names} not determined: {missing[0].reason}",
                 "record the steps that this asks for, or keep the vehicle file's values; then use --in-place",
             )
     named = [
-        (f"{unit} {side}", len(one.outliers), len(one.points))
+        (f"{unit} {side}", len(direction.outliers), len(direction.points))
         for unit, fit in test.pulls.items()
-        for side, one in fit.directions.items()
-        if len(one.outliers)
+        for side, direction in fit.directions.items()
+        if len(direction.outliers)
     ]
     if named:
         where, count, points = max(named, key=lambda row: row[1])
@@ -96,10 +98,14 @@ def _worst(test: BenchTest) -> tuple[str, str]:
             f"look at the pulls named below, then {write}"
         )
     bent = [
-        (abs(one.exponent[0] - 2.0), f"largest departure from n|n|: {unit} {side}, {exponent_text(one)}")
+        (
+            abs(direction.exponent[0] - 2.0),
+            f"largest departure from n|n|: {unit} {side}, {exponent_text(direction)}",
+        )
         for unit, fit in test.pulls.items()
-        for side, one in fit.directions.items()
-        if np.isfinite(one.exponent[0]) and not one.exponent_interval[0] <= 2.0 <= one.exponent_interval[1]
+        for side, direction in fit.directions.items()
+        if np.isfinite(direction.exponent[0])
+        and not direction.exponent_interval[0] <= 2.0 <= direction.exponent_interval[1]
     ]
     return (max(bent)[1] if bent else "no outlier and no undetermined parameter found"), write
 
@@ -109,14 +115,14 @@ def _regression_table(test: BenchTest) -> Table:
         (
             f"{unit} {side}" if k == 0 else "",
             name,
-            _coefficient_unit(one.fit.terms[k], fit.unit.command),
-            f"{one.fit.coefficients[k]:.5g}",
-            f"{one.fit.standard_deviations[k]:.2g}",
-            "{:.4g} to {:.4g}".format(*one.fit.intervals()[k]),
+            _coefficient_unit(direction.fit.terms[k], fit.unit.command),
+            f"{direction.fit.coefficients[k]:.5g}",
+            f"{direction.fit.standard_deviations[k]:.2g}",
+            "{:.4g} to {:.4g}".format(*direction.fit.intervals()[k]),
         )
         for unit, fit in test.pulls.items()
-        for side, one in fit.directions.items()
-        for k, name in enumerate(one.fit.names)
+        for side, direction in fit.directions.items()
+        for k, name in enumerate(direction.fit.names)
     ]
     head = ("group", "coefficient", "unit", "estimate", "sd", "95 % interval")
     return Table.of("Regression per direction, of a single actuator", head, rows, left=3)
@@ -126,15 +132,15 @@ def _fit_table(test: BenchTest) -> Table:
     rows = [
         (
             f"{unit} {side}",
-            str(len(one.points)),
-            str(len(one.outliers)),
-            share(one.fit.r2).replace(" ", ""),
-            share(one.fit.b).replace(" ", ""),
-            f"{one.fit.sigma:.2g}",
-            f"{one.fit.condition:.2g}",
+            str(len(direction.points)),
+            str(len(direction.outliers)),
+            share(direction.fit.r2).replace(" ", ""),
+            share(direction.fit.b).replace(" ", ""),
+            f"{direction.fit.sigma:.2g}",
+            f"{direction.fit.condition:.2g}",
         )
         for unit, fit in test.pulls.items()
-        for side, one in fit.directions.items()
+        for side, direction in fit.directions.items()
     ]
     head = ("group", "points", "outliers", "R2", "squared correlation", "scatter, N", "condition")
     return Table.of(
@@ -166,16 +172,16 @@ def _motor_table(test: BenchTest) -> Table:
     rows = [
         (
             unit if k == 0 else "",
-            one.name,
-            one.unit,
-            "" if one.value is None else f"{one.value:.6g}",
-            "" if one.sigma is None else f"{one.sigma:.2g}",
+            parameter.name,
+            parameter.unit,
+            "" if parameter.value is None else f"{parameter.value:.6g}",
+            "" if parameter.sigma is None else f"{parameter.sigma:.2g}",
             "not determined"
-            if one.lower is None or one.upper is None
-            else f"{one.lower:.6g} to {one.upper:.6g}",
+            if parameter.lower is None or parameter.upper is None
+            else f"{parameter.lower:.6g} to {parameter.upper:.6g}",
         )
         for unit, motor in test.motors.items()
-        for k, one in enumerate(motor.parameters.values())
+        for k, parameter in enumerate(motor.parameters.values())
     ]
     return Table.of("Motors", ("group", "parameter", "unit", "estimate", "sd", "95 % interval"), rows, left=3)
 

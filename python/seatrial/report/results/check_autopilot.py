@@ -48,11 +48,11 @@ def _how_good(check: AutopilotCheck) -> str:
     """Law, modes, breakpoints; on a vehicle the range of sound speeds and the least phase margin."""
     speeds = check.speeds_m_s
     count = len(check.modes)
-    said = f"{check.control.upper()} every {check.period_s:g} s, {count} mode{'s' if count > 1 else ''}"
+    words = f"{check.control.upper()} every {check.period_s:g} s, {count} mode{'s' if count > 1 else ''}"
     if speeds:
-        said += f", gains at {len(speeds)} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} m/s"
+        words += f", gains at {len(speeds)} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} m/s"
     sound = "" if check.margins is None else check.margins.how_good()
-    return f"{said}; {sound}" if sound else said
+    return f"{words}; {sound}" if sound else words
 
 
 def _mode_table(check: AutopilotCheck) -> Table:

@@ -46,25 +46,27 @@ def report(check: CampaignCheck) -> Report:
         sections=(
             Section(sentences=(*check.problems, *check.warnings)),
             Section(sentences=free, tables=(_trial_table(check), _stage_table(check))),
-            Section("Corrections proposed", tuple(one.text for one in check.proposals[:_MOST_PROPOSALS])),
+            Section(
+                "Corrections proposed", tuple(proposal.text for proposal in check.proposals[:_MOST_PROPOSALS])
+            ),
             Section("Kind of data", check.data),
             Section("Inputs over what is fitted", inputs, (_input_table(check),)),
             Section("Scale of all forces", scale),
             *findings,
-            *(_consistency(name, found) for name, found in check.consistency.items()),
+            *(_consistency(name, consistency) for name, consistency in check.consistency.items()),
             *(Section(f"Motion of trial {n}", k.details, details=True) for n, k in check.kinds.items()),
         ),
     )
 
 
-def _consistency(name: str, found: Consistency) -> Section:
+def _consistency(name: str, consistency: Consistency) -> Section:
     """Everything about the channels of one trial, as details."""
-    said = [*(one.sentence for one in found.corrections), *found.missing]
-    if (current := accepted(found)) is not None:
-        said.append(
+    statements = [*(correction.sentence for correction in consistency.corrections), *consistency.missing]
+    if (current := accepted(consistency)) is not None:
+        statements.append(
             f"a slow current, {current_sentence(current)}: [trials.{name}.corrections] {current.line}"
         )
-    return Section(f"Consistency of trial {name}", tuple(said), (found.table(),), details=True)
+    return Section(f"Consistency of trial {name}", tuple(statements), (consistency.table(),), details=True)
 
 
 def _worst(check: CampaignCheck) -> tuple[str, str]:
@@ -75,32 +77,42 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
     if not check.stages:
         identify = "run seatrial tune or seatrial verify on this campaign"
     correct = f"correct the trial or its column map if it is used; then {identify}"
-    found = [
+    findings = [
         (finding.severity, f"trial {name}: {str(finding).removeprefix(finding.severity).strip()}")
         for name, report in check.reports.items()
         for finding in report.findings
     ]
-    open_ = [one.text for one in check.proposals if not one.done]
+    open_ = [proposal.text for proposal in check.proposals if not proposal.done]
     unlike = [
-        f"trial {name}: {said}" for name, one in check.consistency.items() for said in one.contradictions
+        f"trial {name}: {contradiction}"
+        for name, channels in check.consistency.items()
+        for contradiction in channels.contradictions
     ]
-    unlike += [f"trial {name}: {said}" for name, one in check.kinds.items() for said in one.impossible]
+    unlike += [
+        f"trial {name}: {contradiction}"
+        for name, kind in check.kinds.items()
+        for contradiction in kind.impossible
+    ]
     unlike += [
         text
-        for severity, text in found
+        for severity, text in findings
         if severity == "warning" and (UNCOMMANDED in text or MOSTLY_MASKED in text)
     ]
-    if (text := next((text for severity, text in found if severity == "error"), None)) is not None:
+    if (text := next((text for severity, text in findings if severity == "error"), None)) is not None:
         return text, correct
     if unlike:
         problem, _, remedy = unlike[0].partition("; ")
         return (problem, f"{remedy}; then {identify}") if WIRED in problem else (unlike[0], correct)
     if open_:
         return open_[0], f"paste the corrections that you accept into the campaign; then {identify}"
-    if (text := next((text for severity, text in found if severity == "warning"), None)) is not None:
+    if (text := next((text for severity, text in findings if severity == "warning"), None)) is not None:
         return text, correct
-    said = [] if check.scale is None else check.scale.sentences()
-    for sentence in (*check.warnings, *([] if check.inputs is None else check.inputs.sentences()), *said):
+    scale_sentences = [] if check.scale is None else check.scale.sentences()
+    for sentence in (
+        *check.warnings,
+        *([] if check.inputs is None else check.inputs.sentences()),
+        *scale_sentences,
+    ):
         if sentence.startswith("WARNING"):
             return sentence.removeprefix("WARNING").strip(" :"), f"settle this first; then {identify}"
     return "no warning about recordings, inputs or scale", identify
@@ -140,6 +152,8 @@ def _stage_table(check: CampaignCheck) -> Table:
 
 def _input_table(check: CampaignCheck) -> Table:
     drives = () if check.inputs is None else check.inputs.drives
-    rows = [(one.actuator, one.group, f"{one.rms_n:.3g}", f"{100.0 * one.ahead:.0f}") for one in drives]
+    rows = [
+        (drive.actuator, drive.group, f"{drive.rms_n:.3g}", f"{100.0 * drive.ahead:.0f}") for drive in drives
+    ]
     head = ("actuator", "group", "thrust about its mean, N", "impulse ahead, %")
     return Table.of("", head, rows, left=2)

@@ -33,13 +33,13 @@ _SHORTEST_S = 10.0  # a segment of a stage, unless the campaign says otherwise
 def report(made: Imported) -> Report:
     """Three lines, columns, trials, doubts and what is missing; every field as a detail."""
     problems = list(dict.fromkeys(_problems(made)))
-    seconds = sum(float(one.trial.t[-1] - one.trial.t[0]) for one in made.trials)
+    seconds = sum(float(imported.trial.t[-1] - imported.trial.t[0]) for imported in made.trials)
     count = len(made.trials)
     partial = any(log.notes for log in made.survey.logs)
     partial |= bool(made.refused or _left_out(made) or _lost(made))
     actuators = sum(name.startswith("cmd.") for name in made.columns)
-    reports = {one.name: one.trial.report for one in made.trials}
-    proposed = proposals({one.name: one.consistency for one in made.trials}, reports)
+    reports = {imported.name: imported.trial.report for imported in made.trials}
+    proposed = proposals({imported.name: imported.consistency for imported in made.trials}, reports)
     applied = "none applied" + (" except where marked" if any(p.done for p in proposed) else "")
     return Report(
         title=", ".join(printable(log.path.name, 40) for log in made.survey.logs[:4])
@@ -58,32 +58,41 @@ def report(made: Imported) -> Report:
             Section("Trials", tuple(_done(made)), (_trials(made), _modes(made))),
             Section(
                 f"Proposed corrections, {applied}: comments in campaign.toml and map.toml",
-                tuple(one.text for one in proposed),
+                tuple(imported.text for imported in proposed),
             ),
             Section("Missing, and what that costs", tuple(_missing(made))),
             Section("Look at this, too", tuple(problems[_SHOWN:]), details=True),
             Section("Every field", tables=(made.survey.table(),), details=True),
             *(
-                Section(f"Trial {one.name}", (*one.notes, *str(one.trial.report).splitlines()), details=True)
-                for one in made.trials
+                Section(
+                    f"Trial {imported.name}",
+                    (*imported.notes, *str(imported.trial.report).splitlines()),
+                    details=True,
+                )
+                for imported in made.trials
             ),
         ),
     )
 
 
 def _channels(made: Imported) -> list[str]:
-    return [c for c in CHANNELS if any(c in one.trial.channels for one in made.trials)]
+    return [c for c in CHANNELS if any(c in imported.trial.channels for imported in made.trials)]
 
 
 def _left_out(made: Imported) -> list[str]:
     """Recordings that stand in one file behind one another and of which one was read."""
-    return [f"trial {one.name}: {note}" for one in made.trials for note in one.notes if SPLIT in note]
+    return [
+        f"trial {imported.name}: {note}"
+        for imported in made.trials
+        for note in imported.notes
+        if SPLIT in note
+    ]
 
 
 def _lost(made: Imported) -> list[str]:
     """Columns that the logs have by name, or that the map names, and that could not be used."""
-    sources = None if made.map_source == "proposed" else [one.source for one in made.columns.values()]
-    return [told for one in made.trials for told in made.survey.lost(one.logs, sources)]
+    sources = None if made.map_source == "proposed" else [column.source for column in made.columns.values()]
+    return [loss for imported in made.trials for loss in made.survey.lost(imported.logs, sources)]
 
 
 def _problems(made: Imported) -> Iterator[str]:
@@ -97,23 +106,27 @@ def _problems(made: Imported) -> Iterator[str]:
     yield from made.refused
     yield from made.twice
     yield from _findings(made, "error")
-    for one in made.trials:
-        yield from (f"trial {one.name}: {said}" for said in one.consistency.contradictions)
-    for one in made.trials:
-        yield from (f"trial {one.name}: {said}" for said in one.kind.impossible)
+    for imported in made.trials:
+        yield from (
+            f"trial {imported.name}: {contradiction}" for contradiction in imported.consistency.contradictions
+        )
+    for imported in made.trials:
+        yield from (f"trial {imported.name}: {contradiction}" for contradiction in imported.kind.impossible)
     yield from _findings(made, "warning", MOSTLY_MASKED)
     yield from _findings(made, "warning", UNCOMMANDED)
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
     yield from _left_out(made)
     yield from _lost(made)
-    longest = max((float(one.trial.t[-1] - one.trial.t[0]) for one in made.trials), default=0.0)
+    longest = max(
+        (float(imported.trial.t[-1] - imported.trial.t[0]) for imported in made.trials), default=0.0
+    )
     if longest < _SHORTEST_S:
         yield (
             f"the longest trial lasts {longest:.3g} s: too short to identify anything; log at least"
             f" {_SHORTEST_S:g} s of a manoeuvre, and as much again to judge the result"
         )
-    if not any(one.trial.inputs for one in made.trials):
+    if not any(imported.trial.inputs for imported in made.trials):
         yield "no commands of actuators and no wrench are in the logs: nothing can be identified"
     elif made.vehicle is not None and made.unmatched:
         yield (
@@ -121,7 +134,7 @@ def _problems(made: Imported) -> Iterator[str]:
             f" [actuators] in"
             " map.toml"
         )
-    speeds = {c for one in made.trials for c in one.trial.channels if c in "uvw"}
+    speeds = {c for imported in made.trials for c in imported.trial.channels if c in "uvw"}
     if not speeds:
         yield (
             "no velocity and no position from which it follows: only rotations can be identified; add a"
@@ -142,56 +155,56 @@ def _problems(made: Imported) -> Iterator[str]:
             " by the log's parameters or motion; vehicle.toml sets reversed = true: check in the water"
         )
     yield from _upside_down(made)
-    for one in made.trials:  # of the pose once
-        yield from list(_findings(replace(made, trials=(one,)), "warning", JUMPED))[:1]
-    guesses = [canonical for canonical, one in made.columns.items() if not one.certain]
+    for imported in made.trials:  # of the pose once
+        yield from list(_findings(replace(made, trials=(imported,)), "warning", JUMPED))[:1]
+    guesses = [canonical for canonical, column in made.columns.items() if not column.certain]
     if guesses:
         shown = ", ".join(guesses[:4]) + (f" and {len(guesses) - 4} more" if len(guesses) > 4 else "")
         yield (
             f"guessed from names and ranges, not stated in the log: {shown}; check unit and frame in map.toml"
         )
     yield from _findings(made, "warning")
-    for one in made.trials:
-        yield from (f"trial {one.name}: {warning}" for warning in one.kind.warnings)
-    for one in made.trials:
-        if one.absent:
-            apart = 2 * len(one.absent) > len(made.columns) and len(made.trials) > 1
-            yield f"trial {one.name}: its logs have no {', '.join(one.absent)}" + (
+    for imported in made.trials:
+        yield from (f"trial {imported.name}: {warning}" for warning in imported.kind.warnings)
+    for imported in made.trials:
+        if imported.absent:
+            apart = 2 * len(imported.absent) > len(made.columns) and len(made.trials) > 1
+            yield f"trial {imported.name}: its logs have no {', '.join(imported.absent)}" + (
                 "; most of their channels have other names: import them separately" if apart else ""
             )
-            yield from (f"trial {one.name}: {told}" for told in _unused(made, one))
+            yield from (f"trial {imported.name}: {unused}" for unused in _unused(made, imported))
         known = [f"{log.path.name}: {note}" for log in made.survey.logs for note in log.notes]
-        yield from (f"trial {one.name}: {note}" for note in one.notes if note not in known)
+        yield from (f"trial {imported.name}: {note}" for note in imported.notes if note not in known)
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)}: {remark}" for remark in log.remarks)
     if made.kept:
         yield f"{', '.join(made.kept)} kept as edited; delete a file to have it drafted again"
 
 
-def _unused(made: Imported, one: ImportedTrial) -> Iterator[str]:
+def _unused(made: Imported, imported: ImportedTrial) -> Iterator[str]:
     """Fields that the logs of a trial have for columns of the map that take another log's."""
     for log in made.survey.logs:
-        if log.path.name not in one.logs:
+        if log.path.name not in imported.logs:
             continue
         others = {
             canonical: next((p.source for p in log.proposals if p.canonical == canonical), "")
-            for canonical in one.absent
+            for canonical in imported.absent
         }
-        told = [f"{source} ({canonical})" for canonical, source in others.items() if source]
-        if told:
-            more = f" and {len(told) - _NAMED} more" if len(told) > _NAMED else ""
+        named = [f"{source} ({canonical})" for canonical, source in others.items() if source]
+        if named:
+            more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
             yield (
-                f"{printable(log.path.name)} has {', '.join(told[:_NAMED])}{more}, not used: one map reads"
+                f"{printable(log.path.name)} has {', '.join(named[:_NAMED])}{more}, not used: one map reads"
                 " all logs, and it takes other fields; import this log separately"
             )
 
 
 def _findings(made: Imported, severity: str, words: str = "") -> Iterator[str]:
     """What the readers found about the recordings, of one severity, with some words in it."""
-    for one in made.trials:
-        for finding in one.trial.report.findings:
+    for imported in made.trials:
+        for finding in imported.trial.report.findings:
             if finding.severity == severity and words in finding.message:
-                yield f"trial {one.name}: {str(finding).removeprefix(severity).strip()}"
+                yield f"trial {imported.name}: {str(finding).removeprefix(severity).strip()}"
 
 
 def _upside_down(made: Imported) -> Iterator[str]:
@@ -199,10 +212,10 @@ def _upside_down(made: Imported) -> Iterator[str]:
     if made.vehicle is None:
         return
     names = [
-        one.name
-        for one in made.trials
-        if any(f.channel == "z" and f.message.startswith(ABOVE) for f in one.trial.report.findings)
-        and set("YZN") <= set(against := opposed(made.vehicle, one.trial))
+        imported.name
+        for imported in made.trials
+        if any(f.channel == "z" and f.message.startswith(ABOVE) for f in imported.trial.report.findings)
+        and set("YZN") <= set(against := opposed(made.vehicle, imported.trial))
         and "X" not in against
     ]
     if names:
@@ -216,9 +229,11 @@ def _upside_down(made: Imported) -> Iterator[str]:
 
 def _supply(made: Imported) -> Iterator[str]:
     """What to do about trials without the supply voltage that the vehicle's thrust depends on."""
-    if made.vehicle is None or not any(one["needs_voltage"] for one in made.vehicle.actuator_info().values()):
+    if made.vehicle is None or not any(
+        actuator["needs_voltage"] for actuator in made.vehicle.actuator_info().values()
+    ):
         return
-    bare = [one.name for one in made.trials if one.trial.voltage_v is None]
+    bare = [imported.name for imported in made.trials if imported.trial.voltage_v is None]
     if bare:
         yield (
             f"trial {', '.join(bare)}: the thrust of {made.vehicle.name} depends on the supply voltage, which"
@@ -238,36 +253,40 @@ def _next(made: Imported) -> str:
 
 def _done(made: Imported) -> Iterator[str]:
     """What was done in each trial, and what of it judges the result."""
-    for one in made.trials:
-        yield f"trial {one.name}: {one.kind.done}; {one.why}"
+    for imported in made.trials:
+        yield f"trial {imported.name}: {imported.kind.done}; {imported.why}"
 
 
 def _columns(made: Imported) -> Table:
     rows = [
         (
             canonical,
-            printable(one.source, 30),
-            printable(one.unit, 8),
-            one.frame + (" -" if one.sign < 0 else ""),
-            printable(one.why, 42) + ("" if one.certain else " ?"),
+            printable(column.source, 30),
+            printable(column.unit, 8),
+            column.frame + (" -" if column.sign < 0 else ""),
+            printable(column.why, 42) + ("" if column.certain else " ?"),
         )
-        for canonical, one in made.columns.items()
+        for canonical, column in made.columns.items()
     ]
     head = ("column", "from", "unit", "frame, sign", "why")
-    guessed = not all(one.certain for one in made.columns.values())
+    guessed = not all(column.certain for column in made.columns.values())
     return Table.of("", head, rows, left=5, note="?: a guess" if guessed else "")
 
 
 def _trials(made: Imported) -> Table:
     rows = []
-    for one in made.trials:
-        masked = max(one.trial.report.masked.values(), default=0) / max(len(one.trial), 1)
-        held = "" if one.hold_out_s is None else f"{one.hold_out_s[0]:.0f} to {one.hold_out_s[1]:.0f}"
+    for imported in made.trials:
+        masked = max(imported.trial.report.masked.values(), default=0) / max(len(imported.trial), 1)
+        held = (
+            ""
+            if imported.hold_out_s is None
+            else f"{imported.hold_out_s[0]:.0f} to {imported.hold_out_s[1]:.0f}"
+        )
         rows.append((
-            one.name,
-            f"{one.trial.t[0]:.1f}",
-            f"{one.trial.t[-1]:.1f}",
-            f"{1.0 / one.trial.dt:.3g}",
+            imported.name,
+            f"{imported.trial.t[0]:.1f}",
+            f"{imported.trial.t[-1]:.1f}",
+            f"{1.0 / imported.trial.dt:.3g}",
             f"{100.0 * masked:.0f}",
             held,
         ))
@@ -277,21 +296,21 @@ def _trials(made: Imported) -> Table:
 
 def _modes(made: Imported) -> Table:
     rows: list[tuple[str, ...]] = []
-    for one in made.trials:
-        if not one.modes:
+    for imported in made.trials:
+        if not imported.modes:
             continue
-        ends = [*(t for t, _ in one.modes[1:]), float(one.trial.t[-1])]
+        ends = [*(t for t, _ in imported.modes[1:]), float(imported.trial.t[-1])]
         rows += [
-            (one.name, printable(mode, 20), f"{t:.1f}", f"{end:.1f}")
-            for (t, mode), end in zip(one.modes, ends, strict=True)
+            (imported.name, printable(mode, 20), f"{t:.1f}", f"{end:.1f}")
+            for (t, mode), end in zip(imported.modes, ends, strict=True)
         ]
     return Table.of("Modes of the autopilot", ("trial", "mode", "from, s", "to, s"), rows, left=2)
 
 
 def _missing(made: Imported) -> Iterator[str]:
-    said: dict[str, list[str]] = {}
-    for one in made.trials:
-        for sentence in one.consistency.missing:
-            said.setdefault(sentence, []).append(one.name)
-    for sentence, names in said.items():
+    missing: dict[str, list[str]] = {}
+    for imported in made.trials:
+        for sentence in imported.consistency.missing:
+            missing.setdefault(sentence, []).append(imported.name)
+    for sentence, names in missing.items():
         yield sentence if len(names) == len(made.trials) else f"trial {', '.join(names)}: {sentence}"

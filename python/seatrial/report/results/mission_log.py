@@ -18,12 +18,12 @@ def report(verdict: LogVerdict) -> Report:
     """Three lines, channels against their band, suspects, the mission's own requirements; notes."""
     worst, next_step = _worst(verdict)
     mission, checks = _mission(verdict)
-    said = [verdict.reason]
+    statements = [verdict.reason]
     if verdict.validity is not None:
-        said.append(f"The band is that of {verdict.validity.spread.source}.")
+        statements.append(f"The band is that of {verdict.validity.spread.source}.")
     suspects: list[str] = []
     if verdict.suspects:
-        suspects = [f"{k}. {one.sentence()}" for k, one in enumerate(verdict.suspects[:SHOWN], 1)]
+        suspects = [f"{k}. {suspect.sentence()}" for k, suspect in enumerate(verdict.suspects[:SHOWN], 1)]
         suspects += _inseparable(verdict)
         suspects += _look_first(verdict)
     return Report(
@@ -33,7 +33,7 @@ def report(verdict: LogVerdict) -> Report:
         worst=worst,
         next_step=next_step,
         sections=(
-            Section(sentences=tuple(said), tables=(_channel_table(verdict),)),
+            Section(sentences=tuple(statements), tables=(_channel_table(verdict),)),
             Section("What may have changed, the best explanation first", tuple(suspects)),
             Section("The mission", tuple(mission), (checks,)),
             Section(
@@ -56,8 +56,8 @@ def fails(verdict: LogVerdict) -> list[str]:
     if verdict.validity is None:
         return []
     tests = () if verdict.power is None else verdict.power.refuted
-    against = {name for one in tests for name in one.against}
-    return [name for name, one in verdict.validity.channels.items() if one.fails or name in against]
+    against = {name for channel_against in tests for name in channel_against.against}
+    return [name for name, channel in verdict.validity.channels.items() if channel.fails or name in against]
 
 
 def _how_good(verdict: LogVerdict) -> str:
@@ -67,32 +67,34 @@ def _how_good(verdict: LogVerdict) -> str:
     if verdict.validity is None or not verdict.validity.channels:
         return "no window of this log could be judged"
     channels = verdict.validity.channels
-    against = [name for name, one in channels.items() if one.fails] or [
-        name for name, one in channels.items() if one.doubtful
+    against = [name for name, channel in channels.items() if channel.fails] or [
+        name for name, channel in channels.items() if channel.doubtful
     ]
-    name = min(against, key=lambda one: (channels[one].p, -channels[one].outside), default="")
-    name = name or max(channels, key=lambda one: channels[one].outside)
+    name = min(against, key=lambda channel: (channels[channel].p, -channels[channel].outside), default="")
+    name = name or max(channels, key=lambda channel: channels[channel].outside)
     failing = fails(verdict)
-    unable = [one for one in cannot_judge(verdict) if one not in failing]
-    told = len(channels) - len(unable)
-    judged = f"{told - len(failing)} of {told} channels agree with the model"
+    unable = [channel for channel in cannot_judge(verdict) if channel not in failing]
+    judged_count = len(channels) - len(unable)
+    judged = f"{judged_count - len(failing)} of {judged_count} channels agree with the model"
     if unable:
         judged = (
-            f"{judged}, {len(unable)} cannot judge" if told else f"none of {len(unable)} channels can judge"
+            f"{judged}, {len(unable)} cannot judge"
+            if judged_count
+            else f"none of {len(unable)} channels can judge"
         )
     if not channels[name].outside:
         return f"{judged}; none left its 95 % band"
-    one = channels[name]
+    channel = channels[name]
     most = "" if against else " most,"
     chance = (
-        f", p = {one.p_text}"
+        f", p = {channel.p_text}"
         if against
         else "; model errors are correlated in time: a valid model is outside this long with probability"
-        f" {one.p_text}"
+        f" {channel.p_text}"
     )
     return (
         f"{judged}; {name} is outside its"
-        f" 95 % band{most} {100.0 * one.outside:.1f} % of the time (5 % expected on average{chance})"
+        f" 95 % band{most} {100.0 * channel.outside:.1f} % of the time (5 % expected on average{chance})"
     )
 
 
@@ -111,7 +113,7 @@ def _worst(verdict: LogVerdict) -> tuple[str, str]:
         return f"suspected first: {first.sentence()}", (
             look[0] if look else f"check {first.name} on the vehicle; if it has changed, identify again"
         )
-    broken = [one for one in verdict.requirements if one.held is False]
+    broken = [requirement for requirement in verdict.requirements if requirement.held is False]
     if broken:
         return f"requirement {broken[0].name} ({broken[0].holds}) was not held", (
             "look at where the mission left it, then tune the autopilot or change the requirement"
@@ -150,23 +152,23 @@ def _look_first(verdict: LogVerdict) -> list[str]:
 def _channel_table(verdict: LogVerdict) -> Table:
     rows = []
     cannot, failing = cannot_judge(verdict), fails(verdict)
-    for name, one in {} if verdict.validity is None else verdict.validity.channels.items():
+    for name, channel in {} if verdict.validity is None else verdict.validity.channels.items():
         scale, unit = readable(name)
-        low, high = one.interval
+        low, high = channel.interval
         rows.append((
             name,
             unit,
-            f"{100.0 * one.outside:.1f} %",
+            f"{100.0 * channel.outside:.1f} %",
             f"{100.0 * low:.0f}-{100.0 * high:.0f}",
-            f"{scale * one.rms:.3g}",
-            f"{scale * one.spread:.3g}",
-            f"{one.band_over_signal:.2g}",
-            f"{one.p:.2g}" if one.p >= 1e-4 else "<0.0001",
+            f"{scale * channel.rms:.3g}",
+            f"{scale * channel.spread:.3g}",
+            f"{channel.band_over_signal:.2g}",
+            f"{channel.p:.2g}" if channel.p >= 1e-4 else "<0.0001",
             _best_shown(verdict, name),
             "fails"
             if name in failing
             else "doubt"
-            if one.doubtful
+            if channel.doubtful
             else "cannot judge"
             if name in cannot
             else "",
@@ -201,15 +203,15 @@ def factors(shown: Shown) -> str:
 def _power_table(verdict: LogVerdict) -> Table:
     """Per group the channel that shows the smallest change, the factors, and what the log asks for."""
     rows = []
-    for one in () if verdict.power is None else verdict.power.tests:
-        best = one.best
+    for test in () if verdict.power is None else verdict.power.tests:
+        best = test.best
         rows.append((
-            one.group.words,
-            ", ".join(one.group.names),
+            test.group.words,
+            ", ".join(test.group.names),
             best,
-            factors(one.by_channel[best]) if best else "none",
-            f"{one.factor:.3g} +- {one.sigma:.2g}" if math.isfinite(one.sigma) else "",
-            "refuted" if one.refuted else "" if one.enough else "not shown",
+            factors(test.by_channel[best]) if best else "none",
+            f"{test.factor:.3g} +- {test.sigma:.2g}" if math.isfinite(test.sigma) else "",
+            "refuted" if test.refuted else "" if test.enough else "not shown",
         ))
     head = ("group", "coefficients", "channel", "smallest factors, 95 % power", "this log asks for", "")
     return Table.of("Coefficient groups", head, rows, left=3)
@@ -229,7 +231,7 @@ def _inseparable(verdict: LogVerdict) -> list[str]:
 
 def _mission(verdict: LogVerdict) -> tuple[list[str], Table]:
     """Metrics of the mission and envelope in sentences; requirements and steps as a table."""
-    said = [
+    statements = [
         text.format(verdict.metrics[name])
         for name, text in (
             ("cross_track_p95_m", "cross-track error {:.2f} m in 95 % of the settled time"),
@@ -239,7 +241,9 @@ def _mission(verdict: LogVerdict) -> tuple[list[str], Table]:
         )
         if name in verdict.metrics
     ]
-    lines = [f"The mission: {', '.join(said)}."] if len(said) > 1 else []  # its length alone is no news
+    lines = (
+        [f"The mission: {', '.join(statements)}."] if len(statements) > 1 else []
+    )  # its length alone is no news
     if verdict.envelope is not None:
         shares = ", ".join(
             f"{name.replace('_', '-')} {100.0 * band.outside:.0f} %"
@@ -249,14 +253,18 @@ def _mission(verdict: LogVerdict) -> tuple[list[str], Table]:
             f"Outside the closed-loop envelope of {verdict.envelope.flights} flights: {shares} of the log."
         )
     rows: list[tuple[str, ...]] = []
-    for one in verdict.requirements:
-        if one.held is None:
-            who = "no log tells" if one.beyond_logs else "the log does not tell"
-            rows.append((one.name, one.holds, "?", f"{who} {', '.join(one.missing)}"))
+    for requirement in verdict.requirements:
+        if requirement.held is None:
+            who = "no log tells" if requirement.beyond_logs else "the log does not tell"
+            rows.append((requirement.name, requirement.holds, "?", f"{who} {', '.join(requirement.missing)}"))
         else:
             # Words and truth values are infinitely far from their threshold.
-            size = f"{one.reserve:.3g} {one.unit}".strip() if math.isfinite(one.reserve) else ""
-            rows.append((one.name, one.holds, "held" if one.held else "FAILS", size))
+            size = (
+                f"{requirement.reserve:.3g} {requirement.unit}".strip()
+                if math.isfinite(requirement.reserve)
+                else ""
+            )
+            rows.append((requirement.name, requirement.holds, "held" if requirement.held else "FAILS", size))
     for step in verdict.steps:
         outside = "" if step.criterion <= 0.0 else f"outside by {step.criterion:.3g} s"
         verdict_of_step = "held" if step.criterion <= 0.0 else "FAILS"

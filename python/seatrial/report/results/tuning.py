@@ -42,7 +42,7 @@ def report(tuning: Tuning) -> Report:
     from seatrial.control_design.margin_report import margin_table
 
     worst, next_step = _worst(tuning)
-    said = tuple(sentences(tuning))
+    statements = tuple(sentences(tuning))
     responses = [
         Table.of(
             f"Responses with the {performance.name} gains (times in s)", TRIAL_HEAD, trial_rows(performance)
@@ -70,7 +70,7 @@ def report(tuning: Tuning) -> Report:
             Section(tables=tuple(tables)),
             Section(
                 "Remarks",
-                (*filter(None, [doubt]), *said, _effort(tuning)),
+                (*filter(None, [doubt]), *statements, _effort(tuning)),
                 tuple(responses[1:]),
                 details=True,
             ),
@@ -97,10 +97,10 @@ def _how_good(tuning: Tuning) -> str:
     if phases:
         phase, row = min(phases, key=lambda pair: pair[0])
         least = f"; least phase margin {phase:.0f} deg ({row.loop} at {row.speed_m_s:.2f} m/s)"
-    held = min((trial.held for trial in tuned.trials), default=1.0)
+    least_held = min((trial.held for trial in tuned.trials), default=1.0)
     line = (
         f"{inside} of {len(tuned.trials)} responses of the vehicle stay within their corridors{before}; of"
-        f" {tuned.samples} drawn vehicles at least {held:.0%}{least}"
+        f" {tuned.samples} drawn vehicles at least {least_held:.0%}{least}"
     )
     line = "; ".join([line, *_worse_than_start(tuning), *_untuned(tuning)])
     return appended(line, tuning.plan.fitted.doubt())
@@ -117,7 +117,7 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
     out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
     short = tuning.short_margins
     if out:
-        trial = max(out, key=lambda one: one.nominal_s)
+        trial = max(out, key=lambda trial: trial.nominal_s)
         missed = f". Margin short of its limit, too: {_first_of(short)}" if short else ""
         return (
             f"{named_step(trial)}: {outside(trial.nominal_s)}{_why(tuning, trial)}{missed}",
@@ -127,7 +127,7 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
     if short:
         return f"margin short of its limit: {_first_of(short)}", _advice(tuning)
     verify = "verify the autopilot over drawn vehicles, currents and failures (seatrial verify CAMPAIGN)"
-    loosest = min(tuned.trials, key=lambda one: (one.held, -one.worst_s), default=None)
+    loosest = min(tuned.trials, key=lambda trial: (trial.held, -trial.worst_s), default=None)
     if loosest is not None and loosest.held < 1.0:
         return (
             f"{named_step(loosest)}: {1.0 - loosest.held:.0%} of the drawn vehicles leave the corridor"
@@ -195,7 +195,10 @@ def sentences(tuning: Tuning) -> list[str]:
             " narrow, or give the search more room under [tuning] (bounds, budget)."
         )
         lines += [f"{named_step(trial)}: {outside(trial.nominal_s)}{_why(tuning, trial)}." for trial in out]
-    lines += [f"{said[0].upper()}{said[1:]}." for said in (*_worse_than_start(tuning), *_untuned(tuning))]
+    lines += [
+        f"{statement[0].upper()}{statement[1:]}."
+        for statement in (*_worse_than_start(tuning), *_untuned(tuning))
+    ]
     lines += _guided(tuning)
     if tuning.reverted:
         lines.append(
@@ -263,21 +266,23 @@ def _worse_than_start(tuning: Tuning) -> list[str]:
 def _gained_margin(tuning: Tuning) -> str:
     """The margin that the start gains lack most of and the tuned ones less, in words; nothing where none."""
     limits = tuning.plan.table.margins
-    found: list[tuple[float, str]] = []
+    gained: list[tuple[float, str]] = []
     for before, after in zip(tuning.margins["start"], tuning.margins["tuned"], strict=True):
         where = f"in {before.mode} at {before.speed_m_s:.2f} m/s"
         if after.stable and not before.stable:
-            found.append((math.inf, f"a stable motion {where}"))
+            gained.append((math.inf, f"a stable motion {where}"))
         lacking = {unit: (value, limit) for value, limit, unit in missed_limits(before, limits)}
         still = {unit: value for value, _, unit in missed_limits(after, limits)}
         for unit, (value, limit) in lacking.items():
             now = still.get(unit, limit)
             if before.stable and after.stable and now > value:
-                told = f"{shown_below(now, limit)} of {limit:g}" if unit in still else f"at least {limit:g}"
+                figure_now = (
+                    f"{shown_below(now, limit)} of {limit:g}" if unit in still else f"at least {limit:g}"
+                )
                 words = f"the {_NAMES[unit]} of {before.loop} {where}"
-                words += f" ({shown_below(value, limit)} {unit}, now {told})"
-                found.append((1.0 - value / limit, words))
-    return max(found, key=lambda pair: pair[0])[1] if found else ""
+                words += f" ({shown_below(value, limit)} {unit}, now {figure_now})"
+                gained.append((1.0 - value / limit, words))
+    return max(gained, key=lambda pair: pair[0])[1] if gained else ""
 
 
 def _untuned(tuning: Tuning) -> list[str]:
@@ -302,18 +307,18 @@ def _untuned(tuning: Tuning) -> list[str]:
 
 def _guided(tuning: Tuning) -> list[str]:
     """What guidance was given for the tuned loops, in a sentence."""
-    found = next((group for group in tuning.groups if group.name == GUIDANCE_SEARCH), None)
-    if found is None:
+    guidance = next((group for group in tuning.groups if group.name == GUIDANCE_SEARCH), None)
+    if guidance is None:
         return []
     start, tuned = tuning.start.gains(), tuning.autopilot.gains()
     moved = "; ".join(
         f"{name.partition('.')[2]} {tuned[name]:.4g}, before {start[name]:.4g}"
-        for name in sorted(found.gains)
+        for name in sorted(guidance.gains)
     )
     return [
         f"Guidance for the tuned loops: {moved}. Path steps with the tuned loops: time-weighted error"
-        f" {found.after['time']:.2g} s, before {found.before['time']:.2g} s; overshoot beyond 30 %:"
-        f" {seconds(found.after['violation'])} s, before {seconds(found.before['violation'])} s."
+        f" {guidance.after['time']:.2g} s, before {guidance.before['time']:.2g} s; overshoot beyond 30 %:"
+        f" {seconds(guidance.after['violation'])} s, before {seconds(guidance.before['violation'])} s."
     ]
 
 

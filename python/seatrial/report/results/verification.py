@@ -24,35 +24,49 @@ if TYPE_CHECKING:
 _CAUSES = 4
 
 
-def report(found: Verification) -> Report:
+def report(verification: Verification) -> Report:
     """Three lines, requirements, worst missions, comparison; causes, notes."""
-    worst, next_step = _worst(found)
-    held = found.outcome == "held" and not found.interrupted
-    if beyond := excess_sentences(found, found.reservations if held else found.excesses):
-        worst = "; ".join(beyond if held else (worst, *beyond))
-        if held:
+    worst, next_step = _worst(verification)
+    all_held = verification.outcome == "held" and not verification.interrupted
+    if beyond := excess_sentences(
+        verification, verification.reservations if all_held else verification.excesses
+    ):
+        worst = "; ".join(beyond if all_held else (worst, *beyond))
+        if all_held:
             next_step = (
-                f"fly the worst one again to see where ({_again(found)}), then change mission or autopilot,"
-                " or state in a requirement how often it may happen"
+                f"fly the worst one again to see where ({_again(verification)}), then change mission or"
+                " autopilot, or state in a requirement how often it may happen"
             )
-    worst, next_step = found.flights.doubting(worst, next_step)
-    comparison = () if found.comparison is None else (*_against(found.comparison), _medians(found.comparison))
+    worst, next_step = verification.flights.doubting(worst, next_step)
+    comparison = (
+        ()
+        if verification.comparison is None
+        else (*_against(verification.comparison), _medians(verification.comparison))
+    )
     causes = [
-        f"{one.requirement.name}: {text}"
-        for one in found.requirements
+        f"{judged.requirement.name}: {text}"
+        for judged in verification.requirements
         for text in (
-            *([] if one.verdict == "held" else [one.sentence]),
-            *map(str, one.named_causes[:_CAUSES]),
+            *([] if judged.verdict == "held" else [judged.sentence]),
+            *map(str, judged.named_causes[:_CAUSES]),
         )
     ]
-    causes += [_of_case(one) for one in found.cases]
-    details = ["\n  ".join(line.strip() for line in requirement_lines(one)) for one in found.requirements]
-    closing = time_sentence(found), again(found)
-    tables = (_requirement_table(found), _mission_table(found), _worst_table(found), *comparison)
+    causes += [_of_case(flown_case) for flown_case in verification.cases]
+    details = [
+        "\n  ".join(line.strip() for line in requirement_lines(judged))
+        for judged in verification.requirements
+    ]
+    closing = time_sentence(verification), again(verification)
+    tables = (
+        _requirement_table(verification),
+        _mission_table(verification),
+        _worst_table(verification),
+        *comparison,
+    )
     return Report(
-        title=found.campaign.name,
-        outcome=_outcome(found),
-        good=_how_good(found),
+        title=verification.campaign.name,
+        outcome=_outcome(verification),
+        good=_how_good(verification),
         worst=worst,
         next_step=next_step,
         sections=(
@@ -60,171 +74,187 @@ def report(found: Verification) -> Report:
             Section("Requirements", tuple(details), details=True),
             Section(
                 "Notes",
-                (*filter(None, [found.doubt]), *found.notes, *found.flights.left_out, *closing),
+                (
+                    *filter(None, [verification.doubt]),
+                    *verification.notes,
+                    *verification.flights.left_out,
+                    *closing,
+                ),
                 details=True,
             ),
         ),
     )
 
 
-def _how_good(found: Verification) -> str:
+def _how_good(verification: Verification) -> str:
     """Requirements held, and the share of missions that hold all of them."""
-    flights, flown = found.flights, len(found.flown)
-    held = sum(one.verdict == "held" for one in found.requirements)
-    counted = f"{flown} missions" if flown == found.asked else f"{flown} of {found.asked} missions"
-    every = np.all([one.judgement.held for one in found.requirements], axis=0)
+    flights, flown = verification.flights, len(verification.flown)
+    held_count = sum(judged.verdict == "held" for judged in verification.requirements)
+    counted = (
+        f"{flown} missions" if flown == verification.asked else f"{flown} of {verification.asked} missions"
+    )
+    every = np.all([judged.judgement.held for judged in verification.requirements], axis=0)
     line = (
-        f"{held} of {len(found.requirements)} requirements held by {flights.autopilot.name} on"
+        f"{held_count} of {len(verification.requirements)} requirements held by {flights.autopilot.name} on"
         f" {flights.fitted.vehicle.name}; {share(float(np.mean(every)))} of {counted}"
         f" ({', '.join(flights.titles)}, seed {flights.seed}) hold all of them"
     )
-    return appended(line, found.doubt)
+    return appended(line, verification.doubt)
 
 
-def _of_case(one: FlownCase) -> str:
+def _of_case(flown_case: FlownCase) -> str:
     """A regression case in a sentence."""
-    bad = {name: value for name, value in one.robustness.items() if value <= 0.0}
+    bad = {name: value for name, value in flown_case.robustness.items() if value <= 0.0}
     if not bad:
-        return f"regression case {one.name} on {one.mission}: held"
-    told = ", ".join(f"{name} (robustness {value:.3g})" for name, value in bad.items())
-    return f"regression case {one.name} on {one.mission} fails: {told}"
+        return f"regression case {flown_case.name} on {flown_case.mission}: held"
+    reserves = ", ".join(f"{name} (robustness {value:.3g})" for name, value in bad.items())
+    return f"regression case {flown_case.name} on {flown_case.mission} fails: {reserves}"
 
 
-def _worst(found: Verification) -> tuple[str, str]:
+def _worst(verification: Verification) -> tuple[str, str]:
     """The worst problem of a verification, and what to do about it."""
-    python = found.campaign.source == WITHOUT_FILE
-    verify = f"seatrial verify {found.campaign.source}"
-    if found.interrupted:
+    python = verification.campaign.source == WITHOUT_FILE
+    verify = f"seatrial verify {verification.campaign.source}"
+    if verification.interrupted:
         return (
-            f"Ctrl-C ended the missions after {len(found.flown)} of {found.asked}",
+            f"Ctrl-C ended the missions after {len(verification.flown)} of {verification.asked}",
             "run the same command again; it goes on with the missions that are left",
         )
-    if again_ := [one for one in found.cases if not one.held]:
+    if again_ := [flown_case for flown_case in verification.cases if not flown_case.held]:
         return _of_case(again_[0]), "mend what it shows: it was found once and must hold"
-    failed = [one for one in found.requirements if one.verdict == "failed"]
+    failed = [judged for judged in verification.requirements if judged.verdict == "failed"]
     if failed:
-        one = max(failed, key=lambda each: each.found.failures)
-        cause = f"; {one.named_causes[0]}" if one.named_causes else ""
-        return f"{one.requirement.name} {one.sentence}{cause}", (
+        judged = max(failed, key=lambda each: each.found.failures)
+        cause = f"; {judged.named_causes[0]}" if judged.named_causes else ""
+        return f"{judged.requirement.name} {judged.sentence}{cause}", (
             "look at the worst mission ("
             + (
-                f"verification.replay({one.worst[0].number})"
+                f"verification.replay({judged.worst[0].number})"
                 if python
-                else f"{verify} --replay {one.worst[0].number}"
+                else f"{verify} --replay {judged.worst[0].number}"
             )
             + "), then tune or change what it shows"
-            if one.worst
+            if judged.worst
             else "change the autopilot or the requirement"
         )
-    undecided = [one for one in found.requirements if one.verdict == "undecided"]
+    undecided = [judged for judged in verification.requirements if judged.verdict == "undecided"]
     if undecided:
-        one = max(undecided, key=lambda each: each.further_runs or 0)
-        more = one.further_runs
-        return f"{one.requirement.name} {one.sentence}", (
+        judged = max(undecided, key=lambda each: each.further_runs or 0)
+        more = judged.further_runs
+        return f"{judged.requirement.name} {judged.sentence}", (
             "fly more missions: "
-            + (f"runs={found.asked + more}" if python else f"{verify} --runs {found.asked + more}")
+            + (
+                f"runs={verification.asked + more}"
+                if python
+                else f"{verify} --runs {verification.asked + more}"
+            )
             if more
             else "relax the requirement or improve the autopilot; more missions will not decide it"
         )
     after = "fly the mission at sea and judge its log: " + (
         "st.verify_log" if python else f"{verify} --log LOG"
     )
-    finite = [one for one in found.requirements if one.worst and math.isfinite(one.worst[0].reserve)]
+    finite = [
+        judged
+        for judged in verification.requirements
+        if judged.worst and math.isfinite(judged.worst[0].reserve)
+    ]
     if not finite:
         return "no requirement failed", after
-    one = min(finite, key=lambda each: (-each.found.failures, each.worst[0].reserve))
-    run = one.worst[0]
+    judged = min(finite, key=lambda each: (-each.found.failures, each.worst[0].reserve))
+    run = judged.worst[0]
     return (
-        f"{one.requirement.name} has the least robustness: {one.found.failures} of {one.found.runs} missions"
-        f" fail ({share(one.requirement.allowed)} are allowed), worst mission {run.number} with"
-        f" {reserve(run.reserve, one.judgement.unit)}",
+        f"{judged.requirement.name} has the least robustness: {judged.found.failures} of {judged.found.runs}"
+        f" missions fail ({share(judged.requirement.allowed)} are allowed), worst mission {run.number} with"
+        f" {reserve(run.reserve, judged.judgement.unit)}",
         after,
     )
 
 
-def _again(found: Verification) -> str:
+def _again(verification: Verification) -> str:
     """How to fly one of the missions again."""
-    if found.campaign.source == WITHOUT_FILE:
+    if verification.campaign.source == WITHOUT_FILE:
         return "verification.replay(NUMBER)"
-    return f"seatrial verify {found.campaign.source} --replay NUMBER"
+    return f"seatrial verify {verification.campaign.source} --replay NUMBER"
 
 
-def _outcome(found: Verification) -> str:
+def _outcome(verification: Verification) -> str:
     """The outcome, with the shares of missions that failed where nothing is required."""
     reserved = [
-        f"{share(one.count / one.of, 'up')} of the missions {one.words}" for one in found.reservations
+        f"{share(reservation.count / reservation.of, 'up')} of the missions {reservation.words}"
+        for reservation in verification.reservations
     ]
-    if found.outcome == "held" and reserved:
-        return f"held, but {listed(reserved)}" + (" (interrupted)" if found.interrupted else "")
-    return found.outcome + (" (interrupted)" if found.interrupted else "")
+    if verification.outcome == "held" and reserved:
+        return f"held, but {listed(reserved)}" + (" (interrupted)" if verification.interrupted else "")
+    return verification.outcome + (" (interrupted)" if verification.interrupted else "")
 
 
-def _requirement_table(found: Verification) -> Table:
+def _requirement_table(verification: Verification) -> Table:
     rows = [
         (
-            one.requirement.name,
-            one.requirement.holds,
-            share(one.requirement.allowed),
-            str(one.found.failures),
-            f"{share(one.found.interval[0], 'down')} to {share(one.found.interval[1], 'up')}",
-            share(one.found.at_most, "up"),
-            one.verdict,
+            judged.requirement.name,
+            judged.requirement.holds,
+            share(judged.requirement.allowed),
+            str(judged.found.failures),
+            f"{share(judged.found.interval[0], 'down')} to {share(judged.found.interval[1], 'up')}",
+            share(judged.found.at_most, "up"),
+            judged.verdict,
         )
-        for one in found.requirements
+        for judged in verification.requirements
     ]
-    sure = f"{100.0 * found.flights.table.confidence:g} %"
-    flights = found.flights
-    title = f"{flights.autopilot.name} on {flights.fitted.vehicle.name}: {len(found.flown)} missions"
+    sure = f"{100.0 * verification.flights.table.confidence:g} %"
+    flights = verification.flights
+    title = f"{flights.autopilot.name} on {flights.fitted.vehicle.name}: {len(verification.flown)} missions"
     head = ("requirement", "holds", "allowed", "failures", f"{sure} interval", "at most", "verdict")
     return Table.of(title, head, rows, left=2)
 
 
-def _mission_table(found: Verification) -> Table:
-    titles = found.flights.titles
+def _mission_table(verification: Verification) -> Table:
+    titles = verification.flights.titles
     rows = [
         (
-            one.requirement.name,
+            judged.requirement.name,
             *(
-                f"{part.failures} of {part.runs}" if (part := one.by_mission.get(title)) else "-"
+                f"{part.failures} of {part.runs}" if (part := judged.by_mission.get(title)) else "-"
                 for title in titles
             ),
         )
-        for one in found.requirements
-        if len(one.by_mission) > 1
+        for judged in verification.requirements
+        if len(judged.by_mission) > 1
     ]
     return Table.of("Failures by mission", ("requirement", *titles), rows)
 
 
-def _worst_table(found: Verification) -> Table:
-    several = len(found.flights.titles) > 1
+def _worst_table(verification: Verification) -> Table:
+    several = len(verification.flights.titles) > 1
     rows = [
         (
-            one.requirement.name,
+            judged.requirement.name,
             str(run.number),
             run.mission if several else "",
-            reserve(run.reserve, one.judgement.unit),
+            reserve(run.reserve, judged.judgement.unit),
             str(run.metrics["ending"]),
             _number(run.metrics["cross_track_p95_m"], 2),
             _number(run.metrics["vertical_p95_m"], 2),
             _number(run.metrics["clearance_m"], 1),
             _number(run.metrics["duration_s"], 0),
         )
-        for one in found.requirements
-        for run in one.worst[:3]
+        for judged in verification.requirements
+        for run in judged.worst[:3]
     ]
     head = ("requirement", "number", "mission", "robustness", "ending", "across", "vertical", "clear", "time")
     return Table.of("Worst missions (lengths in m, time in s; across and vertical: p95)", head, rows)
 
 
-def _against(found: AutopilotComparison) -> list[Table]:
+def _against(comparison: AutopilotComparison) -> list[Table]:
     """The verified autopilot against each other one."""
-    verified, *others = found.autopilots
+    verified, *others = comparison.autopilots
     head = ("requirement", "verified fails", "other fails", "only verified", "only other", "p", "better")
     tables = []
     for other in others:
         rows = []
         for name, failures in verified.failures.items():
-            pair = found.pair(name, other.name)
+            pair = comparison.pair(name, other.name)
             rows.append((
                 name,
                 share(failures.estimate),
@@ -234,7 +264,7 @@ def _against(found: AutopilotComparison) -> list[Table]:
                 f"{pair.corrected:.2g}",
                 {"verified": "verified", None: "not shown"}.get(pair.better, "other"),
             ))
-        title = f"Against {other.name}, on the same {found.runs} draws (McNemar's exact test, Holm)"
+        title = f"Against {other.name}, on the same {comparison.runs} draws (McNemar's exact test, Holm)"
         tables.append(Table.of(title, head, rows))
     return tables
 
@@ -248,49 +278,51 @@ _MEDIANS = {
 }
 
 
-def _medians(found: AutopilotComparison) -> Table:
+def _medians(comparison: AutopilotComparison) -> Table:
     rows = [
-        (label, *(f"{one.metrics[name]:.4g}" for one in found.autopilots))
+        (label, *(f"{compared.metrics[name]:.4g}" for compared in comparison.autopilots))
         for name, label in _MEDIANS.items()
-        if name in found.autopilots[0].metrics
+        if name in comparison.autopilots[0].metrics
     ]
-    return Table.of("Metrics on the same draws", ("metric", *(one.name for one in found.autopilots)), rows)
+    return Table.of(
+        "Metrics on the same draws", ("metric", *(compared.name for compared in comparison.autopilots)), rows
+    )
 
 
-def requirement_lines(one: JudgedRequirement) -> list[str]:
+def requirement_lines(judged: JudgedRequirement) -> list[str]:
     """Verdict, interval, causes and worst missions of a requirement."""
-    asked = one.requirement
+    asked = judged.requirement
     lines = [
         f"{asked.name}: {asked.holds}, in at least {share(asked.probability)} of the missions",
-        f"  {one.sentence}",
-        f"  {one.found}",
+        f"  {judged.sentence}",
+        f"  {judged.found}",
     ]
-    if len(one.by_mission) > 1:
-        apart = (f"{name} {part.failures} of {part.runs}" for name, part in one.by_mission.items())
+    if len(judged.by_mission) > 1:
+        apart = (f"{name} {part.failures} of {part.runs}" for name, part in judged.by_mission.items())
         lines.append(f"  failures by mission: {', '.join(apart)}")
-    lines += [f"  {cause}" for cause in one.named_causes[:_CAUSES]]
-    if one.found.failures and not one.named_causes:
+    lines += [f"  {cause}" for cause in judged.named_causes[:_CAUSES]]
+    if judged.found.failures and not judged.named_causes:
         lines.append("  nothing that was drawn is shown to drive the failures")
-    if one.worst:
-        unit = one.judgement.unit
-        numbers = ", ".join(f"{run.number} ({reserve(run.reserve, unit)})" for run in one.worst)
+    if judged.worst:
+        unit = judged.judgement.unit
+        numbers = ", ".join(f"{run.number} ({reserve(run.reserve, unit)})" for run in judged.worst)
         lines.append(f"  least robustness in missions {numbers}")
     return lines
 
 
-def again(found: Verification) -> str:
+def again(verification: Verification) -> str:
     """How to fly a mission again."""
-    if found.campaign.source == WITHOUT_FILE:
+    if verification.campaign.source == WITHOUT_FILE:
         return "Any mission flies again by its number: verification.replay(NUMBER)."
     return (
-        f"Any mission flies again by its number: seatrial verify {found.campaign.source} --replay NUMBER"
-        " (with the same --run, --autopilot and --mission), or verification.replay(NUMBER)."
+        f"Any mission flies again by its number: seatrial verify {verification.campaign.source} --replay"
+        " NUMBER (with the same --run, --autopilot and --mission), or verification.replay(NUMBER)."
     )
 
 
-def time_sentence(found: Verification) -> str:
+def time_sentence(verification: Verification) -> str:
     """How much was flown in which time."""
-    flown = found.flown
+    flown = verification.flown
     return (
         f"{_size(flown.flown_s / 3600.0)} h were flown in {_size(flown.wall_s)} s:"
         f" {flown.per_second:,.0f} missions per second, {flown.real_time_factor:,.0f} times real time."
@@ -313,29 +345,38 @@ def _number(value: float, decimals: int) -> str:
     return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else ""
 
 
-def junit(found: Verification) -> str:
+def junit(verification: Verification) -> str:
     """JUnit XML with a case per requirement."""
-    titles = found.flights.titles
+    titles = verification.flights.titles
     mission = titles[0] if len(titles) == 1 else "all missions"
-    part = found.flown.wall_s / len(found.requirements)
-    lines = [requirement_lines(one) for one in found.requirements]
+    part = verification.flown.wall_s / len(verification.requirements)
+    lines = [requirement_lines(judged) for judged in verification.requirements]
     outcomes = [
         JUnitCase(
             mission,
-            one.requirement.name,
-            one.verdict,
-            message=one.sentence,
+            judged.requirement.name,
+            judged.verdict,
+            message=judged.sentence,
             # The second line is the message.
-            details="\n".join([said[0], *(line.strip() for line in said[2:]), again(found)]),
+            details="\n".join([
+                text_lines[0],
+                *(line.strip() for line in text_lines[2:]),
+                again(verification),
+            ]),
             time_s=part,
         )
-        for one, said in zip(found.requirements, lines, strict=True)
+        for judged, text_lines in zip(verification.requirements, lines, strict=True)
     ]
     outcomes += [
-        JUnitCase(one.mission, f"case {one.name}", "held" if one.held else "failed", message=_of_case(one))
-        for one in found.cases
+        JUnitCase(
+            flown_case.mission,
+            f"case {flown_case.name}",
+            "held" if flown_case.held else "failed",
+            message=_of_case(flown_case),
+        )
+        for flown_case in verification.cases
     ]
-    reserved = excess_sentences(found, found.reservations)
+    reserved = excess_sentences(verification, verification.reservations)
     outcomes += [
         JUnitCase(
             mission,
@@ -343,16 +384,18 @@ def junit(found: Verification) -> str:
             "held",
             message=sentence,
         )
-        for excess, sentence in zip(found.reservations, reserved, strict=True)
+        for excess, sentence in zip(verification.reservations, reserved, strict=True)
     ]
     rests_on = {
-        "seed": found.flights.seed,
-        "missions": len(found.flown),
+        "seed": verification.flights.seed,
+        "missions": len(verification.flown),
         "seatrial": metadata.version("seatrial"),
-        "autopilot": found.flights.autopilot.name,
-        "vehicle": found.flights.fitted.vehicle.name,
-        "confidence": found.flights.table.confidence,
+        "autopilot": verification.flights.autopilot.name,
+        "vehicle": verification.flights.fitted.vehicle.name,
+        "confidence": verification.flights.table.confidence,
     }
     rests_on |= {f"reservation {k}": sentence for k, sentence in enumerate(reserved, 1)}
-    rests_on |= {f"note {k}": note for k, note in enumerate((*found.notes, *found.flights.left_out), 1)}
-    return junit_xml(found.campaign.name, outcomes, properties=rests_on)
+    rests_on |= {
+        f"note {k}": note for k, note in enumerate((*verification.notes, *verification.flights.left_out), 1)
+    }
+    return junit_xml(verification.campaign.name, outcomes, properties=rests_on)
