@@ -2,7 +2,8 @@
 
 The core runs its own step once on numbers that record what is done with them
 (``crates/seatrial/src/number/traced.rs``) and writes the record as C. Tests: ``tests/export/test_c.py``,
-``crates/seatrial/tests/export.rs``.
+``crates/seatrial/tests/export.rs``; of the filter, which ``crates/seatrial/src/export/filter.rs`` writes,
+``tests/export/test_c_filter.py``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial._core import Autopilot, Vehicle, autopilot_c, vehicle_c
+from seatrial._core import Autopilot, Vehicle, autopilot_c, filter_c, vehicle_c
 from seatrial.base.atomic_write import whole_folder, write_atomic
 from seatrial.base.errors import SimulationError, reason
 from seatrial.base.report import Report, Section, Table
@@ -23,6 +24,8 @@ from seatrial.export.names import commented, refused_names
 from seatrial.export.repeated import folded
 from seatrial.flight.checks import checked_step, checked_supply
 from seatrial.flight.mission import Mission, Route
+from seatrial.flight.navigation import NavigationFilter, checked_navigation, filter_of
+from seatrial.flight.sensor_channels import sensors_of
 
 if TYPE_CHECKING:
     from seatrial.flight.navigation import NavigationFilter
@@ -279,7 +282,6 @@ def recorded(
     sensors: Mapping[str, Sensor] | str | Path | None = None,
 ) -> Programs:
     """The programs of `export_c`, which says what its arguments are, not written yet."""
-    from seatrial.export.c_filter import recorded_filter
     from seatrial.identification.fitted import Fitted
 
     fitted = Fitted.of(vehicle)
@@ -408,3 +410,71 @@ def _origin() -> Sequence[str]:
         f"Recorded by seatrial {release}: SI units and radians unless a comment says otherwise;",
         "north-east-down, body axes forward, starboard, down. Not with -ffast-math: infinite ages count.",
     )
+
+
+_PERIOD_S = 0.1
+"""Period of a filter without autopilot that was not made by hand, s: that of `NavigationFilter`."""
+
+
+def recorded_filter(
+    prefix: str,
+    model: Vehicle,
+    *,
+    autopilot: tuple[str, list[str]] | None,
+    period_s: float | None,
+    mission: Mission | None,
+    navigation: str | NavigationFilter,
+    sensors: Mapping[str, Sensor] | str | Path | None,
+    voltage_v: float,
+    origin: Sequence[str],
+) -> tuple[dict[str, Any], float] | None:
+    """Program of a navigation filter and its period, s; None where none is asked for.
+
+    Parameters
+    ----------
+    prefix
+        Of all of its public names.
+    model
+        The vehicle that it believes in, unless it was made by hand.
+    autopilot, period_s
+        Prefix and inputs of the program of the autopilot that takes the estimate, and its period, s.
+    mission
+        Its mission, whose landmarks and start the filter knows.
+    navigation, sensors
+        As of `export_c`.
+    voltage_v
+        Supply; not a number where it does not matter.
+    origin
+        Lines for the head of the files.
+
+    Raises
+    ------
+    SimulationError
+        The filter cannot be exported, or sensors are named for none.
+    """
+    asked = checked_navigation(navigation)
+    if sensors is not None and asked != "filter":
+        raise SimulationError(
+            "sensors: they are those of a navigation filter; expected navigation"
+            f' = "filter" beside them, found {navigation!r}'
+        )
+    if period_s is None:
+        period_s = asked.period_s if isinstance(asked, NavigationFilter) else _PERIOD_S
+    filter = filter_of(
+        asked,
+        model,
+        sensors_of(sensors, model),
+        period_s,
+        landmarks=() if mission is None else mission.landmarks,
+    )
+    if filter is None:
+        return None
+    # A filter that was made by hand has its own start.
+    start: dict[str, Any] = {}
+    if mission is not None and not isinstance(asked, NavigationFilter):
+        start["start"] = Route.of(mission).start
+    about = [f"Navigation filter of {commented(filter.vehicle.name)}: one period of {period_s:g} s.", *origin]
+    facts = filter_c(
+        filter.core, prefix, about, period_s=period_s, autopilot=autopilot, voltage_v=voltage_v, **start
+    )
+    return facts, period_s
