@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from seatrial.tuning import search as module
-from seatrial.tuning.search import Standing, revert_gains, standing
+from seatrial.tuning.revert import Standing, revert_gains, standing
 from tests.tuning.tuning_campaigns import plan
 
 SPOILT = 0.02

@@ -29,13 +29,13 @@ from seatrial.tuning.objective import HEADROOM
 from seatrial.tuning.path_following import path_work_s, search_paths
 from seatrial.tuning.performance import Performance, assess, assess_without_noise
 from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
+from seatrial.tuning.revert import revert_gains
 from seatrial.tuning.search import (
     GENERATIONS,
     GUIDANCE_SEARCH,
     ROUNDING,
     ROUNDS,
     GroupResult,
-    revert_gains,
     search_group,
     search_margins,
 )
