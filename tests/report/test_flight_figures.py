@@ -16,17 +16,8 @@ import seatrial as st
 from paper.autopilot import autopilot_plates, flight_plates
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.metrics import saturated
-from seatrial.report.plot.flight import (
-    _remark,
-    events,
-    flight_loops,
-    flight_track,
-    settled,
-    shown_loops,
-    spans,
-    thinned,
-)
-from seatrial.report.plot.flight_errors import flight_actuators, flight_errors
+from seatrial.report.plot.flight import _remark, events, flight_track, settled, spans, thinned
+from seatrial.report.plot.flight_errors import flight_actuators, flight_errors, flight_loops, shown_loops
 from tests.flight.flying import BOX, OUT, STATION, flown
 from tests.report.figures import VEHICLES, assert_legends_beside, assert_on_page, line, panel, texts
 
