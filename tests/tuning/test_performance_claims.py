@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from seatrial.report.results.tuning import comparison_rows, on_another_vehicle, trial_rows
 from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.performance import Performance, assess
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
-from seatrial.tuning.tables import comparison_rows, on_another_vehicle, trial_rows
 from tests.tuning.tuning_campaigns import plan
 
 Array = NDArray[np.float64]

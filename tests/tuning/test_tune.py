@@ -17,12 +17,11 @@ from seatrial.base.errors import CampaignError, SeatrialError
 from seatrial.base.progress import Progress
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.control_design.tuning_table import TuningTable
-from seatrial.report.results.tuning import sentences
+from seatrial.report.results.tuning import comparison_head, comparison_rows, gain_rows, sentences, trial_rows
 from seatrial.tuning import tuning_run
 from seatrial.tuning.performance import assess
 from seatrial.tuning.result import tuned_autopilot
 from seatrial.tuning.search import GroupResult, search_group, search_margins
-from seatrial.tuning.tables import comparison_head, comparison_rows, gain_rows, trial_rows
 from tests.base.killed import kill
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, start, tuned
 

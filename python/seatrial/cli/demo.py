@@ -216,7 +216,7 @@ def demonstrate(
 
 def _on_truth(console: Console, found: Tuning, truth: Vehicle, chain: Chain, *, quiet: bool) -> None:
     """The tuned responses on the vehicle that the tuner never saw."""
-    from seatrial.tuning.tables import on_another_vehicle
+    from seatrial.report.results.tuning import on_another_vehicle
 
     performance = found.on(truth, name="truth")
     chain.results["cwolf_tuned_on_truth"] = performance.to_dict()
