@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from seatrial.tuning import search as module
+from seatrial.tuning import revert as module
 from seatrial.tuning.revert import Standing, revert_gains, standing
 from tests.tuning.tuning_campaigns import plan
 
