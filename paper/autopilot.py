@@ -492,6 +492,7 @@ def demonstration(vehicle: Vehicle) -> Flight:
         The autopilot does not fit the vehicle, or nothing drives it ahead.
     """
     from seatrial._core import Autopilot
+    from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.fly import fly
     from seatrial.flight.mission import Mission
     from seatrial.vehicle.actuators import NOMINAL_V
@@ -507,8 +508,8 @@ def demonstration(vehicle: Vehicle) -> Flight:
         vehicle,
         Autopilot.load(vehicle.name),
         Mission.from_toml(text),
-        current=(0.0, current, 0.0),
-        voltage_v=NOMINAL_V if needed else None,
+        water=Water(current=(0.0, current, 0.0)),
+        conditions=Conditions(voltage_v=NOMINAL_V if needed else None),
     )
 
 

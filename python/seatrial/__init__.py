@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from seatrial.experiment.plan_result import Plan
     from seatrial.export.c_code import CExport, export_c
     from seatrial.export.fmu import FmuExport, export_fmu
+    from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.flight import Flight
     from seatrial.flight.fly import fly, fly_batch
@@ -69,6 +70,7 @@ _HOME = {
     "Campaign": "seatrial.campaign.campaign",
     "CampaignError": "seatrial.base.errors",
     "Comparison": "seatrial.trial.comparison",
+    "Conditions": "seatrial.flight.conditions",
     "ControlProblem": "seatrial.tuning.control_problem",
     "Falsification": "seatrial.verification.falsify",
     "FailureBoundary": "seatrial.verification.boundary",
@@ -105,6 +107,7 @@ _HOME = {
     "Vehicle": "seatrial._core",
     "VehicleError": "seatrial.base.errors",
     "Verification": "seatrial.verification.verification",
+    "Water": "seatrial.flight.conditions",
     "bench": "seatrial.bench_test.evaluate",
     "compare": "seatrial.trial.comparison",
     "export_c": "seatrial.export.c_code",
@@ -135,6 +138,7 @@ __all__ = [
     "Campaign",
     "CampaignError",
     "Comparison",
+    "Conditions",
     "ControlProblem",
     "FailureBoundary",
     "Falsification",
@@ -171,6 +175,7 @@ __all__ = [
     "Vehicle",
     "VehicleError",
     "Verification",
+    "Water",
     "bench",
     "compare",
     "export_c",

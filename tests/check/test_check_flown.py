@@ -83,7 +83,9 @@ def test_an_obstacle_on_the_way_is_refused_and_survives_the_expansion() -> None:
 
 def test_contact_is_no_success() -> None:
     into = HEAD + LEGS
-    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(into), obstacles=[(30.0, 0.0, 2.0)])
+    flight = st.fly(
+        "cwolf", "cwolf", st.Mission.from_toml(into), water=st.Water(obstacles=[(30.0, 0.0, 2.0)])
+    )
     assert flight.outcome == "complete"
     assert not flight.complete
     first = str(flight).splitlines()

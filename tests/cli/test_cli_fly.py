@@ -52,7 +52,7 @@ def test_a_flight_leaves_a_run_directory_that_tells_all() -> None:
         text = (run / f"{name}.toml").read_bytes()
         assert facts["sha256"][name] == hashlib.sha256(text).hexdigest()
     found = json.loads((run / "flight.json").read_text())
-    flight = st.fly("cwolf", "cwolf", "out.toml", current=(0.0, 0.3, 0.0), seed=7)
+    flight = st.fly("cwolf", "cwolf", "out.toml", water=st.Water(current=(0.0, 0.3, 0.0)), seed=7)
     assert found["metrics"]["distance_m"] == flight.metrics["distance_m"]
     assert (run / "summary.txt").read_text() == flight.summary() + "\n"
     assert all(sentence in flight.summary() for sentence in flight.sentences())
@@ -141,7 +141,7 @@ def test_turbulence_goes_by_the_seed() -> None:
         found[seed] = json.loads(result.stdout)
     # North and east alike, nothing down; without sensors nothing else depends on the seed.
     assert found[1]["circumstances"]["turbulence_m_s"] == [0.1, 0.1, 0.0]
-    same = st.fly("cwolf", "cwolf", "out.toml", turbulence=0.1, seed=1)
+    same = st.fly("cwolf", "cwolf", "out.toml", water=st.Water(turbulence=0.1), seed=1)
     assert found[1]["metrics"]["distance_m"] == same.metrics["distance_m"]
     assert found[1]["metrics"]["distance_m"] != found[2]["metrics"]["distance_m"]
 

@@ -106,7 +106,7 @@ def test_law_flights_are_level_at_sound_speeds_and_pitch_up_beyond() -> None:
     pitch = {}
     for speed in (0.8 * between[1], 1.5 * between[1]):
         mission = st.Mission.from_toml(LEG.format(speed=speed))
-        flight = st.fly(STARTER, autopilot, mission, sensors="typical")
+        flight = st.fly(STARTER, autopilot, mission, conditions=st.Conditions(sensors="typical"))
         pitch[speed] = flight.metrics["pitch_largest_deg"]
     within, beyond = pitch.values()
     assert within < 5.0

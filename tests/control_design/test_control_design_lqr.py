@@ -226,7 +226,7 @@ def test_the_regulator_tracks_short_and_curved_legs_better() -> None:
         rms = [
             np.median(flights.figures["cross_track_rms"])
             for flights in (
-                st.fly_batch("cwolf", law, path, seeds=[0, 1, 2], sensors="typical")
+                st.fly_batch("cwolf", law, path, seeds=[0, 1, 2], conditions=st.Conditions(sensors="typical"))
                 for law in (pid, regulator)
             )
         ]

@@ -45,7 +45,12 @@ def test_it_waits_for_what_it_needs_and_then_begins() -> None:
 
 
 def test_law_it_commands_what_a_flight_commands() -> None:
-    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(MISSION), feedback=False, max_time_s=30.0)
+    flight = st.fly(
+        "cwolf",
+        "cwolf",
+        st.Mission.from_toml(MISSION),
+        conditions=st.Conditions(feedback=False, max_time_s=30.0),
+    )
     one = helm()
     measured = flight.measured
     names = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")

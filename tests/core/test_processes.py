@@ -29,7 +29,8 @@ vehicle = st.Vehicle.load("cwolf")
 def use(_=None):
     factors = {"X_uu": np.linspace(1.0, 1.2, 24) * vehicle.coefficients()["X_uu"]}
     runs = st.simulate_batch(vehicle, factors, np.arange(50) * 0.1)
-    flown = st.fly_batch("cwolf", "cwolf", MISSION, seeds=range(3), max_time_s=5.0, logs=True)
+    brief = st.Conditions(max_time_s=5.0)
+    flown = st.fly_batch("cwolf", "cwolf", MISSION, seeds=range(3), conditions=brief, logs=True)
     return float(runs.position[:, -1, 0].sum()) + float(np.abs(flown.log(2)).sum())
 MISSION = st.Mission.from_toml('''
 format = 1

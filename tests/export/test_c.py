@@ -20,6 +20,7 @@ from seatrial.control_design import lqr_autopilot
 from seatrial.export.c_code import identifier, recorded
 from seatrial.export.fmu import ran
 from seatrial.export.names import refused_names
+from tests.flight.flying import grouped
 
 HERE = Path(__file__).parent
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
@@ -162,7 +163,13 @@ def on_a_cortex_m7(exported: st.CExport, *options: str) -> Array:
 
 @pytest.fixture(scope="module")
 def flown(exported: st.CExport) -> Array:
-    flight = st.fly("cwolf", "cwolf", exported.folder / "tour.toml", current=CURRENT, max_time_s=150.0)
+    flight = st.fly(
+        "cwolf",
+        "cwolf",
+        exported.folder / "tour.toml",
+        water=st.Water(current=CURRENT),
+        conditions=st.Conditions(max_time_s=150.0),
+    )
     return np.column_stack([flight.position, flight.euler, flight.nu[:, 0]])
 
 
@@ -317,7 +324,7 @@ def test_what_an_autopilot_can_do_it_does_in_c(
     autopilot = st.Autopilot.from_toml(change(st.Autopilot.load(name).to_toml()))
     (tmp_path / "plan.toml").write_text(mission)
     plan = st.Mission.load(tmp_path / "plan.toml")
-    flown = st.fly(name, autopilot, plan, current=CURRENT, max_time_s=90.0, **flight)
+    flown = st.fly(name, autopilot, plan, **grouped(current=CURRENT, max_time_s=90.0, **flight))
     voltage = flight.get("voltage_v")
     export = ready(st.export_c(name, autopilot, mission=plan, out=tmp_path, voltage_v=voltage), **loops)
     ours = rows([built(export, "gcc", "-O0")])

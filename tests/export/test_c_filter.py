@@ -327,10 +327,8 @@ def toured(tmp_path_factory: pytest.TempPathFactory) -> tuple[st.CExport, Array]
         "cwolf",
         "cwolf",
         folder / "tour.toml",
-        current=CURRENT,
-        max_time_s=60.0,
-        navigation="filter",
-        model="cwolf",
+        water=st.Water(current=CURRENT),
+        conditions=st.Conditions(max_time_s=60.0, navigation="filter", model="cwolf"),
     )
     return made, np.column_stack([flight.position, flight.euler, flight.nu[:, 0]])
 

@@ -112,7 +112,13 @@ def running(export: st.FmuExport, name: str, tmp_path: Path) -> Iterator[Unit]:
 @pytest.mark.parametrize("version", ["fmi2", "fmi3"])
 def test_coupled_units_fly_as_the_product_does(units: st.FmuExport, version: str, tmp_path: Path) -> None:
     period, periods = 0.1, 400
-    flight = st.fly("cwolf", "cwolf", units.files[0].parent / "dive.toml", current=CURRENT, max_time_s=60.0)
+    flight = st.fly(
+        "cwolf",
+        "cwolf",
+        units.files[0].parent / "dive.toml",
+        water=st.Water(current=CURRENT),
+        conditions=st.Conditions(max_time_s=60.0),
+    )
     with (
         running(units, f"cwolf_vehicle.{version}.fmu", tmp_path) as vehicle,
         running(units, f"cwolf_autopilot.{version}.fmu", tmp_path) as autopilot,

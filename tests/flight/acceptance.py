@@ -98,14 +98,16 @@ def flights(
         vehicle,
         pilot,
         mission(name, speed_m_s, longest_s=longest_s),
-        current=CURRENTS,
+        water=st.Water(current=CURRENTS),
         seeds=(1, 2, 3, 4),
-        sensors=sensors,
-        faults=faults,
-        feedback=feedback,
-        initial=start,
-        voltage_v=VOLTAGE.get(name),
-        max_step_s=0.05,
+        conditions=st.Conditions(
+            sensors=sensors,
+            faults=faults,
+            feedback=feedback,
+            initial=start,
+            voltage_v=VOLTAGE.get(name),
+            max_step_s=0.05,
+        ),
         logs=True,
     )
     return tuple(_figures(flown, case, name, vehicle) for case in range(len(CURRENTS)))
@@ -182,9 +184,7 @@ def station(
         pilot,
         hold,
         seeds=list(seeds),
-        sensors=sensors,
-        voltage_v=voltage,
-        max_time_s=600.0,
+        conditions=st.Conditions(sensors=sensors, voltage_v=voltage, max_time_s=600.0),
         logs=True,
     )
     found = []

@@ -61,14 +61,10 @@ def flown(vehicle: str, *, cases: int, seed: int) -> tuple[Counter[str], float]:
         vehicle,
         vehicle,
         lanes(speed),
-        current=current,
-        turbulence=0.03,
-        waves=waves,
+        water=st.Water(current=current, turbulence=0.03, waves=waves),
         seeds=[1000 * seed + k for k in range(cases)],
-        sensors="typical",
-        voltage_v=supply,
+        conditions=st.Conditions(sensors="typical", voltage_v=supply, max_time_s=HOURS * 3600.0),
         logs=True,
-        max_time_s=HOURS * 3600.0,
     )
     watches, column = autopilot_names()["watches"], flights.columns.index("cause")
     alarms: Counter[str] = Counter()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cache
 from typing import Any
 
@@ -59,6 +60,21 @@ CROSS = (0.0, 0.3, 0.0)
 """A current across the first leg, m/s."""
 
 
+def grouped(**options: Any) -> dict[str, Any]:
+    """Keywords of `seatrial.fly` or `fly_batch`: fields of `Water` and `Conditions` put into these."""
+    kinds = {"water": st.Water, "conditions": st.Conditions}
+    taken = {
+        name: {field.name for field in dataclasses.fields(kind)} & set(options)
+        for name, kind in kinds.items()
+    }
+    rest = {
+        name: value for name, value in options.items() if not any(name in some for some in taken.values())
+    }
+    return rest | {
+        name: kinds[name](**{field: options[field] for field in some}) for name, some in taken.items()
+    }
+
+
 def mission(text: str) -> st.Mission:
     return st.Mission.from_toml(text)
 
@@ -66,4 +82,4 @@ def mission(text: str) -> st.Mission:
 @cache
 def flown(text: str = BOX, current: tuple[float, float, float] = CROSS, **options: Any) -> st.Flight:
     """CWolf on a mission; options must be hashable."""
-    return st.fly("cwolf", "cwolf", mission(text), current=current, **options)
+    return st.fly("cwolf", "cwolf", mission(text), **grouped(current=current, **options))

@@ -12,6 +12,7 @@ import seatrial as st
 from seatrial.base.errors import SimulationError, TrialError, VehicleError
 from seatrial.sensors.log import measure
 from seatrial.sensors.sensor import Sensor, load_sensors, parse_sensors
+from tests.flight.flying import grouped
 
 SURVEY = """
 format = 1
@@ -75,11 +76,9 @@ def around(sensors: dict[str, Sensor], mission: str = SURVEY, seeds: int = 4) ->
         "cwolf",
         "cwolf",
         st.Mission.from_toml(mission),
-        sensors=told | sensors,
+        conditions=st.Conditions(sensors=told | sensors, navigation="filter", outages=outages),
         seeds=list(range(seeds)),
-        current=[0.1, 0.1, 0.0],
-        navigation="filter",
-        outages=outages,
+        water=st.Water(current=[0.1, 0.1, 0.0]),
     )
     return flights.figures
 
@@ -103,9 +102,9 @@ def test_a_flight_alone_hears_what_it_hears_among_others() -> None:
     told = load_sensors("typical", vehicle) | {"usbl": USBL} | SONAR
     common: dict[str, Any] = {"sensors": told, "navigation": "filter", "max_time_s": 60.0}
     mission = st.Mission.from_toml(SURVEY)
-    both = st.fly_batch(vehicle, "cwolf", mission, seeds=[5, 6], **common)
+    both = st.fly_batch(vehicle, "cwolf", mission, **grouped(seeds=[5, 6], **common))
     for case, seed in enumerate((5, 6)):
-        alone = st.fly_batch(vehicle, "cwolf", mission, seeds=[seed], **common)
+        alone = st.fly_batch(vehicle, "cwolf", mission, **grouped(seeds=[seed], **common))
         for name in ("navigation_usbl_samples", "navigation_range_samples"):
             assert alone.figures[name][0] == both.figures[name][case]
         assert alone.figures["distance"][0] == pytest.approx(both.figures["distance"][case], rel=1e-6)
@@ -116,21 +115,34 @@ def test_a_gps_tells_at_the_surface_only_and_reach_ends_what_is_heard() -> None:
     told = {kind: s for kind, s in load_sensors("typical", vehicle).items() if kind != "dvl_water"}
     for depth, fixes in ((0.0, True), (5.0, False)):
         mission = st.Mission.from_toml(SURVEY.replace("depth_m = 5.0", f"depth_m = {depth}", 1))
-        flights = st.fly_batch(vehicle, "cwolf", mission, sensors=told, navigation="filter", max_time_s=20.0)
+        flights = st.fly_batch(
+            vehicle,
+            "cwolf",
+            mission,
+            conditions=st.Conditions(sensors=told, navigation="filter", max_time_s=20.0),
+        )
         assert ("navigation_gps_samples" in flights.figures) == fixes
     near = told | {"usbl": replace(USBL, max_range_m=10.0)}
     flights = st.fly_batch(
-        vehicle, "cwolf", st.Mission.from_toml(SURVEY), sensors=near, navigation="filter", max_time_s=20.0
+        vehicle,
+        "cwolf",
+        st.Mission.from_toml(SURVEY),
+        conditions=st.Conditions(sensors=near, navigation="filter", max_time_s=20.0),
     )
     assert "navigation_usbl_samples" not in flights.figures
 
 
 def test_without_a_filter_acoustics_are_said_to_be_left_out() -> None:
     told = load_sensors("typical", st.Vehicle.load("cwolf")) | {"usbl": USBL}
-    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(SURVEY), sensors=told, max_time_s=5.0)
+    flight = st.fly(
+        "cwolf", "cwolf", st.Mission.from_toml(SURVEY), conditions=st.Conditions(sensors=told, max_time_s=5.0)
+    )
     assert any("usbl is left out: only a navigation filter" in line for line in flight.sentences())
     filtered = st.fly(
-        "cwolf", "cwolf", st.Mission.from_toml(SURVEY), sensors=told, max_time_s=20.0, navigation="filter"
+        "cwolf",
+        "cwolf",
+        st.Mission.from_toml(SURVEY),
+        conditions=st.Conditions(sensors=told, max_time_s=20.0, navigation="filter"),
     )
     assert "Navigation filter; normalised innovation squared" in filtered.report().text()
 
@@ -138,7 +150,12 @@ def test_without_a_filter_acoustics_are_said_to_be_left_out() -> None:
 def test_what_is_no_acoustic_sensor_or_landmark_is_refused() -> None:
     told = load_sensors("typical", st.Vehicle.load("cwolf")) | {"range": SONAR["range"]}
     with pytest.raises(SimulationError, match="expected sensors of both kinds, range and bearing"):
-        st.fly("cwolf", "cwolf", st.Mission.from_toml(SURVEY), sensors=told, navigation="filter")
+        st.fly(
+            "cwolf",
+            "cwolf",
+            st.Mission.from_toml(SURVEY),
+            conditions=st.Conditions(sensors=told, navigation="filter"),
+        )
     run = st.Vehicle.load("cwolf").simulate(np.arange(0.0, 2.0, 0.1))
     with pytest.raises(TrialError, match="usbl: only the navigation filter of a flight reads it"):
         measure(run, {"usbl": USBL}, seed=1)

@@ -15,7 +15,7 @@ from seatrial.base import run as run_directory
 from seatrial.base.errors import SeatrialError
 from seatrial.base.toml_file import file_kind
 from seatrial.cli import app
-from tests.flight.flying import OUT
+from tests.flight.flying import OUT, grouped
 
 CAMPAIGN = 'format = 1\nname = "a"\nvehicle = "cwolf"\n[[stages]]\nname = "s"\n'
 SENSORS = "format = 1\n[sensors.position]\nnoise_m = 0.1\n"
@@ -172,7 +172,7 @@ FLY: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("options", "words"), FLY)
 def test_fly_is_answered_in_a_sentence(options: dict[str, Any], words: str) -> None:
     with pytest.raises(SeatrialError, match=words):
-        st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), **options)
+        st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), **grouped(**options))
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_fly_is_answered_in_a_sentence(options: dict[str, Any], words: str) -> N
 )
 def test_a_batch_is_answered_in_a_sentence(options: dict[str, Any], words: str) -> None:
     with pytest.raises(SeatrialError, match=words):
-        st.fly_batch("cwolf", "cwolf", st.Mission.from_toml(OUT), **options)
+        st.fly_batch("cwolf", "cwolf", st.Mission.from_toml(OUT), **grouped(**options))
 
 
 @pytest.mark.parametrize(
@@ -243,12 +243,12 @@ def test_a_long_name_of_a_mission_becomes_a_short_folder(here: Path) -> None:
 
 def test_speeds_that_guidance_does_not_give_are_said() -> None:
     text = OUT.replace("speed_m_s = 1.5", "speed_m_s = 90.0")
-    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(text), max_time_s=30.0)
+    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(text), conditions=st.Conditions(max_time_s=30.0))
     assert any("Legs ask for up to 90 m/s, and guidance keeps to" in line for line in flight.sentences())
 
 
 def test_a_flight_of_a_second_says_nothing_of_starts_per_minute() -> None:
-    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), max_time_s=1.0)
+    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), conditions=st.Conditions(max_time_s=1.0))
     assert not any("starts and stops" in line for line in flight.sentences())
 
 

@@ -11,14 +11,14 @@ import pytest
 import seatrial as st
 from seatrial._core import Vehicle, fly
 from seatrial.base.errors import SimulationError
-from tests.flight.flying import OUT, mission
+from tests.flight.flying import OUT, grouped, mission
 
 SECONDS = 4.0
 STILL = np.zeros(41)  # a value per control period
 
 
 def batch(**options: Any) -> st.Flights:
-    return st.fly_batch("cwolf", "cwolf", mission(OUT), max_time_s=SECONDS, **options)
+    return st.fly_batch("cwolf", "cwolf", mission(OUT), **grouped(max_time_s=SECONDS, **options))
 
 
 def yaw(**parts: Any) -> list[Any]:
@@ -84,7 +84,11 @@ def test_a_flight_lasts_so_many_whole_periods_as_it_was_given(period_s: float, p
     assert autopilot.period_s == period_s
     # The quotient of the two is a rounding above a whole number: 2.1 s over 0.3 s.
     flights = st.fly_batch(
-        "cwolf", autopilot, mission(OUT), max_time_s=round(periods * period_s, 6), logs=True
+        "cwolf",
+        autopilot,
+        mission(OUT),
+        conditions=st.Conditions(max_time_s=round(periods * period_s, 6)),
+        logs=True,
     )
     assert len(flights.log(0)) == periods + 1
     assert flights.figures["duration"][0] == pytest.approx(periods * period_s)
@@ -136,9 +140,11 @@ def test_a_depth_that_is_set_acts_over_pitch_and_counts_as_the_path(name: str, s
         name,
         name,
         far,
-        initial=st.State([0.0, 0.0, 20.0], [0.0, 0.0, 0.0], [speed, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        conditions=st.Conditions(
+            initial=st.State([0.0, 0.0, 20.0], [0.0, 0.0, 0.0], [speed, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            max_time_s=110.0,
+        ),
         set_points={"times": [0.0, after_s], "depth": [[20.0, 20.0], [20.0, 20.0 + by_m]]},
-        max_time_s=110.0,
         logs=True,
     )
     level_z, stepped = (flights.log(case)[:, flights.columns.index("z")] for case in range(2))

@@ -46,10 +46,8 @@ def test_every_waypoint_is_reached_and_the_promised_distance_kept(
             vehicle,
             vehicle,
             mission,
-            current=(north, east, 0.0),
-            sensors=sensors,
-            voltage_v=16.0,
-            max_step_s=0.05,
+            water=st.Water(current=(north, east, 0.0)),
+            conditions=st.Conditions(sensors=sensors, voltage_v=16.0, max_step_s=0.05),
             seed=SEED,
         )
         missed = [leg.label for leg in flight.legs if not leg.reached]

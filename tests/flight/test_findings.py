@@ -19,7 +19,7 @@ from seatrial.control_design.start_autopilot import start_autopilot
 from seatrial.flight.findings import missed_waypoint, outside, overrun
 from seatrial.flight.seeds import fly_seeds
 from seatrial.report.results.flight_findings import problem, remedy
-from tests.flight.flying import BOX, OUT
+from tests.flight.flying import BOX, OUT, grouped
 
 STEEP = """
 format = 1
@@ -47,7 +47,7 @@ depth_m = 25.0
 
 
 def _lines(mission: str, *, vehicle: str = "cwolf", **around: object) -> tuple[st.Flight, str, str]:
-    flight = st.fly(vehicle, vehicle, st.Mission.from_toml(mission), **around)  # type: ignore[arg-type]
+    flight = st.fly(vehicle, vehicle, st.Mission.from_toml(mission), **grouped(**around))
     said = flight.report()
     return flight, said.worst, said.next_step
 
@@ -138,7 +138,7 @@ def test_a_time_limit_that_the_safety_lets_pass_is_told() -> None:
     calm = text.replace('time = "surface"', 'time = "continue"', 1)
     assert calm != text
     mission = st.Mission.from_toml(OUT.replace("[start]", "[limits]\nmax_time_s = 41.0\n[start]"))
-    flight = st.fly("cwolf", st.Autopilot.from_toml(calm), mission, current=(-1.0, 0.0, 0.0))
+    flight = st.fly("cwolf", st.Autopilot.from_toml(calm), mission, water=st.Water(current=(-1.0, 0.0, 0.0)))
     assert flight.complete
     assert "times the planned 40 s, and the mission allows 41 s" in flight.report().worst
 
@@ -174,7 +174,10 @@ def test_touching_the_bottom_is_no_complete_mission_whatever_the_safety_does() -
     calm = text.replace('altitude = "surface"', 'altitude = "continue"', 1)
     assert calm != text
     flight = st.fly(
-        "cwolf", st.Autopilot.from_toml(calm), st.Mission.from_toml(mission), seabed=(8.0, -0.099, 0.0)
+        "cwolf",
+        st.Autopilot.from_toml(calm),
+        st.Mission.from_toml(mission),
+        water=st.Water(seabed=(8.0, -0.099, 0.0)),
     )
     assert flight.outcome == "complete"
     assert all(leg.reached for leg in flight.legs)
@@ -182,9 +185,13 @@ def test_touching_the_bottom_is_no_complete_mission_whatever_the_safety_does() -
     assert flight.outcome_in_words == "flown to its end, the bottom touched"
     assert not flight.complete
     many = fly_seeds(
-        "cwolf", st.Autopilot.from_toml(calm), st.Mission.from_toml(mission), count=2, first=4,
-        options={"seabed": (8.0, -0.099, 0.0)},
-    )  # fmt: skip
+        "cwolf",
+        st.Autopilot.from_toml(calm),
+        st.Mission.from_toml(mission),
+        count=2,
+        first=4,
+        **grouped(seabed=(8.0, -0.099, 0.0)),
+    )
     assert many.touched == (4, 5)
     assert not many.all_complete
     assert "touched the bottom: seed 4, 5" in many.sentence()
@@ -200,12 +207,12 @@ def test_a_largest_depth_that_the_watch_does_not_see_broken_is_no_complete_missi
         "navigation": "filter",
         "waves": st.SeaState(height_m=1.0, period_s=8.0, toward_deg=90.0),
     }
-    flight = st.fly("cwolf", calm, mission, seed=1, **around)
+    flight = st.fly("cwolf", calm, mission, **grouped(seed=1, **around))
     assert flight.outcome == "complete"
     assert all(leg.reached for leg in flight.legs)
     assert flight.outcome_in_words == "flown to its end, beyond the mission's largest depth"
     assert not flight.complete
-    many = fly_seeds("cwolf", calm, mission, count=2, first=1, options=around)
+    many = fly_seeds("cwolf", calm, mission, count=2, first=1, **grouped(**around))
     assert many.off_limits == (1, 2)
     assert not many.all_complete
     assert "beyond the mission's limits: seed 1, 2" in many.sentence()
@@ -380,10 +387,10 @@ def test_a_mode_without_a_pitch_loop_is_told_where_the_actuators_could_hold_it()
     text = st.Autopilot.load("bluerov2-heavy").to_toml()
     without = st.Autopilot.from_toml(text.replace('"pitch", "heading"]', '"heading"]'))
     mission = st.Mission.from_toml(SQUARE.format(speed=0.6))
-    flight = st.fly(heavy, without, mission, voltage_v=16.0)
+    flight = st.fly(heavy, without, mission, conditions=st.Conditions(voltage_v=16.0))
     assert flight.findings[0].root.kind == "pitch not held"
     assert flight.report().next_step.startswith('add "pitch" to the loops of mode')
-    held = st.fly(heavy, "bluerov2-heavy", mission, voltage_v=16.0)
+    held = st.fly(heavy, "bluerov2-heavy", mission, conditions=st.Conditions(voltage_v=16.0))
     assert held.metrics["pitch_largest_deg"] < 0.5 * flight.metrics["pitch_largest_deg"]
 
 

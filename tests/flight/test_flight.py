@@ -237,7 +237,7 @@ def test_a_demand_that_the_allocation_gives_up_in_part_is_not_met_and_not_satura
     vehicle = st.Vehicle.from_toml(tomlkit.dumps(file))
     autopilot = st.Autopilot.from_toml(start_autopilot(vehicle))
     mission = st.Mission.from_toml(OUT.replace("speed_m_s = 1.5", "speed_m_s = 0.4"))
-    flight = st.fly(vehicle, autopilot, mission, max_time_s=60.0, voltage_v=16.0)
+    flight = st.fly(vehicle, autopilot, mission, conditions=st.Conditions(max_time_s=60.0, voltage_v=16.0))
     surge = flight.loops["surge"]
     assert surge.unmet > 0.3 > 0.05 > surge.saturated
     assert any("did not meet the demand of the surge loop" in line for line in flight.sentences())
@@ -249,7 +249,12 @@ def test_a_supply_that_no_table_of_thrust_reaches_is_warned_of() -> None:
     vehicle = st.Vehicle.load("bluerov2-heavy")
     autopilot = st.Autopilot.from_toml(start_autopilot(vehicle))
     flights = [
-        st.fly(vehicle, autopilot, st.Mission.from_toml(OUT), max_time_s=2.0, voltage_v=supply)
+        st.fly(
+            vehicle,
+            autopilot,
+            st.Mission.from_toml(OUT),
+            conditions=st.Conditions(max_time_s=2.0, voltage_v=supply),
+        )
         for supply in (16.0, 3.0)
     ]
     said = [[line for line in flight.sentences() if "lies outside" in line] for flight in flights]
@@ -329,13 +334,15 @@ def test_a_missed_waypoint_is_no_complete_mission() -> None:
 def test_a_waypoint_is_reached_as_the_sensors_show_it_and_truly_nearly_so() -> None:
     near = {"position": Sensor(noise=0.3), "depth": Sensor(), "attitude": Sensor(), "gyro": Sensor()}
     near["dvl"] = Sensor()
-    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), sensors=near, seed=3)
+    flight = st.fly(
+        "cwolf", "cwolf", st.Mission.from_toml(OUT), conditions=st.Conditions(sensors=near), seed=3
+    )
     (leg,) = flight.legs
     assert leg.perceived_m <= 5.0
     assert leg.smallest_m == pytest.approx(leg.perceived_m, abs=1.5)  # five deviations
     assert leg.reached
     far = near | {"position": Sensor(bias=40.0)}
-    off = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), sensors=far, seed=3)
+    off = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), conditions=st.Conditions(sensors=far), seed=3)
     (leg,) = off.legs
     assert leg.smallest_m > 7.5
     assert not leg.reached
@@ -354,7 +361,7 @@ def test_a_flight_that_ends_early_has_legs_that_were_never_begun() -> None:
 
 def test_a_diverged_flight_is_a_result() -> None:
     wild = st.Vehicle.load("cwolf").with_coefficients({"X_uu": 400.0})  # drag that pushes
-    flight = st.fly(wild, "cwolf", st.Mission.from_toml(OUT), model="cwolf")
+    flight = st.fly(wild, "cwolf", st.Mission.from_toml(OUT), conditions=st.Conditions(model="cwolf"))
     assert flight.outcome == "diverged"
     assert not flight.complete
     assert "diverged" in str(flight)
@@ -364,7 +371,9 @@ def test_a_diverged_flight_is_a_result() -> None:
 def test_errors_that_truly_are_others_than_perceived_are_told_as_such() -> None:
     near = {"position": Sensor(bias=3.0), "depth": Sensor(bias=1.0), "attitude": Sensor(), "gyro": Sensor()}
     near["dvl"] = Sensor()
-    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), sensors=near, seed=3)
+    flight = st.fly(
+        "cwolf", "cwolf", st.Mission.from_toml(OUT), conditions=st.Conditions(sensors=near), seed=3
+    )
     rms, largest = (flight.metrics[f"true_cross_track_{name}_m"] for name in ("rms", "largest"))
     assert f" as perceived; truly {rms:.2f} m rms, at most {largest:.2f} m" in flight.report().good
     off = float(np.max(np.abs(flight.measured["z"] - flight.position[:, 2])))

@@ -15,7 +15,7 @@ from seatrial.base.errors import SeatrialError, SimulationError, VehicleError
 from seatrial.flight.metrics import metrics_of
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.sensors.sensor import Sensor
-from tests.flight.flying import BOX, CROSS, OUT, flown, mission
+from tests.flight.flying import BOX, CROSS, OUT, flown, grouped, mission
 
 
 def noisy() -> dict[str, Sensor]:
@@ -28,7 +28,9 @@ def noisy() -> dict[str, Sensor]:
 def test_names_paths_and_objects_fly_alike(tmp_path: Path) -> None:
     (tmp_path / "box.toml").write_text(BOX)
     (tmp_path / "autopilot.toml").write_text(st.Autopilot.load("cwolf").to_toml())
-    named = st.fly("cwolf", tmp_path / "autopilot.toml", str(tmp_path / "box.toml"), current=CROSS)
+    named = st.fly(
+        "cwolf", tmp_path / "autopilot.toml", str(tmp_path / "box.toml"), water=st.Water(current=CROSS)
+    )
     assert np.array_equal(named.position, flown().position)
     assert named.circumstances.sources["mission"] == str(tmp_path / "box.toml")
 
@@ -40,7 +42,7 @@ def test_the_start_is_that_of_the_mission_unless_a_state_is_given() -> None:
     assert flight.euler[0, 2] == pytest.approx(math.atan2(-5.0, 70.0))
     assert not flight.nu[0].any()
     state = st.State([-20.0, 0.0, 5.0], [0.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    moving = st.fly("cwolf", "cwolf", mission(OUT), initial=state)
+    moving = st.fly("cwolf", "cwolf", mission(OUT), conditions=st.Conditions(initial=state))
     assert moving.position[0].tolist() == [-20.0, 0.0, 5.0]
     assert moving.nu[0, 0] == 1.0
     assert moving.euler[0, 2] == pytest.approx(0.5)
@@ -48,7 +50,8 @@ def test_the_start_is_that_of_the_mission_unless_a_state_is_given() -> None:
 
 def test_the_seed_decides_the_noise_and_nothing_else_does() -> None:
     one, again, other = (
-        st.fly("cwolf", "cwolf", mission(OUT), sensors=noisy(), seed=seed) for seed in (3, 3, 4)
+        st.fly("cwolf", "cwolf", mission(OUT), conditions=st.Conditions(sensors=noisy()), seed=seed)
+        for seed in (3, 3, 4)
     )
     assert np.array_equal(one.position, again.position)
     assert np.array_equal(one.measured["yaw"], again.measured["yaw"])
@@ -58,7 +61,7 @@ def test_the_seed_decides_the_noise_and_nothing_else_does() -> None:
 
 def test_sensor_noise_has_the_size_that_the_file_says() -> None:
     sensors = noisy()
-    flight = st.fly("cwolf", "cwolf", mission(BOX), sensors=sensors, seed=1)
+    flight = st.fly("cwolf", "cwolf", mission(BOX), conditions=st.Conditions(sensors=sensors), seed=1)
     off = np.rad2deg(flight.measured["q"] - flight.nu[:, 4])
     # 2,000 samples: the deviation is known to 1.6 %; digits of 0.001 deg/s add nothing.
     assert off.std() == pytest.approx(sensors["gyro"].noise, rel=0.08)
@@ -68,13 +71,22 @@ def test_sensor_noise_has_the_size_that_the_file_says() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_typical_sensors_do_not_stop_a_mission(seed: int) -> None:
-    flight = st.fly("cwolf", "cwolf", mission(BOX), sensors="typical", current=CROSS, seed=seed)
+    flight = st.fly(
+        "cwolf",
+        "cwolf",
+        mission(BOX),
+        conditions=st.Conditions(sensors="typical"),
+        water=st.Water(current=CROSS),
+        seed=seed,
+    )
     assert flight.outcome == "complete", str(flight)
     assert flight.alerts == ()
 
 
 def test_a_dead_actuator_stands_from_its_time_on() -> None:
-    flight = st.fly("cwolf", "cwolf", mission(BOX), faults=[st.Fault("SbU", at_s=40.0)])
+    flight = st.fly(
+        "cwolf", "cwolf", mission(BOX), conditions=st.Conditions(faults=[st.Fault("SbU", at_s=40.0)])
+    )
     before, after = flight.t < 39.9, flight.t > 40.1
     assert np.abs(flight.actuators["SbU"][before]).max() > 100.0
     assert not flight.actuators["SbU"][after].any()
@@ -85,17 +97,29 @@ def test_a_dead_actuator_stands_from_its_time_on() -> None:
 
 
 def test_a_stuck_actuator_stays_where_it_is_or_at_a_value() -> None:
-    stuck = st.fly("cwolf", "cwolf", mission(OUT), faults=[st.Fault("PU", at_s=20.0, stuck=True)])
+    stuck = st.fly(
+        "cwolf",
+        "cwolf",
+        mission(OUT),
+        conditions=st.Conditions(faults=[st.Fault("PU", at_s=20.0, stuck=True)]),
+    )
     held = stuck.actuators["PU"][stuck.t > 20.1]
     assert np.ptp(held) == 0.0
     assert held[0] == pytest.approx(stuck.actuators["PU"][stuck.t < 20.0][-1], abs=40.0)  # of one period
-    at = st.fly("cwolf", "cwolf", mission(OUT), faults=[st.Fault("PU", at_s=20.0, stuck_at=-300.0)])
+    at = st.fly(
+        "cwolf",
+        "cwolf",
+        mission(OUT),
+        conditions=st.Conditions(faults=[st.Fault("PU", at_s=20.0, stuck_at=-300.0)]),
+    )
     assert np.all(at.actuators["PU"][at.t > 20.1] == -300.0)
 
 
 @pytest.mark.parametrize("what", ["position", "gps"])
 def test_an_outage_keeps_the_last_sample_and_calls_for_its_reaction(what: str) -> None:
-    flight = st.fly("cwolf", "cwolf", mission(BOX), outages=[st.Outage(what, from_s=20.0)])
+    flight = st.fly(
+        "cwolf", "cwolf", mission(BOX), conditions=st.Conditions(outages=[st.Outage(what, from_s=20.0)])
+    )
     silent = flight.t >= 20.0
     assert np.ptp(flight.measured["x"][silent]) == 0.0
     assert np.ptp(flight.measured["z"][silent]) > 1.0
@@ -107,7 +131,9 @@ def test_an_outage_keeps_the_last_sample_and_calls_for_its_reaction(what: str) -
 
 
 def test_an_outage_that_ends_is_survived() -> None:
-    flight = st.fly("cwolf", "cwolf", mission(BOX), outages=[st.Outage("position", 20.0, 30.0)])
+    flight = st.fly(
+        "cwolf", "cwolf", mission(BOX), conditions=st.Conditions(outages=[st.Outage("position", 20.0, 30.0)])
+    )
     assert flight.outcome == "complete"
     assert flight.alerts == ()
     assert not np.array_equal(flight.position, flown(BOX, (0.0, 0.0, 0.0)).position)
@@ -116,18 +142,18 @@ def test_an_outage_that_ends_is_survived() -> None:
 def test_the_model_of_the_autopilot_may_be_another_vehicle() -> None:
     cwolf = st.Vehicle.load("cwolf")
     heavy = cwolf.with_coefficients({"X_uu": 1.5 * cwolf.coefficients()["X_uu"]})
-    flight = st.fly(heavy, "cwolf", mission(OUT), model=cwolf)
+    flight = st.fly(heavy, "cwolf", mission(OUT), conditions=st.Conditions(model=cwolf))
     own = st.fly(heavy, "cwolf", mission(OUT))
     assert flight.outcome == own.outcome == "complete"
     # On the way up to speed the feed-forward of the lighter model asks for less.
     soon = int(2.0 / flight.period_s)
     assert flight.demanded[soon, 0] < own.demanded[soon, 0] - 0.1
-    named = st.fly(heavy, "cwolf", mission(OUT), model=heavy)
+    named = st.fly(heavy, "cwolf", mission(OUT), conditions=st.Conditions(model=heavy))
     assert np.array_equal(named.position, own.position)
 
 
 def test_a_bottom_is_seen_from_above() -> None:
-    flight = st.fly("cwolf", "cwolf", mission(OUT), seabed=(30.0, 0.1, 0.0))
+    flight = st.fly("cwolf", "cwolf", mission(OUT), water=st.Water(seabed=(30.0, 0.1, 0.0)))
     np.testing.assert_allclose(
         flight.altitude, 30.0 + 0.1 * flight.position[:, 0] - flight.position[:, 2], atol=1e-9
     )
@@ -141,9 +167,16 @@ def test_law_a_case_of_a_batch_flies_as_it_would_alone() -> None:
     current = np.array([[0.0, 0.3, 0.0], [0.1, 0.0, 0.0], [0.0, -0.2, 0.0]])
     faults = [[], [st.Fault("SbL", at_s=20.0)], []]
     batch = st.fly_batch(
-        cwolf, "cwolf", mission(OUT), coefficients={"X_uu": drag}, gains={"guidance.lookahead_m": lookahead},
-        current=current, seeds=[5, 6, 7], faults=faults, sensors=noisy(), logs=True,
-    )  # fmt: skip
+        cwolf,
+        "cwolf",
+        mission(OUT),
+        coefficients={"X_uu": drag},
+        gains={"guidance.lookahead_m": lookahead},
+        water=st.Water(current=current),
+        seeds=[5, 6, 7],
+        conditions=st.Conditions(faults=faults, sensors=noisy()),
+        logs=True,
+    )
     assert len(batch) == 3
     figures = metrics_of(batch)
     autopilot = st.Autopilot.load("cwolf")
@@ -151,8 +184,11 @@ def test_law_a_case_of_a_batch_flies_as_it_would_alone() -> None:
         alone = st.fly(
             cwolf.with_coefficients({"X_uu": drag[k]}),
             autopilot.with_gains({"guidance.lookahead_m": lookahead[k]}),
-            mission(OUT), model=cwolf, current=current[k], seed=5 + k, faults=faults[k], sensors=noisy(),
-        )  # fmt: skip
+            mission(OUT),
+            conditions=st.Conditions(model=cwolf, faults=faults[k], sensors=noisy()),
+            water=st.Water(current=current[k]),
+            seed=5 + k,
+        )
         # Lanes have elementary functions of their own, equal to 2 units in the last place.
         assert figures["duration_s"][k] == pytest.approx(alone.metrics["duration_s"], abs=1e-6)
         for name in ("distance_m", "energy_wh", "cross_track_rms_m", "depth_excursion_m"):
@@ -162,7 +198,9 @@ def test_law_a_case_of_a_batch_flies_as_it_would_alone() -> None:
 
 
 def test_a_batch_without_logs_keeps_figures_only() -> None:
-    batch = st.fly_batch("cwolf", "cwolf", mission(OUT), seeds=range(4), sensors=noisy())
+    batch = st.fly_batch(
+        "cwolf", "cwolf", mission(OUT), seeds=range(4), conditions=st.Conditions(sensors=noisy())
+    )
     assert len(batch) == 4
     assert batch.log(0).shape[0] == 0
     assert len(set(batch.figures["distance"].tolist())) == 4
@@ -204,7 +242,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("options", "message"), BAD)
 def test_bad_input_is_refused_with_a_sentence(options: dict[str, Any], message: str) -> None:
     with pytest.raises(SeatrialError, match=message):
-        st.fly("cwolf", "cwolf", mission(OUT), **options)
+        st.fly("cwolf", "cwolf", mission(OUT), **grouped(**options))
 
 
 def test_files_that_do_not_fit_together_are_refused(tmp_path: Path) -> None:
@@ -230,7 +268,7 @@ def test_a_mission_along_the_bottom_needs_one() -> None:
     text = OUT.replace("east_m = 0.0\ndepth_m = 5.0", "east_m = 0.0\naltitude_m = 5.0")
     with pytest.raises(SimulationError, match=r"leg 1 \(waypoint 1\) of out follows the bottom"):
         st.fly("cwolf", "cwolf", mission(text))
-    flight = st.fly("cwolf", "cwolf", mission(text), seabed=12.0)
+    flight = st.fly("cwolf", "cwolf", mission(text), water=st.Water(seabed=12.0))
     assert flight.legs[0].reached
     assert flight.altitude[-1] == pytest.approx(5.0, abs=5.0)
     assert math.isnan(flight.legs[0].depth_step_m)
@@ -254,4 +292,4 @@ def test_a_mission_along_the_bottom_needs_one() -> None:
 )
 def test_batches_refuse_what_does_not_fit_together(options: dict[str, Any], message: str) -> None:
     with pytest.raises(SeatrialError, match=message):
-        st.fly_batch("cwolf", "cwolf", mission(OUT), **options)
+        st.fly_batch("cwolf", "cwolf", mission(OUT), **grouped(**options))

@@ -41,7 +41,8 @@ legs = [{ north_m = 3000.0, east_m = 0.0, depth_m = 5.0 }]
 ''')
 cases = int(sys.argv[1])
 def fly(seeds):
-    return st.fly_batch("cwolf", "cwolf", mission, seeds=seeds, max_step_s=0.1, max_time_s=1000.0, logs=True)
+    coarse = st.Conditions(max_step_s=0.1, max_time_s=1000.0)
+    return st.fly_batch("cwolf", "cwolf", mission, seeds=seeds, conditions=coarse, logs=True)
 """
 
 
@@ -91,7 +92,15 @@ def test_the_last_of_many_flies_as_its_neighbours_do() -> None:
 
     def fly(count: int) -> st.Flights:
         seeds = [7] * count
-        return st.fly_batch("cwolf", "cwolf", mission, seeds=seeds, max_time_s=3.0, logs=True, threads=1)
+        return st.fly_batch(
+            "cwolf",
+            "cwolf",
+            mission,
+            seeds=seeds,
+            conditions=st.Conditions(max_time_s=3.0),
+            logs=True,
+            threads=1,
+        )
 
     pair = fly(2)
     for count in range(2, 40):
@@ -101,7 +110,9 @@ def test_the_last_of_many_flies_as_its_neighbours_do() -> None:
 @pytest.mark.parametrize("logs", [True, False])
 def test_flights_are_the_same_after_a_pickle(logs: bool) -> None:
     mission = st.Mission.from_toml(MISSION)
-    flights = st.fly_batch("cwolf", "cwolf", mission, seeds=range(20), max_time_s=20.0, logs=logs)
+    flights = st.fly_batch(
+        "cwolf", "cwolf", mission, seeds=range(20), conditions=st.Conditions(max_time_s=20.0), logs=logs
+    )
     again = pickle.loads(pickle.dumps(flights))
     assert len(again) == 20
     for case in (0, 19):

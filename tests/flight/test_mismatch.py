@@ -76,7 +76,7 @@ def test_a_flight_says_so_in_its_first_lines_and_as_data() -> None:
     heavy = st.Vehicle.from_toml(text)
     heavy = heavy.with_coefficients({"Y_vdot": 3.0 * heavy.coefficients()["Y_vdot"]})
     assert st.fly(heavy, "lauv", mission).warnings
-    assert st.fly(heavy, "lauv", mission, model="lauv").warnings == ()
+    assert st.fly(heavy, "lauv", mission, conditions=st.Conditions(model="lauv")).warnings == ()
 
 
 def test_what_went_wrong_comes_before_the_doubt_about_the_autopilot() -> None:

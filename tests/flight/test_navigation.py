@@ -11,6 +11,7 @@ import seatrial as st
 from seatrial.base.errors import SimulationError
 from seatrial.flight.navigation import Beacon, Pen, Wall
 from seatrial.sensors.sensor import Sensor
+from tests.flight.flying import grouped
 
 LEVEL = {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}
 HERE = LEVEL | {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -276,12 +277,9 @@ def test_a_flight_lives_on_the_estimate_through_fifty_seconds_without_a_doppler_
         "cwolf",
         "cwolf",
         st.Mission.from_toml(MISSION),
-        current=[0.05, 0.15, 0.0],
-        sensors="typical",
-        navigation="filter",
+        water=st.Water(current=[0.05, 0.15, 0.0]),
+        conditions=st.Conditions(sensors="typical", navigation="filter", outages=silent, max_time_s=80.2),
         seeds=list(range(8)),
-        outages=silent,
-        max_time_s=80.2,
         logs=True,
     )
     columns = flights.columns
@@ -302,11 +300,9 @@ def test_filters_abreast_are_filters_of_their_own() -> None:
             "cwolf",
             "cwolf",
             st.Mission.from_toml(MISSION),
-            current=[0.1, -0.1, 0.0],
-            sensors="typical",
-            navigation="filter",
+            water=st.Water(current=[0.1, -0.1, 0.0]),
+            conditions=st.Conditions(sensors="typical", navigation="filter", max_time_s=45.0),
             seeds=seeds,
-            max_time_s=45.0,
             logs=True,
         )
         names = ("navigation_samples", "navigation_refused", "navigation_nis")
@@ -330,13 +326,15 @@ def consistency(sea: st.SeaState | None, seeds: int = 12, **water: Any) -> tuple
         "cwolf",
         "cwolf",
         st.Mission.from_toml(MISSION),
-        current=[0.1, -0.1, 0.0],
-        sensors="typical",
-        navigation="filter",
-        seeds=list(range(seeds)),
-        waves=sea,
-        max_time_s=60.0,
-        **water,
+        **grouped(
+            current=[0.1, -0.1, 0.0],
+            waves=sea,
+            sensors="typical",
+            navigation="filter",
+            max_time_s=60.0,
+            seeds=list(range(seeds)),
+            **water,
+        ),
     )
     figures = flights.figures
     refused = figures["navigation_refused"].sum() / figures["navigation_samples"].sum()
@@ -365,7 +363,12 @@ def test_a_filter_that_is_told_of_waves_believes_its_doppler_log_in_them() -> No
 
 def test_measured_revolutions_are_those_of_now() -> None:
     flights = st.fly_batch(
-        "cwolf", "cwolf", st.Mission.from_toml(MISSION), seeds=[0, 1], max_time_s=10.0, logs=True
+        "cwolf",
+        "cwolf",
+        st.Mission.from_toml(MISSION),
+        seeds=[0, 1],
+        conditions=st.Conditions(max_time_s=10.0),
+        logs=True,
     )
     columns, log = flights.columns, flights.log(0)
     misses = []
@@ -389,14 +392,16 @@ def test_measured_revolutions_are_those_of_now() -> None:
 
 def test_navigation_by_sensors_is_as_before_and_other_words_are_refused() -> None:
     mission = st.Mission.from_toml(MISSION)
-    plain = st.fly("cwolf", "cwolf", mission, max_time_s=20.0)
+    plain = st.fly("cwolf", "cwolf", mission, conditions=st.Conditions(max_time_s=20.0))
     assert plain.circumstances.navigation == "sensors"
     assert "navigation_nis" not in plain.metrics
-    filtered = st.fly("cwolf", "cwolf", mission, max_time_s=20.0, navigation="filter")
+    filtered = st.fly(
+        "cwolf", "cwolf", mission, conditions=st.Conditions(max_time_s=20.0, navigation="filter")
+    )
     assert filtered.circumstances.to_dict()["navigation"] == "filter"
     assert filtered.metrics["navigation_nis"] < 1.0
     with pytest.raises(SimulationError, match='expected "sensors", "filter"'):
-        st.fly("cwolf", "cwolf", mission, navigation="kalman")
+        st.fly("cwolf", "cwolf", mission, conditions=st.Conditions(navigation="kalman"))
 
 
 def test_a_filter_knows_that_other_coefficients_than_its_own_fly() -> None:
@@ -410,12 +415,9 @@ def test_a_filter_knows_that_other_coefficients_than_its_own_fly() -> None:
             vehicle,
             "cwolf",
             st.Mission.from_toml(MISSION),
-            sensors="typical",
-            navigation="filter",
-            seeds=[1, 2],
-            max_time_s=10.0,
-            logs=True,
-            **options,
+            **grouped(
+                sensors="typical", navigation="filter", max_time_s=10.0, seeds=[1, 2], logs=True, **options
+            ),
         )
 
     unnamed = estimates(coefficients=lighter)

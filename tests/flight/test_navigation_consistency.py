@@ -40,12 +40,12 @@ def flights(vehicle: str, gusts: float, count: int, time_s: float) -> dict[str, 
         vehicle,
         vehicle,
         st.Mission.from_toml(MISSION.format(speed=SPEEDS[vehicle])),
-        current=np.column_stack([speed * np.cos(angle), speed * np.sin(angle), np.zeros(count)]),
-        turbulence=gusts,
+        water=st.Water(
+            current=np.column_stack([speed * np.cos(angle), speed * np.sin(angle), np.zeros(count)]),
+            turbulence=gusts,
+        ),
         seeds=list(range(100, 100 + count)),
-        sensors="typical",
-        navigation="filter",
-        max_time_s=time_s,
+        conditions=st.Conditions(sensors="typical", navigation="filter", max_time_s=time_s),
     )
     return {name: np.asarray(values) for name, values in flown.figures.items()}
 

@@ -70,7 +70,15 @@ def flown() -> st.Flight:
 
 def fly(payload: Payload | None, sensors: str | None = None) -> st.Flight:
     mission = st.Mission.from_toml(MISSION)
-    return st.fly("cwolf", "cwolf", mission, current=CURRENT, sensors=sensors, payload=payload, seed=3)
+    return st.fly(
+        "cwolf",
+        "cwolf",
+        mission,
+        water=st.Water(current=CURRENT),
+        conditions=st.Conditions(sensors=sensors),
+        payload=payload,
+        seed=3,
+    )
 
 
 def test_lit_unesco_density_and_conductivity() -> None:
@@ -215,7 +223,7 @@ def test_law_samples_of_a_stop_show_the_water_of_the_stop(hold_s: float) -> None
         "cwolf",
         st.Mission.from_toml(DEEP.format(hold_s=hold_s)),
         payload=Payload.from_toml(water),
-        sensors="typical",
+        conditions=st.Conditions(sensors="typical"),
         seed=2,
     )
     assert flight.samples is not None

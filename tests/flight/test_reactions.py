@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import seatrial as st
+from tests.flight.flying import grouped
 
 MISSION = """
 format = 1
@@ -30,7 +31,7 @@ depth_m = 6.0
 
 
 def _report(vehicle: str, **around: Any) -> tuple[st.Flight, str, str]:
-    flight = st.fly(vehicle, vehicle, st.Mission.from_toml(MISSION), **around)
+    flight = st.fly(vehicle, vehicle, st.Mission.from_toml(MISSION), **grouped(**around))
     said = flight.report()
     return flight, said.worst, said.next_step
 

@@ -25,10 +25,8 @@ def reaction(noise: float, dropout: dict[str, float], *outages: st.Outage) -> st
         "cwolf",
         "cwolf",
         st.Mission.from_toml(MISSION),
-        sensors=sensors,
-        outages=outages,
+        conditions=st.Conditions(sensors=sensors, outages=outages, max_time_s=90.0),
         seed=3,
-        max_time_s=90.0,
     )
     return next((said for said in flight.sentences() if said.startswith("Reaction")), "")
 

@@ -168,7 +168,7 @@ def test_flights_begin_afloat_and_never_fly() -> None:
 
 
 def test_a_gps_fix_needs_its_antenna_out_of_the_water() -> None:
-    from seatrial.sensors.ideal import Conditions
+    from seatrial.sensors.ideal import Surroundings
     from seatrial.sensors.log import measure
     from seatrial.sensors.sensor import Sensor
 
@@ -178,7 +178,7 @@ def test_a_gps_fix_needs_its_antenna_out_of_the_water() -> None:
     assert top == pytest.approx(-0.15)
     for depth, seen in ((0.1, True), (0.2, False)):
         run = vehicle.simulate(t, initial=st.State(position=[0, 0, depth]), free="X")
-        log = measure(run, {"gps": Sensor(noise=0.1)}, seed=1, conditions=Conditions(vehicle=vehicle))
+        log = measure(run, {"gps": Sensor(noise=0.1)}, seed=1, conditions=Surroundings(vehicle=vehicle))
         assert log["x_m"].is_finite().any() is seen
 
 

@@ -12,13 +12,13 @@ from hypothesis import strategies as st_
 import seatrial as st
 from seatrial.base.errors import SimulationError
 from seatrial.flight.checks import checked_obstacles, checked_times, checked_turbulence
-from tests.flight.flying import OUT, mission
+from tests.flight.flying import OUT, grouped, mission
 
 CURRENT = (0.0, 0.2, 0.0)
 
 
 def out(**options: Any) -> st.Flight:
-    return st.fly("cwolf", "cwolf", mission(OUT), current=CURRENT, **options)
+    return st.fly("cwolf", "cwolf", mission(OUT), **grouped(current=CURRENT, **options))
 
 
 @given(st_.floats(0.0, 5.0))

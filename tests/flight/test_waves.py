@@ -9,7 +9,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import SimulationError
-from tests.flight.flying import OUT, mission
+from tests.flight.flying import OUT, grouped, mission
 
 HERE = st.State([0.0, 0.0, 4.0])
 
@@ -37,10 +37,9 @@ def test_orbital_velocity_has_the_variance_of_the_spectrum_at_its_depth() -> Non
         "cwolf",
         "cwolf",
         mission(OUT),
-        initial=HERE,
-        waves=st.SeaState(height, period, toward_deg=90.0),
+        conditions=st.Conditions(initial=HERE, max_time_s=0.2),
+        water=st.Water(waves=st.SeaState(height, period, toward_deg=90.0)),
         seeds=range(seeds),
-        max_time_s=0.2,
         logs=True,
     )
     met = np.array([water(flights, case)[0] for case in range(seeds)])
@@ -62,12 +61,12 @@ def test_a_flight_in_waves_goes_by_its_seed_and_logs_the_water() -> None:
         "max_time_s": 20,
     }
     first, again, other = (
-        st.fly("cwolf", "cwolf", mission(OUT), waves=sea, seed=seed, initial=HERE, **options)
+        st.fly("cwolf", "cwolf", mission(OUT), **grouped(waves=sea, seed=seed, initial=HERE, **options))
         for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first.nu, again.nu)
     assert np.abs(first.nu - other.nu).max() > 0.01
-    calm = st.fly("cwolf", "cwolf", mission(OUT), initial=HERE, **options)
+    calm = st.fly("cwolf", "cwolf", mission(OUT), **grouped(initial=HERE, **options))
     # 0.36 m/s an hour are 2 mm/s in 20 s.
     east = calm.table()["current_east_m_s"].to_numpy()
     np.testing.assert_allclose(east, 1e-4 * calm.t, atol=1e-12)
@@ -77,7 +76,13 @@ def test_a_flight_in_waves_goes_by_its_seed_and_logs_the_water() -> None:
 
 def test_a_random_walk_differs_from_seed_to_seed() -> None:
     flights = st.fly_batch(
-        "cwolf", "cwolf", mission(OUT), current_walk=0.2, seeds=range(200), max_time_s=10.0, logs=True
+        "cwolf",
+        "cwolf",
+        mission(OUT),
+        water=st.Water(current_walk=0.2),
+        seeds=range(200),
+        conditions=st.Conditions(max_time_s=10.0),
+        logs=True,
     )
     moved = np.array([water(flights, case)[-1, 0] for case in range(200)])
     # The walk after ten seconds, 0.2 m/s after an hour; a heading of zero, five standard errors.
@@ -103,7 +108,7 @@ def test_a_sea_that_is_none_is_refused(numbers: dict[str, Any], message: str) ->
 def test_waves_that_are_no_sea_state_are_refused() -> None:
     for given in ((0.5, 6.0), 0.5, "rough"):
         with pytest.raises(SimulationError, match=r"waves: expected st\.SeaState"):
-            st.fly("cwolf", "cwolf", mission(OUT), waves=given)  # type: ignore[arg-type]
+            st.fly("cwolf", "cwolf", mission(OUT), water=st.Water(waves=given))  # type: ignore[arg-type]
     sea = st.SeaState(0.5, 6.0)
     with pytest.raises(SimulationError, match="waves: expected 3 values, one per case, found 2"):
-        st.fly_batch("cwolf", "cwolf", mission(OUT), waves=[sea, None], seeds=[1, 2, 3])
+        st.fly_batch("cwolf", "cwolf", mission(OUT), water=st.Water(waves=[sea, None]), seeds=[1, 2, 3])

@@ -31,7 +31,7 @@ FAST = 1000.0  # times real time: the tests do not wait for the clock
 
 
 def test_law_with_perfect_sensors_it_is_the_flight_of_fly() -> None:
-    flight = st.fly("cwolf", "cwolf", MISSION, current=(0.0, 0.2, 0.0))
+    flight = st.fly("cwolf", "cwolf", MISSION, water=st.Water(current=(0.0, 0.2, 0.0)))
     paced = fly_realtime("cwolf", "cwolf", MISSION, current=(0.0, 0.2, 0.0), speed=FAST)
     assert paced.outcome == flight.outcome == "complete"
     table = paced.table()

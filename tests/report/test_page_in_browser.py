@@ -23,6 +23,7 @@ from seatrial.cli.new import EXAMPLES
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.report.page.flying import core
 from seatrial.report.page.page import write_page
+from tests.flight.flying import grouped
 from tests.report.in_browser import CHROMIUM, Opened, assert_accessible, assert_same_bits, chromium, settled
 
 if TYPE_CHECKING:
@@ -105,12 +106,12 @@ def choose(page: Page, **controls: str | float) -> None:
 
 def flown(mission: st.Mission, **changes: Any) -> Any:
     options = {key: value for key, value in SEA.items() if key != "seed"} | {"seeds": SEA["seed"]}
-    return st.fly_batch("cwolf", "cwolf", mission, logs=True, **(options | changes))
+    return st.fly_batch("cwolf", "cwolf", mission, **grouped(logs=True, **(options | changes)))
 
 
 def test_the_page_flies_what_python_flies(opened: Opened, tmp_path: Path) -> None:
     mission = st.Mission.from_toml(MISSION)
-    st.fly("cwolf", "cwolf", mission, **SEA).save(tmp_path / "run")
+    st.fly("cwolf", "cwolf", mission, **grouped(**SEA)).save(tmp_path / "run")
     page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"))
     settled(page, "window.seatrial && seatrial.changed")
     assert_same_bits(page, "original", flown(mission))
@@ -211,25 +212,29 @@ def test_the_page_flies_by_the_filter_with_failures(opened: Opened, tmp_path: Pa
     )
     around: dict[str, Any] = {"sensors": "typical", "current": [0.05, 0.0, 0.0], "turbulence": 0.02}
     sea: dict[str, Any] = {"waves": st.SeaState(0.3, 6.0), "voltage_v": 15.5, "navigation": "filter"}
-    st.fly("beluga", "beluga", mission, seed=5, **around, **sea).save(tmp_path / "run")
+    st.fly("beluga", "beluga", mission, **grouped(seed=5, **around, **sea)).save(tmp_path / "run")
     page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"))
     settled(page, "window.seatrial && seatrial.changed")
     options = around | sea | {"seeds": 5, "logs": True}
-    assert_same_bits(page, "original", st.fly_batch("beluga", "beluga", mission, **options))
+    assert_same_bits(page, "original", st.fly_batch("beluga", "beluga", mission, **grouped(**options)))
 
     choose(page, fault="thruster 0", faultat=20, outage="velocity", outagefrom=15, outageuntil=35)
     failures: dict[str, Any] = {
         "faults": [st.Fault("thruster_0", at_s=20)],
         "outages": [st.Outage("velocity", 15.0, 35.0)],
     }
-    assert_same_bits(page, "changed", st.fly_batch("beluga", "beluga", mission, **options, **failures))
+    assert_same_bits(
+        page, "changed", st.fly_batch("beluga", "beluga", mission, **grouped(**options, **failures))
+    )
 
     choose(page, navigation="what the sensors show", sensors="perfect")
     other: dict[str, Any] = options | failures | {"navigation": "sensors", "sensors": None}
-    assert_same_bits(page, "changed", st.fly_batch("beluga", "beluga", mission, **other))
+    assert_same_bits(page, "changed", st.fly_batch("beluga", "beluga", mission, **grouped(**other)))
     choose(page, navigation="a navigation filter")
     assert_same_bits(
-        page, "changed", st.fly_batch("beluga", "beluga", mission, **(other | {"navigation": "filter"}))
+        page,
+        "changed",
+        st.fly_batch("beluga", "beluga", mission, **grouped(**(other | {"navigation": "filter"}))),
     )
 
 

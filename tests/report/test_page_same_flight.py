@@ -20,6 +20,7 @@ from seatrial.report.page.flying import core, setups
 from seatrial.report.page.page import write_page
 from seatrial.report.page.run_folder import RunFolder
 from seatrial.sensors.sensor import load_sensors
+from tests.flight.flying import grouped
 from tests.report.in_browser import CHROMIUM, Opened, assert_same_bits, chromium, settled
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def page_of(opened: Opened, flight: st.Flight, folder: Path) -> Page:
 def assert_is_the_run(page: Page, flight: st.Flight, **options: Any) -> None:
     """The log to the last bit, the ending in the run's words by the page's own judgement, and the record."""
     options = {"seeds" if name == "seed" else name: value for name, value in options.items()}
-    flights = st.fly_batch(flight.vehicle, flight.autopilot, flight.mission, logs=True, **options)
+    flights = st.fly_batch(flight.vehicle, flight.autopilot, flight.mission, **grouped(logs=True, **options))
     assert_same_bits(page, "original", flights)
     assert page.evaluate("seatrial.ending(seatrial.original.figures)") == flight.outcome_in_words
     assert page.evaluate("seatrial.record().off") == []
@@ -89,7 +90,7 @@ def fly(vehicle: str, sensors: str | None, max_time_s: float | None) -> tuple[st
     options: dict[str, Any] = {"sensors": sensors, "current": [0.05, 0.02, 0.0], "max_time_s": max_time_s}
     if any(one["needs_voltage"] for one in st.Vehicle.load(vehicle).actuator_info().values()):
         options["voltage_v"] = 15.5
-    return st.fly(vehicle, vehicle, mission(), seed=7, **options), options | {"seed": 7}
+    return st.fly(vehicle, vehicle, mission(), **grouped(seed=7, **options)), options | {"seed": 7}
 
 
 @in_browser
@@ -143,7 +144,7 @@ def test_the_page_takes_every_input_from_the_record(opened: Opened, tmp_path: Pa
         "max_time_s": 45.0,
     }
     dither = {"times": [2.0, 4.0, 6.0], names[0]: [0.5, -0.5, 0.0]}
-    flight = st.fly("cwolf", "cwolf", mission(), seed=3, dither=dither, **options)
+    flight = st.fly("cwolf", "cwolf", mission(), **grouped(seed=3, dither=dither, **options))
     page = page_of(opened, flight, tmp_path)
     assert page.evaluate("seatrial.record().off") == []
     truth = np.column_stack([flight.position, flight.euler, flight.nu])
@@ -172,7 +173,8 @@ def test_a_flight_to_its_end_that_broke_something_is_not_complete_in_the_page(
     flight = next(
         flight
         for seed in range(2, 40)
-        if (flight := st.fly("cwolf", "cwolf", flown, **options, seed=seed)).outcome_in_words == expected
+        if (flight := st.fly("cwolf", "cwolf", flown, **grouped(**options, seed=seed))).outcome_in_words
+        == expected
     )
     seed = flight.circumstances.seed
     page = page_of(opened, flight, tmp_path)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from seatrial._core import Run, State, Vehicle
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import from_euler, matrix
-from seatrial.sensors.ideal import Conditions
+from seatrial.sensors.ideal import Surroundings
 from seatrial.sensors.log import measure
 from seatrial.sensors.sensor import Sensor, parse_sensors
 from tests.sensors.sailing import turning_dive
@@ -88,7 +88,7 @@ def test_through_water_and_over_ground_differ_by_the_current() -> None:
         run,
         {"dvl": Sensor(position=PLACE), "dvl_water": Sensor(position=PLACE)},
         seed=1,
-        conditions=Conditions(current=current),
+        conditions=Surroundings(current=current),
     )
     ground = columns(table, "u_m_s", "v_m_s", "w_m_s")
     water = columns(table, "u_water_m_s", "v_water_m_s", "w_water_m_s")
@@ -122,7 +122,7 @@ def test_bottom_track_is_lost_out_of_range_and_through_water_is_not(run: Run) ->
         run,
         {"dvl": Sensor(max_range_m=most), "dvl_water": Sensor()},
         seed=1,
-        conditions=Conditions(bottom_depth_m=bottom),
+        conditions=Surroundings(bottom_depth_m=bottom),
     )
     tilt = matrix(run.attitude)[:, 2, 2]
     reached = bottom - z <= most * tilt
@@ -133,12 +133,12 @@ def test_bottom_track_is_lost_out_of_range_and_through_water_is_not(run: Run) ->
 
 def test_a_run_through_the_bottom_is_refused(run: Run) -> None:
     with pytest.raises(TrialError, match=r"goes down to .* m, below the bottom at 15 m"):
-        measure(run, {"dvl": Sensor(max_range_m=50.0)}, seed=1, conditions=Conditions(bottom_depth_m=15.0))
+        measure(run, {"dvl": Sensor(max_range_m=50.0)}, seed=1, conditions=Surroundings(bottom_depth_m=15.0))
 
 
 def test_a_voltage_sensor_shows_the_held_supply_and_needs_one(run: Run) -> None:
     supply = np.where(np.arange(len(run.t)) < 600, 16.0, 14.0)
-    table = measure(run, {"voltage": Sensor()}, seed=1, conditions=Conditions(voltage_v=supply))
+    table = measure(run, {"voltage": Sensor()}, seed=1, conditions=Surroundings(voltage_v=supply))
     np.testing.assert_array_equal(table["voltage_v"].to_numpy(), supply)
     with pytest.raises(TrialError, match="no supply voltage is known"):
         measure(run, {"voltage": Sensor()}, seed=1)

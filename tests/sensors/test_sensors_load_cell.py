@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from seatrial._core import Run, State, Vehicle
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import from_euler, matrix
-from seatrial.sensors.ideal import Conditions
+from seatrial.sensors.ideal import Surroundings
 from seatrial.sensors.log import measure
 from seatrial.sensors.sensor import Sensor
 from seatrial.trial.generated import Recipe
@@ -29,7 +29,7 @@ def pull(
     flow = np.asarray(current, float) if np.size(current) else None
     run = vehicle.simulate(T, commands, State(attitude=attitude), flow, free="")
     assert not np.any(run.nu)
-    around = Conditions(vehicle=vehicle, current=flow, held=True)
+    around = Surroundings(vehicle=vehicle, current=flow, held=True)
     return measure(run, {"load_cell": Sensor()}, seed=1, conditions=around).select(COLUMNS).to_numpy()
 
 
@@ -63,7 +63,7 @@ def test_a_current_past_the_vehicle_adds_its_drag() -> None:
 def test_a_vehicle_that_moves_has_no_load_cell() -> None:
     vehicle = Vehicle.load("cwolf")
     run = vehicle.simulate(T, {})
-    for around in (None, Conditions(vehicle=vehicle)):
+    for around in (None, Surroundings(vehicle=vehicle)):
         with pytest.raises(TrialError, match="load cell shows the pull of a tied vehicle"):
             measure(run, {"load_cell": Sensor()}, seed=1, conditions=around)
 

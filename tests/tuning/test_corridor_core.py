@@ -24,10 +24,10 @@ def test_core_and_front_add_up_the_same_areas() -> None:
         "cwolf",
         "cwolf",
         st.Mission.from_toml(OUT),
-        current=[[0.0, 0.0, 0.0], [0.0, 0.2, 0.0]],
+        water=st.Water(current=[[0.0, 0.0, 0.0], [0.0, 0.2, 0.0]]),
         set_points={"times": [0.0, AT_S], "speed": [BEFORE, AFTER]},
         corridors=[("u", [BEFORE] * 2, [AFTER - BEFORE] * 2, lower, upper, target, CORRIDOR.clock(since))],
-        max_time_s=34.0,
+        conditions=st.Conditions(max_time_s=34.0),
         logs=True,
     )
     for case in range(2):

@@ -104,7 +104,9 @@ def test_a_tuning_writes_the_lookahead_and_a_leg_is_joined_sooner() -> None:
     assert any(f"lookahead_m {tuned:.4g}, before 51" in line for line in sentences(found))
     mission = st.Mission.from_toml(LEG.format(speed=1.5))
     error = {
-        name: st.fly("cwolf", autopilot, mission, current=(0.0, 0.15, 0.0)).metrics["cross_track_rms_m"]
+        name: st.fly("cwolf", autopilot, mission, water=st.Water(current=(0.0, 0.15, 0.0))).metrics[
+            "cross_track_rms_m"
+        ]
         for name, autopilot in (("start", start), ("tuned", found.autopilot))
     }
     assert error["tuned"] < 0.7 * error["start"]

@@ -87,7 +87,14 @@ def flown(*, logs: bool = True) -> Flights:
     mission = st.Mission.from_toml(PATTERNS)
     vehicle, autopilot = st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")
     currents = [[0.0, 0.0, 0.0], [0.1, THIRD, 0.0], [-0.2, 0.0, 0.05]]
-    return st.fly_batch(vehicle, autopilot, mission, current=currents, max_time_s=20.0, logs=logs)
+    return st.fly_batch(
+        vehicle,
+        autopilot,
+        mission,
+        water=st.Water(current=currents),
+        conditions=st.Conditions(max_time_s=20.0),
+        logs=logs,
+    )
 
 
 def same(one: Any, other: Any) -> None:
@@ -245,7 +252,13 @@ def at_work(
     step = helm.step(
         {"x": 0.0, "y": 0.0, "z": 1.0, "roll": 0.0, "pitch": 0.0, "yaw": 0.3} | dict.fromkeys("pqr", 0.0)
     )
-    flights = st.fly_batch(vehicle, autopilot, mission, current=[[0.0, 0.1, 0.0]] * 2, max_time_s=5.0)
+    flights = st.fly_batch(
+        vehicle,
+        autopilot,
+        mission,
+        water=st.Water(current=[[0.0, 0.1, 0.0]] * 2),
+        conditions=st.Conditions(max_time_s=5.0),
+    )
     return run, flights, step
 
 

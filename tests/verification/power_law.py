@@ -19,7 +19,7 @@ import numpy as np
 
 import seatrial as st
 from seatrial.identification.fitted import Fitted
-from seatrial.sensors.ideal import Conditions
+from seatrial.sensors.ideal import Surroundings
 from seatrial.sensors.log import measure
 from seatrial.sensors.sensor import load_sensors
 from seatrial.verification.mission_log.judge_log import settled, state_inside
@@ -62,7 +62,9 @@ def log_of(name: str, changes: Mapping[str, float], seed: int) -> MissionLog:
     vehicle = model.with_coefficients(dict(changes)) if changes else model
     if name == "bluerov2-heavy":
         return _driven(vehicle, seed)
-    flight = st.fly(vehicle, name, mission(name), sensors="typical", seed=seed, model=model)
+    flight = st.fly(
+        vehicle, name, mission(name), conditions=st.Conditions(sensors="typical", model=model), seed=seed
+    )
     return MissionLog.read(flight.table(), name=f"{name} {seed}")
 
 
@@ -84,7 +86,7 @@ def _driven(vehicle: st.Vehicle, seed: int) -> MissionLog:
     inputs = {f"cmd.{name}": x for name, x in commands.items()}
     inputs |= {"voltage_v": np.full(len(t), _SUPPLY_V)}
     inputs |= {f"current_{way}_m_s": np.zeros(len(t)) for way in ("north", "east")}
-    bottom = Conditions(bottom_depth_m=40.0)
+    bottom = Surroundings(bottom_depth_m=40.0)
     table = measure(run, sensors, seed=seed, inputs=inputs, conditions=bottom)
     return MissionLog.read(table, name=f"{vehicle.name} {seed}", rate_hz=10.0)
 

@@ -47,7 +47,9 @@ def flight(seed: int, changes: tuple[tuple[str, float], ...] = ()) -> st.Flight:
     """A flight of a changed CWolf under the unchanged autopilot, with typical sensors."""
     base = st.Vehicle.load("cwolf")
     vehicle = base.with_coefficients(dict(changes)) if changes else base
-    return st.fly(vehicle, "cwolf", MISSION, sensors="typical", seed=seed, model=base)
+    return st.fly(
+        vehicle, "cwolf", MISSION, conditions=st.Conditions(sensors="typical", model=base), seed=seed
+    )
 
 
 @cache

@@ -16,7 +16,7 @@ from tests.flight.flying import OUT, mission
 
 @cache
 def flight() -> st.Flight:
-    return st.fly("cwolf", "cwolf", mission(OUT), sensors="typical", seed=2)
+    return st.fly("cwolf", "cwolf", mission(OUT), conditions=st.Conditions(sensors="typical"), seed=2)
 
 
 @cache

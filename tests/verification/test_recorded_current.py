@@ -33,10 +33,9 @@ def judged(mission: st.Mission, current: list[float], thrust: float = 1.0) -> Lo
         base.with_coefficients(gains),
         "cwolf",
         mission,
-        sensors="typical",
+        conditions=st.Conditions(sensors="typical", model=base),
         seed=5,
-        model=base,
-        current=current,
+        water=st.Water(current=current),
     )
     table = flight.table()
     hidden = [name for name in table.columns if "current_" in name or "water_m_s" in name]

@@ -60,7 +60,9 @@ def test_a_thrust_that_no_command_tells_names_its_actuator() -> None:
     """A vertical thruster pushes in pulses while the log has it at rest: no gain explains that."""
     # From 2 m down: the model has no surface, and commands that dive a floating vehicle move it otherwise.
     begins = re.sub(r"(?m)^depth_m = \S+", "depth_m = 2.0", MISSION.to_toml(), count=1)  # of [start]
-    flown_log = st.fly("cwolf", "cwolf", st.Mission.from_toml(begins), sensors="typical", seed=6).table()
+    flown_log = st.fly(
+        "cwolf", "cwolf", st.Mission.from_toml(begins), conditions=st.Conditions(sensors="typical"), seed=6
+    ).table()
     model, trial = fitted().vehicle, st.MissionLog.read(flown_log).trial
     pulses = np.where(np.sin(0.31 * trial.t) > 0.6, 300.0, 0.0)
     flown = model.simulate(

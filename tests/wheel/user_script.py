@@ -103,8 +103,8 @@ def fly(vehicle: st.Vehicle, autopilot: st.Autopilot, mission: st.Mission) -> fl
         vehicle,
         autopilot,
         mission,
-        faults=[st.Fault(next(iter(vehicle.actuator_info())), at_s=600.0)],
-        current=[0.05, 0.0, 0.0],
+        conditions=st.Conditions(faults=[st.Fault(next(iter(vehicle.actuator_info())), at_s=600.0)]),
+        water=st.Water(current=[0.05, 0.0, 0.0]),
     )
     outcome: str = flight.outcome
     nu: NDArray[np.float64] = flight.nu

@@ -30,7 +30,7 @@ _LONGEST_S = 4.0 * 3600.0  # of the plan: its flights with their logs stay below
 
 _DEEPER_M = 1e-2
 
-Water = tuple[float, float, float]
+Velocity = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class FlownCheck:
         The worst problem in words, of a complete flight whatever is largest; what to do about it.
     """
 
-    current: Water
+    current: Velocity
     outcome: str
     complete: bool
     reached: int
@@ -93,7 +93,7 @@ def fly_beforehand(
     vehicle: Vehicle,
     autopilot: Autopilot,
     *,
-    current: Water | None = None,
+    current: Velocity | None = None,
     sensors: Mapping[str, Sensor] | str | Path | None = None,
     seabed: float | None = None,
     voltage_v: float,
@@ -108,6 +108,7 @@ def fly_beforehand(
     sensors, seabed, voltage_v
         As for `seatrial.fly`.
     """
+    from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.fly import fly
 
     if mission.planned_time > _LONGEST_S:
@@ -117,7 +118,7 @@ def fly_beforehand(
             [],
         )
     side = USUAL_M_S
-    waters: Sequence[Water] = (
+    waters: Sequence[Velocity] = (
         [(side, 0.0, 0.0), (-side, 0.0, 0.0), (0.0, side, 0.0), (0.0, -side, 0.0)]
         if current is None
         else [current]
@@ -129,10 +130,8 @@ def fly_beforehand(
                 vehicle,
                 autopilot,
                 mission,
-                current=water,
-                sensors=sensors,
-                seabed=seabed,
-                voltage_v=voltage_v,
+                water=Water(current=water, seabed=seabed),
+                conditions=Conditions(sensors=sensors, voltage_v=voltage_v),
             )
         except SimulationError as error:
             # Without a bottom, a mission that follows it is not wrong.

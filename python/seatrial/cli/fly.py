@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -127,6 +127,7 @@ def fly(
     """
     from seatrial.base.errors import SimulationError
     from seatrial.base.run import RunDirectory
+    from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.fly import fly as flown
     from seatrial.flight.sea import SeaState
@@ -175,26 +176,32 @@ def fly(
         return
     if given := [name for name, value in by_the_clock.items() if value]:
         raise SimulationError(f"{', '.join(given)}: needs --realtime; add it")
-    options: dict[str, Any] = {
-        "model": model,
-        "sensors": sensors,
-        "current": current,
-        "turbulence": turbulence,
-        "current_trend": current_trend,
-        "current_walk": current_walk,
-        "waves": None if waves is None else SeaState(*waves),
-        "faults": [Fault.parse(text) for text in fault or []],
-        "outages": [Outage.parse(text) for text in outage or []],
-        "seabed": seabed,
-        "voltage_v": voltage,
-        "feedback": feedback,
-        "navigation": navigation,
-        "max_time_s": max_time,
-    }
+    water = Water(
+        current=current,
+        turbulence=turbulence,
+        current_trend=current_trend,
+        current_walk=current_walk,
+        waves=None if waves is None else SeaState(*waves),
+        seabed=seabed,
+    )
+    conditions = Conditions(
+        model=model,
+        sensors=sensors,
+        faults=[Fault.parse(text) for text in fault or []],
+        outages=[Outage.parse(text) for text in outage or []],
+        voltage_v=voltage,
+        feedback=feedback,
+        navigation=navigation,
+        max_time_s=max_time,
+    )
     folder = out or Path("runs") / _folder(vehicle, mission)
     with RunDirectory(folder, "flight") as held:  # from before the flight on: a second one is refused at once
-        flight = flown(*sources, seed=seed, payload=payload, **options)
-        many = None if seeds is None else fly_seeds(*sources, count=seeds, first=seed, options=options)
+        flight = flown(*sources, water=water, conditions=conditions, seed=seed, payload=payload)
+        many = (
+            None
+            if seeds is None
+            else fly_seeds(*sources, count=seeds, first=seed, water=water, conditions=conditions)
+        )
         _tell(flight, many, held, folder, verbose=verbose, json=json, figures=figures, pdf=pdf, page=page)
     reported(page, [folder], quiet=json)
     if not flight.complete or (many is not None and not many.all_complete):

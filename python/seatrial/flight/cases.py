@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +40,7 @@ from seatrial.flight.checks import (
     longest,
     within,
 )
+from seatrial.flight.conditions import CALM, PLAIN, Conditions, Water
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.flight.mission import Mission, Route
 from seatrial.flight.navigation import NavigationFilter, checked_navigation, filter_of
@@ -161,23 +162,6 @@ class Circumstances:
         }
 
 
-class Shared(TypedDict, total=False):
-    """What all cases have in common besides vehicle, autopilot and mission; as for `seatrial.fly`."""
-
-    model: Vehicle | str | Path | None
-    sensors: Mapping[str, Sensor] | str | Path | None
-    turbulence_times_s: tuple[float, float]
-    obstacles: Sequence[tuple[float, float, float]]
-    seabed: ArrayLike | None
-    voltage_v: float | None
-    feedback: bool
-    navigation: str | NavigationFilter
-    max_step_s: float
-    max_time_s: float | None
-    rho: float | None
-    g: float | None
-
-
 @dataclass(frozen=True, eq=False)
 class Cases:
     """Flights of one mission that are ready to go; made by `Cases.of`. SI and rad, NED.
@@ -254,22 +238,14 @@ class Cases:
         autopilot: Autopilot | str | Path,
         mission: Mission | str | Path,
         *,
+        water: Water = CALM,
+        conditions: Conditions = PLAIN,
         seeds: int | Sequence[int] = 0,
-        initial: State | Sequence[State] | None = None,
-        current: ArrayLike = (0.0, 0.0, 0.0),
-        turbulence: ArrayLike = (0.0, 0.0, 0.0),
-        current_trend: ArrayLike = (0.0, 0.0, 0.0),
-        current_walk: ArrayLike = (0.0, 0.0, 0.0),
-        waves: SeaState | Sequence[SeaState | None] | None = None,
         coefficients: Mapping[str, ArrayLike] | None = None,
         gains: Mapping[str, ArrayLike] | None = None,
-        faults: Sequence[Fault] | Sequence[Sequence[Fault]] = (),
-        outages: Sequence[Outage] | Sequence[Sequence[Outage]] = (),
         set_points: Mapping[str, ArrayLike] | None = None,
         corridors: Sequence[Corridor] = (),
-        dither: Mapping[str, ArrayLike] | None = None,
         logs: bool = False,
-        **shared: Unpack[Shared],
     ) -> Cases:
         """Cases of one mission, checked. See `seatrial.fly_batch` for the parameters.
 
@@ -280,16 +256,18 @@ class Cases:
         SimulationError, TrialError
             Lengths do not fit together, or a number, a failure or a sensor is not usable.
         """
+        initial = conditions.initial
         starts_differ = not (initial is None or isinstance(initial, State))
         states = None if initial is None else _states(initial)
-        failing = checked_failures("faults", faults, Fault)
-        silent = checked_failures("outages", outages, Outage)
+        failing = checked_failures("faults", conditions.faults, Fault)
+        silent = checked_failures("outages", conditions.outages, Outage)
         faults_differ = bool(failing) and not isinstance(failing[0], Fault)
         outages_differ = bool(silent) and not isinstance(silent[0], Outage)
-        water = checked_rows("current", current)
-        trend = checked_rows("current_trend", current_trend)
-        eddies, walk = _deviations("turbulence", turbulence), _deviations("current_walk", current_walk)
-        seas, seas_differ = checked_seas(waves)
+        current = checked_rows("current", water.current)
+        trend = checked_rows("current_trend", water.current_trend)
+        eddies = _deviations("turbulence", water.turbulence)
+        walk = _deviations("current_walk", water.current_walk)
+        seas, seas_differ = checked_seas(water.waves)
         changed = checked_columns("coefficients", coefficients), checked_columns("gains", gains)
         steering, lengths = checked_set_points(set_points)
         judged, bases = checked_corridors(corridors)
@@ -299,7 +277,7 @@ class Cases:
         lengths |= {
             name: len(values)
             for name, values, differs in (
-                ("current", water, water.ndim == 2),
+                ("current", current, current.ndim == 2),
                 ("turbulence", eddies, eddies.ndim == 2),
                 ("current_trend", trend, trend.ndim == 2),
                 ("current_walk", walk, walk.ndim == 2),
@@ -315,25 +293,36 @@ class Cases:
         sources = {"vehicle": vehicle, "autopilot": autopilot, "mission": mission}
         flown = loaded(Vehicle, vehicle), loaded(Autopilot, autopilot), loaded(Mission, mission)
         route = Route.of(flown[2])
-        added = checked_set_points(dither, "dither")[0]
+        added = checked_set_points(conditions.dither, "dither")[0]
+        # What differs from case to case stands in the cases; the circumstances hold what all have in common.
         around, channels = _circumstances(
-            sources,
-            flown[:2],
+            flown,
             route,
-            flown[2].landmarks,
-            logs=logs,
-            current=_triple(np.atleast_2d(water)[0]),
-            turbulence=_triple(eddies) if eddies.ndim == 1 else (0.0, 0.0, 0.0),
-            current_trend=_triple(trend) if trend.ndim == 1 else (0.0, 0.0, 0.0),
-            current_walk=_triple(walk) if walk.ndim == 1 else (0.0, 0.0, 0.0),
-            waves=None if seas_differ else seas[0],
-            varied=_differs(flown[0], changed[0]),
-            faults=() if faults_differ else failing,
-            outages=() if outages_differ else silent,
+            replace(
+                water,
+                current=np.atleast_2d(current)[0],
+                turbulence=_common(eddies),
+                current_trend=_common(trend),
+                current_walk=_common(walk),
+                waves=None if seas_differ else seas[0],
+            ),
+            replace(
+                conditions,
+                faults=() if faults_differ else failing,
+                outages=() if outages_differ else silent,
+                initial=None if starts_differ or not states else states[0],
+                dither=added,
+            ),
             seed=checked_seed(listed[0]),
-            start=None if starts_differ or not states else states[0],
-            dither=added,
-            **shared,
+            varied=_differs(flown[0], changed[0]),
+            logs=logs,
+        )
+        around = replace(
+            around,
+            sources={
+                name: str(source) if isinstance(source, str | Path) else str(source.name)
+                for name, source in sources.items()
+            },
         )
         until = around.max_time_s
         position, attitude, nu = _start(route, states, differs=starts_differ)
@@ -346,7 +335,7 @@ class Cases:
             position=position,
             attitude=attitude,
             nu=nu,
-            current=water,
+            current=current,
             turbulence=eddies,
             current_trend=trend,
             current_walk=walk,
@@ -451,96 +440,73 @@ def _count(lengths: Mapping[str, int]) -> int:
 
 
 def _circumstances(
-    sources: Mapping[str, Any],
-    flown: tuple[Vehicle, Autopilot],
+    flown: tuple[Vehicle, Autopilot, Mission],
     route: Route,
-    landmarks: Sequence[Mapping[str, Any]],
+    water: Water,
+    conditions: Conditions,
     *,
-    current: tuple[float, float, float],
-    turbulence: tuple[float, float, float],
-    current_trend: tuple[float, float, float],
-    current_walk: tuple[float, float, float],
-    waves: SeaState | None,
-    faults: tuple[Fault, ...],
-    outages: tuple[Outage, ...],
     seed: int,
-    start: State | None,
-    dither: Mapping[str, Array] | None,
-    logs: bool,
     varied: bool,
-    model: Vehicle | str | Path | None = None,
-    sensors: Mapping[str, Sensor] | str | Path | None = None,
-    turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S,
-    obstacles: Sequence[tuple[float, float, float]] = (),
-    seabed: ArrayLike | None = None,
-    voltage_v: float | None = None,
-    feedback: bool = True,
-    navigation: str | NavigationFilter = "sensors",
-    max_step_s: float = 0.02,
-    max_time_s: float | None = None,
-    rho: float | None = None,
-    g: float | None = None,
+    logs: bool,
 ) -> tuple[Circumstances, SensorChannels]:
     """What all cases share, checked, and the sensors as the core takes them.
 
     A navigation filter takes its model for exact only where no case flies with other coefficients (`varied`).
     """
-    vehicle, autopilot = flown
-    until = longest(route, autopilot, max_time_s, logs=logs)
-    checked_step(max_step_s, autopilot)
-    checked_supply(voltage_v, vehicle)
-    if rho is not None:
-        within("rho", rho, (500.0, 2000.0), "kg/m3")
-    if g is not None:
-        within("g", g, (0.1, 100.0), "m/s2")
-    if not isinstance(feedback, bool):
-        raise SimulationError(f"feedback: expected True or False, found {feedback!r}")
-    asked = checked_navigation(navigation)
-    fitted = sensors_of(sensors, vehicle)
+    vehicle, autopilot, mission = flown
+    # In the order in which a person corrects them: time, supply, medium, feedback, navigation, sensors.
+    until = longest(route, autopilot, conditions.max_time_s, logs=logs)
+    checked_step(conditions.max_step_s, autopilot)
+    checked_supply(conditions.voltage_v, vehicle)
+    if water.rho is not None:
+        within("rho", water.rho, (500.0, 2000.0), "kg/m3")
+    if water.g is not None:
+        within("g", water.g, (0.1, 100.0), "m/s2")
+    if not isinstance(conditions.feedback, bool):
+        raise SimulationError(f"feedback: expected True or False, found {conditions.feedback!r}")
+    navigation = checked_navigation(conditions.navigation)
+    fitted = sensors_of(conditions.sensors, vehicle)
     channels = sensor_channels(fitted, autopilot.period_s)
-    channels = replace(channels, sentences=channels.sentences + _unheard(fitted, asked, landmarks))
+    unheard = _unheard(fitted, navigation, mission.landmarks)
+    channels = replace(channels, sentences=channels.sentences + unheard)
+    own = isinstance(navigation, NavigationFilter)
     around = Circumstances(
-        current=current,
-        turbulence=turbulence,
-        turbulence_times_s=checked_times(turbulence_times_s),
-        current_trend=current_trend,
-        current_walk=current_walk,
-        waves=waves,
-        obstacles=checked_obstacles(obstacles),
-        model=vehicle if model is None else _model(model, vehicle),
-        max_step_s=max_step_s,
+        current=_triple(water.current),
+        turbulence=_triple(water.turbulence),
+        turbulence_times_s=checked_times(water.turbulence_times_s),
+        current_trend=_triple(water.current_trend),
+        current_walk=_triple(water.current_walk),
+        waves=cast("SeaState | None", water.waves),
+        obstacles=checked_obstacles(water.obstacles),
+        model=vehicle if conditions.model is None else _model(conditions.model, vehicle),
+        max_step_s=conditions.max_step_s,
         max_time_s=until,
         sensors={} if fitted is None else {kind: _stated(sensor) for kind, sensor in fitted.items()},
         sensor_notes=channels.sentences,
-        faults=faults,
-        outages=outages,
-        seabed=checked_seabed(seabed, route),
+        faults=cast("tuple[Fault, ...]", conditions.faults),
+        outages=cast("tuple[Outage, ...]", conditions.outages),
+        seabed=checked_seabed(water.seabed, route),
         seed=seed,
-        start=start,
-        dither=dither,
-        voltage_v=voltage_v,
-        feedback=feedback,
-        navigation=asked if isinstance(asked, str) else "filter",
-        rho=rho,
-        g=g,
-        sources={
-            name: str(source) if isinstance(source, str | Path) else str(source.name)
-            for name, source in sources.items()
-        },
+        start=cast("State | None", conditions.initial),
+        dither=cast("Mapping[str, Array] | None", conditions.dither),
+        voltage_v=conditions.voltage_v,
+        feedback=conditions.feedback,
+        navigation="filter" if own else str(navigation),
+        rho=water.rho,
+        g=water.g,
+        own_filter=own,
     )
-    gusts = around.turbulence, around.turbulence_times_s
     aboard = filter_of(
-        asked,
+        navigation,
         around.model,
         fitted,
         autopilot.period_s,
-        landmarks=landmarks,
-        waves=waves,
-        gusts=gusts,
-        exact=model is None and not varied,
+        landmarks=mission.landmarks,
+        waves=around.waves,
+        gusts=(around.turbulence, around.turbulence_times_s),
+        exact=conditions.model is None and not varied,
     )
-    own = isinstance(asked, NavigationFilter)
-    return replace(around, aboard=aboard, own_filter=own), channels
+    return replace(around, aboard=aboard), channels
 
 
 def _unheard(
@@ -629,5 +595,11 @@ def _deviations(name: str, given: ArrayLike) -> Array:
     return np.asarray(checked_turbulence(given, name)) if np.ndim(given) < 2 else checked_rows(name, given)
 
 
-def _triple(row: Array) -> tuple[float, float, float]:
-    return float(row[0]), float(row[1]), float(row[2])
+def _common(rows: Array) -> Array:
+    """Deviations that all cases share, (3,); zero where they differ."""
+    return rows if rows.ndim == 1 else np.zeros(3)
+
+
+def _triple(row: ArrayLike) -> tuple[float, float, float]:
+    north, east, down = np.asarray(row, float).tolist()
+    return north, east, down

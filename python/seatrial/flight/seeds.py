@@ -21,6 +21,7 @@ from seatrial.flight.tables import spread_table
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.flight.conditions import Conditions, Water
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +101,16 @@ def fly_seeds(
     *,
     count: int,
     first: int,
-    options: Mapping[str, Any],
+    water: Water,
+    conditions: Conditions,
 ) -> Seeds:
-    """Flights of `count` seeds from `first` on; `options` as for `seatrial.fly_batch`."""
+    """Flights of `count` seeds from `first` on in the same water and conditions."""
     from seatrial.flight.fly import fly_batch
 
     seeds = tuple(range(first, first + count))
-    metrics = metrics_of(fly_batch(vehicle, autopilot, mission, seeds=list(seeds), **options))
+    metrics = metrics_of(
+        fly_batch(vehicle, autopilot, mission, seeds=list(seeds), water=water, conditions=conditions)
+    )
     flown = loaded(Mission, mission)
     promised, limits = flown.promised_m, flown.limits
     near, down, low, deep = unkept(metrics, promised, limits).values()

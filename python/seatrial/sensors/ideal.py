@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Conditions:
+class Surroundings:
     """Circumstances of a run.
 
     Attributes
@@ -72,7 +72,7 @@ def at_sea(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
     return {kind: sensor for kind, sensor in sensors.items() if kind != "load_cell"}
 
 
-def _tether_force(run: Run | Motion, conditions: Conditions) -> Array:
+def _tether_force(run: Run | Motion, conditions: Surroundings) -> Array:
     """Force (n, 3) of a held vehicle on its tether at the rows of its run, body frame, N.
 
     Raises
@@ -128,13 +128,13 @@ class Ideal:
     ----------
     run : Run or Motion
         The true motion; a load cell needs the run of a held vehicle.
-    conditions : Conditions
+    conditions : Surroundings
         Water, bottom, supply and tether.
     every : int, optional
         Only every so-many-th row of the run is looked at; values are linear in between.
     """
 
-    def __init__(self, run: Run | Motion, conditions: Conditions, *, every: int = 1) -> None:
+    def __init__(self, run: Run | Motion, conditions: Surroundings, *, every: int = 1) -> None:
         self._run, self._conditions, self._every = run, conditions, every
         self.t: Array = np.asarray(run.t)[::every]
 

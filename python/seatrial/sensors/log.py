@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.sensors.ideal import Conditions, Ideal, Motion
+from seatrial.sensors.ideal import Ideal, Motion, Surroundings
 from seatrial.sensors.sensor import KINDS, Sensor, one_each
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def measure(
     sensors: Mapping[str, Sensor],
     *,
     seed: int,
-    conditions: Conditions | None = None,
+    conditions: Surroundings | None = None,
     inputs: Mapping[str, Array] | None = None,
     every: int = 1,
 ) -> pl.DataFrame:
@@ -161,7 +161,7 @@ def measure(
         By kind.
     seed : int
         The same seed gives the same table.
-    conditions : Conditions, optional
+    conditions : Surroundings, optional
         Water, bottom, supply and tether; still water, no bottom in sight and a free vehicle when omitted.
     inputs : mapping of str to (n,) array, optional
         Further columns, at the times of the log: commands and the like.
@@ -189,7 +189,7 @@ def measure(
             f"sensors: {', '.join(aboard)}: only the navigation filter of a flight reads it, and a log has no"
             ' column of it; leave it out, or fly with navigation = "filter"'
         )
-    around = Conditions() if conditions is None else conditions
+    around = Surroundings() if conditions is None else conditions
     log, fine = Ideal(run, around, every=every), Ideal(run, around)
     in_step = not any(asynchronous(sensor, log.t) for sensor in sensors.values())
     samples: list[tuple[tuple[str, ...], Array, Array]] = []

@@ -23,7 +23,7 @@ from seatrial.base.atomic_write import write_table
 from seatrial.base.errors import DivergenceError, TrialError, nearest
 from seatrial.base.toml_file import Name, Number, Positive, Section
 from seatrial.flight.flight import Flight
-from seatrial.sensors.ideal import ON_THE_TETHER, Conditions, at_sea
+from seatrial.sensors.ideal import ON_THE_TETHER, Surroundings, at_sea
 from seatrial.sensors.log import finer, held, measure, times
 from seatrial.sensors.sensor import Sensor, read_as
 from seatrial.trial.sailed import DITHER, Current, Sailed, SailedTable, WavesTable
@@ -272,7 +272,7 @@ class Recipe:
             inputs |= {DITHER + name: y for name, y in self.sailed.added(self.t).items()}
         if self.voltage_v is not None and "voltage" not in sensors:
             inputs["voltage_v"] = self.voltage_v
-        around = Conditions(
+        around = Surroundings(
             vehicle=self.truth.vehicle,
             current=self.current if self.flight is None else self.flight.current,
             voltage_v=self._fine_voltage,

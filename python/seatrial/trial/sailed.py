@@ -20,6 +20,7 @@ from pydantic import Field
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SeatrialError, TrialError, nearest
 from seatrial.base.toml_file import Name, NotNegative, Number, Positive, Section
+from seatrial.flight.conditions import Conditions, Water
 from seatrial.flight.fly import fly
 from seatrial.flight.mission import Mission
 from seatrial.flight.sea import SeaState
@@ -185,20 +186,24 @@ class Sailed:
                 self.truth.vehicle,
                 self.autopilot,
                 self.mission,
-                model=self.truth.base,
-                sensors=self.sensors,
-                current=water.at_start,
-                current_trend=water.change * (_HOUR_S / self.duration_s),
-                current_walk=water.walk_m_s,
-                turbulence=water.turbulence_m_s,
-                turbulence_times_s=water.turbulence_times_s,
-                waves=self.waves,
-                initial=self.initial,
-                seabed=self.bottom_depth_m,
-                voltage_v=self.voltage_v,
+                conditions=Conditions(
+                    model=self.truth.base,
+                    sensors=self.sensors,
+                    initial=self.initial,
+                    voltage_v=self.voltage_v,
+                    max_time_s=self.duration_s,
+                    dither=self.dither,
+                ),
+                water=Water(
+                    current=water.at_start,
+                    current_trend=water.change * (_HOUR_S / self.duration_s),
+                    current_walk=water.walk_m_s,
+                    turbulence=water.turbulence_m_s,
+                    turbulence_times_s=water.turbulence_times_s,
+                    waves=self.waves,
+                    seabed=self.bottom_depth_m,
+                ),
                 seed=seed,
-                max_time_s=self.duration_s,
-                dither=self.dither,
             )
         if flight.diverged:
             raise TrialError(

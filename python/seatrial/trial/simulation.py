@@ -14,7 +14,7 @@ import numpy as np
 from seatrial._core import State
 from seatrial.base.errors import DivergenceError, TrialError, nearest
 from seatrial.base.report import Report, Section, Table
-from seatrial.sensors.ideal import Conditions
+from seatrial.sensors.ideal import Surroundings
 from seatrial.sensors.log import finer, linear, measure, times
 from seatrial.sensors.log import held as rows_held
 from seatrial.trial.columns import GROUPS
@@ -85,7 +85,7 @@ class SimulatedTrial:
                 column for group in GROUPS if group.name in ("force", "moment") for column in group.columns
             ]
             inputs |= dict(zip(names, self.trial.tau.T, strict=True))
-        around = Conditions(
+        around = Surroundings(
             vehicle=self.vehicle,
             current=self.current,
             voltage_v=self.voltage,

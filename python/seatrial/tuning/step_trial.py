@@ -29,6 +29,7 @@ from seatrial.base.arrays import Array
 from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.tuning_table import LOOPS
 from seatrial.flight.cases import Cases
+from seatrial.flight.conditions import Conditions
 from seatrial.flight.mission import Mission
 
 if TYPE_CHECKING:
@@ -415,11 +416,13 @@ class Rig:
                 self.vehicle,
                 self.autopilot,
                 mission,
-                model=self.model,
-                sensors=self.sensors,
-                voltage_v=self.voltage_v,
-                max_step_s=self.max_step_s,
-                max_time_s=duration_s,
+                conditions=Conditions(
+                    model=self.model,
+                    sensors=self.sensors,
+                    voltage_v=self.voltage_v,
+                    max_step_s=self.max_step_s,
+                    max_time_s=duration_s,
+                ),
             )
             errors = ready.channels.errors.copy()
             errors[:, _OFFSETS] = 0.0

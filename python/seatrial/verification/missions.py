@@ -31,6 +31,7 @@ from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.progress import Clock, Progress
 from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
+from seatrial.flight.conditions import Conditions, Water
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
 from seatrial.flight.mismatch import ANOTHER, mismatch
@@ -255,19 +256,25 @@ class CampaignFlights:
                 self.fitted.vehicle,
                 self.autopilot,
                 mission,
-                model=self._believed,
-                sensors=self.sensors,
-                navigation=table.navigation,
-                **self._told,
-                turbulence_times_s=table.current.turbulence_times_s,
-                current_walk=table.current.walk_m_s,
-                obstacles=obstacles(table.obstacles),
-                seabed=None if bottom is None else (bottom.depth_m, bottom.slope_north, bottom.slope_east),
-                voltage_v=table.voltage_v,
-                max_step_s=_LARGEST_STEP_S,
-                max_time_s=table.max_time_s,
-                rho=self.rho,
-                g=self.g,
+                conditions=Conditions(
+                    model=self._believed,
+                    sensors=self.sensors,
+                    navigation=table.navigation,
+                    voltage_v=table.voltage_v,
+                    max_step_s=_LARGEST_STEP_S,
+                    max_time_s=table.max_time_s,
+                ),
+                water=Water(
+                    **self._told,
+                    turbulence_times_s=table.current.turbulence_times_s,
+                    current_walk=table.current.walk_m_s,
+                    obstacles=obstacles(table.obstacles),
+                    seabed=None
+                    if bottom is None
+                    else (bottom.depth_m, bottom.slope_north, bottom.slope_east),
+                    rho=self.rho,
+                    g=self.g,
+                ),
             )
             for mission in self.missions
         )

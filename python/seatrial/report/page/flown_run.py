@@ -19,6 +19,7 @@ from seatrial.report.page.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.mission import Mission
 
 FIGURE_ROWS = (
@@ -51,15 +52,17 @@ class FlownRun:
     vehicle, model, filter_model
         Files of the vehicle that flew, of the one that the autopilot believed in and of the filter's; None
         where they are the same.
-    options
-        All other inputs as arguments of `seatrial.flight.cases.Cases.of`.
+    water, conditions, seed
+        All other inputs.
     """
 
     run: RunFolder
     vehicle: str
     model: str | None
     filter_model: str | None
-    options: Mapping[str, Any]
+    water: Water
+    conditions: Conditions
+    seed: int
 
     @classmethod
     def of(cls, runs: Sequence[RunFolder]) -> FlownRun | None:
@@ -68,12 +71,12 @@ class FlownRun:
         if run is None or not {"vehicle.toml", "autopilot.toml", "mission.toml"} <= set(run.files):
             return None
         try:
-            options = _options(run.facts.get("options") or {})
+            inputs = _flown_in(run.facts.get("options") or {})
         except (KeyError, TypeError, ValueError):
             return None
         files = run.files
         return cls(
-            run, files["vehicle.toml"], files.get("model.toml"), files.get("filter_model.toml"), options
+            run, files["vehicle.toml"], files.get("model.toml"), files.get("filter_model.toml"), *inputs
         )
 
     @property
@@ -154,44 +157,47 @@ def _end(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _options(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of `Cases.of` from the record of a run."""
+def _flown_in(record: Mapping[str, Any]) -> tuple[Water, Conditions, int]:
+    """Water, conditions and seed of a run from its record."""
     from seatrial._core import State
+    from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.sea import SeaState
     from seatrial.sensors.sensor import Sensor
 
-    sensors, start, dither = record["sensors"], record["start"], record["dither"]
+    sensors, start = record["sensors"], record["start"]
     record["filter"]  # a record without this key is of another version
-    return {
-        "current": record["current_m_s"],
-        "turbulence": record["turbulence_m_s"],
-        "turbulence_times_s": tuple(record["turbulence_times_s"]),
-        "current_trend": record["current_trend_m_s_per_h"],
-        "current_walk": record["current_walk_m_s_after_1_h"],
-        "waves": None if record["waves"] is None else SeaState(**record["waves"]),
-        "obstacles": [tuple(row) for row in record["obstacles_m"]],
-        "sensors": None
+    water = Water(
+        current=record["current_m_s"],
+        turbulence=record["turbulence_m_s"],
+        turbulence_times_s=tuple(record["turbulence_times_s"]),
+        current_trend=record["current_trend_m_s_per_h"],
+        current_walk=record["current_walk_m_s_after_1_h"],
+        waves=None if record["waves"] is None else SeaState(**record["waves"]),
+        obstacles=[tuple(row) for row in record["obstacles_m"]],
+        seabed=record["seabed"],
+        rho=record["rho_kg_m3"],
+        g=record["g_m_s2"],
+    )
+    conditions = Conditions(
+        sensors=None
         if sensors == "perfect"
         else {kind: Sensor(**stated) for kind, stated in sensors.items()},
-        "faults": [Fault(**fault) for fault in record["faults"]],
-        "outages": [
+        faults=[Fault(**fault) for fault in record["faults"]],
+        outages=[
             Outage(**{name: value for name, value in outage.items() if value is not None})
             for outage in record["outages"]
         ],
-        "seabed": record["seabed"],
-        "seeds": record["seed"],
-        "voltage_v": record["voltage_v"],
-        "feedback": record["feedback"],
-        "rho": record["rho_kg_m3"],
-        "g": record["g_m_s2"],
-        "max_step_s": record["max_step_s"],
-        "max_time_s": record["max_time_s"],
-        "initial": None
+        voltage_v=record["voltage_v"],
+        feedback=record["feedback"],
+        max_step_s=record["max_step_s"],
+        max_time_s=record["max_time_s"],
+        initial=None
         if start is None
         else State(start["position_m"], start["attitude"], np.asarray(start["velocities"])),
-        "dither": dither,
-    }
+        dither=record["dither"],
+    )
+    return water, conditions, int(record["seed"])
 
 
 def toml_lines(values: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.resources import files as resources
 from typing import TYPE_CHECKING, Any
 
@@ -115,20 +116,29 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder], flown: FlownRun | None) 
     from seatrial._core import Vehicle as CoreVehicle
     from seatrial._core import autopilot_names
     from seatrial.flight.cases import Cases
+    from seatrial.flight.conditions import Conditions, Water
     from seatrial.vehicle.actuators import NOMINAL_V
 
     # What the run flew stands first, so that the page begins with its flight.
     ordered = runs if flown is None else [*(run for run in runs if run is not flown.run), flown.run]
     autopilots, missions = _autopilots(vehicle, ordered), _missions(ordered)
     pilot = autopilots[0][1]
-    around: dict[str, Any] = {} if flown is None else dict(flown.options)
+    water = Water() if flown is None else flown.water
+    conditions = Conditions() if flown is None else flown.conditions
     if flown is not None and flown.model is not None:
-        around["model"] = CoreVehicle.from_toml(flown.model)
-    if around.get("voltage_v") is None and any(
+        conditions = replace(conditions, model=CoreVehicle.from_toml(flown.model))
+    if conditions.voltage_v is None and any(
         facts["needs_voltage"] for facts in vehicle.actuator_info().values()
     ):
-        around["voltage_v"] = NOMINAL_V
-    cases = Cases.of(vehicle, pilot, missions[0][1], **around)
+        conditions = replace(conditions, voltage_v=NOMINAL_V)
+    cases = Cases.of(
+        vehicle,
+        pilot,
+        missions[0][1],
+        water=water,
+        conditions=conditions,
+        seeds=0 if flown is None else flown.seed,
+    )
     circumstances = cases.circumstances
     return {
         "vehicle": vehicle.name,
@@ -142,7 +152,7 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder], flown: FlownRun | None) 
             [name, facts["unit"], float(facts["neutral"])] for name, facts in vehicle.actuator_info().items()
         ],
         "shape": _shape(vehicle),
-        "sensors": _sensors(cases, around.get("sensors"), flown),
+        "sensors": _sensors(cases, conditions.sensors, flown),
         "navigation": flown is not None and flown.record["navigation"] == "filter",
         "groups": autopilot_names()["groups"],
         "endings": autopilot_names()["endings"],

@@ -501,6 +501,7 @@ def speed_steps(plan: ControlProblem, start: Autopilot, tuned: Autopilot) -> Fig
 
 def _flown(plan: ControlProblem, autopilot: Autopilot, times: Array, levels: Array) -> Array:
     """Speed ahead (n,), m/s, per control period."""
+    from seatrial.flight.conditions import Conditions
     from seatrial.flight.fly import fly_batch
     from seatrial.flight.mission import Mission
 
@@ -519,11 +520,13 @@ def _flown(plan: ControlProblem, autopilot: Autopilot, times: Array, levels: Arr
         plan.vehicle,
         autopilot,
         mission,
-        sensors=None if sensors == "perfect" else sensors,
+        conditions=Conditions(
+            sensors=None if sensors == "perfect" else sensors,
+            voltage_v=plan.table.voltage_v,
+            max_step_s=_MAX_STEP_S,
+            max_time_s=float(times[-1]),
+        ),
         set_points={"times": times[:-1], "speed": levels, "heading": np.zeros(len(levels))},
-        voltage_v=plan.table.voltage_v,
-        max_step_s=_MAX_STEP_S,
-        max_time_s=float(times[-1]),
         logs=True,
     )
     log = np.asarray(flights.log(0))

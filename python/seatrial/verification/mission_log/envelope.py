@@ -150,6 +150,7 @@ def mission_envelope(
     SimulationError
         Too few flights, or too many of them diverged.
     """
+    from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.fly import fly_batch
     from seatrial.flight.metrics import CODED, metrics_of
 
@@ -169,14 +170,11 @@ def mission_envelope(
         autopilot,
         mission,
         coefficients=drawn,
-        model=fitted.vehicle,
-        sensors=sensors,
-        current=current,
+        conditions=Conditions(
+            model=fitted.vehicle, sensors=sensors, initial=State(*trial.state(first)), voltage_v=voltage_v
+        ),
+        water=Water(current=current, rho=trial.rho, g=trial.g),
         seeds=[seed + 1 + k for k in range(flights)],
-        initial=State(*trial.state(first)),
-        voltage_v=voltage_v,
-        rho=trial.rho,
-        g=trial.g,
         logs=True,
     )
     t = trial.t - trial.t[first]

@@ -115,7 +115,8 @@ class MissionLog:
         ... east_m = 0.0
         ... depth_m = 5.0
         ... ''')
-        >>> log = MissionLog.read(st.fly("cwolf", "cwolf", mission, sensors="typical").table())
+        >>> typical = st.Conditions(sensors="typical")
+        >>> log = MissionLog.read(st.fly("cwolf", "cwolf", mission, conditions=typical).table())
         >>> sorted(log.beside)[:3]
         ['cross_track', 'depth', 'distance']
         """
