@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.estimation.stage import StageResult
     from seatrial.problem.problem import Problem
-    from seatrial.problem.stage import Stage
+    from seatrial.problem.settings import Stage
 
 _ROW_IN, _GAP_IN, _BOTTOM_IN, _TOP_IN = 0.56, 0.36, 0.08, 0.6
 

@@ -40,10 +40,8 @@ if TYPE_CHECKING:
     from seatrial.identification.leave_one_out import LeaveOneOut, leave_one_out
     from seatrial.intake.import_logs import import_logs
     from seatrial.intake.imported import Imported
-    from seatrial.problem.anchor import Anchor
-    from seatrial.problem.joint import JointSettings
     from seatrial.problem.problem import Problem
-    from seatrial.problem.stage import Stage, TrialUse
+    from seatrial.problem.settings import Anchor, JointSettings, Stage, TrialUse
     from seatrial.realtime.ardupilot_link import SitlSession, sitl
     from seatrial.trial.comparison import Comparison, compare
     from seatrial.trial.score import Score, score
@@ -63,7 +61,7 @@ if TYPE_CHECKING:
     from seatrial.verification.verify import verify
 
 _HOME = {
-    "Anchor": "seatrial.problem.anchor",
+    "Anchor": "seatrial.problem.settings",
     "Autopilot": "seatrial._core",
     "BenchTest": "seatrial.bench_test.result",
     "CExport": "seatrial.export.c_code",
@@ -81,7 +79,7 @@ _HOME = {
     "FmuExport": "seatrial.export.fmu",
     "Identification": "seatrial.identification.identification",
     "Imported": "seatrial.intake.imported",
-    "JointSettings": "seatrial.problem.joint",
+    "JointSettings": "seatrial.problem.settings",
     "LeaveOneOut": "seatrial.identification.leave_one_out",
     "LogVerdict": "seatrial.verification.mission_log.verdict",
     "Mission": "seatrial.flight.mission",
@@ -98,10 +96,10 @@ _HOME = {
     "SeatrialError": "seatrial.base.errors",
     "SimulationError": "seatrial.base.errors",
     "SitlSession": "seatrial.realtime.ardupilot_link",
-    "Stage": "seatrial.problem.stage",
+    "Stage": "seatrial.problem.settings",
     "State": "seatrial._core",
     "Trial": "seatrial.trial.trial",
-    "TrialUse": "seatrial.problem.stage",
+    "TrialUse": "seatrial.problem.settings",
     "TrialError": "seatrial.base.errors",
     "Tuning": "seatrial.tuning.result",
     "Vehicle": "seatrial._core",

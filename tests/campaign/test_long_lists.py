@@ -16,7 +16,7 @@ from seatrial.bench_test.file import parse as parse_bench
 from seatrial.campaign.file import CampaignFile, parse
 from seatrial.campaign.verification_table import parse_verification
 from seatrial.flight.mission import Mission
-from seatrial.problem.stage import in_order
+from seatrial.problem.settings import in_order
 
 HEAD = 'format = 1\nname = "long"\nvehicle = "cwolf"\n'
 STAGE = (

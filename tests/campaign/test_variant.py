@@ -16,7 +16,7 @@ from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.estimation.stage import frozen_motion, frozen_sentences, plan
-from seatrial.problem.stage import Coefficient
+from seatrial.problem.settings import Coefficient
 from tests.identification.test_identify import HEAD
 
 TEXT = (

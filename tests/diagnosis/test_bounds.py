@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seatrial.diagnosis.bounds import ContradictedBounds, contradicted_bounds
+from seatrial.diagnosis.assessment import ContradictedBounds, contradicted_bounds
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.statistics.uncertainty import covariance
 

@@ -23,12 +23,12 @@ from seatrial.campaign import verification_table as verification_file
 from seatrial.cli import app
 from seatrial.control_design import tuning_table as tuning_file
 from seatrial.flight import mission
-from seatrial.problem import anchor, joint, stage
+from seatrial.problem import settings
 from seatrial.trial.columns import CANONICAL
 from seatrial.trial.corrections import KEYS as CORRECTION_KEYS
 from tests.docs.pages import NAMES, ROOT, blocks, text
 
-ASKED = (anchor, joint, stage)
+ASKED = (settings,)
 """What a campaign file asks of an identification."""
 
 INTERFACE = "docs/interface.md"

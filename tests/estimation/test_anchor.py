@@ -17,7 +17,7 @@ from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.homogeneity import homogeneity, homogeneous_direction, ratios, scaled
 from seatrial.estimation.scale import added_mass_factor, implied, judge_scale
-from seatrial.problem.anchor import Anchor
+from seatrial.problem.settings import Anchor
 from seatrial.vehicle.actuators import bollard
 
 VEHICLES = [*Vehicle.names(), str(Path(__file__).parents[1] / "core" / "every_term.toml")]

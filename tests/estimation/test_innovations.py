@@ -14,8 +14,7 @@ from seatrial._core import Vehicle
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
-from seatrial.diagnosis.assessment import assess
-from seatrial.diagnosis.bounds import ContradictedBounds
+from seatrial.diagnosis.assessment import ContradictedBounds, assess
 from seatrial.estimation import joint as joint_estimate_setup
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint

@@ -37,8 +37,8 @@ from seatrial.base.errors import SeatrialError
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.identification.identification import Identification
-from seatrial.problem.stage import Axes as Modes
-from seatrial.problem.stage import Stage
+from seatrial.problem.settings import Axes as Modes
+from seatrial.problem.settings import Stage
 from seatrial.report.plot.identification import convergence, phase_costs
 from seatrial.report.plot.stage import polished_cost, stage_result
 from seatrial.report.plot.style import number, symbol

@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.base.file_names import no_file
 from seatrial.base.toml_file import file_path, is_path, text_of
-from seatrial.campaign.file import CampaignFile, Environment, TrialSource, parse
-from seatrial.campaign.locked_axes import LockedAxes, with_locked_axes
+from seatrial.campaign.file import CampaignFile, Environment, LockedAxes, TrialSource, parse, with_locked_axes
 from seatrial.problem.by_name import ByName
 from seatrial.problem.problem import Problem
-from seatrial.problem.stage import TrialUse
+from seatrial.problem.settings import TrialUse
 from seatrial.trial.corrections import merged
 from seatrial.trial.sensor_position import refuse_far
 

@@ -1,9 +1,16 @@
 """The campaign file: its tables and keys, and what they may hold.
 
-These models are the only owner of the format; unknown keys are refused with the nearest known name. What the
-file asks of an identification (stages, joint estimate, anchors) are the objects of `seatrial.problem`; the
-tables ``[tuning]`` and ``[verification]`` have files of their own. Held by
-``tests/campaign/test_campaign_file.py``.
+These models are the only owner of the format; unknown keys are refused with the nearest known name. What
+the file asks of an identification (stages, joint estimate, anchors) are the objects of `seatrial.problem`;
+the tables ``[tuning]`` and ``[verification]`` have files of their own.
+
+`with_locked_axes` is a variant of a file with other modes of the axes that a stage locks. The paper
+(Taubert et al. 2014, equation 6) freezes the axes that a stage does not free, V_const = 0: in every segment
+they keep their initial velocity. Replayed from the recording they enter the forces as they were. The joint
+estimate stays as it is.
+
+Held by ``tests/campaign/test_campaign_file.py``, ``tests/campaign/test_mixer_table.py`` and
+``tests/campaign/test_variant.py``.
 """
 
 from __future__ import annotations
@@ -12,26 +19,79 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from seatrial.base.errors import CampaignError, TrialError
+from seatrial.base.channels import AXES
+from seatrial.base.errors import CampaignError, TrialError, nearest
 from seatrial.base.toml_file import (
     CAMPAIGN,
     FolderName,
     Interval,
     Name,
+    NotNegative,
     Number,
     Positive,
     Section,
     checked,
     tables,
 )
-from seatrial.campaign.mixer_table import MixerTable
 from seatrial.campaign.verification_table import VerificationTable
 from seatrial.control_design.tuning_table import TuningTable
-from seatrial.problem.anchor import Anchor
-from seatrial.problem.joint import JointSettings
-from seatrial.problem.stage import Budget, Stage
+from seatrial.problem.settings import Anchor, Budget, JointSettings, Stage
 from seatrial.trial.corrections import parse_corrections
+from seatrial.trial.mixer import WRENCH, Mixer, Output, Stick
 from seatrial.trial.trial import Input
+
+
+class StickTable(Section):
+    """A channel: its column, value at rest and at the ends."""
+
+    column: Name
+    trim: Number = 1500.0
+    min: Number = 1100.0
+    max: Number = 1900.0
+    dead_zone: NotNegative = 0.0
+    reversed: bool = False
+
+
+class OutputTable(Section):
+    """A command: factors by input, value at full deflection and at rest, and their unit."""
+
+    mix: Annotated[dict[str, Number], Field(min_length=1)]
+    full: Number
+    neutral: Number = 0.0
+    unit: Name | None = None
+
+
+class MixerTable(Section):
+    """Sticks, radio or servo channels through a mixer to actuators, and a constant supply."""
+
+    inputs: dict[str, StickTable] = Field(default_factory=dict)
+    outputs: dict[str, OutputTable] = Field(default_factory=dict)
+    frame: Name | None = None
+    motors: tuple[Name, ...] = ()
+    reversed: tuple[Name, ...] = ()
+    supply_v: Positive | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> MixerTable:
+        for name in self.outputs:
+            if name.startswith("tau.") and name not in WRENCH:
+                raise ValueError(f"outputs: {name!r} is no component of the wrench; use {', '.join(WRENCH)}")
+        if self.supply_v is None and self.frame is None and not self.outputs:
+            raise ValueError("commands nothing; add frame, outputs or supply_v")
+        if (wrong := self.mixer().complaint()) is not None:
+            raise ValueError(wrong)
+        return self
+
+    def mixer(self) -> Mixer:
+        """The mixer that it describes."""
+        return Mixer(
+            inputs={name: Stick(**entry.model_dump()) for name, entry in self.inputs.items()},
+            outputs={name: Output(**entry.model_dump()) for name, entry in self.outputs.items()},
+            frame=self.frame,
+            motors=self.motors,
+            reversed=self.reversed,
+            supply_v=self.supply_v,
+        )
 
 
 class Environment(Section):
@@ -199,3 +259,48 @@ def parse(text: str, source: str) -> CampaignFile:
             )
         document["polish"] = document.pop("joint")
     return checked(CampaignFile, document, source)
+
+
+LockedAxes = Literal["frozen", "measured"]
+
+_MODES = ("frozen", "measured")
+
+
+def with_locked_axes(text: str, mode: LockedAxes, source: str) -> str:
+    """Text of a campaign file with every axis that a stage does not free in one mode; comments are kept.
+
+    Raises
+    ------
+    CampaignError
+        There is no such mode.
+    """
+    import tomlkit
+
+    if mode not in _MODES:
+        raise CampaignError(
+            f"locked axes: expected {' or '.join(map(repr, _MODES))}, found {mode!r}{nearest(mode, _MODES)}"
+        )
+    document: Any = tomlkit.parse(text)
+    file = parse(text, source)
+    if file.polish is not None and file.polish.axes is None:
+        # Without axes of its own the joint estimate takes those of the stages, which are about to change.
+        free = {axis for stage in file.stages for axis in stage.axes.free}
+        replayed = {axis for stage in file.stages for axis in stage.axes.measured} - free
+        after = set(AXES) - free if mode == "measured" else set()
+        if replayed != after:
+            document["polish"]["axes"] = _axes(free, measured=replayed)
+    for table in document["stages"]:
+        free = set(table["axes"]["free"])
+        table["axes"] = _axes(free, **{mode: set(AXES) - free})
+    return tomlkit.dumps(document)
+
+
+def _axes(free: set[str], **modes: set[str]) -> Any:
+    """Inline table of modes in the order of the axes."""
+    import tomlkit
+
+    table = tomlkit.inline_table()
+    for name, axes in {"free": free, **modes}.items():
+        if axes:
+            table[name] = "".join(axis for axis in AXES if axis in axes)
+    return table

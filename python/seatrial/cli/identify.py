@@ -13,7 +13,7 @@ from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
-    from seatrial.campaign.locked_axes import LockedAxes
+    from seatrial.campaign.file import LockedAxes
     from seatrial.identification.identification import Identification
     from seatrial.identification.leave_one_out import LeaveOneOut
 

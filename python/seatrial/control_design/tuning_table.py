@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from seatrial.base.toml_file import Interval, Name, NotNegative, Number, Positive, Section
 from seatrial.control_design.corridor import Corridor
-from seatrial.problem.stage import Budget
+from seatrial.problem.settings import Budget
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,7 @@ from seatrial.diagnosis.missing_terms import (
 )
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, polish
-from seatrial.problem.joint import JointSettings, Nuisance
-from seatrial.problem.stage import Coefficient, Tie
+from seatrial.problem.settings import Coefficient, JointSettings, Nuisance, Tie
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import score_tests
 

@@ -28,9 +28,8 @@ from seatrial.estimation.method import ByItself, Method, method_of
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.segment_model import SegmentModel, cut, unfit_trials
 from seatrial.estimation.step import stage_step
-from seatrial.problem.joint import JointSettings
 from seatrial.problem.parameter import Parameter, coefficients, parameters
-from seatrial.problem.stage import Axes, Coefficient, Stage
+from seatrial.problem.settings import Axes, Coefficient, JointSettings, Stage
 from seatrial.statistics.linearisation import Unknown
 from seatrial.trial.record import Segment, restarted
 from seatrial.trial.trial import Trial

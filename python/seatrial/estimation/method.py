@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from seatrial.problem.joint import JointSettings
 from seatrial.problem.problem import Problem
+from seatrial.problem.settings import JointSettings
 from seatrial.trial.instability import runs_away
 from seatrial.trial.verdict import REPLAYED, Verdict, best
 from seatrial.trial.waves import waves

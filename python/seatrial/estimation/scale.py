@@ -31,7 +31,7 @@ import numpy as np
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.plain import Plain
 from seatrial.estimation.homogeneity import Homogeneity, homogeneity, ratios, thrust_factors
-from seatrial.problem.anchor import Anchor, Ballast, Bollard, DryMass
+from seatrial.problem.settings import Anchor, Ballast, Bollard, DryMass
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard
 
 if TYPE_CHECKING:
@@ -383,7 +383,7 @@ def implied(vehicle: Vehicle, anchor: Anchor, *, reference: Vehicle | None = Non
     Examples
     --------
     >>> import seatrial as st
-    >>> from seatrial.problem.anchor import Anchor
+    >>> from seatrial.problem.settings import Anchor
     >>> [one] = implied(st.Vehicle.load("cwolf"), Anchor.model_validate({"dry_mass": {"mass_kg": 135.0}}))
     >>> round(one.factor.value, 2)
     1.0

@@ -21,7 +21,7 @@ from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS, deviations
 from seatrial.base.errors import CampaignError
 from seatrial.problem.parameter import Parameter, coefficient_names, expansion_matrix
-from seatrial.problem.stage import Stage
+from seatrial.problem.settings import Stage
 from seatrial.trial.record import Record, Replay, Segment, cut_spans, restarted
 
 if TYPE_CHECKING:

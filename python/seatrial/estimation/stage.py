@@ -32,7 +32,7 @@ from seatrial.estimation.search import LANES, batch_size, evolve, join, refine, 
 from seatrial.estimation.segment_model import SegmentModel, StageData, cut
 from seatrial.estimation.step import StageStep, around, stage_step
 from seatrial.problem.parameter import Parameter, coefficients
-from seatrial.problem.stage import Stage
+from seatrial.problem.settings import Stage
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

@@ -34,7 +34,7 @@ from seatrial.estimation.step import stage_step
 from seatrial.experiment.forecast import simulated
 from seatrial.problem.parameter import Parameter, coefficient_names, expansion_matrix
 from seatrial.problem.parameter import parameters as parsed
-from seatrial.problem.stage import Axes, Coefficient, Stage
+from seatrial.problem.settings import Axes, Coefficient, Stage
 from seatrial.sensors.sensor import KINDS
 from seatrial.statistics.autocorrelation import variance_inflation
 from seatrial.statistics.information import eliminate

@@ -43,8 +43,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.base.fleet import Fleet, Workers
     from seatrial.bench_test.result import BenchTest
-    from seatrial.problem.anchor import Anchor
-    from seatrial.problem.joint import JointSettings
+    from seatrial.problem.settings import Anchor, JointSettings
     from seatrial.trial.trial import Input
 
 

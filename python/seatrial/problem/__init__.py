@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from seatrial.base.front import front
 
 if TYPE_CHECKING:
-    from seatrial.problem.anchor import Anchor as Anchor
-    from seatrial.problem.joint import JointSettings as JointSettings
     from seatrial.problem.problem import Problem as Problem
-    from seatrial.problem.stage import Stage as Stage
-    from seatrial.problem.stage import TrialUse as TrialUse
+    from seatrial.problem.settings import Anchor as Anchor
+    from seatrial.problem.settings import JointSettings as JointSettings
+    from seatrial.problem.settings import Stage as Stage
+    from seatrial.problem.settings import TrialUse as TrialUse
 
 __all__ = ["Anchor", "JointSettings", "Problem", "Stage", "TrialUse"]
 

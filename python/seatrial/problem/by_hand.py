@@ -3,6 +3,10 @@
 One stage frees all of them on all trials, the joint estimate follows. The axes on which a free coefficient
 acts are simulated; other axes are replayed where every trial recorded them and frozen elsewhere.
 
+`as_campaign_file` is the campaign file that states the same: kept with the results, to read and to change.
+Only what differs from the defaults is written. Trials that were given as tables stand under the name of
+what they were read from.
+
 Tests: ``tests/problem/test_by_hand.py``.
 """
 
@@ -19,12 +23,15 @@ from pydantic import ValidationError
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.problem.parameter import axes_of
-from seatrial.problem.stage import Axes, Coefficient, Stage
+from seatrial.problem.settings import Axes, Coefficient, Stage
 from seatrial.trial.trial import Input, Trial
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.base.toml_file import Section
+    from seatrial.problem.settings import TrialUse
+
 
 Recorded = Any
 """A trial that was read, or what one is read from: a table (dict of columns, pandas or polars), or a file."""
@@ -203,3 +210,50 @@ def share(hold_out: Any, trial: Trial) -> tuple[Bounds, ...]:
         )
     first, last = float(trial.t[0]), float(trial.t[-1])
     return ((last - float(hold_out) * (last - first), last + trial.dt),)
+
+
+def as_campaign_file(
+    head: Mapping[str, Any],
+    *,
+    trials: Mapping[str, tuple[str, TrialUse]],
+    stages: Sequence[Section],
+    joint: Section | None,
+    anchor: Section,
+) -> str:
+    """Text (TOML) of a campaign file.
+
+    Parameters
+    ----------
+    head : mapping
+        Keys at its beginning: format, name, vehicle, seed.
+    trials : mapping
+        By name the file of a trial, or what it was read from, and how it is used.
+    stages, joint, anchor
+        Sections; None for no joint estimate.
+    """
+    import tomlkit
+
+    table: dict[str, Any] = {
+        **head,
+        "trials": {name: _trial(*trial) for name, trial in trials.items()},
+        "stages": [_given(stage) for stage in stages],
+    }
+    if joint is not None:
+        table["polish"] = _given(joint)
+    if known := _given(anchor):
+        table["anchor"] = known
+    return tomlkit.dumps(table)
+
+
+def _given(section: Section) -> dict[str, Any]:
+    """What of a section is not its default, as TOML holds it."""
+    return section.model_dump(mode="json", exclude_defaults=True)
+
+
+def _trial(file: str, use: TrialUse) -> dict[str, Any]:
+    table: dict[str, Any] = {"file": file, "input": use.input}
+    if use.hold_out:
+        table["hold_out"] = True
+    if use.hold_out_s:
+        table["hold_out_s"] = [list(interval) for interval in use.hold_out_s]
+    return table

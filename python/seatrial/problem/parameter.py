@@ -17,7 +17,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.problem.stage import Coefficient, Stage
+from seatrial.problem.settings import Coefficient, Stage
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:

@@ -21,12 +21,10 @@ from numpy.typing import NDArray
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.run import sha256
 from seatrial.base.toml_file import loaded
-from seatrial.problem.anchor import Anchor
 from seatrial.problem.by_hand import SOURCE, entries, fitted_and_judging, own_input, share, stage_of
 from seatrial.problem.by_name import ByName
-from seatrial.problem.joint import JointSettings
 from seatrial.problem.parameter import Parameter, coefficient_names, parameters
-from seatrial.problem.stage import Budget, Stage, TrialUse, in_order
+from seatrial.problem.settings import Anchor, Budget, JointSettings, Stage, TrialUse, in_order
 from seatrial.problem.variants import strips_freed, without_free, without_trial
 from seatrial.trial.ceiling import Unpredictable, unpredictable
 from seatrial.trial.verdict import Verdict, judge_trial
@@ -347,7 +345,7 @@ class Problem:
         """The campaign file that states this problem: the one it came from, or one written of it."""
         if self.given_text is not None:
             return self.given_text
-        from seatrial.problem.written import as_campaign_file
+        from seatrial.problem.by_hand import as_campaign_file
 
         return as_campaign_file(
             {"format": 1, "name": self.name, "vehicle": self.vehicle.name, "seed": self.seed},

@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from seatrial.base.channels import AXES
-from seatrial.problem.joint import JointSettings, Nuisance
 from seatrial.problem.parameter import STRIPS
-from seatrial.problem.stage import Axes, Coefficient, Stage
+from seatrial.problem.settings import Axes, Coefficient, JointSettings, Nuisance, Stage
 
 Stages = tuple[Stage, ...]
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.identification import Identification
-    from seatrial.problem.stage import Stage
+    from seatrial.problem.settings import Stage
     from seatrial.trial.trial import Trial
 
 _NAMED = 4

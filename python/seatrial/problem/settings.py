@@ -1,12 +1,16 @@
-"""Stages of an identification: which coefficients they free, on which trials, in which order.
+"""What is asked of an identification: stages, joint estimate, anchors of the force scale.
 
-A coefficient and a stage check themselves when they are made, from Python as from a campaign file.
+A stage says which coefficients it frees, on which trials and after which others; the joint estimate takes
+every coefficient, trial and nuisance parameter at once; anchors give the absolute scale of the forces, of
+which motion data fix only ratios. All check themselves when they are made, from Python as from a campaign
+file.
 
-Tests: ``tests/campaign/test_campaign_file.py``.
+Tests: ``tests/campaign/test_campaign_file.py``, ``tests/estimation/test_anchor.py``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import Annotated, Any, ClassVar, Literal
@@ -16,6 +20,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.toml_file import Count, Interval, Name, Number, Positive, Section, twice
+from seatrial.trial.instability import SEGMENT_S
 from seatrial.trial.trial import Input
 
 
@@ -241,3 +246,193 @@ def in_order(stages: tuple[Stage, ...], source: str) -> tuple[Stage, ...]:
         waiting = ", ".join(repr(name) for name in known if name not in done)
         raise CampaignError(f"{source}: the stages {waiting} wait for one another; remove one of their after")
     return tuple(ordered)
+
+
+def _short_nuisance(entry: Any) -> Any:
+    if entry == "default":
+        return {}
+    return {"sd": entry} if isinstance(entry, int | float) else entry
+
+
+class Nuisance(Section):
+    """A nuisance parameter: how far it may plausibly lie from zero, and whether all trials share it."""
+
+    sd: Positive | None = None
+    """How far it plausibly lies from zero, SI; by default by name."""
+    shared: bool | None = None
+    """One value for all of its trials; by default true for ``lever_…`` and ``latency_…``."""
+    trials: TrialNames = ()
+    """Trials that have it."""
+
+
+class JointSettings(Section):
+    """The joint estimate after the stages: every coefficient, trial and nuisance parameter at once.
+
+    Parameters
+    ----------
+    trials : tuple of str
+        All of the stages when empty.
+    axes : Axes, optional
+        Those of the stages together when absent.
+    coefficients, fixed
+        Entries of coefficients that no stage frees, and names of those that keep the stages' values.
+    nuisances : dict
+        `Nuisance` by name: sensors' biases and latencies, current, a trial's own.
+    channels : dict
+        Weight by channel; the velocities of the free axes when empty.
+    segment_s : float
+        Length of a segment, s.
+    loss, knee
+        ``"huber"`` counts residuals beyond ``knee`` standard deviations linearly, ``"squared"`` none.
+    start : "estimated" or "smoothed"
+        Whether initial velocities of segments are estimated, or those of the smoothed recording.
+    starts, rounds : int
+        Starts, and rounds of Gauss and Newton at most; 0 rounds keep the stages' result.
+    method : "automatic", "output" or "innovations"
+        Residuals of a simulation, or innovations of a Kalman filter.
+    horizon_s, horizons_s
+        How far ahead innovations look, s; 0 for the next sample; ``horizons_s`` are compared with it.
+    """
+
+    trials: TrialNames = ()
+    """What is fitted jointly."""
+    axes: Axes | None = None
+    """Modes of the axes, as in a stage; by default free where any stage frees, measured where one
+    measures."""
+    coefficients: dict[str, EntryOfCoefficient] = Field(default_factory=dict)
+    """Further ones, or other bounds, as in a stage."""
+    fixed: tuple[Name, ...] = ()
+    """Parameters of the stages that keep the stages' value."""
+    nuisances: dict[str, Annotated[Nuisance, BeforeValidator(_short_nuisance)]] = Field(default_factory=dict)
+    """Nuisance parameters: ``NAME = sd``, ``NAME = "default"`` or a table."""
+    channels: dict[str, Positive] = Field(default_factory=dict)
+    """What is compared; a weight divides the variance."""
+    segment_s: Positive = SEGMENT_S
+    """Restart after this time, s."""
+    loss: Literal["squared", "huber"] = "huber"
+    """Loss of the residuals."""
+    knee: Positive = 3.0
+    """Knee of ``"huber"``, standard deviations of the residual."""
+    start: Literal["smoothed", "estimated"] = "estimated"
+    """Initial conditions of the segments: from the smoothed log, or estimated with the rest."""
+    starts: Count = 1
+    """Further starts lie in the middle half of the bounds."""
+    rounds: Annotated[int, Field(strict=True, ge=0)] = 20
+    """Most rounds; 0 judges the stages' result."""
+    method: Literal["automatic", "output", "innovations"] = "automatic"
+    """What is compared with the log: a simulation of each segment, or predictions of a filter, without
+    ``nuisances``; ``"automatic"`` chooses."""
+    horizon_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    """With ``"innovations"``: how far ahead the filter predicts, s; 0 is one sample."""
+    horizons_s: tuple[Positive, ...] = (0.2, 0.5, 2.0)
+    """With ``"innovations"``: other horizons, s, whose estimates must agree."""
+
+    @model_validator(mode="after")
+    def _measured_by_the_filter(self) -> JointSettings:
+        if self.method == "innovations" and self.nuisances:
+            raise ValueError(
+                'nuisances: method = "innovations" estimates the current in its filter and no other'
+                f" nuisance parameter, found {', '.join(self.nuisances)}; correct the log by [corrections]"
+                ' and [clocks], or use method = "output"'
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _known_channels(self) -> JointSettings:
+        for channel in self.channels:
+            if channel not in CHANNELS:
+                raise ValueError(f"unknown channel {channel!r}{nearest(channel, CHANNELS)}")
+        return self
+
+
+def _as_list(entry: Any) -> Any:
+    return [entry] if isinstance(entry, Mapping) else entry
+
+
+class DryMass(Section):
+    """Mass on the scales and the water carried along; ``added`` is added mass over both, [least, most]."""
+
+    mass_kg: Positive
+    """Mass in air, kg."""
+    water_kg: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    """Water that is carried along inside, kg."""
+    axis: Literal["X", "Y", "Z"] = "X"
+    """Apparent mass that is compared."""
+    added: tuple[Positive, Positive] | None = None
+    """Added mass over mass; by default Lamb's factor of the hull's ellipsoid times the vehicle's own
+    displacement … times the ellipsoid."""
+    sd_percent: Positive | None = None
+    """Standard deviation of the factor that it leads to, per cent; not stated where absent."""
+
+
+class Bollard(Section):
+    """Force measured at rest under steady commands of actuators or groups."""
+
+    commands: Annotated[dict[str, Number], Field(min_length=1)]
+    """Steady commands of actuators or groups, in their units; the others at neutral."""
+    force_n: Number
+    """Measured force on the vehicle along the axis, N."""
+    axis: Literal["X", "Y", "Z"] = "X"
+    """Body axis of the force."""
+    voltage_v: Positive | None = None
+    """Supply voltage, where a table needs it; by default 14.8."""
+    sd_percent: Positive | None = None
+    """Standard deviation of the factor that it leads to, per cent; not stated where absent."""
+
+
+class Ballast(Section):
+    """A known ballast and one answer to it: steady sinking, an angle at rest or commands that hold depth."""
+
+    mass_kg: Positive
+    """Mass in air, kg."""
+    volume_m3: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    """Its volume, m³."""
+    sink_m_s: Number | None = None
+    """Steady sinking with the ballast, motors stopped, level, m/s; negative: it still rises."""
+    roll_deg: Number | None = None
+    """Roll at rest with the ballast; without it the vehicle lies level."""
+    pitch_deg: Number | None = None
+    """Pitch at rest, likewise."""
+    position_m: tuple[Number, Number, Number] | None = None
+    """Where it hangs, from O; by default with an angle required."""
+    commands: dict[str, Number] = Field(default_factory=dict)
+    """Steady commands that hold depth with the ballast."""
+    voltage_v: Positive | None = None
+    """Supply voltage, V, where a table needs it."""
+    sd_percent: Positive | None = None
+    """Standard deviation of the factor that it leads to, per cent; not stated where absent."""
+
+    @model_validator(mode="after")
+    def _one_answer(self) -> Ballast:
+        angles = [key for key in ("roll_deg", "pitch_deg") if getattr(self, key) is not None]
+        given = [*angles, *(["sink_m_s"] if self.sink_m_s is not None else [])]
+        given += ["commands"] if self.commands else []
+        if len(given) != 1:
+            raise ValueError(
+                "give one answer to the ballast: sink_m_s, roll_deg, pitch_deg or commands; found"
+                f" {' and '.join(given) or 'none'}"
+            )
+        if angles and self.position_m is None:
+            raise ValueError(f"{angles[0]} needs position_m, where the ballast hangs")
+        return self
+
+
+class Anchor(Section):
+    """Absolute anchors of the force scale: motion data fix only ratios of mass, damping and thrust.
+
+    Parameters
+    ----------
+    dry_mass : DryMass, optional
+        Mass on the scales, and the water that the hull carries along, kg.
+    bollard : tuple of Bollard
+        Forces measured at rest, N, under steady commands.
+    ballast : tuple of Ballast
+        Known weights, kg, and how the vehicle answered each.
+    """
+
+    dry_mass: DryMass | None = None
+    """Mass on the scales."""
+    bollard: Annotated[tuple[Bollard, ...], BeforeValidator(_as_list)] = ()
+    """Pulls measured at rest."""
+    ballast: Annotated[tuple[Ballast, ...], BeforeValidator(_as_list)] = ()
+    """Known weights, and what answered them."""
