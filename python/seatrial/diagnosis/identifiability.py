@@ -168,6 +168,7 @@ ILL_CONDITIONED = 1e4
 _SMALL = 0.1  # of the width of the bounds; default bounds of damping are four to ten times the value wide
 
 _UNIFORM = 12.0**-0.5
+"""Standard deviation of a uniform distribution over an interval of width one."""
 
 _PART = 0.1  # component of a singular vector that is worth a name
 

@@ -46,8 +46,10 @@ _FEWEST = 20
 """Segments of it, at least."""
 
 _STRONGEST = 40
+"""Terms that are tested in full after a first ranking of all."""
 
 _COARSE = 40
+"""Blocks that a record is cut into where its correlation is not known yet."""
 
 _OF_ONE = re.compile(r".+\.(gain|lever_[KMN])")
 
@@ -241,12 +243,16 @@ def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) ->
 
 
 _APART = 0.05
+"""Level of the test that tells two alternatives apart."""
 
 _NAMED = 3
+"""Alternatives that a sentence names; more hide what it says."""
 
 _EXPLAINING = 3
+"""Strongest terms whose part is taken out of the residuals before their correlation is judged."""
 
 _FAIR_PART = 0.2
+"""A channel of the axis that a term acts on is preferred to one with up to five times its energy."""
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     pass
 
 _SIGMAS = 4.0
+"""Room for a freed term on either side of its suggested value, in its standard deviations."""
 
 
 def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]]) -> tuple[float, float]:
@@ -92,6 +93,7 @@ def _outwards(number: float, direction: int) -> float:
 
 
 _BESIDE = 4
+"""Further terms that are looked for beside the freed one."""
 
 _ROUNDS = 5
 """Rounds of a refit at most: it starts where all but one coefficient are at their best."""

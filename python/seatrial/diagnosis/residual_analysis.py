@@ -48,8 +48,10 @@ if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint
 
 _EXCESS = 1.5
+"""Residuals are warned of from half as large again as the noise."""
 
 _UNLIKELY = 0.01
+"""Level of the test of correlation, for several channels at once."""
 
 _INTERVALS = (
     "intervals hold for the best model in the class; only the hold-out score shows whether a change is an"

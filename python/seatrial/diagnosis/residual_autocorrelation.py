@@ -22,14 +22,19 @@ LONGEST_S = 10.0
 """Longest lag of an autocorrelation, s."""
 
 _LAGS_TESTED = 20
+"""Lags whose correlations are tested together."""
 
 _BLOCK = 4.0
+"""Blocks of four correlation times are almost independent: exp(-4) is 2 %."""
 
 _SHORTEST_S = 2.0
+"""A block is no shorter, however white the residuals are."""
 
 _FEWEST = 24
+"""Blocks at least: 24 tell a standard deviation to 15 %."""
 
 _MOST = 240
+"""Blocks at most: 240 tell a standard deviation to 5 %."""
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ _MOVES = 0.2
 _PER_COLUMN = 20.0  # samples that a regression needs for each of its columns
 
 _BINS = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 6), (6, 8), (8, 12), (12, 16), (16, 24), (24, 32))
+"""Lags in samples that share a gain: wider, the further back."""
 _LATE_BINS = (*_BINS, (32, 40), (40, 50), (50, 60))
 """Samples before a prediction over which innovations of commands, and of measurements, are summed."""
 

@@ -88,8 +88,10 @@ class Criterion:
 
 
 _SWEEPS = 5
+"""Reweightings of the absolute residuals."""
 
 _FLOOR = 0.1
+"""Part of the mean residual below which residuals are taken as squares."""
 
 _LEAST_NOISE = 0.03  # of the largest speed: a sensor that repeats its samples looks better than it is
 

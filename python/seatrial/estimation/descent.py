@@ -25,8 +25,10 @@ DESCENT_ROUNDS = 15
 """Budget of steps; three to six are usual."""
 
 _LENGTHS = np.array([1.0, 0.7, 0.5, 0.3, 0.15, 0.05, 0.01, 1.3])
+"""Lengths of a step that are tried in one batch of eight lanes; one is beyond the full step."""
 
 _SWEEPS = 8
+"""Reweightings within a step."""
 
 _FLOOR = 0.1  # of the mean error: below it an absolute error is taken as a square, as reweighting must
 

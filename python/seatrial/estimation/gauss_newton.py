@@ -37,6 +37,7 @@ _LITTLE = 0.02
 the next one tell more."""
 
 _NOISE_FLOOR = 1e-3
+"""Least noise, a part of the scale of the channel: a record without noise must not weigh infinitely."""
 
 _NEAR = 30.0
 """Promise of a step, in twice the log-likelihood, up to which the derivatives are held for the next one: five

@@ -27,6 +27,7 @@ from seatrial.estimation.prediction_errors import Errors
 from seatrial.trial.record import Record
 
 _LAGS = 4
+"""Samples back that instruments are made of."""
 
 _OF_A_WAVE, _LAG_S = 0.125, 0.7
 """Time between the lags: that part of the waves' period, or so many seconds where there are none."""

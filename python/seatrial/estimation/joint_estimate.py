@@ -48,6 +48,7 @@ _PARTS = (1.0, 0.5, 0.2, 0.05)
 """Parts of a round's step that are tried until one lowers the likelihood's cost."""
 
 _SETTLE = 3
+"""Rounds in which the initial conditions follow the unknowns."""
 
 _PART = 40
 """Segments, about, on which the way is found; every trial is among them."""
@@ -56,6 +57,7 @@ _MANY = 3
 """Times as many segments from which a part of them is worth its own descent."""
 
 _SPREAD = 0.1
+"""Noise that changes by less between two rounds, as a part of it, has settled."""
 
 
 @dataclass(frozen=True)

@@ -86,6 +86,7 @@ _START_SD = 0.3  # m/s, rad/s, rad or m: what the smoothed motion may be off whe
 _DOWN, _UP = 12.0, 6.0  # logarithms of a variance: how far one search may go
 
 _NOTHING = 1e-14
+"""Variance that stands for none: its logarithm is finite."""
 
 _FIRST_STEP = 2.0
 """Largest change of a logarithm in the first step of a search.

@@ -36,6 +36,7 @@ LANES = 8
 """Candidates that the core integrates abreast: batches are multiples of it."""
 
 _DISTINCT = 0.02
+"""Distance in the unit box below which two points are one start."""
 
 _SPREAD = 0.3
 """Standard deviation of a restarted population, a share of the box."""

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from seatrial.problem.problem import Problem
 
 _TOLERANCE = 1e-4
+"""Part of the criterion that the last rounds must gain, unless the campaign says otherwise."""
 
 _PROBED = 1024
 """Candidates that are tried where the start diverges: half of them anywhere between the bounds, half at all

@@ -44,18 +44,25 @@ SLOPE_RATE_LIMIT = 0.5
 """Largest h|lambda| of derivatives that judge an estimate: an error of a thousandth in them."""
 
 _NEAR = 0.1
+"""Margin about the points of a search, a part of the width of the bounds."""
 
 _MARGIN = 1.1
+"""The bound on the rates lies a tenth above the highest that was found."""
 
 _SPEED_MARGIN = 1.2
+"""Rates are judged up to a fifth above the recorded speeds."""
 
 _MOST_SUBSTEPS = 100
+"""Steps per sample at most, of the fine search and of derivatives."""
 
 _MOST_SEARCH = 40
+"""Steps per sample at most of the global search."""
 
 _BISECTIONS = 30
+"""Halvings that find a bound to 1e-9 of its interval."""
 
 _DIFFERENCE = 1e-4
+"""Half of the finite differences of speeds, SI, and of attitude."""
 
 _FASTEST = 1e9
 """Rate that stands for one without a number, rad/s: no step follows it."""

@@ -33,10 +33,12 @@ _PURE = 0.5  # a pattern drives an axis if this share of its wrench lies in that
 _PURER = 0.02  # all together are a combination of their own where they push that much purer than a group
 
 _PARALLEL = 0.99
+"""Cosine of the angle (8 degrees) below which two combinations are the same trial."""
 
 _WEAK = 0.02  # singular values below this share of the largest command nothing in practice
 
 _POINTS, _PER_POINT = 100, 8
+"""Commands per side, and samples of the simulation at each, of which the last counts."""
 
 _WAY_M_S = 1.0  # at which a fin's force is read
 

@@ -57,10 +57,14 @@ _ENOUGH, _PART = 1000.0, 0.1
 _HOLDS = (1.0, 2.0, 3.0)  # periods of the waves
 _SHORTEST_S, _LONGEST_S = 540.0, 3600.0
 _SETTLED_S = 60.0
+"""The beginning of a mission is left out: a dive or a turn is not its steady part."""
 _SLOWEST_HZ = 1.0 / 60.0
+"""Slower motion is the mission, not the sea."""
 _STATES = (*VELOCITIES, "roll", "pitch")
 _SHORT_S, _SMALL, _STEP = 0.01, 1e-3, 0.05
+"""Time, s, command and speed of finite differences."""
 _FLOOR = 1e-3
+"""Part of the whole spectrum that is taken for waves at least, at every frequency."""
 _BEGIN, _TAPS = (1, 0, 0, 1, 1, 0, 1, 0, 1), (9, 5)  # of the shift register: a sequence of 511 levels
 
 

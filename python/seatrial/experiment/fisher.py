@@ -50,6 +50,7 @@ NOISE = {"dvl": 0.01, "gyro": 0.2, "attitude": 0.5, "depth": 0.02}
 """Instruments and the standard deviation of their noise, m/s, deg/s, deg and m, unless others are given."""
 
 _POSITION_M = 0.5
+"""Deviation of positions that is taken where none is given."""
 
 _OF_KIND = {
     "dvl": ("u", "v", "w"),

@@ -36,10 +36,13 @@ START_TILT_DEG = 1.0
 """How much it is heeled and trimmed at the start besides."""
 
 _STEEP_DEG = 45.0
+"""Tilt from which a forecast says so."""
 
 _HEAVY_NM = 60.0
+"""Moment from which a tilt takes more than hands."""
 
 _MAX_STEP_S = 0.05
+"""Longest step of a forecast's simulation."""
 
 
 @dataclass(frozen=True)
@@ -221,18 +224,24 @@ def _sizes(vehicle: Vehicle) -> tuple[float, float]:
 
 
 _AMPLITUDES = (0.9, 0.65, 0.45, 0.3, 0.2, 0.14, 0.1, 0.07, 0.05)
+"""Shares of the largest commands, each about 0.7 of the one before; the largest within limits is taken."""
 
 _SMALL = 0.4  # of the largest amplitude that fits: the second one proposed
 
 _PARTS = (1, 2, 4)
+"""Runs that a manoeuvre is cut into where the limits do not admit it in one."""
 
 _SHORTEST_S = 20.0
+"""A run is cut no shorter."""
 
 _ANGLES_DEG = (30.0, 20.0, 10.0)
+"""Releases of a free decay: the largest well inside the limits is taken."""
 
 _PERIODS, _LEAST_DECAY_S, _LONGEST_DECAY_S = 6.0, 15.0, 90.0
+"""Natural periods that a decay is recorded for, and its least and longest time, s."""
 
 _RISE_S = 40.0
+"""Longest time of a free rise."""
 
 Build = Callable[[float, float], Manoeuvre]
 

@@ -36,8 +36,10 @@ def times(duration_s: float) -> Array:
 
 
 _LEAST_HOLD_S = 4.0
+"""Levels are held no shorter."""
 
 _ROUNDS = 40
+"""Rounds of clipping."""
 
 
 def held_levels(t: Array, levels: Sequence[float], ends: Sequence[float]) -> Array:

@@ -119,6 +119,7 @@ class Manoeuvre:
 
 
 _SPEEDS_UP_S = 120.0
+"""Simulated time at whose end the speed counts as steady."""
 
 
 def free_decay(
@@ -181,8 +182,10 @@ def steady_speed(thrusters: Thrusters, thrusts: Array) -> float:
 
 
 _RUN_UP = 0.12
+"""Share of a manoeuvre that its run-up takes."""
 
 _LONGEST_RUN_UP_S = 20.0
+"""A run-up takes no longer."""
 
 _LEAD_S = 2.0  # nothing happens: what the instruments show at rest
 

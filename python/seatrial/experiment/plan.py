@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from seatrial.statistics.linearisation import Linearisation
 
 _LEAST_SHARE, _LARGEST_SHARE = 0.1, 1.0
+"""Least and largest share of the width of its bounds that a value is taken relative to."""
 
 _ALIKE = 1.01  # of trials that are as good within a per cent, the one that needs the least area
 

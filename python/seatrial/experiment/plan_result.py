@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from seatrial.experiment.manoeuvre import Manoeuvre
 
 _SHEET_ROWS = 8
+"""Coefficients on the sheet of a trial: those that it tells most of."""
 
 _ZERO = 0.01
 """Share of what the score takes a deviation relative to: a smaller value is one of zero."""
@@ -283,6 +284,7 @@ def _text(words: str) -> str:
 
 
 UNKNOWN, BETTER = 0.5, 0.9
+"""Relative deviation from which a coefficient is unknown, and the part of it below which a trial helps."""
 
 
 def _percent(share: float) -> str:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 AGREE = 0.3
 """Relative deviation up to which apparent masses agree: of drawn vehicles, and of the vehicle file."""
 
-_CHANNEL = dict(zip(AXES, CHANNELS, strict=False))
+_CHANNEL = dict(zip(AXES, CHANNELS, strict=False))  # the first six are the velocities along the axes
 
 
 def masses_of(vehicle: Vehicle) -> dict[str, float]:

@@ -63,6 +63,7 @@ _MOST = 1e6  # of SSE / SST: a simulation that diverged
 _NOT_PREDICTED = 0.1  # what the logarithm of e counts where the mean predicts better
 
 _LONGEST_S = 0.5
+"""Longest horizon that is compared: within a longer one the commands answer the waves."""
 
 _TELLING = 0.02
 """Differences of R2 below this mean nothing."""

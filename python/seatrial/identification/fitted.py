@@ -41,6 +41,7 @@ _CAUSE = 1  # stream of the coefficients
 _TRIES, _ROUNDS = 8, 125  # attempts at once, and how often, before a draw is given up
 
 _CHUNK = 4096
+"""Vehicles drawn at a time, so that memory does not grow with the number asked for."""
 
 _DOUBTFUL = 0.1  # share of impossible draws that heads a report
 

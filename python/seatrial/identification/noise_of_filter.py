@@ -33,6 +33,7 @@ _NEAR_S, _FAR_S = 1.0, 3.0
 """Lags between which the memory of the force is read: beyond what the smoothing of the velocities joins."""
 
 _SUBSTEP_S = 0.05
+"""Longest step of the simulation, where no rate of the vehicle asks for a shorter one."""
 
 _MOST_SUBSTEPS = 1000
 """Substeps of a sample at most: poles up to 2,500 1/s at 10 Hz."""
@@ -42,6 +43,7 @@ _LOST = 1e3
 diverges there, and the square of what it misses may be no number."""
 
 _MEMORY_S = (0.5, 300.0)
+"""Time constants are told between these: no memory, and a constant force."""
 
 _LEAST = np.array([0.005, 0.005, 0.005, 0.004, 0.001, 0.001])
 """Least deviation of the force over the diagonal of the mass matrix, m/s^2 and rad/s^2: of an exact model."""
