@@ -105,8 +105,10 @@ def test_every_key_of_the_campaign_file_has_a_meaning_in_the_generated_page() ->
     known = {field for section in _sections() for field in section.model_fields}
     assert {"stages", "rise_s", "heading_deg", "delay_s", "requirements", "weibull"} <= known
     for section in _sections():
-        if section.__name__ == "MixerTable":  # its tables by name stand on the page
-            assert set(section.model_fields) <= set(re.findall(r"`(\w+)", text("docs/campaign-file.md")))
+        if section.__name__ in ("MixerTable", "StickTable", "OutputTable"):  # they stand on the page by hand
+            assert set(section.model_fields) <= set(
+                re.findall(r"`(?:\w+\.)*(\w+)", text("docs/campaign-file.md"))
+            )
             continue
         meanings = key_meanings(section)
         assert {field for field in section.model_fields if len(meanings.get(field, "")) < 5} == set(), section
