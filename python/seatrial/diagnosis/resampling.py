@@ -103,6 +103,7 @@ def profile(
         )
     if points < 3 or points % 2 == 0:
         raise ValueError(f"points: expected an odd number from 3 on, found {points}")
+    # Without a standard deviation along the direction there is no length to step by.
     held = [known[name] for name in names]
     transform, undetermined = determined(lin.information())
     if undetermined[held].any():
@@ -110,23 +111,28 @@ def profile(
             f"direction: the estimate does not determine {', '.join(names)} separately, so there is no"
             " standard deviation to step by; step only unknowns that it determines, or give a prior"
         )
+    # Curvature of the cost along the direction with all other unknowns at their best (Schur complement).
     part = transform[held]
     stiffness = np.linalg.inv(part @ part.T)
     dual = stiffness @ along
     curvature = float(along @ dual)
     variance = float(dual @ uncertainty.covariance[np.ix_(held, held)] @ dual) / curvature**2
+    # One step is one standard deviation of the estimate along the direction.
     unit = along * np.sqrt(variance)
     step = np.linspace(-1.0, 1.0, points) * reach
     lower = np.array([lin.unknowns[index].lower for index in held])
     upper = np.array([lin.unknowns[index].upper for index in held])
     values = lin.values[held] + step[:, None] * unit
     inside = ((values >= lower) & (values <= upper)).all(axis=1)
+    # The estimate itself stays, even where it ended a rounding error beyond a bound.
     inside[points // 2] = True
     step, values = step[inside], values[inside]
     cost = np.full(len(step), np.inf)
+    # From the estimate outwards: a refit may start from the one before it.
     for index in np.argsort(np.abs(step), kind="stable"):
         cost[index] = refit(dict(zip(names, map(float, values[index]), strict=True)))
     cost -= cost[int(np.argmin(np.abs(step)))]
+    # The threshold has the quantile of the interval of the estimate.
     factor = float(np.max((uncertainty.upper - uncertainty.estimate)[held] / uncertainty.sigma[held]))
     threshold = 0.5 * factor**2 * variance * curvature
     return Profile(

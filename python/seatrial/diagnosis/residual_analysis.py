@@ -195,9 +195,11 @@ def analyse_joint(
     lin, held, count = tried.lin, tried.held, tried.count
     first = _first(lin, held, info=info, tested=count, level=level)
     suggestions, last = first.suggestions, lin
+    # First-order numbers mislead where terms are alike: the best are freed in turn and estimated again.
     if suggestions and refits:
         followed = refitted(joint, values, suggestions, held, tested=count, level=level, refits=refits)
         suggestions, last, held = followed.suggestions, followed.lin, followed.tried
+    # What the suggestions free counts as fitted: a signal must explain what is left beside them.
     freed = {
         member
         for suggestion in suggestions

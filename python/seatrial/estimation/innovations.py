@@ -241,6 +241,7 @@ class Innovations:
         joint, size = self.joint, len(self.joint.unknowns) + len(extra)
         if self.joint.noise_model is None:
             self._first(values)
+        # Errors and slopes along the motion that belongs to these values.
         spans = self.settled(values, extra)
         errors = self.instrumented(spans, self.samples(joint.polish.horizon_s))
         noise = self.criterion.noise(errors)
@@ -261,6 +262,7 @@ class Innovations:
                     nu=trial.smooth_nu(t)[0],
                 )
             )
+        # Extra coefficients have neither bounds nor priors: they are only tested.
         info, present = joint.vehicle.coefficient_info(), joint.vehicle.coefficients()
         added = tuple(
             Unknown(name, "coefficient", info[name]["unit"], -math.inf, math.inf, math.inf, 0.0, math.inf)

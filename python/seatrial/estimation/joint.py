@@ -272,11 +272,13 @@ class Joint:
         self.method, self.method_reason = chosen_method.method, chosen_method.why
         where = f"{problem.source}: polish"
         chosen = parameters(self.stage, problem.vehicle, where)
+        # Hidden coefficients stand last, behind those that are estimated.
         self.parameters = tuple(sorted(chosen, key=lambda parameter: parameter.name in self.hidden))
         self.estimated = tuple(
             parameter for parameter in self.parameters if parameter.name not in self.hidden
         )
         self.data = cut(problem, self.stage)
+        # A filter needs records without long gaps; where there is none, simulations judge.
         if method is None and self.polish.method == "automatic" and not self._filtered():
             needed = f"{self.stage.segment_s:g} s of a trial without a gap of more than {_LONGEST_GAP_S:g} s"
             self.method = "output"
@@ -296,10 +298,13 @@ class Joint:
                 for n in self.nuisances
             ),
         )
+        # Nuisance parameters start at zero, which is also what their priors expect.
         self.start = np.array([*self._start_coefficients(), *np.zeros(len(self.nuisances))])
         self.used = [i for i, weight in enumerate(self.data.weights) if weight > 0]
         self.channels = tuple(CHANNELS[i] for i in self.used)
+        # Until residuals are known, a tenth of what the channels do.
         self.noise = 0.1 * self.data.scale[self.used]
+        # Steps short enough for the fastest motion of the start vehicle.
         started = self.vehicle.with_coefficients(self.coefficients(self.start))
         step = stage_step(
             started, (), free=self.stage.axes.free, speeds=self.data.largest_speeds(), dt=self.data.dt

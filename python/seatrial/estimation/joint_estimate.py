@@ -157,6 +157,7 @@ def polish(
     limit = joint.polish.rounds if rounds is None else rounds
     if joint.method == "innovations":
         return _with_noise_model(joint, first, limit, fixed, watch)
+    # Many segments: a part of them, with coarser steps, leads to the optimum; all of them end it.
     whole = near or len(joint.data.segments) < _MANY * _PART
     searched = joint if whole or not limit else joint.thinned(_PART)[0].at_search_step()
     search = _Descent(searched, frozenset(fixed), limit, watch)
@@ -165,6 +166,7 @@ def polish(
     if near:
         ended = joint.on_bounds(searches[0].values)
         return replace(searches[0], values=ended, wall_s=time.monotonic() - began)
+    # What no stage has freed starts far off: a second search begins where all others ended without it.
     if start is None and not fixed and limit and joint.unstaged and not searches[-1].interrupted:
         smaller = _Descent(searched, frozenset(joint.unstaged), limit, watch).run(first)
         if not smaller.interrupted:
@@ -172,17 +174,20 @@ def polish(
     for other in also:
         if not searches[-1].interrupted:
             searches.append(search.run(np.asarray(other, dtype=float)))
+    # Further starts that the campaign asks for, scattered about the first.
     generator = np.random.default_rng(joint.problem.seed)
     for _ in range(joint.polish.starts - 1):
         if searches[-1].interrupted:
             break
         searches.append(search.run(search.scattered(first, generator)))
+    # The lowest cost wins.
     costs = np.array([float(attempt.costs[0]) for attempt in searches])
     best, interrupted = searches[int(costs.argmin())], searches[-1].interrupted
     start_cost = searches[0].start_cost + float(costs[0] - costs.min())
     evaluations = sum(attempt.evaluations for attempt in searches)
     if searched is not joint:
         last = _Descent(joint, frozenset(fixed), 0 if interrupted else limit, watch).run(first, best.values)
+        # Costs of the other searches are of a part of the segments; they are brought to all of them.
         more = len(joint.data.segments) / len(searched.data.segments)
         costs = float(last.costs[0]) + more * (costs - costs.min())
         start_cost, evaluations = last.start_cost, evaluations + last.evaluations

@@ -173,10 +173,12 @@ def shaped(
                 return best
             best = other
 
+    # Intensities first, then whether the water of the waves carries the vehicle or flows past it.
     best = improved(noise)
     if noise.water:
         other = improved(_otherwise(best[1], dt))
         best = other if other[0] > best[0] + _WORTH else best
+    # A direction of the waves explains why they are met at another frequency on every course.
     if noise.toward is None:
         courses = [_towards(spans, best[1], 2.0 * math.pi * k / _COURSES) for k in range(_COURSES)]
         known = [course for course in courses if course is not None]
@@ -185,6 +187,7 @@ def shaped(
                 max(known, key=lambda course: Filters(spans, course, dt, seen, threads).likelihood(course))
             )
             best = other if other[0] > best[0] + _WORTH else best
+    # Line searches along breadth, frequency and direction in turn, until none of them gains.
     steps = [_Step(broader=_BROADER), _Step(faster=_FASTER)]
     if best[1].toward is not None:
         steps.insert(0, _Step(turned=_TURNED))
@@ -292,12 +295,14 @@ class Filters:
             process[driven], sensors[sensed] = np.split(np.exp(logarithms), [int(driven.sum())])
             model = replace(noise, process=process, sensors=sensors)
             likelihood, by_process, by_sensors, motion = self._judged(model)
+            # An impossible model is worse than the best so far, with no slope: the line search turns back.
             if not math.isfinite(likelihood) and tried:
                 return _IMPOSSIBLE - tried[0][0] / scale[0], np.zeros_like(logarithms)
             tried.append((likelihood, model, motion))
             best = max(tried, key=lambda trial: trial[0])
             tried[:] = [best]
             slope = np.concatenate([(by_process * process)[driven], (by_sensors * sensors)[sensed]])
+            # Scaled so that the first step changes no logarithm of a variance by more than is sensible.
             if not scale:
                 largest = float(np.abs(slope).max(initial=0.0)) / _FIRST_STEP
                 scale.append(largest if 0.0 < largest < math.inf else 1.0)

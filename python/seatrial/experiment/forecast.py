@@ -158,14 +158,17 @@ def forecast(
     except DivergenceError:
         none = float("nan")
         return Forecast(none, none, none, none, none, none, none, none, (), "the simulation diverges")
+    # The worse of two vehicles counts: as modelled, and with uneven thrust and a tilt at the start.
     position = np.array([run.position for run in runs])
     euler = np.rad2deg([run.euler for run in runs])
     nu = np.array([run.nu for run in runs])
+    # The place that the hull sweeps; the start is as deep as keeps it clear of the surface.
     hull, clearance = _sizes(vehicle)
     along, across = (float(np.ptp(position[:, :, axis])) + hull for axis in (0, 1))
     start_depth = clearance - float(position[:, :, 2].min())
     deepest = start_depth + float(position[:, :, 2].max())
     roll, pitch = (float(np.abs(euler[:, :, axis]).max()) for axis in (0, 1))
+    # What the two differ by tells how far the plan can be trusted without feedback.
     drift = float(np.linalg.norm(position[0] - position[1], axis=1).max())
     path = float(np.linalg.norm(np.diff(position[0], axis=0), axis=1).sum())
     warnings = [*_tilted("heel", roll), *_tilted("trim", pitch)]

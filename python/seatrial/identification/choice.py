@@ -228,12 +228,14 @@ def with_or_without_presumed(
         if own is None
         else tuple(name for name, estimate in own.coefficients.items() if estimate.sd is not None)
     )
+    # Only what a presumption adds: coefficients with a prior that no stage frees.
     staged = {name for stage in joint.problem.stages for name in stage.coefficients}
     names = tuple(name for name in names if name not in staged)
     if not names or polished.interrupted:
         return joint, polished, (), ""
     words, _, rich, _ = _outside(joint.problem, joint, polished)
     problem = joint.problem.without_coefficients(set(names))
+    # The same estimate without them, from the same vehicle and by the same method.
     plain = Joint(
         problem, joint.vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden - set(names)
     )

@@ -221,6 +221,7 @@ def _assessed(
         estimate = _finite(polish(joint, rounds=0) if polished is None else polished)
         return estimate, assess(joint, estimate)
 
+    # Each of the following may fail by itself and then costs only what rests on it.
     what = "the stages" if polished is None else "the joint estimate"
     both = fallbacks.attempt(
         f"standard deviations of {what}",
@@ -232,6 +233,7 @@ def _assessed(
     if both is None:
         return None
     estimate, sure = both
+    # Where these data identify nothing, no deviation counts.
     if spoilt and joint.method == "innovations":
         sure = replace(sure, spoilt=spoilt)
     rests: tuple[Conditional, ...] = fallbacks.attempt(

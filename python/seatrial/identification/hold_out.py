@@ -289,6 +289,7 @@ def _scores(
         own = [channel for i, channel in enumerate(CHANNELS) if AXES[i % 6] in axes]
         return [c for c in own if any(c in trials[name].channels for name in names)]
 
+    # A trial that cannot be scored is named and costs the others nothing.
     scores: dict[str, Score] = {}
     for name, trial in trials.items():
         try:
@@ -307,6 +308,7 @@ def _scores(
             )
         except TrialError as error:
             missing.append(f"not scored: {error}")
+    # Errors are pooled only over trials that are driven alike.
     if len(scores) < 2 or len({problem.input_of(name) for name in scores}) > 1:
         return scores
     everything = pooled(
