@@ -13,8 +13,7 @@ from seatrial.base.errors import TrialError
 from seatrial.bench_test.characteristic import actuator_ratios
 from seatrial.bench_test.columns import unit_of
 from seatrial.bench_test.evaluate import bench
-from seatrial.bench_test.plateaus import Plateau
-from seatrial.bench_test.separation import Separated, force_per_newton, separate
+from seatrial.bench_test.plateaus import Plateau, Separated, force_per_newton, separate
 from tests.bench_test.bench_records import TRUTH, pull, write_bench
 
 CWOLF = Vehicle.load("cwolf")

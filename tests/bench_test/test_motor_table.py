@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from seatrial.bench_test.motor_estimate import MotorEstimate, MotorParameter
-from seatrial.bench_test.motor_identification import identify_motor
+from seatrial.bench_test.motor_identification import identify_motor, written_motor
 from seatrial.bench_test.motor_model import MotorModel, StepRecord
-from seatrial.bench_test.motor_table import written_motor
 from tests.bench_test.motor_steps import TABLE, TRUTH, designed, measured, rng, steps_of, with_signal
 
 FREE = replace(TRUTH, n_min=(0.0, 0.0), n_max=(math.inf, math.inf))

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
 from seatrial._core import Autopilot, Vehicle
-from seatrial.check.legs import clearance, ways
+from seatrial.check.legs import beyond, clearance, corners, ways
 from seatrial.check.mission import MissionCheck, check_mission
-from seatrial.check.turns import beyond, corners
 from seatrial.cli import app
 from seatrial.flight.mission import Mission
 from seatrial.vehicle.steady_state import Turn, cruise, speeds, turns

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import seatrial as st
-from seatrial.check.autopilot_margins import weak_points
+from seatrial.check.autopilot_on_vehicle import weak_points
 from seatrial.cli import app
 from seatrial.vehicle.authority import authority_in_words
 from tests.flight.flying import OUT

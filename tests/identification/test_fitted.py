@@ -21,7 +21,7 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.identification import Identification
 from seatrial.statistics.draws import checked_numbers, generator, uniforms
-from seatrial.vehicle.passivity import PossibleCoefficients
+from seatrial.vehicle.stability import PossibleCoefficients
 
 Array = NDArray[np.float64]
 

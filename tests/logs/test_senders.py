@@ -14,7 +14,7 @@ import pytest
 from seatrial.logs.clock import Counter32
 from seatrial.logs.formats import open_log
 from seatrial.logs.log import Samples
-from seatrial.logs.senders import SenderClocks
+from seatrial.logs.mavlink import SenderClocks
 
 UNIX_S = 1.7e9
 T = np.arange(0.0, 60.0, 0.2)

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from seatrial._core import ardusub_forward_lateral, ardusub_frames, ardusub_pulses
-from seatrial.ardusub.comparison import FEWEST, Comparison, Rows
-from seatrial.ardusub.modes import CONTROLS
+from seatrial.ardusub.comparison import CONTROLS, FEWEST, Comparison, Rows
 from seatrial.ardusub.quantity import LIMITS, Found, Quantity
 from seatrial.base.arrays import Array
 

@@ -1,8 +1,11 @@
 """Atomic writes: a file is complete or not there, since it is written under another name and then renamed.
 
 A folder of files that belong together is there with all of them, or as it was (`whole_folder`).
-Held by ``test_a_file_that_cannot_be_finished_leaves_the_former_one`` and
-``test_a_folder_that_cannot_be_finished_is_as_it_was``.
+
+Tables are neither read nor written after a fork (`before_table`): polars' threads do not survive one, and a
+child that waits for them waits for ever. The core's own threads are made anew in a child (``work.rs`` of the
+binding). Held by ``test_a_file_that_cannot_be_finished_leaves_the_former_one`` and
+``test_a_folder_that_cannot_be_finished_is_as_it_was``; tables by ``tests/core/test_processes.py``.
 """
 
 from __future__ import annotations
@@ -15,8 +18,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from seatrial.base.errors import TrialError, reason
-from seatrial.base.forked import before_table
+from seatrial.base.errors import SeatrialError, TrialError, reason
 
 if TYPE_CHECKING:
     import polars as pl
@@ -144,3 +146,25 @@ def write_table(
         write_atomic(target, content)
     except OSError as error:
         raise TrialError(f"{path}: cannot be written ({reason(error)}); {advice}") from None
+
+
+_worked: int | None = None
+
+
+def before_table() -> None:
+    """Refuse to read or write a table in a child of a process that did so before it forked.
+
+    Raises
+    ------
+    SeatrialError
+        This process is such a child.
+    """
+    global _worked
+    if _worked is None:
+        _worked = os.getpid()
+    if _worked != os.getpid():
+        raise SeatrialError(
+            f"process {os.getpid()} was forked from process {_worked}, which had read or written tables, and"
+            " polars cannot work in a fork: read trials before the fork and save results in the parent,"
+            ' or start processes with multiprocessing.get_context("spawn")'
+        )

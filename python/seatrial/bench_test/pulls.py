@@ -23,8 +23,15 @@ from seatrial.base.arrays import Array, runs
 from seatrial.base.errors import TrialError
 from seatrial.bench_test.columns import BenchTable, listed, read_bench_table
 from seatrial.bench_test.file import SENSES
-from seatrial.bench_test.plateaus import Plateau, held, plateaus, rows_as_plateaus
-from seatrial.bench_test.separation import Separated, force_per_newton, separate
+from seatrial.bench_test.plateaus import (
+    Plateau,
+    Separated,
+    force_per_newton,
+    held,
+    plateaus,
+    rows_as_plateaus,
+    separate,
+)
 from seatrial.vehicle.actuators import NOMINAL_V, largest, settling_s, voltage_for
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.check.autopilot_margins import AutopilotMargins
+    from seatrial.check.autopilot_on_vehicle import AutopilotMargins
 
 _REACTIONS = {
     "continue": "the mission goes on",

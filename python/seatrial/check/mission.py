@@ -18,8 +18,7 @@ import numpy as np
 
 from seatrial.base.report import Report, Section
 from seatrial.check.flown import FlownCheck, flown_sentences, flown_table, fly_beforehand
-from seatrial.check.legs import LegRow, fence_sentences, leg_rows, legs_table
-from seatrial.check.turns import turn_sentences
+from seatrial.check.legs import LegRow, fence_sentences, leg_rows, legs_table, turn_sentences
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.flight.mismatch import mismatch
 from seatrial.vehicle.actuators import NOMINAL_V

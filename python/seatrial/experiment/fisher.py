@@ -36,7 +36,7 @@ from seatrial.problem.parameter import Parameter, coefficient_names, expansion_m
 from seatrial.problem.parameter import parameters as parsed
 from seatrial.problem.settings import Axes, Coefficient, Stage
 from seatrial.sensors.sensor import KINDS
-from seatrial.statistics.autocorrelation import variance_inflation
+from seatrial.statistics.blocks import variance_inflation
 from seatrial.statistics.information import eliminate
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 

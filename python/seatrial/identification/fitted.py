@@ -3,7 +3,7 @@
 Draws are multivariate normal, ``x = x_0 + D R z`` with D the standard deviations and R the symmetric root of
 the correlations. It exists for singular ones (tied coefficients), where a Cholesky factor does not, and does
 not depend on the signs that a library gives its eigenvectors. What no vehicle can have
-(`seatrial.vehicle.passivity`) is thrown away and drawn again: the normal distribution cut at what is
+(`seatrial.vehicle.stability`) is thrown away and drawn again: the normal distribution cut at what is
 possible. Draw i depends on the seed and on i alone (`seatrial.statistics.draws`).
 
 Tests: ``tests/identification/test_fitted.py``.
@@ -29,7 +29,7 @@ from seatrial.identification.covariance import CoefficientCovariance, widened
 from seatrial.identification.identification import Identification
 from seatrial.statistics.draws import checked_numbers, generator
 from seatrial.vehicle.actuators import pushed_axes
-from seatrial.vehicle.passivity import PossibleCoefficients
+from seatrial.vehicle.stability import PossibleCoefficients
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

@@ -22,7 +22,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
 from seatrial.intake.consistency_result import SlowCurrent
-from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
+from seatrial.statistics.blocks import lag_one_correlation, variance_inflation
 from seatrial.trial.kinematics import Channels, earth_velocity
 
 _PART_S, _MOST_PARTS = 2.0, 10_000  # samples are averaged over so long, longer in a log of many hours

@@ -20,8 +20,7 @@ from typing import Any
 
 from seatrial.base.errors import TrialError
 from seatrial.logs.formats import DAMAGED, extra, unpacked
-from seatrial.logs.log import Chunk, Event, Log, Share
-from seatrial.logs.rows import Gathered, number
+from seatrial.logs.log import Chunk, Event, Gathered, Log, Share, number
 
 _HEADER, _FOOTER = 20, 2
 _SYNC = 0xFE54

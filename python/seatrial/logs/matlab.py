@@ -1,28 +1,34 @@
-"""MATLAB files: versions 5 to 7.2 (`matlab5`), version 7.3 (HDF5) by h5py.
+"""MATLAB files: versions 5 to 7.2, and version 7.3 (HDF5) by h5py.
 
 A structure, or the top of the file, whose arrays have one length is a topic; a matrix is a field a column
 (``name[0]``, ...). The time is the field that is called so; where a structure has none, the one time of
 that length at the top of the file serves. Objects and functions are not read: nothing in a file is ever
 run.
+
+A file of version 5 to 7.2 is a header of 128 bytes and data elements: a tag of type and size, then the
+content, padded to eight bytes; a variable is an element of type 14 (matrix) whose parts are elements again,
+or one of type 15 that is packed with zlib. Every size is checked against the bytes that there are: SciPy's
+reader of these files ends the interpreter on some damaged ones. Format: MathWorks, MAT-File Format, 2024,
+section 1.
 """
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.budget import Budget, claim
-from seatrial.base.errors import TrialError
+from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import Counter32, TimeScale, rises, scale_of, time_fields
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share, stem_of
-from seatrial.logs.matlab5 import arrays
-from seatrial.logs.rows import LONGEST_ARRAY
+from seatrial.logs.log import CHUNK_ROWS, LONGEST_ARRAY, MOST_FIELDS, Chunk, Log, Share, stem_of
 
 _FEWEST = 3  # samples of a signal
 _DEEPEST = 8
@@ -153,3 +159,132 @@ def _walk_hdf(
 def path_size(value: Any) -> int:
     """Bytes that an HDF5 data set takes in its file."""
     return int(value.id.get_storage_size())
+
+
+_HEADER = 128
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_MATRIX, _PACKED = 14, 15
+_STRUCTURE, _OBJECTS = 2, (3, 16, 17)
+_NUMERIC = range(6, 16)
+_PART = 1 << 22  # bytes that are unpacked at a time
+
+
+class _Damaged(Exception):
+    """An element that does not hold what its tag promises."""
+
+
+class _Element(NamedTuple):
+    kind: int
+    content: memoryview
+    end: int
+
+
+def arrays(path: Path, log: Log) -> Iterator[tuple[str, str, Array]]:
+    """Structure, name and values (n,) or (n, k) of every numeric array of a file; notes on what is damaged.
+
+    Raises
+    ------
+    TrialError
+        If the file is not of version 5 to 7.2.
+    """
+    data = path.read_bytes()
+    order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
+    if order is None:
+        raise TrialError(
+            f"{path}: not readable as a MATLAB file: expected the header of version 5 to 7.2 or 7.3; save it"
+            " again with -v7"
+        )
+    whole, at = memoryview(data), _HEADER
+    while at < len(data):
+        try:
+            element = _element(whole, at, order)
+        except _Damaged:
+            log.note(
+                f"cut off within its last variable, {len(data) - at:,} bytes before the end of the file; what"
+                " is whole was read; save or copy the file again"
+            )
+            kind = int.from_bytes(data[at : at + 4], "little" if order == "<" else "big")
+            element = _Element(kind, whole[at + 8 :], len(data))
+        try:
+            yield from _variable(element, order, log)
+        except (_Damaged, zlib.error, struct.error) as error:
+            log.note(f"the variable at byte {at:,} is damaged ({error}); left out")
+        at = element.end
+
+
+def _element(data: memoryview, at: int, order: str) -> _Element:
+    """The element at a place; a small one has its content in its tag."""
+    if at + 8 > len(data):
+        raise _Damaged("a tag is missing")
+    kind, size = struct.unpack_from(order + "II", data, at)
+    begin = at + 8
+    if kind >> 16:
+        kind, size, begin = kind & 0xFFFF, kind >> 16, at + 4
+        if size > 4:
+            raise _Damaged("a small element is too large")
+    if begin + size > len(data):
+        raise _Damaged(f"{size} bytes promised, {max(len(data) - begin, 0)} there")
+    end = begin + size if kind == _PACKED else at + 8 + (0 if begin == at + 4 else (size + 7) // 8 * 8)
+    return _Element(kind, data[begin : begin + size], end)
+
+
+def _variable(element: _Element, order: str, log: Log) -> Iterator[tuple[str, str, Array]]:
+    if element.kind == _PACKED:
+        element = _element(memoryview(_unpacked(element.content)), 0, order)
+    if element.kind == _MATRIX:
+        yield from _matrix("", None, element.content, order, log, 0)
+
+
+def _unpacked(content: memoryview) -> bytearray:
+    """A packed element, piece by piece, so that a budget can end it."""
+    most = Budget().unpacked_of(len(content))
+    unpacker = zlib.decompressobj()
+    whole = bytearray(unpacker.decompress(content, _PART))
+    while unpacker.unconsumed_tail:
+        if len(whole) > most:
+            raise _Damaged(f"more than {most:,} bytes packed into {len(content):,}")
+        claim(len(whole) // 4 + _PART)  # an array of bytes grows by an eighth, and is copied
+        whole += unpacker.decompress(unpacker.unconsumed_tail, _PART)
+    return whole
+
+
+def _matrix(
+    structure: str, field: str | None, data: memoryview, order: str, log: Log, depth: int
+) -> Iterator[tuple[str, str, Array]]:
+    """The arrays of a matrix; `field` names it within a structure, where its own name is empty."""
+    if not len(data):
+        return
+    flags = _element(data, 0, order)
+    shape = _element(data, flags.end, order)
+    called = _element(data, shape.end, order)
+    if len(flags.content) < 1 or shape.kind != 5 or len(shape.content) % 4:
+        raise _Damaged("no class or shape")
+    (word,) = struct.unpack_from(order + "I", flags.content)
+    kind, is_complex = word & 0xFF, bool(word & 0x0800)
+    sizes = np.frombuffer(shape.content, order + "i4").tolist()
+    name = bytes(called.content).decode("latin-1") if field is None else field
+    inner = f"{structure}.{name}" if structure else name
+    if kind in _OBJECTS:
+        log.note(f"{printable(inner)}: an object of MATLAB, not read; save its data as plain arrays")
+    elif kind == _STRUCTURE and depth < _DEEPEST and sizes == [1, 1]:
+        length = _element(data, called.end, order)
+        names = _element(data, length.end, order)
+        (width,) = struct.unpack_from(order + "i", length.content)
+        if width < 1:
+            raise _Damaged("no names of fields")
+        at = names.end
+        for k in range(0, len(names.content) - width + 1, width):
+            part = _element(data, at, order)
+            own = bytes(names.content[k : k + width]).partition(b"\0")[0].decode("latin-1")
+            if part.kind == _MATRIX:
+                yield from _matrix(inner, own, part.content, order, log, depth + 1)
+            at = part.end
+    elif kind in _NUMERIC and not is_complex and len(sizes) == 2 and min(sizes) >= 0:
+        values = _element(data, called.end, order)
+        code = _NUMBERS.get(values.kind)
+        if code is None or len(values.content) != sizes[0] * sizes[1] * np.dtype(code).itemsize:
+            raise _Damaged("the numbers do not fill the shape")
+        claim(16 * sizes[0] * sizes[1])
+        cells = np.frombuffer(values.content, np.dtype(order + code)).astype(float)
+        matrix = cells.reshape(sizes, order="F")
+        yield structure, name, matrix.ravel() if 1 in sizes else matrix

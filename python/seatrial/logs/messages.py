@@ -20,8 +20,7 @@ import numpy as np
 
 from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import NEAR_S
-from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share
-from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
+from seatrial.logs.log import LONGEST_ARRAY, MOST_TOPICS, Chunk, Gathered, Log, Share, number
 
 _LOOK_AT = 3  # messages of a topic from which its fields are learnt
 _TIMED = 50  # messages of a topic with stamps of its own that tell its clock

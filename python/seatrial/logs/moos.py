@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from seatrial.base.errors import TrialError
-from seatrial.logs.log import MOST_TOPICS, Chunk, Event, Log, Share
-from seatrial.logs.rows import Gathered
+from seatrial.logs.log import MOST_TOPICS, Chunk, Event, Gathered, Log, Share
 
 _PAIR = re.compile(r"([A-Za-z_]\w{0,63})=([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?=,|$)")
 _MODES = ("MODE", "DEPLOY", "IVPHELM_STATE")

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
+from seatrial.statistics.blocks import lag_one_correlation, variance_inflation
 from seatrial.trial.ceiling import judging
 from seatrial.trial.score import Score
 from seatrial.trial.windows import channel_errors

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import parquet
-from seatrial.base.forked import before_table
+from seatrial.base.atomic_write import before_table, parquet
 from seatrial.flight.metrics import DIVERGED, metrics_of
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ import weakref
 from dataclasses import replace
 from pathlib import Path
 
+from seatrial.base.atomic_write import before_table
 from seatrial.base.errors import SeatrialError, reason
-from seatrial.base.forked import before_table
 from seatrial.verification.flown_missions import COUNTED, FlownMissions
 
 IN_MEMORY = 16_384

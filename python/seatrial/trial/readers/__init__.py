@@ -14,9 +14,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+from seatrial.base.atomic_write import before_table
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.file_names import no_file
-from seatrial.base.forked import before_table
 from seatrial.logs.formats import FORMATS as LOGS
 from seatrial.logs.log import reading
 
