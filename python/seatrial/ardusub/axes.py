@@ -112,31 +112,33 @@ class AxisVerdict:
 
 
 def axis_verdicts(
-    found: Identification, fitted: Fitted, *, draws: int = 200, seed: int = 0
+    identified: Identification, fitted: Fitted, *, draws: int = 200, seed: int = 0
 ) -> tuple[AxisVerdict, ...]:
     """Which loops the identified model can judge."""
     masses = _masses(fitted, draws, seed)
     odd_masses = implausible_masses(
-        found.problem.vehicle, found.coefficients, {axis: mass for axis, (mass, _) in masses.items()}
+        identified.problem.vehicle,
+        identified.coefficients,
+        {axis: mass for axis, (mass, _) in masses.items()},
     )
-    hold_out = found.scores.get("hold_out", {}).get("ahead", {})
-    scores, baselines = hold_out.get("all"), found.baselines
+    hold_out = identified.scores.get("hold_out", {}).get("ahead", {})
+    scores, baselines = hold_out.get("all"), identified.baselines
     verdicts = []
     for loop, axes in AXES_OF_LOOPS.items():
         odd = {axis: odd_masses.get(axis, "") for axis in axes}
         against = [
             reason
             for axis in axes
-            if (reason := odd[axis] or _against(found, axis, masses, scores, baselines))
+            if (reason := odd[axis] or _against(identified, axis, masses, scores, baselines))
         ]
         implausible = any(odd.values())
-        told = ", ".join(f"apparent {mass_in_words(axis, *masses[axis])}" for axis in axes)
+        masses_in_words = ", ".join(f"apparent {mass_in_words(axis, *masses[axis])}" for axis in axes)
         trial = f"{_TRIALS[loop]}; {_INERTIA_TRIALS[axes[0] in 'KMN']}" if implausible else _TRIALS[loop]
         verdicts.append(
             AxisVerdict(
                 loop,
                 not against,
-                "; ".join(against) or f"identified: {told}",
+                "; ".join(against) or f"identified: {masses_in_words}",
                 "" if not against else trial,
                 implausible,
             )
@@ -145,27 +147,27 @@ def axis_verdicts(
 
 
 def _against(
-    found: Identification,
+    identified: Identification,
     axis: str,
     masses: Mapping[str, tuple[float, float]],
     scores: Any,
     baselines: Mapping[str, Mapping[str, float]],
 ) -> str:
     """What speaks against a judgement of an axis; empty where nothing does."""
-    own = [one for one in found.coefficients if one.name.startswith(f"{axis}_")]
-    held = {one.parameter for one in found.held}
+    own = [coefficient for coefficient in identified.coefficients if coefficient.name.startswith(f"{axis}_")]
+    held_parameters = {parameter.parameter for parameter in identified.held}
     if not own:
-        hidden = any(name.startswith(f"{axis}_") for name in held)
+        hidden = any(name.startswith(f"{axis}_") for name in held_parameters)
         return f"{axis}: " + (
             "not identified, the controller's feedback dominates the log" if hidden else
             "not identified, the log moves it too little to tell it from its controller"
         )  # fmt: skip
-    mass = next((one for one in own if one.name.endswith("dot")), None)
-    damping = [one for one in own if not one.name.endswith(("dot", "_0"))]
-    stuck = [one for one in own if one.at_bound and not _at_zero(one)]
+    mass = next((coefficient for coefficient in own if coefficient.name.endswith("dot")), None)
+    damping = [coefficient for coefficient in own if not coefficient.name.endswith(("dot", "_0"))]
+    stuck = [coefficient for coefficient in own if coefficient.at_bound and not _at_zero(coefficient)]
     if mass is not None and mass.at_bound:
         return f"{axis}: {mass.name} ended at its bound of {mass.estimate:.3g}"
-    if stuck and len([one for one in damping if one in stuck]) == len(damping):
+    if stuck and len([coefficient for coefficient in damping if coefficient in stuck]) == len(damping):
         return f"{axis}: {stuck[0].name} ended at its bound of {stuck[0].estimate:.3g}"
     middle, sd = masses[axis]
     if not sd <= AGREE * middle:
@@ -179,9 +181,9 @@ def _against(
     return ""
 
 
-def _at_zero(one: Any) -> bool:
+def _at_zero(coefficient: Any) -> bool:
     """Whether a coefficient rests at a bound of zero: damping that is not there."""
-    return bool(abs(one.estimate) <= 1e-6 * max(abs(one.lower), abs(one.upper)))
+    return bool(abs(coefficient.estimate) <= 1e-6 * max(abs(coefficient.lower), abs(coefficient.upper)))
 
 
 def _masses(fitted: Fitted, draws: int, seed: int) -> dict[str, tuple[float, float]]:
@@ -197,8 +199,8 @@ def _diagonals(vehicle: Vehicle, drawn: Mapping[str, Array], k: int) -> Array:
         return np.tile(np.diag(np.asarray(vehicle.mass_matrix())), (k, 1))
     rows = []
     for i in range(k):
-        one = vehicle.with_coefficients({name: float(values[i]) for name, values in drawn.items()})
-        rows.append(np.diag(np.asarray(one.mass_matrix())))
+        drawn_vehicle = vehicle.with_coefficients({name: float(values[i]) for name, values in drawn.items()})
+        rows.append(np.diag(np.asarray(drawn_vehicle.mass_matrix())))
     return np.array(rows)
 
 
@@ -269,12 +271,12 @@ class MarginModel:
             motion = 1.0 / (self._mass[:, i, None] * s + self._damping[:, i, None])
             for secant in self._secants[axis]:
                 every.append(law * chain * motion * secant)
-        found = loop_margins(np.concatenate(every), self._omega)
+        margins = loop_margins(np.concatenate(every), self._omega)
         return Margins(
             loop,
-            float(found.phase_deg.min()),
-            float(20.0 * np.log10(found.gain.min())),
-            float(found.sensitivity.max()),
+            float(margins.phase_deg.min()),
+            float(20.0 * np.log10(margins.gain.min())),
+            float(margins.sensitivity.max()),
         )
 
 
@@ -313,7 +315,7 @@ def _secants(vehicle: Vehicle, rig: Rig, voltage_v: float) -> dict[str, tuple[fl
     Between demands of 0.2 and 0.8, both ways.
     """
     columns = {"K": 0, "M": 1, "N": 2, "Z": 3, "X": 4, "Y": 5}
-    found = {}
+    secants = {}
     for axis, column in columns.items():
         slopes = []
         for size in (0.2, 0.5, 0.8):
@@ -325,5 +327,5 @@ def _secants(vehicle: Vehicle, rig: Rig, voltage_v: float) -> dict[str, tuple[fl
                 for row in pulses
             ]
             slopes.append(abs(float((both[0] - both[1])[AXES.index(axis)])) / (2.0 * size))
-        found[axis] = max(slopes), min(slopes)
-    return found
+        secants[axis] = max(slopes), min(slopes)
+    return secants

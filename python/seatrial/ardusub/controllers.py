@@ -453,9 +453,9 @@ def _robust(logged: Array, cause: Array) -> float:
 
 def _causes(t: Array, error: Array, target: Array, run: Any, cut_off: float) -> Array:
     """Filtered error, its sum and the target (n, 3), as a controller has them between the rows."""
-    found = np.zeros((len(t), 3))
-    for one in np.unique(run):
-        rows = np.flatnonzero(run == one)
+    causes = np.zeros((len(t), 3))
+    for stretch in np.unique(run):
+        rows = np.flatnonzero(run == stretch)
         fine = np.arange(t[rows[0]], t[rows[-1]] + 0.5 * _PERIOD_S, _PERIOD_S)
         between = np.interp(fine, t[rows], error[rows])
         dt = np.where(np.arange(len(fine)) == 0, 0.0, _PERIOD_S)
@@ -464,9 +464,9 @@ def _causes(t: Array, error: Array, target: Array, run: Any, cut_off: float) -> 
             ardusub_terms(between, zeros, dt, zeros, [1.0, 1.0, 0.0, 0.0, 0.0, math.inf], [0.0, cut_off, 0.0])
         )
         at = np.clip(np.searchsorted(fine, t[rows]), 0, len(fine) - 1)
-        found[rows, :2] = terms[at][:, [2, 3]]
-        found[rows, 2] = target[rows]
-    return found
+        causes[rows, :2] = terms[at][:, [2, 3]]
+        causes[rows, 2] = target[rows]
+    return causes
 
 
 def _centred(values: Array, among: Any) -> Array:

@@ -114,10 +114,10 @@ def still_targets(n: int, *, depth: float = 5.0, place: bool = True, voltage: fl
 
     The attitude is asked for, as by a pilot or a mission: its target moves there.
     """
-    found = np.zeros((n, _WANTED))
-    found[:, 6], found[:, 13], found[:, 16], found[:, 17] = depth, 0.5, 1.0, float(place)
-    found[:, 18], found[:, 19] = voltage, 1.0
-    return found
+    targets = np.zeros((n, _WANTED))
+    targets[:, 6], targets[:, 13], targets[:, 16], targets[:, 17] = depth, 0.5, 1.0, float(place)
+    targets[:, 18], targets[:, 19] = voltage, 1.0
+    return targets
 
 
 @dataclass
@@ -140,7 +140,7 @@ class _Rows:
 
 def rows_of(log: Log, topic: str, *names: str) -> _Rows | None:
     """Rows of a topic that are numbers in all these fields; None where there are too few."""
-    known = next((one for one in (topic, f"{topic}[0]") if one in log.fields), None)
+    known = next((candidate for candidate in (topic, f"{topic}[0]") if candidate in log.fields), None)
     if known is None or any(name not in log.fields[known] for name in names):
         return None
     read = log.read({known: names})[known]
@@ -177,13 +177,13 @@ def logged_courses(
         "XKF1": ("VN", "VE", "VD"),
         "CTUN": ("ThI",),
     }
-    found = {name: rows_of(log, name, *fields) for name, fields in needed.items()}
-    if missing := [name for name, rows in found.items() if rows is None]:
+    read = {name: rows_of(log, name, *fields) for name, fields in needed.items()}
+    if missing := [name for name, rows in read.items() if rows is None]:
         raise TrialError(
             f"{log.path}: expected {', '.join(needed)} to fly the log's mission again, found no"
             f" {', '.join(missing)}; let LOG_BITMASK include attitude, PID and the estimator, and log again"
         )
-    rows = {name: one for name, one in found.items() if one is not None}
+    rows = {name: present for name, present in read.items() if present is not None}
     step = rows_of(log, "ANG", "Dt")
     period = 0.005 if step is None else float(np.median(step.values["Dt"]))
     period = ROW_S / max(round(ROW_S / min(max(period, 0.001), 0.02)), 1)
@@ -198,7 +198,7 @@ def logged_courses(
     if not modes:
         modes = [(float(rows["ANG"].t[0]) + ROW_S, last, "log")]
     made = [_course(log, rows, parameters, period, mode, channels) for mode in modes]
-    whole = tuple(one for one in made if one is not None)
+    whole = tuple(course for course in made if course is not None)
     if not whole:
         raise TrialError(f"{log.path}: expected a stretch of {SHORTEST_S:g} s in one mode, found none")
     return whole
@@ -256,7 +256,7 @@ def _course(
         integrals[4] = 0.0 if pid is None else float(pid.at("I", t[:1])[0])
     if place is not None and place.near(kept).all():
         targets[:, 17] = 1.0
-        p, velocity_p = (parameters.get(one, 0.0) for one in ("PSC_NE_POS_P", "PSC_NE_VEL_P"))
+        p, velocity_p = (parameters.get(key, 0.0) for key in ("PSC_NE_POS_P", "PSC_NE_VEL_P"))
         for axis, (letter, channel) in enumerate((("N", "north"), ("E", "east"))):
             wants = {what: place.at(f"{what}{letter}", t) for what in ("TP", "P", "TV", "V", "DA", "TA")}
             targets[:, 4 + axis] = wants["TP"]

@@ -197,7 +197,9 @@ def check_rig(vehicle: Vehicle, rig: Rig) -> None:
     # Roll, pitch, yaw, throttle (up), forward, lateral.
     pushes = np.stack([columns[3], columns[4], columns[5], -columns[2], columns[0], columns[1]], 1)
     agree = (pushes * shares).sum(axis=1) * np.array(signs) * np.asarray(rig.direction)
-    wrong = [name for name, one in zip(vehicle.actuators, agree.tolist(), strict=True) if one < 0.0]
+    wrong = [
+        name for name, agreement in zip(vehicle.actuators, agree.tolist(), strict=True) if agreement < 0.0
+    ]
     if wrong:
         raise TrialError(
             f"{vehicle.name}: {', '.join(wrong)} push against MOT_n_DIRECTION of the log; set reversed of"

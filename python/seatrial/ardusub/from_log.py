@@ -108,8 +108,8 @@ def tune_log(
                 f"{log}: no frame of ArduSub explains the pulses, so that the cascade cannot fly;"
                 " --replay-only shows what the log tells"
             )
-        found, fitted = _identified(Path(log), folder, vehicle, (say, threads, resume))
-        held = _held_out(found)
+        identification, fitted = _identified(Path(log), folder, vehicle, (say, threads, resume))
+        held = _held_out(identification)
         coupling = None if parameters is None else parameters.values.get("MOT_FV_CPLNG_K")
         rig = Rig(*replayed.frame, coupling=coupling)
         check_rig(fitted.vehicle, rig)
@@ -129,7 +129,7 @@ def tune_log(
             ),
             _reflight_to, _reflight_of,
         )  # fmt: skip
-        verdicts = axis_verdicts(found, fitted, seed=seed)
+        verdicts = axis_verdicts(identification, fitted, seed=seed)
         tuned, before, after, rise = _tuned(
             kept, fitted, reflight, flown, verdicts, courses[0], (missions, seed, threads, say)
         )
@@ -138,8 +138,8 @@ def tune_log(
             inputs={Path(log).name: sha256(Path(log).read_bytes())},
         )  # fmt: skip
         result = LogTuning(
-            replayed, _told(found), flown, assumed, reflight, verdicts, tuned, before, after, rise, missions,
-            title, facts, _beside(folder),
+            replayed, _told(identification), flown, assumed, reflight, verdicts, tuned, before, after, rise,
+            missions, title, facts, _beside(folder),
         )  # fmt: skip
         say(1.0, "done")
         run.publish(facts, result.files())
@@ -173,9 +173,11 @@ def _flown_with(
     from seatrial._core import ardusub_defaults
 
     # A bound is no value: what the vehicle flew with is the file's, or the default.
-    found = {each.name: each.value for each in replayed.found if not each.bound and math.isfinite(each.value)}
+    replayed_values = {
+        each.name: each.value for each in replayed.found if not each.bound and math.isfinite(each.value)
+    }
     given = {} if parameters is None else in_metres(parameters)
-    whole = known_parameters({**given, **found})
+    whole = known_parameters({**given, **replayed_values})
     values = {name: float(np.asarray(value)) for name, value in whole.items()}
     return values, tuple(name for name in ardusub_defaults() if name not in values)
 
@@ -199,30 +201,30 @@ def _identified(
     def progress(state: Progress) -> None:
         say(0.1 + 0.2 * state.fraction, f"identification: {state.what}")
 
-    found = campaign.identify(run_dir=identified, progress=progress, resume=resume, threads=threads)
-    if found.interrupted:
+    identification = campaign.identify(run_dir=identified, progress=progress, resume=resume, threads=threads)
+    if identification.interrupted:
         raise KeyboardInterrupt
-    return found, Fitted.of(found)
+    return identification, Fitted.of(identification)
 
 
-def _held_out(found: Identification) -> tuple[float, float] | None:
+def _held_out(identification: Identification) -> tuple[float, float] | None:
     """First to last time that was held out, s; None where nothing was."""
-    name = next(iter(found.problem.trials))
-    t = found.problem.trials[name].t[found.problem.held_out(name)]
+    name = next(iter(identification.problem.trials))
+    t = identification.problem.trials[name].t[identification.problem.held_out(name)]
     return (float(t[0]), float(t[-1])) if len(t) else None
 
 
-def _told(found: Identification) -> dict[str, Any]:
+def _told(identification: Identification) -> dict[str, Any]:
     return {
-        "good": found.report().good,
+        "good": identification.report().good,
         "coefficients": {
-            one.name: {
-                "start": one.start,
-                "estimate": one.estimate,
-                "sigma": one.sigma,
-                "at_bound": one.at_bound,
+            coefficient.name: {
+                "start": coefficient.start,
+                "estimate": coefficient.estimate,
+                "sigma": coefficient.sigma,
+                "at_bound": coefficient.at_bound,
             }
-            for one in found.coefficients
+            for coefficient in identification.coefficients
         },
     }
 
@@ -260,7 +262,7 @@ def _tuned(
     missions, seed, threads, say = how
     rig, period = reflight.rig, course.period_s
     rise = rise_of(fitted, rig, flown, period_s=period)
-    loops = {"north" if one.loop == "place" else one.loop for one in verdicts if one.judged}
+    loops = {"north" if verdict.loop == "place" else verdict.loop for verdict in verdicts if verdict.judged}
     slew = slew_of(flown)
     courses = step_courses(STEPS, rise, period_s=period, slew_deg_s=slew)
     own = tuple(name for name in STEPS if name in loops) or STEPS
@@ -291,18 +293,18 @@ def _tuned(
     return tuned, before, after, rise
 
 
-def _reflight_to(found: Reflight) -> dict[str, Any]:
+def _reflight_to(reflight: Reflight) -> dict[str, Any]:
     rows = [
         {
-            "course": one.course, "channel": one.channel, "unit": one.unit,
-            **{name: np.asarray(getattr(one, name), float).round(6).tolist()
+            "course": envelope.course, "channel": envelope.channel, "unit": envelope.unit,
+            **{name: np.asarray(getattr(envelope, name), float).round(6).tolist()
                for name in ("t", "measured", "lower", "upper", "middle", "held_out")},
         }
-        for one in found.envelopes
+        for envelope in reflight.envelopes
     ]  # fmt: skip
-    shares = [asdict(one) for one in found.shares]
+    shares = [asdict(share) for share in reflight.shares]
     return {
-        "rig": asdict(found.rig), "wander": found.wander.tolist(), "current": found.current.tolist(),
+        "rig": asdict(reflight.rig), "wander": reflight.wander.tolist(), "current": reflight.current.tolist(),
         "envelopes": rows, "shares": shares,
     }  # fmt: skip
 
@@ -319,7 +321,7 @@ def _reflight_of(data: Mapping[str, Any]) -> Reflight:
         )
         for row in data["envelopes"]
     )  # fmt: skip
-    shares = tuple(Share(**_with_nan(one)) for one in data["shares"])
+    shares = tuple(Share(**_with_nan(share)) for share in data["shares"])
     return Reflight(Rig(**rig), np.array(data["wander"]), np.array(data["current"]), envelopes, shares)
 
 
@@ -328,14 +330,14 @@ def _with_nan(row: Mapping[str, Any]) -> dict[str, Any]:
     return {name: math.nan if value is None else value for name, value in row.items()}
 
 
-def _tuned_to(found: Tuned) -> dict[str, Any]:
-    return asdict(found) | {"changes": [asdict(one) for one in found.changes]}
+def _tuned_to(tuned: Tuned) -> dict[str, Any]:
+    return asdict(tuned) | {"changes": [asdict(change) for change in tuned.changes]}
 
 
 def _tuned_of(data: Mapping[str, Any]) -> Tuned:
     changes = tuple(
-        Change(one["name"], one["before"], one["after"], one["why"], tuple(one["bounds"]))
-        for one in data["changes"]
+        Change(change["name"], change["before"], change["after"], change["why"], tuple(change["bounds"]))
+        for change in data["changes"]
     )
     margins = {
         loop: (Margins(**before), Margins(**after)) for loop, (before, after) in data["margins"].items()

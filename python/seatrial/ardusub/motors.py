@@ -198,7 +198,7 @@ def replay_sticks(work: Comparison) -> None:
 
 def _plane(work: Comparison, t: Array, demand: tuple[Array, Array] | None) -> tuple[Array, Array, Any]:
     """Forward and lateral demand (n, 2), the lean angles (n, 2, rad) behind it, and where these count."""
-    found, angles = np.full((len(t), 2), np.nan), np.full((len(t), 2), np.nan)
+    demanded, angles = np.full((len(t), 2), np.nan), np.full((len(t), 2), np.nan)
     checks = (("mixer", "forward and lateral"),)
     sticks = _sticks(work, "forward", "lateral", checks=checks)
     in_place = work.modes.controls(t, "place")
@@ -206,7 +206,7 @@ def _plane(work: Comparison, t: Array, demand: tuple[Array, Array] | None) -> tu
     if sticks is not None:
         at, near = sticks.at(t, _STICKS_S)
         pilot = np.stack([sticks["forward"][at], sticks["lateral"][at]], 1)
-        found[near] = pilot[near]
+        demanded[near] = pilot[near]
         deflected = near & (np.abs(pilot) > _PILOT).any(axis=1)
     in_place &= ~((work.modes.name_at(t) == "POSHOLD") & deflected)
     # In a mode that is not known rows of the position controller say that it worked.
@@ -214,21 +214,21 @@ def _plane(work: Comparison, t: Array, demand: tuple[Array, Array] | None) -> tu
     for topic in ("PSCN", "PSCE"):
         if unknown.any() and (rows := work.read(topic)) is not None:
             in_place |= unknown & rows.at(t)[1]
-    found[in_place] = np.nan
+    demanded[in_place] = np.nan
     yaw = np.full(len(t), np.nan)
     for topic in ("ATT", "ANG"):
         if (heading := work.read(topic, "Yaw")) is not None and len(heading.t) > 1:
             near = heading.at(t, _STICKS_S)[1]
             yaw[near] = np.radians(np.interp(t, heading.t, np.unwrap(heading["Yaw"], period=360.0)))[near]
     if demand is None or len(demand[0]) < FEWEST:
-        return found, angles, np.zeros(len(t), bool)
+        return demanded, angles, np.zeros(len(t), bool)
     at, near = Rows(demand[0], {}).at(t)
     counts = near & in_place & np.isfinite(yaw)
     right = 0.5 * math.pi
     angles[counts] = right * np.asarray(ardusub_forward_lateral(demand[1][at[counts]], yaw[counts], right))
     limit = math.radians(work.known.get("ATC_ANGLE_MAX", 45.0))
-    found[counts] = np.clip(angles[counts], -limit, limit) / limit
-    return found, angles, counts
+    demanded[counts] = np.clip(angles[counts], -limit, limit) / limit
+    return demanded, angles, counts
 
 
 def _with_lean(work: Comparison, drive: _Drive, fit: _Fit, angles: Array, counts: Any) -> _Drive:

@@ -187,17 +187,17 @@ def generation(names: Iterable[str], source: str = "parameters") -> str:
     ('4.0 to 4.6', '')
     """
     own = set(names)
-    found = {title: sorted(own & set(only)) for title, only in GENERATIONS.items()}
-    found = {title: only for title, only in found.items() if only}
-    if (older := sorted(own & set(_BEFORE_4_7))) and "3.5" not in found:
-        found["4.0 to 4.6"] = sorted({*found.get("4.0 to 4.6", ()), *older})
-    if len(found) > 1:
-        told = "; ".join(f"{', '.join(only)} of {title}" for title, only in found.items())
+    names_by_title = {title: sorted(own & set(only)) for title, only in GENERATIONS.items()}
+    names_by_title = {title: only for title, only in names_by_title.items() if only}
+    if (older := sorted(own & set(_BEFORE_4_7))) and "3.5" not in names_by_title:
+        names_by_title["4.0 to 4.6"] = sorted({*names_by_title.get("4.0 to 4.6", ()), *older})
+    if len(names_by_title) > 1:
+        mixed = "; ".join(f"{', '.join(only)} of {title}" for title, only in names_by_title.items())
         raise TrialError(
-            f"{source}: expected parameters of one generation of ArduSub, found {told}; take the file that"
+            f"{source}: expected parameters of one generation of ArduSub, found {mixed}; take the file that"
             " the vehicle's own firmware writes"
         )
-    return next(iter(found), "")
+    return next(iter(names_by_title), "")
 
 
 def in_metres(file: ParameterFile) -> dict[str, float]:
@@ -248,10 +248,10 @@ def changes(before: ParameterFile, after: ParameterFile) -> tuple[Change, ...]:
         )
     names = sorted({*before.values, *after.values})
     every = (Change(n, before.values.get(n, math.nan), after.values.get(n, math.nan)) for n in names)
-    return tuple(one for one in every if one.before != one.after)
+    return tuple(change for change in every if change.before != change.after)
 
 
-def write_changes(path: str | Path, found: Iterable[Change], *, title: str) -> None:
+def write_changes(path: str | Path, changed: Iterable[Change], *, title: str) -> None:
     """Write a parameter file with what changes only; value before, bounds and reason stand above each.
 
     Raises
@@ -261,20 +261,20 @@ def write_changes(path: str | Path, found: Iterable[Change], *, title: str) -> N
     """
     target = Path(path)
     try:
-        write_atomic(target, changes_text(found, title=title).encode())
+        write_atomic(target, changes_text(changed, title=title).encode())
     except OSError as error:
         raise TrialError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
 
 
-def changes_text(found: Iterable[Change], *, title: str) -> str:
+def changes_text(changed: Iterable[Change], *, title: str) -> str:
     """Text of a parameter file with what changes only, see `write_changes`."""
     lines = [f"# {title}"]
-    for one in found:
-        if math.isnan(one.after):
+    for change in changed:
+        if math.isnan(change.after):
             continue
-        told = [] if math.isnan(one.before) else [f"before {one.before:.7g}"]
-        told += [] if one.bounds is None else [f"within {one.bounds[0]:g} to {one.bounds[1]:g}"]
-        told += [one.why] if one.why else []
-        lines += [f"# {'; '.join(told)}"] if told else []
-        lines.append(f"{one.name},{one.after:.9g}")
+        remarks = [] if math.isnan(change.before) else [f"before {change.before:.7g}"]
+        remarks += [] if change.bounds is None else [f"within {change.bounds[0]:g} to {change.bounds[1]:g}"]
+        remarks += [change.why] if change.why else []
+        lines += [f"# {'; '.join(remarks)}"] if remarks else []
+        lines.append(f"{change.name},{change.after:.9g}")
     return "\n".join(lines) + "\n"

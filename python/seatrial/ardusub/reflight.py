@@ -144,11 +144,11 @@ class Reflight:
     @property
     def held(self) -> bool:
         """Whether every loop error is inside."""
-        return all(one.inside for one in self.shares)
+        return all(share.inside for share in self.shares)
 
     def share(self, channel: str) -> Share | None:
         """That of a channel; None where the log does not control it."""
-        return next((one for one in self.shares if one.channel == channel), None)
+        return next((share for share in self.shares if share.channel == channel), None)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data without the rows."""
@@ -159,11 +159,11 @@ class Reflight:
             "current_m_s": self.current.tolist(),
             "channels": [
                 {
-                    "channel": one.channel, "unit": one.unit, "rms": one.rms, "half_width": one.width,
-                    "outside_fit": one.fit, "outside_held_out": one.held_out, "rows": one.rows,
-                    "inside": one.inside,
+                    "channel": share.channel, "unit": share.unit, "rms": share.rms, "half_width": share.width,
+                    "outside_fit": share.fit, "outside_held_out": share.held_out, "rows": share.rows,
+                    "inside": share.inside,
                 }
-                for one in self.shares
+                for share in self.shares
             ],
         }  # fmt: skip
 
@@ -196,7 +196,7 @@ def refly(
         Drawn vehicles per course.
     """
     first, last = hold_out_s or (np.inf, np.inf)
-    fits = [~one.between(first, last) & (one.t >= one.t[0] + _SETTLES_S) for one in courses]
+    fits = [~course.between(first, last) & (course.t >= course.t[0] + _SETTLES_S) for course in courses]
     work = _Calibration(fitted.vehicle, courses, fits, dict(parameters), threads)
     say(0.0, "steady wrench and current")
     rig, current = work.steady(rig)
@@ -229,17 +229,17 @@ def refly(
 
 
 def _shares(envelopes: Sequence[Envelope]) -> tuple[Share, ...]:
-    found = []
+    shares = []
     for channel, (unit, _) in CHANNELS.items():
-        own = [one for one in envelopes if one.channel == channel]
+        own = [envelope for envelope in envelopes if envelope.channel == channel]
         if not own:
             continue
-        counted = np.concatenate([one.counted for one in own])
-        held = np.concatenate([one.held_out for one in own]) & counted
-        fit, outside = counted & ~held, np.concatenate([one.outside for one in own])
-        measured = np.concatenate([one.measured for one in own])
-        width = 0.5 * np.concatenate([one.upper - one.lower for one in own])
-        found.append(
+        counted = np.concatenate([envelope.counted for envelope in own])
+        held = np.concatenate([envelope.held_out for envelope in own]) & counted
+        fit, outside = counted & ~held, np.concatenate([envelope.outside for envelope in own])
+        measured = np.concatenate([envelope.measured for envelope in own])
+        width = 0.5 * np.concatenate([envelope.upper - envelope.lower for envelope in own])
+        shares.append(
             Share(
                 channel, unit, float(np.sqrt(np.mean(measured[counted] ** 2))),
                 float(np.mean(width[counted])),
@@ -247,7 +247,7 @@ def _shares(envelopes: Sequence[Envelope]) -> tuple[Share, ...]:
                 float(outside[held].mean()) if held.any() else np.nan, int(held.sum()),
             )
         )  # fmt: skip
-    return tuple(found)
+    return tuple(shares)
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,8 +266,8 @@ class _Calibration:
         Gauss and Newton: demands of roll, pitch, yaw and throttle for the wrench, forward and lateral, turned
         to north and east, for the current.
         """
-        known = [one for one, fit in zip(self.courses, self.fits, strict=True) if fit.any()]
-        place = any(one.channels[-1] == "east" for one in known)
+        known = [course for course, fit in zip(self.courses, self.fits, strict=True) if fit.any()]
+        place = any(course.channels[-1] == "east" for course in known)
         x = np.zeros(6)  # Z, K, M, N, current north and east
         steps = np.array([*_PROBES[2:], _PROBE_M_S, _PROBE_M_S])
         free = 6 if place else 4
@@ -318,7 +318,7 @@ class _Calibration:
             left, whole = self._beside(tried, current, drawn, seed, _UNIT_WANDER)
             miss = sum(math.log(whole[name][1] / left[name][1]) ** 2 for name in left if left[name][1] > 0.0)
             quickest.append((miss, tried))
-        chosen = min(quickest, key=lambda one: one[0])[1]
+        chosen = min(quickest, key=lambda attempt: attempt[0])[1]
         sd = _UNIT_WANDER.copy()
         left, without = self._beside(chosen, current, drawn, seed, np.zeros(6))
         for _ in range(4):
@@ -346,19 +346,20 @@ class _Calibration:
                     continue
                 values = np.where(np.isfinite(errors), errors, 1e6)
                 middle = values.mean(axis=0)
-                for own, one in enumerate((course.measured[channel] - middle, values - middle)):
-                    change = (one[..., lag:] - one[..., :-lag])[..., fit[lag:]]
+                for own, signals in enumerate((course.measured[channel] - middle, values - middle)):
+                    change = (signals[..., lag:] - signals[..., :-lag])[..., fit[lag:]]
                     row = sums.setdefault(channel, np.zeros((2, 2)))
                     weight = fit.sum()
                     row[own] += (
-                        weight * _mean_square(np.atleast_2d(one)[:, fit]),
+                        weight * _mean_square(np.atleast_2d(signals)[:, fit]),
                         weight * _mean_square(np.atleast_2d(change)),
                     )
-        told = {
-            name: [(float(one[0]), float(one[1] / max(one[0], 1e-12))) for one in rows]
+        sizes_and_rates = {
+            name: [(float(size), float(change / max(size, 1e-12))) for size, change in rows]
             for name, rows in sums.items()
         }
-        return {name: one[0] for name, one in told.items()}, {name: one[1] for name, one in told.items()}
+        of_log = {name: pair[0] for name, pair in sizes_and_rates.items()}
+        return of_log, {name: pair[1] for name, pair in sizes_and_rates.items()}
 
 
 def _mean_square(values: Array) -> float:

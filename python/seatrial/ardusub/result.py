@@ -76,7 +76,7 @@ class LogTuning(RunResult):
     @property
     def changes(self) -> tuple[Change, ...]:
         """What changes, in the names and units of the firmware's generation."""
-        return tuple(of_generation(one, self.generation) for one in self.tuned.changes)
+        return tuple(of_generation(change, self.generation) for change in self.tuned.changes)
 
     @property
     def better(self) -> bool:
@@ -99,7 +99,9 @@ class LogTuning(RunResult):
     def changed_channels(self) -> tuple[str, ...]:
         """Channels that step and whose loop changed."""
         loops = {
-            one.loop for one in self.verdicts if any(p.name in one.parameters for p in self.tuned.changes)
+            verdict.loop
+            for verdict in self.verdicts
+            if any(p.name in verdict.parameters for p in self.tuned.changes)
         }
         return tuple(
             name for name in self.before.violations if ("place" if name == "north" else name) in loops
@@ -116,8 +118,8 @@ class LogTuning(RunResult):
     @property
     def held(self) -> bool:
         """Whether replay and envelope hold, and what changes is better with margins kept."""
-        own = [one for one in self.verdicts if one.judged]
-        inside = all(one.inside for one in self.reflight.shares if one.channel in {v.loop for v in own})
+        own = [verdict for verdict in self.verdicts if verdict.judged]
+        inside = all(share.inside for share in self.reflight.shares if share.channel in {v.loop for v in own})
         return self.replay.held and inside and (self.better or not self.tuned.changes) and self.margins_kept
 
     def parameter_file(self) -> str:
@@ -125,7 +127,7 @@ class LogTuning(RunResult):
         names = self.generation or "of every generation from 4.0 on"
         title = f"From {Path(self.replay.source).name}; ArduSub {names} by name and unit; only what changes"
         text = changes_text(self.changes, title=title)
-        stays = [f"# {one.loop} stays: {one.why}" for one in self.verdicts if not one.judged]
+        stays = [f"# {verdict.loop} stays: {verdict.why}" for verdict in self.verdicts if not verdict.judged]
         return text + "".join(f"{line}\n" for line in stays)
 
     def files(self) -> dict[str, str | bytes]:
@@ -147,8 +149,8 @@ class LogTuning(RunResult):
             "parameters": dict(self.parameters),
             "assumed": list(self.assumed),
             "reflight": self.reflight.to_dict(),
-            "loops": [asdict(one) for one in self.verdicts],
-            "changes": [asdict(one) for one in self.changes],
+            "loops": [asdict(verdict) for verdict in self.verdicts],
+            "changes": [asdict(change) for change in self.changes],
             "margins": {
                 loop: {"before": asdict(before), "after": asdict(after)}
                 for loop, (before, after) in self.tuned.margins.items()
@@ -160,7 +162,7 @@ class LogTuning(RunResult):
             "flown": self.missions,
             "better": self.better,
             "margins_kept": self.margins_kept,
-            "folders": [str(one) for one in self.folders],
+            "folders": [str(folder) for folder in self.folders],
         }
 
     def report(self) -> Report:
@@ -184,9 +186,9 @@ def by_chance(before: Missions, after: Missions, channel: str) -> bool:
     The same missions fly before and after: the mean of their rises is less than 1.645 of its standard errors
     (Student's test, one-sided, 5 %), as of a single mission, or two, among twelve.
     """
-    one, other = before.violations[channel], after.violations[channel]
-    worst = np.argsort(np.maximum(one, other))[-max(len(one) // 10, 1) :]
-    rises = (other - one)[worst]
+    earlier, later = before.violations[channel], after.violations[channel]
+    worst = np.argsort(np.maximum(earlier, later))[-max(len(earlier) // 10, 1) :]
+    rises = (later - earlier)[worst]
     if len(rises) < 2 or not np.isfinite(rises).all():
         return False
     return bool(rises.mean() <= _CHANCE * rises.std(ddof=1) / math.sqrt(len(rises)))

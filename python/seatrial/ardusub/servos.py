@@ -118,15 +118,19 @@ class ChannelMap:
         """Channels and actuators, and where a longer pulse pushes."""
         info = self.vehicle.actuator_info()
         rows = []
-        for one in self.channels:
-            facts = info[one.actuator]
-            push = np.asarray(facts["wrench"], float) * (-1.0 if facts["reversed"] != one.reversed else 1.0)
+        for channel in self.channels:
+            facts = info[channel.actuator]
+            push = np.asarray(facts["wrench"], float) * (
+                -1.0 if facts["reversed"] != channel.reversed else 1.0
+            )
             # A fin has no push of its own at rest.
             words = (
                 _words(np.where(np.abs(push) < _SLANT * np.abs(push).max(), 0.0, push)) if push.any() else ""
             )
-            turned = "turned by the parameters" if one.actuator in self.turned else "as in the vehicle file"
-            rows.append([one.actuator, str(one.number), words, turned])
+            turned = (
+                "turned by the parameters" if channel.actuator in self.turned else "as in the vehicle file"
+            )
+            rows.append([channel.actuator, str(channel.number), words, turned])
         columns = ("actuator", "channel", "a longer pulse pushes", "direction")
         sides: tuple[Literal["left", "right"], ...] = ("left", "right", "left", "left")
         head = [Column(name, align=side) for name, side in zip(columns, sides, strict=True)]
@@ -160,9 +164,9 @@ def map_channels(vehicle: Vehicle, numbers: Mapping[str, int] | None = None) -> 
             raise TrialError(f"channel {name}={number}: unknown actuator{nearest(name, info)}")
         if not 1 <= number <= _CHANNELS:
             raise TrialError(f"channel {name}={number}: expected a channel from 1 to {_CHANNELS}")
-    found = [_channel(name, given.get(name, k), info[name]) for k, name in enumerate(vehicle.actuators, 1)]
-    _refuse_twice(found)
-    return ChannelMap(vehicle, tuple(found))
+    channels = [_channel(name, given.get(name, k), info[name]) for k, name in enumerate(vehicle.actuators, 1)]
+    _refuse_twice(channels)
+    return ChannelMap(vehicle, tuple(channels))
 
 
 def map_parameters(
@@ -196,25 +200,27 @@ def map_parameters(
     values, where = parameters.values, parameters.source
     base = map_channels(vehicle, numbers)
     used: set[str] = set()
-    said: list[str] = []
+    remarks: list[str] = []
     by_motor = _motor_channels(values, where, used)
     channels = []
-    for motor, one in enumerate(base.channels, 1):
-        number = one.number if one.actuator in (numbers or {}) else by_motor.get(motor, one.number)
+    for motor, channel in enumerate(base.channels, 1):
+        number = (
+            channel.number if channel.actuator in (numbers or {}) else by_motor.get(motor, channel.number)
+        )
         is_motor = number not in _other_functions(values)
-        channels.append(_with_ends(replace(one, number=number), values, used, where, motor=is_motor))
+        channels.append(_with_ends(replace(channel, number=number), values, used, where, motor=is_motor))
     _refuse_twice(channels)
-    turned = _turned(vehicle, values, where, used, said)
-    said += _neutral_sentences(channels)
+    turned = _turned(vehicle, values, where, used, remarks)
+    remarks += _neutral_sentences(channels)
     about = sorted(name for name in values if _ABOUT_MOTORS.fullmatch(name))
     left = [name for name in about if name not in used]
     if left:
-        said.append(f"Not mapped, because no actuator of the vehicle goes by it: {_some(left)}.")
+        remarks.append(f"Not mapped, because no actuator of the vehicle goes by it: {_some(left)}.")
     rest = len(values) - len(about)
     if rest:
         others = f"{rest} other parameters are" if rest > 1 else "One other parameter is"
-        said.append(f"{others} the autopilot's own (gains, filters, failsafes).")
-    return ChannelMap(_with_turned(vehicle, turned, where), tuple(channels), tuple(turned), tuple(said))
+        remarks.append(f"{others} the autopilot's own (gains, filters, failsafes).")
+    return ChannelMap(_with_turned(vehicle, turned, where), tuple(channels), tuple(turned), tuple(remarks))
 
 
 def _channel(name: str, number: int, facts: Mapping[str, Any]) -> Channel:
@@ -231,14 +237,13 @@ def _channel(name: str, number: int, facts: Mapping[str, Any]) -> Channel:
 
 def _refuse_twice(channels: list[Channel]) -> None:
     owner: dict[int, str] = {}
-    for one in channels:
-        if one.number in owner:
+    for channel in channels:
+        if channel.number in owner:
             raise TrialError(
-                f"channel {one.number}: both {owner[one.number]} and {one.actuator} are on it; give one of"
-                " them"
-                " another channel"
+                f"channel {channel.number}: both {owner[channel.number]} and {channel.actuator} are on it;"
+                " give one of them another channel"
             )
-        owner[one.number] = one.actuator
+        owner[channel.number] = channel.actuator
 
 
 def _whole(values: Mapping[str, float], name: str, where: str, allowed: Any, words: str) -> int:
@@ -250,7 +255,7 @@ def _whole(values: Mapping[str, float], name: str, where: str, allowed: Any, wor
 
 def _motor_channels(values: Mapping[str, float], where: str, used: set[str]) -> dict[int, int]:
     """Channel by motor number, as SERVOn_FUNCTION says."""
-    found: dict[int, int] = {}
+    channel_by_motor: dict[int, int] = {}
     for number in range(1, _CHANNELS + 1):
         name = f"SERVO{number}_FUNCTION"
         if name not in values:
@@ -260,12 +265,13 @@ def _motor_channels(values: Mapping[str, float], where: str, used: set[str]) -> 
         if motor is None:
             continue
         used.add(name)
-        if motor in found:
+        if motor in channel_by_motor:
             raise TrialError(
-                f"{where}: {name}: motor {motor} is on channel {found[motor]}, too; leave it on one channel"
+                f"{where}: {name}: motor {motor} is on channel {channel_by_motor[motor]}, too; leave it on"
+                " one channel"
             )
-        found[motor] = number
-    return found
+        channel_by_motor[motor] = number
+    return channel_by_motor
 
 
 def _other_functions(values: Mapping[str, float]) -> set[int]:
@@ -306,16 +312,16 @@ def _with_ends(
 
 
 def _turned(
-    vehicle: Vehicle, values: Mapping[str, float], where: str, used: set[str], said: list[str]
+    vehicle: Vehicle, values: Mapping[str, float], where: str, used: set[str], remarks: list[str]
 ) -> list[str]:
     """Thrusters that push against what the frame and the directions say."""
     if "FRAME_CONFIG" not in values:
-        said.append("The file has no FRAME_CONFIG: directions stay those of the vehicle file.")
+        remarks.append("The file has no FRAME_CONFIG: directions stay those of the vehicle file.")
         return []
     number = _whole(values, "FRAME_CONFIG", where, range(8), "0 to 7")
     used.add("FRAME_CONFIG")
     if number >= len(FRAME_NAMES):
-        said.append(
+        remarks.append(
             "FRAME_CONFIG 7 is a custom frame: its factors are in the firmware, so that directions stay those"
             " of the vehicle file."
         )
@@ -329,7 +335,7 @@ def _turned(
             f"{where}: FRAME_CONFIG {number} ({frame}) has {len(factors)} motors, vehicle {vehicle.name} has"
             f" {len(names)} actuators; take the vehicle of this frame or correct FRAME_CONFIG"
         )
-    found = []
+    turned = []
     for name, (key, factor) in zip(names, factors.items(), strict=False):
         direction = 1
         parameter = f"MOT_{key}_DIRECTION"
@@ -340,21 +346,21 @@ def _turned(
         push = np.asarray(facts["wrench"], float) * (-1.0 if facts["reversed"] else 1.0)
         fit = _cosine(push, direction * _push(factor), names, info)
         if abs(fit) < _FIT:
-            said.append(
+            remarks.append(
                 f"{name}: motor {key} of {frame} pushes elsewhere (cosine {fit:.2f}); its direction stays"
                 " that"
                 " of the vehicle file: check FRAME_CONFIG and the order of the thrusters."
             )
         elif fit < 0.0:
-            found.append(name)
-    if found:
-        said.append(
+            turned.append(name)
+    if turned:
+        remarks.append(
             f"By FRAME_CONFIG {number} ({frame}) and MOT_n_DIRECTION a pulse above 1500 us pushes against the"
-            f" direction of the vehicle file: {_some(found)} turned."
+            f" direction of the vehicle file: {_some(turned)} turned."
         )
     if len(names) > len(factors):
-        said.append(f"{_some(names[len(factors) :])}: {frame} has no motor for them.")
-    return found
+        remarks.append(f"{_some(names[len(factors) :])}: {frame} has no motor for them.")
+    return turned
 
 
 def _push(factor: tuple[float, ...]) -> Array:
@@ -386,10 +392,10 @@ def _words(asked: Array) -> str:
 
 
 def _neutral_sentences(channels: list[Channel]) -> list[str]:
-    odd = [one for one in channels if one.direct and one.neutral != one.trim_us]
+    odd = [channel for channel in channels if channel.direct and channel.neutral != channel.trim_us]
     return (
         [
-            f"ArduSub rests at {odd[0].trim_us:g} us, {_some([one.actuator for one in odd])} of the"
+            f"ArduSub rests at {odd[0].trim_us:g} us, {_some([channel.actuator for channel in odd])} of the"
             " vehicle file"
             f" at {odd[0].neutral:g} us: pulses are counted from each one's own rest."
         ]

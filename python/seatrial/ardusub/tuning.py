@@ -201,7 +201,7 @@ def step_courses(
             for offset, values in zip((0, 3, 6), _moved(t - at, size), strict=True):
                 targets[:, column + offset] += values
         course = Course(
-            ", ".join(f"{one.channel} {one.size:+g}" for one in steps), t[::every], targets, period_s,
+            ", ".join(f"{step.channel} {step.size:+g}" for step in steps), t[::every], targets, period_s,
             np.array([0.0, 0.0, 5.0]), np.zeros(3), np.zeros(6), np.zeros(7),
         )  # fmt: skip
         made.append((course, tuple(steps)))
@@ -314,7 +314,7 @@ def fly_missions(
             say(done / len(cases))
     bands = {
         name: np.quantile(
-            np.where(np.isfinite(one := np.concatenate(parts)), one, _LARGE),
+            np.where(np.isfinite(pooled := np.concatenate(parts)), pooled, _LARGE),
             [0.0, 0.025, 0.5, 0.975, 1.0],
             axis=0,
         )
@@ -377,7 +377,7 @@ def tune_parameters(
     """
     import cma
 
-    loops = [one.loop for one in verdicts if one.judged]
+    loops = [verdict.loop for verdict in verdicts if verdict.judged]
     start = {**ardusub_defaults(), **before}
     names = [name for loop in loops for name in SOUGHT[loop]]
     margins_before = margins_of(model, loops, start)
@@ -398,10 +398,10 @@ def tune_parameters(
         tiled = cases.take(np.tile(np.arange(count), len(values)))
         own = {name: np.repeat(values[:, i], count) for i, name in enumerate(names)}
         # Each candidate flies the same cases on the same courses.
-        found = np.zeros((len(values), count))
+        violation = np.zeros((len(values), count))
         for c, (course, steps) in enumerate(courses):
             mine = np.concatenate([m * count + np.arange(c, count, len(courses)) for m in range(len(values))])
-            given = {**before, **{name: one[mine] for name, one in own.items()}}
+            given = {**before, **{name: values_of[mine] for name, values_of in own.items()}}
             errors = course.errors(
                 fly_course(fitted.vehicle, rig, course, given, cases=tiled.take(mine), threads=threads)
             )
@@ -413,8 +413,8 @@ def tune_parameters(
                 total += (
                     0.01 * np.abs(np.where(np.isfinite(response), response, _LARGE) - 1.0).sum(axis=1) * ROW_S
                 )
-            found.reshape(-1)[mine] = total
-        worst = np.sort(found, axis=1)[:, -max(round(_TAIL * count), 1) :].mean(axis=1)
+            violation.reshape(-1)[mine] = total
+        worst = np.sort(violation, axis=1)[:, -max(round(_TAIL * count), 1) :].mean(axis=1)
         lacking = []
         for row in values.tolist():
             tried = {**start, **dict(zip(names, row, strict=True))}
@@ -438,14 +438,16 @@ def tune_parameters(
             (generation + 1) / generations,
             f"gains, generation {generation + 1} of {generations}, cost {best_cost:.3g} of {as_flown:.3g}",
         )
-    found = {name: float(f"{value:.3g}") for name, value in zip(names, np.exp(best).tolist(), strict=True)}
-    changed = {name: value for name, value in found.items() if abs(value - start[name]) > 0.02 * start[name]}
+    rounded = {name: float(f"{value:.3g}") for name, value in zip(names, np.exp(best).tolist(), strict=True)}
+    changed = {
+        name: value for name, value in rounded.items() if abs(value - start[name]) > 0.02 * start[name]
+    }
 
     def without(left_out: Sequence[str]) -> Array:
         """Costs of all changes without one, for each one of them."""
         rows = [
-            [changed.get(name, start[name]) if name != one else start[name] for name in names]
-            for one in left_out
+            [changed.get(name, start[name]) if name != left else start[name] for name in names]
+            for left in left_out
         ]
         return costs(np.log(np.maximum(np.array(rows), np.exp(low))))
 

@@ -190,10 +190,10 @@ def run_chunks(
     """
     if fleet is None:
         for chunk in chunks:
-            found = _taken_up(chunk, run, form)
-            if found is None:
-                found = _finished(chunk, _here(chunk, here), run, form, attempts=1)
-            yield found
+            finished = _taken_up(chunk, run, form)
+            if finished is None:
+                finished = _finished(chunk, _here(chunk, here), run, form, attempts=1)
+            yield finished
         return
     yield from _Window(chunks, run, form, fleet, waiting).done()
 
@@ -206,10 +206,10 @@ def work(asked: str, function: Callable[..., V], packed: bytes, arguments: tuple
     SeatrialError
         Another version of seatrial is installed here.
     """
-    if (found := version("seatrial")) != asked:
+    if (installed := version("seatrial")) != asked:
         raise SeatrialError(
-            f"worker on {socket.gethostname()}: expected seatrial {asked}, found {found}; install the same"
-            " version on all machines"
+            f"worker on {socket.gethostname()}: expected seatrial {asked}, found {installed}; install the"
+            " same version on all machines"
         )
     with one_blas_thread():
         return _answer(function, _unpacked(packed), arguments)
@@ -290,9 +290,9 @@ class _Window(Generic[V]):
             while True:
                 self._fill()
                 while self.given in self.ready:
-                    found = self.ready.pop(self.given)
+                    finished = self.ready.pop(self.given)
                     self.given += 1
-                    yield found
+                    yield finished
                     self._fill()
                 if self.exhausted and not self.pending and not self.ready:
                     return
@@ -313,11 +313,11 @@ class _Window(Generic[V]):
                 self.exhausted = True
                 return
             self.asked = place + 1
-            found = _taken_up(chunk, self.run, self.form)
-            if found is None:
+            kept = _taken_up(chunk, self.run, self.form)
+            if kept is None:
                 self._send(place, chunk)
             else:
-                self.ready[place] = found
+                self.ready[place] = kept
                 if place == self.given:
                     return  # so that a long series of kept ones is given one by one
 

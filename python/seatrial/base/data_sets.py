@@ -107,7 +107,7 @@ def data_folder() -> Path:
 
 
 def get(
-    name: str, *, source: str | None = None, begin: Callable[[DataFile], None] = lambda one: None
+    name: str, *, source: str | None = None, begin: Callable[[DataFile], None] = lambda file: None
 ) -> dict[Path, bool]:
     """Files of a data set in the data folder, and whether each was fetched; True if so.
 
@@ -130,23 +130,23 @@ def get(
     if source is not None and not source.startswith(("http://", "https://")):
         raise TrialError(f"--from {source}: expected a URL that begins with https:// or http://")
     chosen, folder = DATA_SETS[name], data_folder() / DATA_SETS[name].folder
-    found: dict[Path, bool] = {}
-    for one in chosen.files:
-        path = folder / one.name
+    fetched: dict[Path, bool] = {}
+    for file in chosen.files:
+        path = folder / file.name
         if present := path.is_file():
-            if (digest := _digest(path)) != one.sha256:
+            if (digest := _digest(path)) != file.sha256:
                 raise TrialError(
-                    f"{path}: expected SHA-256 {one.sha256}, found {digest}: another or a damaged file;"
+                    f"{path}: expected SHA-256 {file.sha256}, found {digest}: another or a damaged file;"
                     " move it away and get it again"
                 )
         else:
-            url = f"{source.rstrip('/')}/{chosen.folder}/{one.name}" if source else one.url
+            url = f"{source.rstrip('/')}/{chosen.folder}/{file.name}" if source else file.url
             if not url:
                 raise TrialError(f"{path}: no site has this file: {chosen.otherwise}")
-            begin(one)
-            _fetch(url, one, folder)
-        found[path] = not present
-    return found
+            begin(file)
+            _fetch(url, file, folder)
+        fetched[path] = not present
+    return fetched
 
 
 def _digest(path: Path) -> str:
@@ -156,7 +156,7 @@ def _digest(path: Path) -> str:
         raise TrialError(f"{path}: cannot be read ({reason(error)}); move it away") from None
 
 
-def _fetch(url: str, one: DataFile, folder: Path) -> None:
+def _fetch(url: str, file: DataFile, folder: Path) -> None:
     """Fetch a file and check its hash; raises `TrialError` with what to do."""
     import pooch
     from requests.exceptions import RequestException
@@ -164,7 +164,7 @@ def _fetch(url: str, one: DataFile, folder: Path) -> None:
     pooch.get_logger().setLevel("ERROR")
     try:
         pooch.retrieve(
-            url, f"sha256:{one.sha256}", one.name, folder, downloader=partial(_download, most=one.size)
+            url, f"sha256:{file.sha256}", file.name, folder, downloader=partial(_download, most=file.size)
         )
     except RequestException as error:
         raise TrialError(
@@ -174,12 +174,12 @@ def _fetch(url: str, one: DataFile, folder: Path) -> None:
         raise
     except ValueError:  # a hash that differs
         raise TrialError(
-            f"{url}: expected a file with SHA-256 {one.sha256}, found another one; nothing was kept. Name"
+            f"{url}: expected a file with SHA-256 {file.sha256}, found another one; nothing was kept. Name"
             " another mirror with --from"
         ) from None
     except OSError as error:
         raise TrialError(
-            f"{folder / one.name}: cannot be written ({reason(error)}); set {VARIABLE} to a folder that you"
+            f"{folder / file.name}: cannot be written ({reason(error)}); set {VARIABLE} to a folder that you"
             " may write to"
         ) from None
 

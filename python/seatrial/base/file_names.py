@@ -39,7 +39,7 @@ def free_name(name: str, taken: Container[str]) -> str:
     'lawn-mower-2'
     """
     numbered = (name if k == 1 else f"{name}-{k}" for k in count(1))
-    return next(one for one in numbered if one not in taken)
+    return next(candidate for candidate in numbered if candidate not in taken)
 
 
 def check_place(
@@ -97,10 +97,10 @@ def check_place(
         ) from None
 
 
-def _same_file(one: Path, other: Path) -> bool:
+def _same_file(path: Path, other: Path) -> bool:
     """Whether two paths lead to one file, through links as well."""
     try:
-        return one.samefile(other)
+        return path.samefile(other)
     except (OSError, ValueError):  # one of them is not there
         return False
 

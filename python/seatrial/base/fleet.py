@@ -101,15 +101,15 @@ def fleet_of(executor: Any, *, tell: Tell | None = None) -> Iterator[Fleet | Non
     SeatrialError
         It names none, Dask is not installed, or no scheduler answers.
     """
-    said = tell or logging.getLogger("seatrial").warning
+    report = tell or logging.getLogger("seatrial").warning
     client = getattr(executor, "_client", executor)  # the executor that a Dask client gives
     if executor is None or isinstance(executor, Fleet):
         yield executor
     elif isinstance(executor, str):
-        with _dask(executor, said) as fleet:
+        with _dask(executor, report) as fleet:
             yield fleet
     elif hasattr(client, "get_executor"):
-        fleet = _DaskFleet(client.scheduler.address, said, client=client)
+        fleet = _DaskFleet(client.scheduler.address, report, client=client)
         yield fleet
     elif isinstance(executor, Executor):
         yield _ExecutorFleet(executor)
@@ -317,10 +317,12 @@ class _DaskFleet(Fleet):
     def _look(self) -> dict[str, int] | None:
         """Threads by address of every worker; None where the scheduler does not answer."""
         try:
-            found = self._client.sync(self._client.scheduler.ncores, workers=None, callback_timeout=_ANSWER_S)
+            threads = self._client.sync(
+                self._client.scheduler.ncores, workers=None, callback_timeout=_ANSWER_S
+            )
         except Exception:
             return None
-        return dict(found)
+        return dict(threads)
 
     def _tell_if_idle(self) -> None:
         """Say once that nobody works."""

@@ -35,13 +35,13 @@ def only_user(folder: str | Path) -> Iterator[None]:
     refuse_name(path)
     try:
         made = make_folders(path.parent)
-        held = lock(path)
+        handles = lock(path)
     except OSError as error:
         raise refusal(path, error) from None
     try:
         yield
     finally:
-        unlock(*held)
+        unlock(*handles)
         for above in reversed(made):
             with contextlib.suppress(OSError):  # it holds the run, or what others put there
                 above.rmdir()
@@ -103,9 +103,9 @@ def unlock(descriptor: int, file: Path, process: int) -> None:
 
 def _in_use(run: Path, holder: bytes) -> str:
     try:
-        found = json.loads(holder)
-        who = f"process {found['pid']} on {found['host']}, since {found['since_utc']}"
-        stop = f"stop it (kill {found['pid']})"
+        owner = json.loads(holder)
+        who = f"process {owner['pid']} on {owner['host']}, since {owner['since_utc']}"
+        stop = f"stop it (kill {owner['pid']})"
     except (ValueError, KeyError, TypeError, RecursionError):
         who, stop = "another process", "stop it"
     return (

@@ -52,8 +52,8 @@ class Table:
     ) -> Table:
         """Table whose first `left` columns are aligned to the left, the others to the right."""
         columns = (
-            one if isinstance(one, Column) else Column(one, align="left" if k < left else "right")
-            for k, one in enumerate(head)
+            column if isinstance(column, Column) else Column(column, align="left" if k < left else "right")
+            for k, column in enumerate(head)
         )
         return cls(title, tuple(columns), tuple(tuple(row) for row in rows), note)
 
@@ -72,7 +72,9 @@ class Table:
         if not shown.rows:
             return ""
         body = text_table(
-            [one.head for one in shown.columns], shown.rows, align=[one.align for one in shown.columns]
+            [column.head for column in shown.columns],
+            shown.rows,
+            align=[column.align for column in shown.columns],
         )
         return "\n".join(part for part in (self.title, body, self.note) if part)
 
@@ -124,14 +126,14 @@ class Report:
 
     def shown(self, *, verbose: bool = True) -> Iterator[Section]:
         """Sections that have something to show, without details unless `verbose`; each sentence once."""
-        said = {_key(text) for text in (self.good, self.worst, self.next_step)}
+        shown_before = {_key(text) for text in (self.good, self.worst, self.next_step)}
         for section in self.sections:
             if section.details and not verbose:
                 continue
             fresh = []
             for sentence in section.sentences:
-                if _key(sentence) not in said:
-                    said.add(_key(sentence))
+                if _key(sentence) not in shown_before:
+                    shown_before.add(_key(sentence))
                     fresh.append(sentence)
             tables = tuple(table for table in section.tables if table.rows)
             if fresh or tables:
@@ -180,7 +182,7 @@ class Report:
         >>> Report.of_dict(report.to_dict()) == report
         True
         """
-        sections = tuple(_section_of(one) for one in data["sections"])
+        sections = tuple(_section_of(section) for section in data["sections"])
         words = {key: str(data[key]) for key in ("title", "outcome", "good", "worst", "next_step")}
         return cls(**words, sections=sections)
 
@@ -211,7 +213,7 @@ def report_of(result: object, **options: Any) -> Report:
 
 def _section_of(data: Mapping[str, Any]) -> Section:
     """Section of plain data."""
-    tables = tuple(_table_of(one) for one in data["tables"])
+    tables = tuple(_table_of(table) for table in data["tables"])
     return Section(str(data["title"]), tuple(map(str, data["sentences"])), tables, bool(data["details"]))
 
 
@@ -219,7 +221,7 @@ def _table_of(data: Mapping[str, Any]) -> Table:
     """Table of plain data; every row has a cell per column."""
     sides: dict[str, Literal["left", "right"]] = {"left": "left", "right": "right"}
     columns = tuple(
-        Column(str(one["name"]), str(one["unit"]), sides[one["align"]]) for one in data["columns"]
+        Column(str(column["name"]), str(column["unit"]), sides[column["align"]]) for column in data["columns"]
     )
     rows = tuple(tuple(map(str, row)) for row in data["rows"])
     if any(len(row) != len(columns) for row in rows):
@@ -285,7 +287,7 @@ def _key(text: str) -> str:
     return text.strip().removesuffix(".").lower()
 
 
-def appended(said: str, doubt: str) -> str:
+def appended(line: str, doubt: str) -> str:
     """A first line with a doubt about it behind it, without what to do about the doubt (after "; ").
 
     Examples
@@ -294,9 +296,9 @@ def appended(said: str, doubt: str) -> str:
     '2 of 2 requirements held. A tenth of the vehicles are impossible'
     """
     if not doubt:
-        return said
+        return line
     problem, _, _ = doubt.partition("; ")
-    return f"{said.rstrip('.')}. {problem[0].upper()}{problem[1:]}"
+    return f"{line.rstrip('.')}. {problem[0].upper()}{problem[1:]}"
 
 
 def listed(names: Sequence[str]) -> str:

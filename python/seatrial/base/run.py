@@ -505,10 +505,10 @@ def _alone_in(folder: Path) -> Iterator[None]:
 def _facts_in(folder: Path) -> dict[str, Any]:
     """Content of the ``run.json`` of a folder; empty where there is none that can be read."""
     try:
-        found = from_json((folder / RUN_FILE).read_text(encoding="utf-8"))
+        facts = from_json((folder / RUN_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):  # no run of ours: who asks refuses the folder
         return {}
-    return found if isinstance(found, dict) else {}
+    return facts if isinstance(facts, dict) else {}
 
 
 def _carry_foreign(source: Path, target: Path) -> set[str]:
@@ -569,11 +569,11 @@ def _refuse_kind(path: Path, kind: object) -> None:
     """Refuse to replace a run by one of another kind."""
     if not (path / RUN_FILE).is_file():
         return
-    found = _facts_in(path).get("kind")
-    if found != kind and found not in _CONTAINS.get(str(kind), ()):
+    earlier = _facts_in(path).get("kind")
+    if earlier != kind and earlier not in _CONTAINS.get(str(kind), ()):
         what = (
-            f"a run of another kind ({found})"
-            if found in get_args(Kind)
+            f"a run of another kind ({earlier})"
+            if earlier in get_args(Kind)
             else f"a {RUN_FILE} of another program"
         )
         raise SeatrialError(

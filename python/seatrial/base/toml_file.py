@@ -147,11 +147,11 @@ def tables(text: str, source: str, *, error: type[SeatrialError] = CampaignError
 
 def _given_twice(text: str, wrong: str) -> str | None:
     """Which key or table stands in a text twice, where that is what the reader says is `wrong`."""
-    found = re.match(r"Cannot (?:overwrite a value|declare .* twice) \(at (?:line (\d+)|end)", wrong)
-    if found is None:
+    complaint = re.match(r"Cannot (?:overwrite a value|declare .* twice) \(at (?:line (\d+)|end)", wrong)
+    if complaint is None:
         return None
     lines = text.rstrip().splitlines()
-    line = int(found[1] or len(lines))
+    line = int(complaint[1] or len(lines))
     key = lines[line - 1].partition("=")[0].strip()
     return f"line {line}: {key} stands there for the second time; keep one of them"
 
@@ -183,7 +183,7 @@ def checked(
         raise error(f"{source}: {wrong}")
     _refuse(data, source, text_complaints(data), error)
     try:
-        found = model.model_validate(data)
+        tables = model.model_validate(data)
     except ValidationError as invalid:
         details = invalid.errors()
         paths = [detail["loc"] for detail in details]
@@ -199,36 +199,36 @@ def checked(
             lines.append(f"{source}: {len(own) - _MOST_MESSAGES} more of this kind")
         raise error("\n".join(lines)) from None
     _refuse(data, source, number_complaints(data), error)
-    return found
+    return tables
 
 
 def _refuse(
     data: Mapping[str, Any], source: str, complaints: Iterable[tuple[Any, str]], error: type[SeatrialError]
 ) -> None:
     """Raises the complaints, each with its key; a list does not repeat its own a thousand times."""
-    found = list(islice(complaints, _MOST_MESSAGES))
-    if found:
-        raise error("\n".join(f"{source}: {_key_path(data, where)}: {text}" for where, text in found))
+    shown = list(islice(complaints, _MOST_MESSAGES))
+    if shown:
+        raise error("\n".join(f"{source}: {_key_path(data, where)}: {text}" for where, text in shown))
 
 
 def _whole_lists(data: Any, details: Iterable[Any]) -> list[Any]:
     """The details, with one for each list that is too short in place of one for each entry that it lacks."""
-    found: list[Any] = []
+    kept: list[Any] = []
     for detail in details:
         *outer, place = detail["loc"] or ("",)
         if detail["type"] != "missing" or not isinstance(place, int):
-            found.append(detail)
+            kept.append(detail)
             continue
-        if found and found[-1]["type"] == _WRONG_LENGTH and found[-1]["loc"] == tuple(outer):
-            found.pop()  # the last entry that is missing tells how many there should be
+        if kept and kept[-1]["type"] == _WRONG_LENGTH and kept[-1]["loc"] == tuple(outer):
+            kept.pop()  # the last entry that is missing tells how many there should be
         count = {"max_length": place + 1, "actual_length": len(detail["input"])}
-        found.append({"type": _WRONG_LENGTH, "loc": tuple(outer), "input": detail["input"], "ctx": count})
-    return found
+        kept.append({"type": _WRONG_LENGTH, "loc": tuple(outer), "input": detail["input"], "ctx": count})
+    return kept
 
 
 def _message(data: Mapping[str, Any], source: str, detail: Any) -> str:
     where = _key_path(data, detail["loc"])
-    found = detail["input"]
+    value = detail["input"]
     if detail["type"] == "missing":
         return f"{source}: {where}: this key is required and missing; add it"
     if detail["type"] == _WRONG_LENGTH:
@@ -238,7 +238,7 @@ def _message(data: Mapping[str, Any], source: str, detail: Any) -> str:
     if detail["type"] == "value_error":
         return f"{source}: {where}: {text}"
     text = _EXPECTED.get(detail["type"]) or text.replace("Input should be", "expected")
-    return f"{source}: {where}: {text}, found {reprlib.repr(found)}; correct the value"
+    return f"{source}: {where}: {text}, found {reprlib.repr(value)}; correct the value"
 
 
 def _key_path(data: Any, loc: tuple[int | str, ...]) -> str:
@@ -357,10 +357,11 @@ def loaded(kind: Any, source: Any, name: str | None = None) -> Any:
         return source
     what = kind.__name__.lower()
     if not isinstance(source, str | Path):
-        found = type(source)
+        own_type = type(source)
+        module = "" if own_type.__module__ == "builtins" else f"{own_type.__module__}."
         raise SimulationError(
             f"{name or what}: expected an st.{kind.__name__}, a name or a path, found"
-            f" {found.__name__ if found.__module__ == 'builtins' else f'{found.__module__}.{found.__name__}'}"
+            f" {module}{own_type.__name__}"
         )
     if not str(source).strip():
         raise VehicleError(f"{name or what}: expected a name or a path, found an empty text")

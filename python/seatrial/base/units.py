@@ -38,15 +38,15 @@ def factor(unit: str, wanted: tuple[str, ...], where: str) -> float:
     registry = _registry()
     example = f'for example "{wanted[0]}"'
     try:
-        one = registry.Quantity(1.0, unit)
+        quantity = registry.Quantity(1.0, unit)
     except Exception:  # pint raises errors of its parser as well as its own
         raise TrialError(f'{where}: unknown unit "{unit}"; write it as a formula, {example}') from None
     for target in wanted:
-        if one.check(registry.Quantity(1.0, target).dimensionality):
-            return float(one.to(target).magnitude)
+        if quantity.check(registry.Quantity(1.0, target).dimensionality):
+            return float(quantity.to(target).magnitude)
     expected = " or ".join(f'"{target}"' for target in wanted)
     raise TrialError(
-        f'{where}: unit "{unit}" has the dimension {one.dimensionality}; '
+        f'{where}: unit "{unit}" has the dimension {quantity.dimensionality}; '
         f"expected one that converts to {expected}"
     )
 

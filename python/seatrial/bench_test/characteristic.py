@@ -107,7 +107,9 @@ class DirectionFit:
             "exponent_interval": list(self.exponent_interval),
             "points": len(self.points),
             "judgement": self.judgement,
-            "candidates": [{"model": one.name, "aicc": one.aicc} for one in self.candidates],
+            "candidates": [
+                {"model": candidate.name, "aicc": candidate.aicc} for candidate in self.candidates
+            ],
         }
 
 
@@ -146,18 +148,18 @@ class UnitFit:
     @property
     def sides(self) -> tuple[str, ...]:
         """Directions that were tested."""
-        found = (side for side, sign in SIDES.items() if (sign * self.points.signal > 0.0).any())
-        return tuple(found)
+        tested = (side for side, sign in SIDES.items() if (sign * self.points.signal > 0.0).any())
+        return tuple(tested)
 
     def thrust(self, signal: Array, voltage_v: Array | None = None) -> Array:
         """Fitted thrust (m,) in N of one actuator; NaN in a direction that was not tested."""
         if self.table is not None:
             return self.table.at(signal, voltage_v)
         result = np.where(signal == 0.0, 0.0, np.nan)
-        for side, found in self.directions.items():
+        for side, direction in self.directions.items():
             own = SIDES[side] * signal > 0.0
             if own.any():
-                result[own] = found.thrust(signal[own], None if voltage_v is None else voltage_v[own])
+                result[own] = direction.thrust(signal[own], None if voltage_v is None else voltage_v[own])
         return result
 
 
@@ -173,8 +175,8 @@ def actuator_ratios(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
     for names in dict.fromkeys(points.running):
         own = np.array([other == names for other in points.running]) & np.isfinite(fitted)
         if own.sum() > _LEAST_ALONE and fitted[own].any():
-            one = least_squares(fitted[own, None], points.thrust[own], terms_of(1, 1, through_origin=True))
-            ratios[names] = float(one.coefficients[0]), float(one.standard_deviations[0])
+            ratio = least_squares(fitted[own, None], points.thrust[own], terms_of(1, 1, through_origin=True))
+            ratios[names] = float(ratio.coefficients[0]), float(ratio.standard_deviations[0])
     return ratios if len(ratios) > 1 else {}
 
 
@@ -258,7 +260,7 @@ def _direction(
     compared = candidates(signal[used], thrust[used]) if not regression.with_voltage else ()
     judgement = lack_of_fit(compared, terms, int(used.sum())) if compared else ""
     exponent, interval = _exponent(
-        signal[used], thrust[used], min([fit.sigma, *(one.scatter for one in compared)])
+        signal[used], thrust[used], min([fit.sigma, *(candidate.scatter for candidate in compared)])
     )
     return DirectionFit(side, fit, own[used], own[out], compared, judgement, exponent, interval)
 
@@ -333,9 +335,9 @@ _SLOWEST_S = 10.0  # no propeller or servo of an underwater vehicle lags so long
 def motor_warnings(unit: str, motor: MotorEstimate) -> list[str]:
     """Sentences about what looks wrong in a group's motor."""
     return [
-        f"{unit} motor: {name} = {one.value:.3g} s is not that of a motor; is t_s in seconds?"
-        for name, one in motor.parameters.items()
-        if name in ("T_1", "T_t") and one.value is not None and one.value > _SLOWEST_S
+        f"{unit} motor: {name} = {parameter.value:.3g} s is not that of a motor; is t_s in seconds?"
+        for name, parameter in motor.parameters.items()
+        if name in ("T_1", "T_t") and parameter.value is not None and parameter.value > _SLOWEST_S
     ]
 
 
@@ -359,10 +361,10 @@ def pull_warnings(records: Sequence[PullPoints]) -> list[str]:
     return warnings
 
 
-def _equal(one: PullPoints, other: PullPoints) -> bool:
+def _equal(pull: PullPoints, other: PullPoints) -> bool:
     """Whether two pulls hold the same points, whatever side they are said to pull to."""
-    return np.array_equal(one.signal, other.signal) and np.array_equal(
-        np.abs(one.thrust), np.abs(other.thrust)
+    return np.array_equal(pull.signal, other.signal) and np.array_equal(
+        np.abs(pull.thrust), np.abs(other.thrust)
     )
 
 
@@ -416,11 +418,11 @@ def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:
                 f"{fit.unit.name}: the supply ran from {low:.3g} to {high:.3g} V and thrust follows it; take"
                 ' inputs = ["signal", "voltage"]'
             )
-    for side, one in fit.directions.items():
-        if one.fit.r2 < _POOR:
+    for side, direction in fit.directions.items():
+        if direction.fit.r2 < _POOR:
             warnings.append(
-                f"{fit.unit.name} {side}: R2 is only {one.fit.r2:.3f}; the order does not fit, or the load is"
-                " noisy"
+                f"{fit.unit.name} {side}: R2 is only {direction.fit.r2:.3f}; the order does not fit, or the"
+                " load is noisy"
             )
     return warnings
 

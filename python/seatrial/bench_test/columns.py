@@ -219,7 +219,7 @@ def unit_of(vehicle: Vehicle, group: str | None, actuators: Sequence[str] | None
     facts = vehicle.actuator_info()
     thrusters = [name for name in vehicle.actuators if facts[name]["kind"] == "thruster"]
     members_of = {
-        name: [one for one in members if one in thrusters]
+        name: [member for member in members if member in thrusters]
         for name, members in actuator_groups(vehicle).items()
     }
     groups = {name: members for name, members in members_of.items() if members}

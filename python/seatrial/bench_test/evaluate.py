@@ -185,7 +185,7 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
             "bench test",
             file.name,
             clock=clock,
-            inputs={"bench": sha256(text)} | {f"bench {name}": found for name, found in hashes.items()},
+            inputs={"bench": sha256(text)} | {f"bench {name}": digest for name, digest in hashes.items()},
             options={"bench_file": str(path)},
         ),
     )
@@ -210,8 +210,8 @@ def fingerprint(source: str | Path) -> str:
         recipe = (entry.reader or file.reader or record.suffix) in ("generated", ".toml")
         # The evaluation reports files that are missing.
         if record.is_file():
-            for one in files_of(record) if recipe else (record,):
-                digest.update(one.read_bytes() if one.is_file() else b"-")
+            for part in files_of(record) if recipe else (record,):
+                digest.update(part.read_bytes() if part.is_file() else b"-")
     return digest.hexdigest()
 
 

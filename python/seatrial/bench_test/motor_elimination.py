@@ -128,7 +128,7 @@ def readings(
     problem = replace(problem, base=_edges(problem, lift.best.x), free=free, dead_band=True)
     best = fit(problem, [np.where(free, x, problem.base) for x in (lift.best.x, *points[:1])])
     drop = Reading(problem, best, reachable(records, settled, shown, dead_band=True))
-    better, other = sorted([lift, drop], key=lambda one: one.best.cost)
+    better, other = sorted([lift, drop], key=lambda reading: reading.best.cost)
     return Readings(_cleaned(better, noise), other.best.cost / max(better.best.cost, 1e-12))
 
 

@@ -297,7 +297,7 @@ def reachable(
             for limit in ("n_min", "n_max", "n_acc", "n_dec"):
                 reasons[f"{limit}_{where}"] = Reason(f"the records hold no command {where}")
             continue
-        followed = [abs(one.command) for one in settled if sign * one.command > 0]
+        followed = [abs(plateau.command) for plateau in settled if sign * plateau.command > 0]
         if math.isinf(static.n_max[side]):
             reasons[f"n_max_{where}"] = _largest(float(mine.max()), followed, where)
         if not static.n_min[side] > 0 and not (dead_band and static.dropped[side] > 0):
@@ -321,7 +321,7 @@ def unseen_rates(x: Array, known: MotorUncertainty, free: NDArray[np.bool_]) -> 
         text = f"the steps that {verb} {side} look the same without it, given lag and dead time"
         reason = Reason(text, at_least=1.0 / slowest if math.isfinite(slowest) else None)
         doubtful.append((x[k] / known.half[k] if known.half[k] > 0 else 0.0, NAMES[k], reason))
-    doubtful.sort(key=lambda one: one[:2])
+    doubtful.sort(key=lambda rate: rate[:2])
     return {name: reason for _, name, reason in doubtful}
 
 

@@ -162,10 +162,12 @@ def _estimate(
         for k, name in enumerate(NAMES)
     }
     if fitness.misfit is not None:
-        parameters = {name: _without_interval(one, fitness.misfit) for name, one in parameters.items()}
+        parameters = {
+            name: _without_interval(parameter, fitness.misfit) for name, parameter in parameters.items()
+        }
     clear = fitness.misfit is None
-    determined = {name: one.determined for name, one in parameters.items()}
-    smooth = {name: told and bool(problem.free[NAMES.index(name)]) for name, told in determined.items()}
+    determined = {name: parameter.determined for name, parameter in parameters.items()}
+    smooth = {name: fitted and bool(problem.free[NAMES.index(name)]) for name, fitted in determined.items()}
     directions = compare_directions(best.x, known, smooth) if clear else ()
     below = None if ratio is None else ("zero" if problem.dead_band else "lift")
     actuators = tuple(dict.fromkeys(record.name for record in problem.records))
@@ -175,10 +177,10 @@ def _estimate(
         x = fit(mine, [best.x]).x
         alone[actuator] = (x, uncertainty(mine, x, noise))
     followed = {
-        round(abs(one.command), 6)
-        for one in settled
-        for low, high in [(shown.n_min[one.command < 0], shown.n_max[one.command < 0])]
-        if max(low, 1e-12) <= abs(one.command) <= high
+        round(abs(plateau.command), 6)
+        for plateau in settled
+        for low, high in [(shown.n_min[plateau.command < 0], shown.n_max[plateau.command < 0])]
+        if max(low, 1e-12) <= abs(plateau.command) <= high
     }
     return MotorEstimate(
         parameters=parameters,
@@ -204,12 +206,12 @@ def _estimate(
     )
 
 
-def _without_interval(one: MotorParameter, ratio: float) -> MotorParameter:
+def _without_interval(parameter: MotorParameter, ratio: float) -> MotorParameter:
     """A parameter of a chain that misses what the motor does: its scatter says nothing about its error."""
-    if not one.determined:
-        return one
+    if not parameter.determined:
+        return parameter
     remark = f"no interval: the errors are {ratio:.0f} times the measurement's noise: the chain misses it"
-    return replace(one, sigma=None, lower=None, upper=None, dof=0.0, remark=remark)
+    return replace(parameter, sigma=None, lower=None, upper=None, dof=0.0, remark=remark)
 
 
 def _parameter(k: int, reduced: Reduced, kept: float | None, unit: str) -> MotorParameter:
@@ -350,18 +352,18 @@ def written_motor(
     """
     base = _static_keys(parameters, below_minimum)
     limits = {limit: _common(limit, parameters, directions) for limit in _PARTNER}
-    found: Keys = {f"{limit}_per_s": rate for limit, rate in limits.items() if rate is not None}
-    choices: list[tuple[Keys, str | None]] = [(base | found, None)]
+    rates: Keys = {f"{limit}_per_s": rate for limit, rate in limits.items() if rate is not None}
+    choices: list[tuple[Keys, str | None]] = [(base | rates, None)]
     missing = [limit for limit, rate in limits.items() if rate is None]
     if len(missing) == 1:
         key, both = f"{missing[0]}_per_s", [parameters[f"{missing[0]}_{side}"] for side in SIDES]
         kept = both[0].kept
         if kept is not None and math.isfinite(kept):
-            choices.insert(0, (base | found | {key: kept}, None))
+            choices.insert(0, (base | rates | {key: kept}, None))
         choices.append((dict(base), None))
-        least = [one.at_least for one in both if one.at_least is not None]
+        least = [parameter.at_least for parameter in both if parameter.at_least is not None]
         if least:
-            choices.append((base | found | {key: float(f"{max(least):.3g}")}, key))
+            choices.append((base | rates | {key: float(f"{max(least):.3g}")}, key))
     errors = [_rms(MotorModel.from_table(dict(start) | table), records) for table, _ in choices]
     best = next(k for k, error in enumerate(errors) if error <= _AS_WELL * min(errors))
     scatter = float(np.std(np.concatenate([record.sampled[1] for record in records])))
@@ -379,9 +381,9 @@ def _static_keys(parameters: Mapping[str, MotorParameter], below_minimum: str | 
     """Keys but those of the rate limits, with their values rounded to their precision."""
     table: Keys = {}
     for name, key in _KEYS.items():
-        one = parameters[name]
-        if one.value is not None:
-            table[key] = _rounded(one.value, one.sigma)
+        parameter = parameters[name]
+        if parameter.value is not None:
+            table[key] = _rounded(parameter.value, parameter.sigma)
     for limit in ("maximum", "minimum"):
         astern = parameters[f"n_{limit[:3]}_astern"]
         missing = f"{limit}_ahead" in table and f"{limit}_astern" not in table
@@ -399,7 +401,7 @@ def _common(
     for pair in directions:
         if pair.name == limit:
             return _rounded(pair.pooled, pair.sigma)
-    values = [one for side in SIDES if (one := parameters[f"{limit}_{side}"]).value is not None]
+    values = [parameter for side in SIDES if (parameter := parameters[f"{limit}_{side}"]).value is not None]
     return _rounded(values[0].value or 0.0, values[0].sigma) if values else None
 
 

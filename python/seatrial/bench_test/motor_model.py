@@ -86,16 +86,16 @@ class StepRecord:
         own = {"t": self.t, "command": self.command, "measured": self.measured}
         own["t_measured"] = self.t if self.t_measured is None else self.t_measured
         arrays = {key: np.array(value, dtype=float) for key, value in own.items()}
-        for key, one in arrays.items():
-            if one.ndim != 1:
+        for key, column in arrays.items():
+            if column.ndim != 1:
                 raise TrialError(
-                    f"{self._where}: {key} has shape {one.shape}; expected one number per sample"
+                    f"{self._where}: {key} has shape {column.shape}; expected one number per sample"
                 )
-            if np.isinf(one).any():
-                row = int(np.flatnonzero(np.isinf(one))[0])
+            if np.isinf(column).any():
+                row = int(np.flatnonzero(np.isinf(column))[0])
                 raise TrialError(f"{self._where}: {key} is infinite in row {row}; leave it out or write NaN")
-            one.setflags(write=False)
-            object.__setattr__(self, key, one)
+            column.setflags(write=False)
+            object.__setattr__(self, key, column)
         for times, values in (("t", "command"), ("t_measured", "measured")):
             self._rising(times, arrays[times])
             if len(arrays[times]) != len(arrays[values]):

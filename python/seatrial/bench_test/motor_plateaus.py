@@ -171,8 +171,8 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
         The revolutions turn against the commands, carry no sign, or never leave rest.
     """
     rest = _MOVING * noise.total
-    driven = [one for one in settled if one.command != 0.0]
-    moving = [one for one in driven if abs(one.level) > rest]
+    driven = [plateau for plateau in settled if plateau.command != 0.0]
+    moving = [plateau for plateau in driven if abs(plateau.level) > rest]
     if not moving:
         raise TrialError(
             f"step record {settled[0].name}: the measured revolutions do not follow the command: they"
@@ -180,18 +180,23 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
             " steadily; check the column of the measurement, or hold commands for six samples and twice the"
             " transient"
         )
-    against = [one for one in moving if one.level * one.command < 0]
+    against = [plateau for plateau in moving if plateau.level * plateau.command < 0]
     whole = [
-        one for one in against if not any(one.command * o.command > 0 for o in moving if o not in against)
+        plateau
+        for plateau in against
+        if not any(plateau.command * o.command > 0 for o in moving if o not in against)
     ]
     if whole or len(against) > _STRAY * len(moving):
         _refuse(moving, against[0])
-    moving = [one for one in moving if one.level * one.command > 0]
+    moving = [plateau for plateau in moving if plateau.level * plateau.command > 0]
     gain = _agreed(moving, noise)
     low, high, dropped = [0.0, 0.0], [math.inf, math.inf], [0.0, 0.0]
     for side, sign in enumerate((1.0, -1.0)):
-        mine = [one for one in driven if sign * one.command > 0 and one not in against]
-        turning = sorted((one for one in mine if abs(one.level) > rest), key=lambda one: abs(one.command))
+        mine = [plateau for plateau in driven if sign * plateau.command > 0 and plateau not in against]
+        turning = sorted(
+            (plateau for plateau in mine if abs(plateau.level) > rest),
+            key=lambda plateau: abs(plateau.command),
+        )
         lifted = _shared(turning, gain, noise, 1)
         clipped = _shared(turning[::-1], gain, noise, -1)
         if lifted:
@@ -199,9 +204,9 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
         if clipped:
             high[side] = float(np.median(clipped)) / gain
         still = [
-            abs(one.command)
-            for one in mine
-            if abs(one.level) <= rest and gain * abs(one.command) > 2.0 * rest
+            abs(plateau.command)
+            for plateau in mine
+            if abs(plateau.level) <= rest and gain * abs(plateau.command) > 2.0 * rest
         ]
         dropped[side] = max(still, default=0.0)
     return Statics(gain, (low[0], low[1]), (high[0], high[1]), (dropped[0], dropped[1]))
@@ -217,12 +222,12 @@ def _shared(ordered: Sequence[Plateau], gain: float, noise: Noise, way: int) -> 
     """
     shared: list[float] = []
     commands: set[float] = set()
-    for one in ordered:
-        apart = abs(abs(one.level) - shared[0]) if shared else 0.0
-        if _above(one, gain, noise) != way or apart > _slack(one, noise):
+    for plateau in ordered:
+        apart = abs(abs(plateau.level) - shared[0]) if shared else 0.0
+        if _above(plateau, gain, noise) != way or apart > _slack(plateau, noise):
             break
-        shared.append(abs(one.level))
-        commands.add(round(abs(one.command), 9))
+        shared.append(abs(plateau.level))
+        commands.add(round(abs(plateau.command), 9))
     alone = len(commands) == 1 and abs(shared[0] / (gain * commands.pop()) - 1.0) < _GAIN_APART
     return [] if alone else shared
 
@@ -245,15 +250,15 @@ def _slack(plateau: Plateau, noise: Noise) -> float:
 def _agreed(moving: Sequence[Plateau], noise: Noise) -> float:
     """Ratio on which most distinct commands agree; of equals that of the middle commands."""
     best: tuple[int, float, float] = (0, 0.0, 1.0)
-    sizes = np.array([abs(one.command) for one in moving])
+    sizes = np.array([abs(plateau.command) for plateau in moving])
     middle = 0.5 * float(sizes.max())
-    for one in moving:
-        gain = abs(one.level / one.command)
+    for plateau in moving:
+        gain = abs(plateau.level / plateau.command)
         alike = {round(other.command, 9) for other in moving if _above(other, gain, noise) == 0}
-        best = max(best, (len(alike), -abs(abs(one.command) - middle), gain))
-    kept = [one for one in moving if _above(one, best[2], noise) == 0]
-    weights = np.array([abs(one.command) for one in kept])
-    ratios = np.array([abs(one.level / one.command) for one in kept])
+        best = max(best, (len(alike), -abs(abs(plateau.command) - middle), gain))
+    kept = [plateau for plateau in moving if _above(plateau, best[2], noise) == 0]
+    weights = np.array([abs(plateau.command) for plateau in kept])
+    ratios = np.array([abs(plateau.level / plateau.command) for plateau in kept])
     return float(np.average(ratios, weights=weights**2))
 
 
@@ -332,7 +337,7 @@ def transitions(records: Sequence[StepRecord], static: Statics, noise: Noise) ->
             if abs(part[0]) > _SETTLED:
                 continue
             passed = [_crossing(times[rows] - stamps[k], part, share) for share in (0.2, 0.8)]
-            if all(math.isfinite(one) for one in passed):
+            if all(math.isfinite(time) for time in passed):
                 kept.append(Transition(abs(after - before), _rate(before, after), passed[0], passed[1]))
     return kept
 
@@ -349,7 +354,7 @@ def starts(
     seen = transitions(records, static, noise)
     sample = float(np.median([record.sample_s for record in records]))
     lag, ramps = _widths(seen, sample)
-    latest = float(np.median([one.to_20 for one in seen])) if seen else 4.0 * sample
+    latest = float(np.median([step.to_20 for step in seen])) if seen else 4.0 * sample
     delays = np.arange(0.0, latest + sample, sample / _PER_SAMPLE)
     delays = delays[:: max(1, math.ceil(len(delays) / _MOST_DELAYS))]
     grid: list[tuple[float, int, Array]] = []
@@ -392,15 +397,15 @@ def _widths(seen: Sequence[Transition], sample: float) -> tuple[float, Array]:
     """Time constant in s and reciprocal rates (4,) from the times between 20 and 80 %."""
     from scipy.optimize import nnls
 
-    kept = [one for one in seen if one.rate is not None]
+    kept = [step for step in seen if step.rate is not None]
     ramps = np.zeros(4)
     if not kept:
         return sample, ramps
     rows = np.zeros((len(kept), 5))
     rows[:, 0] = 1.0
-    top = max(one.size for one in kept)
-    for row, one in zip(rows, kept, strict=True):
-        row[1 + int(one.rate or 0) - 7] = (one.size / top) ** 2
-    squares, _ = nnls(rows, np.array([(one.to_80 - one.to_20) ** 2 for one in kept]))
+    top = max(step.size for step in kept)
+    for row, step in zip(rows, kept, strict=True):
+        row[1 + int(step.rate or 0) - 7] = (step.size / top) ** 2
+    squares, _ = nnls(rows, np.array([(step.to_80 - step.to_20) ** 2 for step in kept]))
     ramps[:] = np.sqrt(squares[1:]) / (0.6 * top)
     return max(math.sqrt(squares[0]) / _LN4, 0.2 * sample), ramps

@@ -119,7 +119,7 @@ def _behind_motors(steady: Sequence[Plateau], vehicle: Vehicle, commanded: Seque
     signals = [dict(plateau.signal) for plateau in steady]
     for name in commanded:
         for signal, value in zip(
-            signals, settled(vehicle, name, [one[name] for one in signals]), strict=True
+            signals, settled(vehicle, name, [signal_of[name] for signal_of in signals]), strict=True
         ):
             signal[name] = float(value)
     return [replace(plateau, signal=signal) for plateau, signal in zip(steady, signals, strict=True)]
@@ -268,8 +268,8 @@ def read_pull(
     limit = max(largest(vehicle.actuator_info()[name], 1.0) for name in unit.actuators)
     zero = (_ZERO_MEASURED if pull.use == "measured" and table.t is not None else _ZERO_SHARE) * limit
     resting = [p for p in steady if all(abs(x) <= zero for x in p.signal.values())]
-    tare, tare_error, said = _tare(pull, resting, load.shape[1], where)
-    notes += said
+    tare, tare_error, remarks = _tare(pull, resting, load.shape[1], where)
+    notes += remarks
     geometry = force_per_newton(vehicle, axes)
     points: list[tuple[Plateau, Separated]] = []
     for plateau in steady:
@@ -377,15 +377,15 @@ def _tare(
         error = loads.std(axis=0, ddof=1) / np.sqrt(len(loads))
     else:
         error = np.sqrt((np.nan_to_num(own) ** 2).sum(axis=0)) / len(loads)
-    said = [
+    remarks = [
         f"tared by {', '.join(f'{x:+.3g}' for x in tare)} N, the mean of {len(loads)} steady parts at zero"
         " signal"
     ]
     if len(loads) > 1 and np.isfinite(own).all():
         apart = np.ptp(loads, axis=0)
         if (apart > _APART * np.sqrt(2.0) * own.max(axis=0)).any() and apart.max() > 0.0:
-            said.append(f"the cell's zero moved by {apart.max():.2g} N between its steady parts")
-    return tare, error, said
+            remarks.append(f"the cell's zero moved by {apart.max():.2g} N between its steady parts")
+    return tare, error, remarks
 
 
 @dataclass(frozen=True, eq=False)

@@ -370,13 +370,13 @@ def candidates(signal: Array, thrust: Array) -> tuple[Candidate, ...]:
         sse = max(float(fit.residual @ fit.residual), n * (1e-9 * float(np.abs(thrust).max())) ** 2)
         aicc = n * math.log(sse / n) + 2 * k + 2 * k * (k + 1) / (n - k - 1)
         models.append(Candidate(name, keys, terms, sse, fit.sigma, aicc))
-    return tuple(sorted(models, key=lambda one: one.aicc))
+    return tuple(sorted(models, key=lambda model: model.aicc))
 
 
 def recommended(models: tuple[Candidate, ...]) -> Candidate:
     """Candidate with the fewest coefficients among those as good as the best."""
-    good = [one for one in models if one.aicc - models[0].aicc < _AS_GOOD]
-    return min(good, key=lambda one: len(one.terms))
+    good = [model for model in models if model.aicc - models[0].aicc < _AS_GOOD]
+    return min(good, key=lambda model: len(model.terms))
 
 
 def lack_of_fit(models: tuple[Candidate, ...], chosen: tuple[Term, ...], n: int) -> str:
@@ -384,7 +384,7 @@ def lack_of_fit(models: tuple[Candidate, ...], chosen: tuple[Term, ...], n: int)
     if not models:
         return "too few points to compare orders"
     best = recommended(models)
-    own = next((one for one in models if one.terms == chosen), None)
+    own = next((model for model in models if model.terms == chosen), None)
     if own is None:
         return f"of the usual models {best.name} describes the points best ({best.keys})"
     if own.aicc - best.aicc < _AS_GOOD:

@@ -30,9 +30,9 @@ _MOST = 4
 
 def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> list[str]:
     """What the pulls of a group say: factors, curve, exponent, order, outliers."""
-    said = [f"{unit}: {text}" for text in _factors(records)]
-    for side, one in fit.directions.items():
-        said.append(f"{unit} {side}: {_largest(fit, side)}; {_goodness(one)}")
+    lines = [f"{unit}: {text}" for text in _factors(records)]
+    for side, direction in fit.directions.items():
+        lines.append(f"{unit} {side}: {_largest(fit, side)}; {_goodness(direction)}")
         if fit.kind == "quadratic":
             p1, sd = (PER_MINUTE * float(x[0]) for x in (one.fit.coefficients, one.fit.standard_deviations))
             said.append(f"{unit} {side}: p1 = {p1:.5g} ± {sd:.2g} N s², thrust per n|n| with n in rev/s")
@@ -42,13 +42,13 @@ def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> li
             said.append(f"{unit} {side}: {one.judgement}")
         said += [f"{unit} {side}: {text}" for text in _outliers(fit, one)]
     if fit.table is not None:
-        said += [f"{unit}: {text}" for text in _table(fit)]
+        lines += [f"{unit}: {text}" for text in _table(fit)]
     ratios = [
         f"{'+'.join(names)} {ratio:.3f} ± {sd:.2g}" for names, (ratio, sd) in actuator_ratios(fit).items()
     ]
     if ratios:
-        said.append(f"{unit}: thrust over that of the common curve: {', '.join(ratios)}")
-    return said
+        lines.append(f"{unit}: thrust over that of the common curve: {', '.join(ratios)}")
+    return lines
 
 
 def motor_sentences(unit: str, motor: MotorEstimate) -> list[str]:
@@ -69,14 +69,14 @@ def share(value: float, digits: int = 5) -> str:
 
 
 def _factors(records: Sequence[PullPoints]) -> list[str]:
-    said: dict[str, None] = {}
+    lines: dict[str, None] = {}
     for record in records:
         for names, factor in record.factors.items():
             many = (
                 f"{len(names)} actuators ({', '.join(names)}) pull" if len(names) > 1 else f"{names[0]} pulls"
             )
-            said[f"{many} {factor:.4g} N along the load cell per newton of one"] = None
-    return list(said)
+            lines[f"{many} {factor:.4g} N along the load cell per newton of one"] = None
+    return list(lines)
 
 
 def _largest(fit: UnitFit, side: str) -> str:
@@ -86,8 +86,8 @@ def _largest(fit: UnitFit, side: str) -> str:
     return f"{abs(fit.points.thrust[k]):.3g} N at {fit.points.signal[k]:+.4g} {fit.unit.command}{volts}"
 
 
-def _goodness(one: DirectionFit) -> str:
-    fit = one.fit
+def _goodness(direction: DirectionFit) -> str:
+    fit = direction.fit
     return (
         f"R2 = 1 - SSE/SST {verb_of(share(fit.r2))} (squared correlation, blind to a wrong gain,"
         f" {verb_of(share(fit.b))}); points scatter by {fit.sigma:.2g} N (standard"
@@ -109,24 +109,24 @@ def exponent_text(one: DirectionFit) -> str:
         f" {high:.2f}"
     )
     if low <= 2.0 <= high:
-        return f"{said}: n|n| (2) lies in it"
+        return f"{words}: n|n| (2) lies in it"
     return (
-        f'{said}: it differs from n|n| (2); compare order = 2 and order = "points" (a dead band or an offset'
+        f'{words}: it differs from n|n| (2); compare order = 2 and order = "points" (a dead band or an offset'
         " of the load cell bends weak points most)"
     )
 
 
-def _outliers(fit: UnitFit, one: DirectionFit) -> list[str]:
-    if not len(one.outliers):
+def _outliers(fit: UnitFit, direction: DirectionFit) -> list[str]:
+    if not len(direction.outliers):
         return []
     points = fit.points
     kept = fit.regression.outliers == "keep"
     shown = [
         f"pull {points.pull[k]}, {points.label[k]} ({points.signal[k]:+.4g} {fit.unit.command},"
         f" {points.thrust[k]:+.3g} N)"
-        for k in one.outliers[:_MOST]
+        for k in direction.outliers[:_MOST]
     ]
-    more = f" and {len(one.outliers) - _MOST} more" if len(one.outliers) > _MOST else ""
+    more = f" and {len(direction.outliers) - _MOST} more" if len(direction.outliers) > _MOST else ""
     return [f"WARNING: outliers, {'kept' if kept else 'left out of the fit'}: {'; '.join(shown)}{more}"]
 
 
@@ -135,7 +135,7 @@ def _table(fit: UnitFit) -> list[str]:
     assert table is not None
     rms = float(np.sqrt(np.mean(table.residual**2)))
     worst = int(np.abs(table.residual).argmax())
-    said = [
+    lines = [
         f"table of {len(table.signal)} signals"
         + (f" at {len(table.voltage_v)} voltages" if len(table.voltage_v) else "")
         + f": the points lie {rms:.2g} N (rms) from it, at most {abs(table.residual[worst]):.2g} N"
@@ -143,8 +143,8 @@ def _table(fit: UnitFit) -> list[str]:
     ]
     low, high = table.dead_band
     if low < 0.0 or high > 0.0:
-        said.append(f"dead band: no thrust from {low:+.4g} to {high:+.4g} {fit.unit.command}")
-    return said
+        lines.append(f"dead band: no thrust from {low:+.4g} to {high:+.4g} {fit.unit.command}")
+    return lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,15 +191,15 @@ class BenchTest:
 
     def sentences(self) -> list[str]:
         """What the test says, in sentences; warnings begin with WARNING."""
-        said = []
+        lines = []
         for record in self.records.values():
-            said += [f"pull {record.name}: {note}" for note in record.notes]
+            lines += [f"pull {record.name}: {note}" for note in record.notes]
         for unit, fit in self.pulls.items():
             own = [record for record in self.records.values() if record.name in fit.points.pull]
-            said += pull_sentences(unit, fit, own)
+            lines += pull_sentences(unit, fit, own)
         for unit, motor in self.motors.items():
-            said += motor_sentences(unit, motor)
-        return said + [f"WARNING: {text}" for text in self.warnings] + list(self.notes)
+            lines += motor_sentences(unit, motor)
+        return lines + [f"WARNING: {text}" for text in self.warnings] + list(self.notes)
 
     def report(self) -> Report:
         """How well the thrust is known, the worst problem, what to do next; then tables and sentences."""
@@ -256,7 +256,7 @@ class BenchTest:
             points = fit.points
             volts = points.voltage_v if fit.regression.with_voltage else None
             fitted = fit.thrust(points.signal, volts)
-            named = {int(k) for one in fit.directions.values() for k in one.outliers}
+            named = {int(k) for direction in fit.directions.values() for k in direction.outliers}
             rows += [
                 {
                     "group": unit,
@@ -306,27 +306,27 @@ class BenchTest:
 
 def _unit_dict(fit: UnitFit) -> dict[str, Any]:
     points = fit.points
-    found: dict[str, Any] = {
+    unit: dict[str, Any] = {
         "actuators": list(fit.unit.actuators),
         "unit": fit.unit.command,
         "kind": fit.kind,
         "order": fit.regression.order,
         "points": len(points.signal),
         "directions": {
-            side: one.to_dict()
-            | {"outliers": [f"pull {points.pull[k]}, {points.label[k]}" for k in one.outliers]}
-            for side, one in fit.directions.items()
+            side: direction.to_dict()
+            | {"outliers": [f"pull {points.pull[k]}, {points.label[k]}" for k in direction.outliers]}
+            for side, direction in fit.directions.items()
         },
     }
     if fit.table is not None:
-        found["table"] = {
+        unit["table"] = {
             "signal": fit.table.signal,
             "voltage_v": fit.table.voltage_v,
             "force_n": fit.table.force,
             "dead_band": list(fit.table.dead_band),
             "errors": fit.table.errors(),
         }
-    return found
+    return unit
 
 
 def _record_dict(record: PullPoints) -> dict[str, Any]:

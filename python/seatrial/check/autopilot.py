@@ -59,20 +59,20 @@ def safety_sentences(safety: Mapping[str, Any], *, hovers: bool, loiter_radius_m
     words = dict(_REACTIONS)
     if not hovers:
         words["hold"] = f"circle at {loiter_radius_m:g} m"
-    said = []
+    lines = []
     for key, name in GROUPS.items():
         stale = safety[f"stale_{key}"]
         where = " on a leg that follows the bottom" if key == "altitude" else ""
-        said.append(f"No {name} for {stale['after_s']:g} s{where}: {words[stale['reaction']]}")
-    said += [f"{sentence}: {words[safety[key]]}" for key, sentence in _LIMITS.items()]
+        lines.append(f"No {name} for {stale['after_s']:g} s{where}: {words[stale['reaction']]}")
+    lines += [f"{sentence}: {words[safety[key]]}" for key, sentence in _LIMITS.items()]
     battery, actuator = safety["battery"], safety["actuator"]
-    said.append(f"Battery below {100.0 * battery['below']:g} %: {words[battery['reaction']]}")
-    said.append(
+    lines.append(f"Battery below {100.0 * battery['below']:g} %: {words[battery['reaction']]}")
+    lines.append(
         f"An actuator {100.0 * actuator['deviation']:g} % of its largest signal off for"
         f" {actuator['after_s']:g} s: allocate without it, and {words[actuator['reaction']]}"
     )
     stalled = safety["progress"]
-    said.append(f"No nearer to the waypoint for {stalled['after_s']:g} s: {words[stalled['reaction']]}")
+    lines.append(f"No nearer to the waypoint for {stalled['after_s']:g} s: {words[stalled['reaction']]}")
     contrary, speed = safety["contradiction"], safety["speed"]
     limits = {
         "position": f"{contrary['position_m']:g} m",
@@ -81,26 +81,26 @@ def safety_sentences(safety: Mapping[str, Any], *, hovers: bool, loiter_radius_m
     }
     for key, limit in limits.items():
         reaction = words[safety[f"stale_{key}"]["reaction"]]
-        said.append(
+        lines.append(
             f"The {GROUPS[key]} {limit} from what its rates say, for {contrary['after_s']:g} s: {reaction}"
         )
-    said.append(
+    lines.append(
         f"A velocity that changes by {contrary['roughness_m_s']:g} m/s from step to step: told, and"
         f" {words['continue']}"
     )
-    said.append(
+    lines.append(
         f"The speed {speed['off_m_s']:g} m/s off for {speed['after_s']:g} s: {words[speed['reaction']]}"
     )
-    said.append(f"An unused channel or the battery silent: told, and {words['continue']}")
+    lines.append(f"An unused channel or the battery silent: told, and {words['continue']}")
     aborts = safety["stale_depth"]["reaction"] == "abort"
-    said.append(
+    lines.append(
         f"No higher after {safety['ascent_after_s']:g} s of surfacing:"
         f" {words['abort' if aborts else 'continue']}"
     )
-    said.append(
+    lines.append(
         f"Surfacing: at {safety['surface_speed_m_s']:g} m/s until {safety['surfaced_above_m']:g} m of depth"
     )
-    return said
+    return lines
 
 
 _UNITS = {"surge": "N", "sway": "N", "heave": "N", "roll": "N m", "pitch": "N m", "heading": "N m"}
@@ -233,8 +233,8 @@ def check_autopilot(
     warnings: list[str] = []
     margins = None
     if vehicle is not None:
-        told, wrong, margins = on_vehicle(autopilot, facts, vehicle, voltage_v=voltage_v)
-        notes, warnings = notes + told, wrong
+        beside, wrong, margins = on_vehicle(autopilot, facts, vehicle, voltage_v=voltage_v)
+        notes, warnings = notes + beside, wrong
     return AutopilotCheck(
         name=autopilot.name,
         description=autopilot.description,

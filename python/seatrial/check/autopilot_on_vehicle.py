@@ -62,13 +62,13 @@ class AutopilotMargins(Plain, only="margins=rows margins_typical_sensors=typical
             return notes, warnings
         worst = max(late, key=lambda row: (bool(row.grows), row.sensitivity))
         others = f", and {len(late) - 1} more breakpoints are short" if len(late) > 1 else ""
-        said = (
+        doubt = (
             "typical sensors, whose delay seatrial tune counts, leave less margin than the perfect ones of"
             f" this table: {_weakness([worst])}{others}"
         )
         if any(row.grows for row in late):
-            return notes, [*warnings, said]
-        return [*notes, f"{said[0].upper()}{said[1:]}"], warnings
+            return notes, [*warnings, doubt]
+        return [*notes, f"{doubt[0].upper()}{doubt[1:]}"], warnings
 
     def how_good(self) -> str:
         """Range of sound speeds and the least phase margin there, in a clause; nothing where none is."""
@@ -138,12 +138,12 @@ def _in_short(rows: Sequence[MarginRow]) -> str:
 
 def _weakness(rows: Sequence[MarginRow]) -> str:
     """Why breakpoints are not sound, by speed: what grows, or the loop and its margins that fall short."""
-    found: dict[object, tuple[str, list[str]]] = {}
+    speeds_by_cause: dict[object, tuple[str, list[str]]] = {}
     for row in rows:
         # One and the same motion, whatever moves most in it.
         cause = frozenset(row.grows.split(" and ")) if row.grows else row.weakness
-        found.setdefault(cause, (row.weakness, []))[1].append(f"{row.speed_m_s:.2f}")
-    return "; ".join(f"at {listed(speeds)} m/s {why}" for why, speeds in found.values())
+        speeds_by_cause.setdefault(cause, (row.weakness, []))[1].append(f"{row.speed_m_s:.2f}")
+    return "; ".join(f"at {listed(speeds)} m/s {why}" for why, speeds in speeds_by_cause.values())
 
 
 _RANK = 1e-2  # of the largest singular value: what cannot be used in practice
@@ -173,10 +173,10 @@ def on_vehicle(
             f"speed_max_m_s = {fastest:g} is more than the top speed of {top:.2f} m/s: it limits nothing"
         )
     for mode in facts.modes:
-        told, wrong = _mode(facts, mode, vehicle, top, voltage_v)
-        notes, warnings = notes + told, warnings + wrong
+        beside, wrong = _mode(facts, mode, vehicle, top, voltage_v)
+        notes, warnings = notes + beside, warnings + wrong
     margins = margins_on(autopilot, vehicle, voltage_v=voltage_v)
-    told, weak = margins.told()
+    beside, weak = margins.told()
     warnings = [
         *([doubt] if doubt else []),
         *weak,
@@ -185,7 +185,7 @@ def on_vehicle(
         *_circle(facts, vehicle, voltage_v),
         *_buoyancy(facts, vehicle),
     ]
-    return notes + told, warnings, margins
+    return notes + beside, warnings, margins
 
 
 def _points(speeds: list[float], astern: float, top: float) -> tuple[list[str], list[str]]:
@@ -286,11 +286,11 @@ def _circle(facts: AutopilotFacts, vehicle: Vehicle, voltage_v: float) -> list[s
         return []
     radius = facts.guidance["loiter_radius_m"]
     speeds = [speed for speed in facts.speeds_m_s if speed > 0.0]
-    found = [r for speed in speeds if (r := turning_radius(vehicle, speed, voltage_v=voltage_v)) is not None]
-    if found and radius < _LOITER * max(found):
+    radii = [r for speed in speeds if (r := turning_radius(vehicle, speed, voltage_v=voltage_v)) is not None]
+    if radii and radius < _LOITER * max(radii):
         return [
             f"loiter_radius_m = {radius:g} leaves little room beside the vehicle's tightest circle of"
-            f" {max(found):.1f} m; widen it"
+            f" {max(radii):.1f} m; widen it"
         ]
     return []
 

@@ -133,12 +133,12 @@ def clearance(points: Array, fence: Array) -> tuple[float, int]:
     ends = np.roll(fence, -1, axis=0)
     nearest, leg = np.inf, 0
     for k, (a, b) in enumerate(pairwise(points)):
-        found = min(
+        distance = min(
             float(_to_stretches(np.stack([a, b]), fence, ends).min()),
             float(_to_stretches(fence, a[None], b[None]).min()),
         )
-        if found < nearest:
-            nearest, leg = found, k
+        if distance < nearest:
+            nearest, leg = distance, k
     return nearest, leg
 
 
@@ -230,7 +230,7 @@ def corners(mission: Mission) -> list[Corner]:
     places = np.stack([points["north_m"], points["east_m"]], axis=1)
     steps = np.diff(places, axis=0, prepend=[[mission.start["north_m"], mission.start["east_m"]]])
     lengths = np.hypot(*steps.T)
-    found = []
+    turns = []
     for k in range(len(places) - 1):
         busy = points["hold_s"][k] > 0.0 or points["circle_radius_m"][k] > 0.0
         if busy or points["circle_radius_m"][k + 1] > 0.0 or min(lengths[k], lengths[k + 1]) <= 0.0:
@@ -240,8 +240,8 @@ def corners(mission: Mission) -> list[Corner]:
         turn = float(np.arctan2(across, before @ after))
         if abs(turn) > _TURNS:
             half = 0.5 * float(min(lengths[k], lengths[k + 1]))
-            found.append(Corner(k, turn, half / np.tan(0.5 * abs(turn))))
-    return found
+            turns.append(Corner(k, turn, half / np.tan(0.5 * abs(turn))))
+    return turns
 
 
 def beyond(radius_m: float, turn: float, acceptance_m: float) -> float:
@@ -280,22 +280,22 @@ def turn_sentences(
             known.append((speed / float(rate), "circle of the autopilot's turn_rate_max_deg_s"))
         if known:
             radii[speed] = max(known)
-    found = [corner for corner in corners(mission) if _speed(mission, corner) in radii]
+    turns = [corner for corner in corners(mission) if _speed(mission, corner) in radii]
     notes, warnings = [], []
     over = [
         (beyond(radii[_speed(mission, c)][0], c.turn, float(points["acceptance_radius_m"][c.index])), c.index)
-        for c in found
+        for c in turns
     ]
     anticipated = autopilot is not None and autopilot_facts(autopilot).guidance["turn_radius_m"] > 0.0
     if over and max(over)[0] > _SEEN_M and not anticipated:
         widest, index = max(over)
         notes.append(f'Widest turn: {widest:.1f} m beyond the next leg, at "{points["label"][index]}"')
-    tight = _tight(mission, found, radii)
+    tight = _tight(mission, turns, radii)
     if tight:
         worst = min(tight, key=lambda corner: corner.room_m / radii[_speed(mission, corner)][0])
         radius, whose = radii[_speed(mission, worst)]
         warnings.append(
-            f"{len(tight)} of {len(found)} turns are tighter than the {whose} of {radius:.1f} m at"
+            f"{len(tight)} of {len(turns)} turns are tighter than the {whose} of {radius:.1f} m at"
             f' {_speed(mission, worst):g} m/s, most of all at "{points["label"][worst.index]}" with room for'
             f" {worst.room_m:.1f} m; widen the pattern or, with thrusters, fly slower"
         )
@@ -306,10 +306,10 @@ def _speed(mission: Mission, corner: Corner) -> float:
     return float(mission.waypoints["speed_m_s"][corner.index + 1])
 
 
-def _tight(mission: Mission, found: list[Corner], radii: Mapping[float, tuple[float, str]]) -> list[Corner]:
+def _tight(mission: Mission, turns: list[Corner], radii: Mapping[float, tuple[float, str]]) -> list[Corner]:
     """Corners without room for the circle; a small turn counts only beside another one."""
     small = {}
-    for corner in found:
+    for corner in turns:
         radius = radii[_speed(mission, corner)][0]
         if corner.room_m < radius:
             cut = radius * (1.0 / np.cos(0.5 * min(abs(corner.turn), _REVERSAL)) - 1.0)

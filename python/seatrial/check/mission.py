@@ -191,8 +191,8 @@ def _steep(mission: Mission, facts: AutopilotFacts) -> list[str]:
     return sentences
 
 
-def _further(found: Any) -> str:
-    more = len(found) - 1
+def _further(ways: Any) -> str:
+    more = len(ways) - 1
     return f" (and {more} further {'way' if more == 1 else 'ways'})" if more else ""
 
 
@@ -360,8 +360,8 @@ def check_mission(
     notes += near
     warnings = list(close)
     if vehicle is not None:
-        told, empty = energy_sentences(vehicle, rows, energy)
-        notes += told
+        beside, empty = energy_sentences(vehicle, rows, energy)
+        notes += beside
         warnings += [*empty, *vehicle_warnings(rows, vehicle, voltage_v)]
     if autopilot is not None:
         warnings += autopilot_warnings(mission, rows, autopilot)
@@ -376,15 +376,15 @@ def check_mission(
         flown, left_out, refused = fly_beforehand(
             mission, vehicle, autopilot, current=current, sensors=sensors, seabed=seabed, voltage_v=voltage_v
         )
-        told, short = flown_sentences(flown, fitted)
-        notes += [*left_out, *told]
+        beside, short = flown_sentences(flown, fitted)
+        notes += [*left_out, *beside]
         doubt = mismatch(autopilot, vehicle)
         failed = next((flight for flight in flown if not flight.complete), None)
         # It is of the first warning, and that is of a flight where nothing stands before it.
         remedy = failed.remedy if failed is not None and not doubt and not refused else ""
         warnings = [*([doubt] if doubt else []), *refused, *short, *warnings]
     turned, tight = turn_sentences(mission, circles, autopilot)
-    flown_well = bool(flown) and all(one.complete for one in flown)
+    flown_well = bool(flown) and all(flight.complete for flight in flown)
     return MissionCheck(
         name=mission.name,
         description=mission.description,

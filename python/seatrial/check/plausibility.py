@@ -84,44 +84,44 @@ def _inertia(vehicle: Vehicle) -> list[str]:
         "I_y": (box["length"], box["height"]),
         "I_z": (box["length"], box["diameter"]),
     }
-    found = []
+    lines = []
     for name, (a, b) in spans.items():
         solid = values["m"] * (a * a + b * b) / 12.0
         if not 0.1 < values[name] / solid < 10.0:
-            found.append(
+            lines.append(
                 f"{name} = {values[name]:.4g} kg m2 is {values[name] / solid:.2g} times that of a solid box"
                 " of the hull's measures; is it in kg m2 and about O?"
             )
-    return found
+    return lines
 
 
 def _triangle(vehicle: Vehicle) -> list[str]:
     """No body has a moment of inertia above the sum of the other two, whatever point they are about."""
     values = vehicle.coefficients()
-    found = []
+    lines = []
     for k, name in enumerate(_INERTIAS):
         others = [_INERTIAS[k - 1], _INERTIAS[k - 2]]
         most = sum(values[other] for other in others)
         if values[name] > _ROUNDED * most:
-            found.append(
+            lines.append(
                 f"{name} = {values[name]:.4g} kg m2 is more than {' + '.join(sorted(others))} = {most:.4g}"
                 " kg m2, which no body has; correct the moments of inertia"
             )
-    return found
+    return lines
 
 
 def _motors(vehicle: Vehicle) -> list[str]:
     """Motors whose least speed lies above their largest."""
-    found: dict[str, list[str]] = {}
+    names_by_fault: dict[str, list[str]] = {}
     for name, facts in vehicle.actuator_info().items():
         for side in ("ahead", "astern"):
             least, most = float(facts[f"minimum_{side}"]), float(facts[f"maximum_{side}"])
             if least > most > 0.0:
                 wrong = f"minimum_{side} = {least:g} above maximum_{side} = {most:g}"
-                found.setdefault(wrong, []).append(name)
+                names_by_fault.setdefault(wrong, []).append(name)
     return [
         f"{wrong} of {listed(names)}: no command lies between; correct the motor"
-        for wrong, names in found.items()
+        for wrong, names in names_by_fault.items()
     ]
 
 
@@ -143,7 +143,7 @@ def _ranges(vehicle: Vehicle) -> list[str]:
     """Limits, lags, areas and thrusts that no actuator of this kind has, as with degrees or percent."""
     values, box = vehicle.coefficients(), vehicle.geometry()
     weight = values["m"] * vehicle.environment()["g"]
-    said: dict[str, list[str]] = {}
+    names_by_fault: dict[str, list[str]] = {}
     for name, facts in vehicle.actuator_info().items():
         fin, unit = facts["kind"] == "fin", str(facts["unit"])
         least, most, how = _LIMITS[unit]
@@ -151,28 +151,30 @@ def _ranges(vehicle: Vehicle) -> list[str]:
             limit = float(facts[f"maximum_{side}"])
             if 0.0 < limit < least or most < limit < np.inf:
                 what = f"maximum_{side} = {limit:g} is outside the {least:g} to {most:g} {unit}"
-                said.setdefault(f"{what} of any such actuator; give it {how}", []).append(name)
+                names_by_fault.setdefault(f"{what} of any such actuator; give it {how}", []).append(name)
         lag = max(values.get(f"{name}.T_1", 0.0), values.get(f"{name}.T_t", 0.0))
         if lag > (_SERVO_LAG_S if fin else _MOTOR_LAG_S):
-            said.setdefault(f"lag or dead time of {lag:g} s is longer than any; give it in s", []).append(
-                name
-            )
+            names_by_fault.setdefault(
+                f"lag or dead time of {lag:g} s is longer than any; give it in s", []
+            ).append(name)
         rate = values.get(f"{name}.n_acc", 0.0)
         if fin and rate > _SERVO_RATE:
             what = f"n_acc_per_s = {rate:g} rad/s is faster than any servo; give it in rad/s:"
-            said.setdefault(f"{what} {rate:g} deg/s are {np.deg2rad(rate):.2g}", []).append(name)
+            names_by_fault.setdefault(f"{what} {rate:g} deg/s are {np.deg2rad(rate):.2g}", []).append(name)
     tables = {str(fin["name"]): fin for fin in vehicle.to_dict().get("fins", [])}
     for name, fin in tables.items():
         area = float(fin["area_m2"])
         if box and area > _FIN_SHARE * box["length"] * max(box["diameter"], box["height"]):
             what = f"area_m2 = {area:g} is more than half of the hull seen from the side; give it in m2"
-            said.setdefault(what, []).append(name)
+            names_by_fault.setdefault(what, []).append(name)
     for push in pushes(vehicle):
         force = float(np.linalg.norm(push.wrench[:3]))
         if force > _STRONGEST * weight:
             what = f"pushes with {force:.3g} N, {force / weight:.2g} times the weight of the vehicle"
-            said.setdefault(f"{what}; check unit and size of its characteristic", []).append(push.actuator)
-    return [f"{listed(list(dict.fromkeys(names)))}: {what}" for what, names in said.items()]
+            names_by_fault.setdefault(f"{what}; check unit and size of its characteristic", []).append(
+                push.actuator
+            )
+    return [f"{listed(list(dict.fromkeys(names)))}: {what}" for what, names in names_by_fault.items()]
 
 
 def _thrust(vehicle: Vehicle) -> list[str]:
@@ -189,7 +191,7 @@ def _thrust(vehicle: Vehicle) -> list[str]:
 def _signs(vehicle: Vehicle) -> list[str]:
     """Diagonal damping is negative in Fossen's convention, added mass is not far above the vehicle's own."""
     values = vehicle.coefficients()
-    found = [
+    lines = [
         f"{name} = {value:+.4g} is positive: it drives the vehicle on. Damping derivatives are negative"
         " (force on the vehicle)"
         for name, value in positive_damping(vehicle).items()
@@ -198,11 +200,11 @@ def _signs(vehicle: Vehicle) -> list[str]:
         own = values["m"] if row in "XYZ" else values[f"I_{'xyz'['KMN'.index(row)]}"]
         added = -values.get(f"{row}_{axis}dot", 0.0)
         if added > 10.0 * own or added < 0.0:
-            found.append(
+            lines.append(
                 f"{row}_{axis}dot = {-added:+.4g} against {own:.4g} of the vehicle itself; added-mass"
                 " derivatives are negative and rarely above ten times its own"
             )
-    return found
+    return lines
 
 
 def _strips(vehicle: Vehicle) -> list[str]:
@@ -212,7 +214,7 @@ def _strips(vehicle: Vehicle) -> list[str]:
         f"{listed((name, *both))} are not zero: the strips of {name} already include {listed(both)}; set"
         f" {listed(both)} to 0, unless {'it describes' if len(both) == 1 else 'they describe'} an appendage"
         for name, made in STRIPS.items()
-        if values.get(name) and (both := [one for one in made if values.get(one)])
+        if values.get(name) and (both := [coefficient for coefficient in made if values.get(coefficient)])
     ]
 
 
@@ -228,21 +230,21 @@ def _tether(vehicle: Vehicle) -> list[str]:
 
 
 def _positions(vehicle: Vehicle) -> list[str]:
-    box, values, found = vehicle.geometry(), vehicle.coefficients(), []
+    box, values, lines = vehicle.geometry(), vehicle.coefficients(), []
     if not box:
         return []
     half = 0.5 * np.array([box["length"], box["diameter"], box["height"]])
     for name, facts in vehicle.actuator_info().items():
         if facts["position"] is not None and np.any(np.abs(facts["position"]) > 2.0 * half):
             position = ", ".join(f"{x:g}" for x in facts["position"])
-            found.append(f"{name} at [{position}] m lies far outside the hull; are the positions in m?")
+            lines.append(f"{name} at [{position}] m lies far outside the hull; are the positions in m?")
     for centre, letter in (("gravity", "g"), ("buoyancy", "b")):
         levers = np.array([values.get(f"{axis}_{letter}", 0.0) for axis in "xyz"])
         if np.any(np.abs(levers) > half):
-            found.append(
+            lines.append(
                 f"the centre of {centre} lies outside the hull; are x_{letter}, y_{letter}, z_{letter} in m?"
             )
-    return found
+    return lines
 
 
 def _rows(vehicle: Vehicle) -> list[str]:
@@ -250,7 +252,7 @@ def _rows(vehicle: Vehicle) -> list[str]:
     declared = vehicle.controllable
     advised = advised_rows(vehicle)
     lacking = [row for row in declared if row not in able]
-    found = [
+    lines = [
         f"controllable lists {row} {declared.count(row)} times; name each row once"
         for row in dict.fromkeys(declared)
         if declared.count(row) > 1
@@ -259,13 +261,13 @@ def _rows(vehicle: Vehicle) -> list[str]:
     if not lacking:
         steered = {"X", "N"} <= set(declared) and {"Z", "M"} & set(declared)
         if declared and not steered and {"X", "N"} <= set(advised) and {"Z", "M"} & set(advised):
-            found.append(
+            lines.append(
                 f"controllable = [{', '.join(declared)}] lets no autopilot steer, which needs X, N and Z or"
                 f" M; its actuators can command them: give controllable = [{kept}]"
             )
-        return found
+        return lines
     return [
-        *found,
+        *lines,
         f"{', '.join(lacking)} {'counts' if len(lacking) == 1 else 'count'} as controllable (every row does"
         " in a file without this key), and the actuators cannot command"
         f" {'it' if len(lacking) == 1 else 'them'} independently of the others; give controllable ="

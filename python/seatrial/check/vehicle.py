@@ -94,8 +94,8 @@ def _cure(vehicle: Vehicle, plane: str) -> str:
     lift = _LIFT[plane]
     fins = _fins(vehicle, plane)
     if not fins and not _slender(vehicle):
-        said = "Usual for a hull that is not slender, but no actuator holds it: keep the vehicle slower"
-        return said + (", or raise the buoyancy over the weight (z_b)" if plane == "pitch" else "")
+        remedy = "Usual for a hull that is not slender, but no actuator holds it: keep the vehicle slower"
+        return remedy + (", or raise the buoyancy over the weight (z_b)" if plane == "pitch" else "")
     if not fins:
         return (
             f"Lift of hull and fixed fins ({lift}) balances the Munk moment of a slender hull; give it where"
@@ -185,10 +185,10 @@ class VehicleCheck:
 
     def by_actuator(self) -> list[list[Push]]:
         """The pushes of every actuator: ahead, and astern where it can."""
-        found: dict[str, list[Push]] = {}
+        pushes: dict[str, list[Push]] = {}
         for push in self.pushes:
-            found.setdefault(push.actuator, []).append(push)
-        return list(found.values())
+            pushes.setdefault(push.actuator, []).append(push)
+        return list(pushes.values())
 
     def report(self) -> Report:
         """Top speed, the worst problem, what to do next; then actuators, speeds, turns and notes."""
@@ -296,21 +296,21 @@ def _statics_notes(rest: Statics) -> list[str]:
 
 
 def _static_warnings(rest: Statics) -> list[str]:
-    found = []
+    lines = []
     if unstable := [
         n for n, p in (("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s)) if p is None
     ]:
         place = f"is {1e3 * abs(rest.b_over_g_m):.3g} mm below" if rest.b_over_g_m < 0.0 else "is not above"
-        found.append(
+        lines.append(
             f"{' and '.join(unstable)} not stable at rest: the centre of buoyancy {place} the centre of"
             " gravity; z points down, so z_b has to be smaller than z_g"
         )
     if abs(rest.net_n) > 0.05 * rest.weight_n:
-        found.append(
+        lines.append(
             f"B - m g = {rest.net_n:+.4g} N is {_percent(100.0 * rest.net_n / rest.weight_n)} of the weight;"
             " a submerged vehicle is trimmed to a few tenths of a per cent. Is B in N?"
         )
-    return found
+    return lines
 
 
 def _percent(share: float) -> str:
@@ -326,16 +326,16 @@ def _cruises(
         return (), []
     top = rows[-1].speed_kn
     asked = round_speeds_kn(top) if speeds_kn is None else speeds_kn
-    found, missed = [], []
+    cruises, missed = [], []
     for speed in asked:
         row = cruise(vehicle, speed * KNOT_M_S, voltage_v=voltage_v)
         if row is not None:
-            found.append(row)
+            cruises.append(row)
         elif speeds_kn is not None:
             limit = f"more than its top speed of {top:.1f} kn"
             slow = "less than the slowest that its motors hold"
             missed.append(f"Speed: {speed:g} kn is {limit if speed > top else slow}")
-    return tuple(found), missed
+    return tuple(cruises), missed
 
 
 def _speed_notes(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) -> list[str]:

@@ -142,7 +142,7 @@ class Circumstances:
             "current_trend_m_s_per_h": list(self.current_trend),
             "current_walk_m_s_after_1_h": list(self.current_walk),
             "waves": None if self.waves is None else asdict(self.waves),
-            "obstacles_m": [list(one) for one in self.obstacles],
+            "obstacles_m": [list(cylinder) for cylinder in self.obstacles],
             "sensors": self.sensors or "perfect",
             "sensor_notes": list(self.sensor_notes),
             "faults": [asdict(fault) for fault in self.faults],
@@ -515,14 +515,16 @@ def _unheard(
     landmarks: Sequence[Mapping[str, Any]],
 ) -> tuple[str, ...]:
     """Sentences on acoustic sensors that tell nothing in this flight."""
-    said = []
+    sentences = []
     for kind in sensors or {}:
         if not KINDS[kind].aboard:
             continue
         if navigation == "sensors":
-            said.append(f'{kind} is left out: only a navigation filter reads it (navigation = "filter").')
+            sentences.append(
+                f'{kind} is left out: only a navigation filter reads it (navigation = "filter").'
+            )
         elif kind != "usbl" and not landmarks:
-            said.append(f"{kind} sees nothing: the mission has no [[landmarks]].")
+            sentences.append(f"{kind} sees nothing: the mission has no [[landmarks]].")
     if sensors and ("range" in sensors) != ("bearing" in sensors):
         surfaces = [str(mark["name"]) for mark in landmarks if mark["kind"] != "beacon"]
         if surfaces and navigation != "sensors":
@@ -530,7 +532,7 @@ def _unheard(
                 f"sensors: {surfaces[0]} is a wall or a net, of which a sonar gives a range along a bearing:"
                 " expected sensors of both kinds, range and bearing, found one; add the other"
             )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def _model(source: Any, vehicle: Vehicle) -> Vehicle:

@@ -257,16 +257,16 @@ def checked_obstacles(given: Any) -> tuple[tuple[float, float, float], ...]:
     SimulationError
         One of them is none.
     """
-    found = []
-    for place, one in enumerate(given):
-        row = list(one) if isinstance(one, tuple | list | np.ndarray) else []
+    cylinders = []
+    for place, obstacle in enumerate(given):
+        row = list(obstacle) if isinstance(obstacle, tuple | list | np.ndarray) else []
         sound = len(row) == 3 and all(is_number(x) and math.isfinite(x) for x in row)
         if not sound or row[2] < 0.0:
             raise SimulationError(
-                f"obstacles[{place}]: expected north, east and a radius from 0 on in m, found {one!r}"
+                f"obstacles[{place}]: expected north, east and a radius from 0 on in m, found {obstacle!r}"
             )
-        found.append((float(row[0]), float(row[1]), float(row[2])))
-    return tuple(found)
+        cylinders.append((float(row[0]), float(row[1]), float(row[2])))
+    return tuple(cylinders)
 
 
 Corridor = tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
@@ -353,16 +353,16 @@ def checked_failures(what: str, given: Any, kind: type, *, per_case: bool = True
     """Failures for all cases, or a list of them per case."""
     example, call = _FAILURES[kind.__name__]
     failures = checked_list(what, given, kind, example)
-    shared = [isinstance(one, kind) for one in failures]
+    shared = [isinstance(failure, kind) for failure in failures]
     if per_case and any(shared) and not all(shared):
         raise SimulationError(
             f"{what}: expected either {what} for all cases or a list of them per case, found both"
         )
     nested = per_case and not any(shared)
-    for some in [checked_list(what, one, kind, example) for one in failures] if nested else [failures]:
-        for one in some:
-            if not isinstance(one, kind):
-                raise SimulationError(f"{what}: expected {call}, found {one!r}; give a list of them")
+    for some in [checked_list(what, case, kind, example) for case in failures] if nested else [failures]:
+        for failure in some:
+            if not isinstance(failure, kind):
+                raise SimulationError(f"{what}: expected {call}, found {failure!r}; give a list of them")
     return failures
 
 

@@ -301,12 +301,12 @@ def excesses(
         ),
         "battery": (energy > battery_wh, energy, -energy, battery_wh),
     }
-    found = []
+    exceeded = []
     for kind, (mask, value, least, limit) in kinds.items():
         if mask.any():
             k = int(np.argmin(np.where(mask, least, math.inf)))
             when = KINDS[kind].time
-            found.append(
+            exceeded.append(
                 Excess(
                     kind,
                     int(mask.sum()),
@@ -317,10 +317,10 @@ def excesses(
                     float(metrics[when][k]) if when else math.nan,
                 )
             )
-    return found
+    return exceeded
 
 
-def sentences(found: Sequence[Excess], name: Callable[[int], str], what: str = "missions") -> list[str]:
+def sentences(exceeded: Sequence[Excess], name: Callable[[int], str], what: str = "missions") -> list[str]:
     """A sentence without a full stop for each excess: how many flights, the worst one and when.
 
     Parameters
@@ -334,5 +334,5 @@ def sentences(found: Sequence[Excess], name: Callable[[int], str], what: str = "
     return [
         f"{excess.count} of {excess.of} {what} {excess.words}, the worst is {name(excess.worst)}:"
         f" {excess.how_far}{'' if math.isnan(excess.at_s) else f' at {excess.at_s:.1f} s'}"
-        for excess in found
+        for excess in exceeded
     ]

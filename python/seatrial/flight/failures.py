@@ -68,14 +68,14 @@ class Fault:
         >>> Fault.parse("rudder@60=0.1").stuck_at
         0.1
         """
-        found = _FAULT.fullmatch(text.strip())
-        if found is None:
+        match = _FAULT.fullmatch(text.strip())
+        if match is None:
             raise SimulationError(
                 f"fault {text!r}: expected ACTUATOR@SECONDS, ACTUATOR@SECONDS=stuck or"
                 " ACTUATOR@SECONDS=VALUE, for example SbU@60"
             )
-        time = _number(found["time"], f"fault {text!r}", "a time in s behind @")
-        actuator, value = found["actuator"].strip(), found["value"]
+        time = _number(match["time"], f"fault {text!r}", "a time in s behind @")
+        actuator, value = match["actuator"].strip(), match["value"]
         if value is None or value == "dead":
             return cls(actuator, time)
         if value == "stuck":
@@ -129,15 +129,15 @@ class Outage:
         >>> Outage.parse("position@100-200").until_s
         200.0
         """
-        found = _OUTAGE.fullmatch(text.strip())
-        if found is None:
+        match = _OUTAGE.fullmatch(text.strip())
+        if match is None:
             raise SimulationError(
                 f"outage {text!r}: expected GROUP@FROM-UNTIL in s or GROUP@FROM, for example position@100-200"
             )
-        begins, dash, ends = found["times"].partition("-")
+        begins, dash, ends = match["times"].partition("-")
         where, what = f"outage {text!r}", "times in s as FROM-UNTIL behind @"
         return cls(
-            found["what"].strip(),
+            match["what"].strip(),
             _number(begins, where, what),
             _number(ends, where, what) if dash else math.inf,
         )

@@ -129,8 +129,8 @@ class Flight(FlightLog):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What makes the flight doubtful before anything flew: an autopilot of another vehicle."""
-        said = mismatch(self.autopilot, self.circumstances.model)
-        return (f"{said}.",) if said else ()
+        mismatched = mismatch(self.autopilot, self.circumstances.model)
+        return (f"{mismatched}.",) if mismatched else ()
 
     @cached_property
     def alerts(self) -> tuple[Alert, ...]:
@@ -252,18 +252,18 @@ def _facts(flight: Flight) -> dict[str, Any]:
 
 def _inputs(flight: Flight) -> dict[str, str]:
     """Files of the inputs by name, as they were used."""
-    found = {
+    texts = {
         "vehicle": flight.vehicle.to_toml(),
         "autopilot": flight.autopilot.to_toml(),
         "mission": flight.mission.to_toml(),
     }
     if flight.samples is not None:
-        found["payload"] = flight.samples.payload.text
+        texts["payload"] = flight.samples.payload.text
     around = flight.circumstances
     models = {"model": around.model.to_toml()}
     if around.aboard is not None and (text := around.aboard.vehicle.to_toml()) != models["model"]:
         models["filter_model"] = text
-    return found | {name: text for name, text in models.items() if text != found["vehicle"]}
+    return texts | {name: text for name, text in models.items() if text != texts["vehicle"]}
 
 
 def _sampled(flight: Flight) -> dict[str, bytes]:

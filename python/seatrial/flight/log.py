@@ -108,7 +108,7 @@ class FlightLog:
     @cached_property
     def active(self) -> Mask:
         """Loops at work, (n, 6), in the order surge, sway, heave, roll, pitch, heading."""
-        table = np.array([one["loops"] for one in self.autopilot.modes]) > 0.5
+        table = np.array([mode["loops"] for mode in self.autopilot.modes]) > 0.5
         live = (self.alert < _ABORT) & np.isfinite(self.nu).all(axis=1)
         return np.asarray(table[self.mode] & live[:, None])
 
@@ -164,7 +164,7 @@ def log_fields(flights: Flights, vehicle: Vehicle, autopilot: Autopilot, case: i
 
     desired = {name: columns[f"desired_{name}"] for name in _DESIRED}
     mode = np.clip(whole("mode"), 0, len(modes) - 1)
-    by_pitch = np.array([one["depth_by"] == "pitch" for one in modes])[mode]
+    by_pitch = np.array([entry["depth_by"] == "pitch" for entry in modes])[mode]
     return {
         "position": several("x", "y", "z"),
         "euler": several("roll", "pitch", "yaw"),
@@ -179,7 +179,7 @@ def log_fields(flights: Flights, vehicle: Vehicle, autopilot: Autopilot, case: i
         "holding": columns["holding"] > 0.5,
         "done": columns["done"] > 0.5,
         "mode": mode,
-        "modes": tuple(str(one["name"]) for one in modes),
+        "modes": tuple(str(entry["name"]) for entry in modes),
         "alert": whole("alert"),
         "cause": whole("cause"),
         "commands": {name: columns[f"cmd.{name}"] for name in vehicle.actuators},

@@ -95,16 +95,16 @@ def metrics_of(flights: Flights) -> dict[str, Array]:
     ``ending``, ``alert`` and ``alert_cause`` are numbers of a list, see `ending_of` and
     ``seatrial._core.autopilot_names``.
     """
-    found: dict[str, Array] = {}
+    metrics: dict[str, Array] = {}
     for name, values in flights.figures.items():
         renamed, scale = in_metric_units(name)
-        found[renamed] = scale * np.asarray(values)
+        metrics[renamed] = scale * np.asarray(values)
     for error in ("cross_track", "true_cross_track", "vertical"):
         counts = getattr(flights, f"{error}_counts")
         for name, share in _QUANTILES.items():
-            found[f"{error}_{name}_m"] = quantile(counts, share, largest=found[f"{error}_largest_m"])
-    found["clearance_reserve_m"] = reserve(found["clearance_m"], found["clearance_reserve_m"])
-    return found
+            metrics[f"{error}_{name}_m"] = quantile(counts, share, largest=metrics[f"{error}_largest_m"])
+    metrics["clearance_reserve_m"] = reserve(metrics["clearance_m"], metrics["clearance_reserve_m"])
+    return metrics
 
 
 def reserve(clear_m: Array, beyond_m: Array) -> Array:
@@ -141,13 +141,13 @@ def quantile(counts: Array, share: float, *, largest: Array) -> Array:
     edges = np.log(np.asarray(error_edges()))
     samples, above = counts[:, :1], counts[:, 1:]
     exceeding = above / np.maximum(samples, 1.0)
-    found = np.empty(len(counts))
+    quantiles = np.empty(len(counts))
     for case, row in enumerate(exceeding):
         # From the rarest threshold down, as np.interp wants rising shares.
-        found[case] = np.exp(np.interp(1.0 - share, row[::-1], edges[::-1]))
+        quantiles[case] = np.exp(np.interp(1.0 - share, row[::-1], edges[::-1]))
         if row[-1] > 1.0 - share:  # beyond the last threshold only the largest is known
-            found[case] = np.inf
-    return np.where(samples[:, 0] > 0.0, np.minimum(found, largest), np.nan)
+            quantiles[case] = np.inf
+    return np.where(samples[:, 0] > 0.0, np.minimum(quantiles, largest), np.nan)
 
 
 def ending_of(metrics: Mapping[str, Array], case: int = 0) -> str:
@@ -251,24 +251,24 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, near: Array) -> Leg:
     """Leg `k`; `near` are its smallest true and perceived distance in m, and whether it was reached."""
     path = flight.route
     stop = path.stops[k]
-    found = of_legs.of(k, k)
-    if not len(found):
+    own_rows = of_legs.of(k, k)
+    if not len(own_rows):
         return _never(path, k)
-    first, last = int(found.min()), int(found.max())
+    first, last = int(own_rows.min()), int(own_rows.max())
     # The row in which guidance goes on to the next leg is the one in which it perceived the waypoint reached.
     switched = min(last + 1, len(flight.t) - 1)
     part = slice(first, switched + 1)
     rows = np.zeros(switched + 1 - first, dtype=bool)
-    rows[found - first] = True
+    rows[own_rows - first] = True
     distance = distance_to_stop(flight, k, flight.position[part], flight.altitude[part])
     half = 0.5 * path.length(k)
     holding = flight.holding[part]
     settled = rows & ~holding & (flight.distance[part] < half) & (stop.task != "circle")
     across, below = (flight.errors[name][part][settled] for name in ("cross_track", "vertical"))
     arrived = np.cumsum(rows & (distance <= stop.acceptance)) > 0
-    held = rows & holding & arrived & (stop.task == "hold")
+    at_station = rows & holding & arrived & (stop.task == "hold")
     step, beyond = _overshoot(flight, k, of_legs)
-    modes = np.bincount(flight.mode[found], minlength=len(flight.modes)) / len(found)
+    modes = np.bincount(flight.mode[own_rows], minlength=len(flight.modes)) / len(own_rows)
     return Leg(
         label=stop.label,
         task=stop.task,
@@ -285,8 +285,8 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, near: Array) -> Leg:
         depth_step_m=step,
         depth_overshoot_m=beyond,
         depth_overshoot_percent=100.0 * beyond / abs(step),
-        hold_rms_m=math.sqrt(_mean(distance[held] ** 2)),
-        hold_largest_m=_largest(distance[held]),
+        hold_rms_m=math.sqrt(_mean(distance[at_station] ** 2)),
+        hold_largest_m=_largest(distance[at_station]),
         modes={name: float(share) for name, share in zip(flight.modes, modes, strict=True) if share},
     )
 
@@ -427,7 +427,7 @@ class ActuatorUse(Plain):
 
 def loops_of(flight: FlightLog) -> dict[str, Loop]:
     """Metrics of the loops that were at work, by name."""
-    found = {}
+    loops = {}
     for i, name in enumerate(autopilot_names()["loops"]):
         rows = flight.active[:, i]
         if not rows.any():
@@ -435,7 +435,7 @@ def loops_of(flight: FlightLog) -> dict[str, Loop]:
         error_unit, demand_unit = _UNITS[i]
         scale = _DEG if error_unit == "deg" else 1.0
         error, demand = scale * flight.errors[name][rows], flight.demanded[rows, i]
-        found[name] = Loop(
+        loops[name] = Loop(
             name=name,
             time_s=float(rows.sum() * flight.period_s),
             error_unit=error_unit,
@@ -447,7 +447,7 @@ def loops_of(flight: FlightLog) -> dict[str, Loop]:
             saturated=float(np.mean(saturated(flight, i)[rows])),
             unmet=float(np.mean(unmet(flight, i)[rows])),
         )
-    return found
+    return loops
 
 
 def saturated(flight: FlightLog, index: int) -> Mask:
@@ -488,12 +488,12 @@ def _at_limit(flight: FlightLog, name: str) -> Mask:
 def actuators_of(flight: FlightLog) -> dict[str, ActuatorUse]:
     """What was asked of every actuator, by name."""
     facts = flight.vehicle.actuator_info()
-    found = {}
+    uses = {}
     minutes = max(float(flight.t[-1] - flight.t[0]), 1e-9) / 60.0
     for name, commands in flight.commands.items():
         fact = facts[name]
         away = commands - float(fact["neutral"])
-        found[name] = ActuatorUse(
+        uses[name] = ActuatorUse(
             name=name,
             unit=str(fact["unit"]),
             rms=_rms(away),
@@ -502,7 +502,7 @@ def actuators_of(flight: FlightLog) -> dict[str, ActuatorUse]:
             running=float(np.mean(running(away))),
             switches_per_minute=switches(away) / minutes,
         )
-    return found
+    return uses
 
 
 def running(away: Array) -> NDArray[np.bool_]:

@@ -75,8 +75,8 @@ def made_for(autopilot: Autopilot) -> str:
     >>> made_for(st.Autopilot.load("lauv")), made_for(st.Autopilot.from_toml(text))
     ('lauv', 'lauv')
     """
-    if said := _SAID.match(autopilot.description):
-        return said["started"] or said["tuned"]
+    if origin := _SAID.match(autopilot.description):
+        return origin["started"] or origin["tuned"]
     name = autopilot.name.removesuffix(" start")
     return name if name in Vehicle.names() else ""
 
@@ -99,10 +99,10 @@ def mismatch(autopilot: Autopilot, vehicle: Vehicle) -> str:
     return f"the autopilot was made for {of}, and {vehicle.name} flies" + (f": {doubt}" if doubt else "")
 
 
-def _alike(one: Vehicle, other: Vehicle) -> bool:
+def _alike(vehicle: Vehicle, other: Vehicle) -> bool:
     """Whether two vehicles have the same actuators and about the same apparent masses."""
-    masses = [np.diag(np.asarray(each.mass_matrix())) for each in (one, other)]
-    return one.actuators == other.actuators and bool(
+    masses = [np.diag(np.asarray(each.mass_matrix())) for each in (vehicle, other)]
+    return vehicle.actuators == other.actuators and bool(
         np.all(np.abs(masses[0] - masses[1]) <= _ALIKE * np.minimum(*masses))
     )
 
@@ -132,7 +132,7 @@ def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> str:
 
 def _too_weak(autopilot: Autopilot, vehicle: Vehicle) -> str:
     """How little all loops ask for of what the actuators give; empty where one asks for enough."""
-    speed = 0.5 * max(abs(one) for one in autopilot.speeds_m_s)
+    speed = 0.5 * max(abs(breakpoint) for breakpoint in autopilot.speeds_m_s)
     strength = np.abs(thrusts(vehicle, speed)).max(axis=1)
     gives: Array = np.abs(np.asarray(vehicle.allocation_matrix())) @ strength
     shares = {

@@ -209,7 +209,7 @@ class Mission:
     @cached_property
     def promised_m(self) -> float:
         """Smallest distance in m that the mission promises of what stands in the water; 0 without."""
-        promised = [float(one["distance_m"]) for one in self.obstacles]
+        promised = [float(obstacle["distance_m"]) for obstacle in self.obstacles]
         return min((distance for distance in promised if distance > 0.0), default=0.0)
 
     @property

@@ -307,10 +307,10 @@ class NavigationFilter:
         ...     estimate = filter.step(samples(), commands)
         ...     commands = helm.step(estimate)
         """
-        told: dict[str, float] = self._core.step(
+        estimate: dict[str, float] = self._core.step(
             measurement, commands, signals, ages=ages, time_s=time_s, dt_s=dt_s
         )
-        return told
+        return estimate
 
     @property
     def waiting_for(self) -> list[str]:
@@ -346,7 +346,7 @@ class NavigationFilter:
     @property
     def refused(self) -> dict[str, tuple[int, str]]:
         """Per channel the samples that were not believed, and why."""
-        said = {}
+        refusals = {}
         for name, (_, jumps, recovered, _, _, _, _, impossible) in self._core.watches.items():
             reasons = [
                 text
@@ -358,8 +358,8 @@ class NavigationFilter:
                 if count
             ]
             if reasons:
-                said[name] = (int(jumps + impossible), ", ".join(reasons))
-        return said
+                refusals[name] = (int(jumps + impossible), ", ".join(reasons))
+        return refusals
 
     @property
     def restarts(self) -> int:
@@ -435,7 +435,7 @@ def filter_of(
         return navigation
     if navigation == "sensors":
         return None
-    told: dict[str, Any] = {
+    shared: dict[str, Any] = {
         "period_s": period_s,
         "longest_age_s": 0.0,
         "waves": waves,
@@ -445,12 +445,12 @@ def filter_of(
         "landmarks": {str(mark["name"]): _landmark(mark) for mark in landmarks},
     }
     if sensors is None:
-        return NavigationFilter(model, start_deviation_m=0.02, **told)
+        return NavigationFilter(model, start_deviation_m=0.02, **shared)
     gps = sensors.get("gps")
     aboard = {kind: _in_step(kind, sensor, period_s) for kind, sensor in sensors.items() if kind in _READ}
     tilt = {kind: sensor.tilt for kind, sensor in aboard.items() if KINDS[kind].aboard and any(sensor.tilt)}
     deviation = max(0.05, 0.0 if gps is None else gps.bias)
-    return NavigationFilter(model, aboard, start_deviation_m=deviation, tilt=tilt, **told)
+    return NavigationFilter(model, aboard, start_deviation_m=deviation, tilt=tilt, **shared)
 
 
 def _in_step(kind: str, sensor: Sensor, period_s: float) -> Sensor:

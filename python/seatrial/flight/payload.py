@@ -215,8 +215,10 @@ class StopSamples:
     def to_dict(self) -> dict[str, Any]:
         """As plain data."""
         places = zip(("north_m", "east_m", "depth_m"), self.position, strict=True)
-        found = {**dict(places), **self.values}
-        numbers = {name: {"mean": value.mean, "deviation": value.deviation} for name, value in found.items()}
+        columns = {**dict(places), **self.values}
+        numbers = {
+            name: {"mean": value.mean, "deviation": value.deviation} for name, value in columns.items()
+        }
         return {
             "label": self.label,
             "begin_s": self.begin_s,
@@ -293,9 +295,9 @@ class Samples:
 
     def log_columns(self, rows: int) -> dict[str, Array]:
         """Channels as columns of a log of so many rows; NaN between samples."""
-        found = np.full((rows, len(CHANNELS)), np.nan)
-        found[self.rows] = self.values
-        return {f"payload.{name}": found[:, k] for k, name in enumerate(CHANNELS)}
+        columns = np.full((rows, len(CHANNELS)), np.nan)
+        columns[self.rows] = self.values
+        return {f"payload.{name}": columns[:, k] for k, name in enumerate(CHANNELS)}
 
     @property
     def settling_s(self) -> float:
@@ -355,9 +357,9 @@ class Samples:
         values = Table.of(
             "Measured; ± standard deviation of the samples",
             ("stop", "nitrate, mg/L", "density, kg/m3", "cond., S/m", "salinity"),
-            [(one.label, *(one.values[name].text(_DECIMALS[name]) for name in CHANNELS)) for one in stops],
+            [(stop.label, *(stop.values[name].text(_DECIMALS[name]) for name in CHANNELS)) for stop in stops],
         )
-        tables = (places, values) if any(one.label != UNDER_WAY for one in stops) else (values,)
+        tables = (places, values) if any(stop.label != UNDER_WAY for stop in stops) else (values,)
         return ReportSection("Water samples", tuple(self.sentences()), tables=tables)
 
     def sentences(self) -> list[str]:
@@ -406,7 +408,7 @@ class Samples:
 
     def to_dict(self) -> dict[str, Any]:
         """Stops as plain data; the samples are in the table."""
-        return {"samples": len(self.t), "stops": [one.to_dict() for one in self.stops]}
+        return {"samples": len(self.t), "stops": [stop.to_dict() for stop in self.stops]}
 
 
 _DECIMALS = {"nitrate_mg_l": 2, "density_kg_m3": 2, "conductivity_s_m": 3, "salinity_pss": 2}
@@ -443,7 +445,7 @@ def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
         len(rows),
         len(CHANNELS),
     ))
-    told = np.column_stack([
+    perceived = np.column_stack([
         _held(flight.measured[name][:count], flight.position[0, k]) for k, name in enumerate("xyz")
     ])
     at = errors[:3]
@@ -453,7 +455,7 @@ def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
         payload,
         flight.t[rows],
         rows,
-        told[rows],
+        perceived[rows],
         np.sqrt(variance),
         follows[rows] + payload.bias + payload.noise * noise,
         water[rows],
@@ -476,12 +478,12 @@ def _stops(flight: FlightLog, count: int) -> tuple[list[str], Rows]:
     """
     stops = flight.route.stops
     leg = np.clip(flight.leg[:count], 0, len(stops) - 1)
-    told = np.column_stack([
+    perceived = np.column_stack([
         _held(flight.measured[name][:count], flight.position[0, k]) for k, name in enumerate("xyz")
     ])
     altitude = _held(flight.measured["altitude"][:count], math.inf)
     half = max(1, round(0.5 * STEADY_S / flight.period_s))
-    depth = np.concatenate([[0.0], np.cumsum(told[:, 2])])
+    depth = np.concatenate([[0.0], np.cumsum(perceived[:, 2])])
     drift = np.full(count, np.inf)
     drift[2 * half - 1 :] = np.abs(depth[2 * half :] - 2.0 * depth[half:-half] + depth[: -2 * half]) / half
     labels, phase = [""] * count, np.full(count, ON_THE_WAY)
@@ -489,7 +491,7 @@ def _stops(flight: FlightLog, count: int) -> tuple[list[str], Rows]:
         rows = np.flatnonzero((leg == k) & flight.holding[:count])
         if stop.task != "hold" or not len(rows):
             continue
-        inside = distance_to_stop(flight, k, told[rows], altitude[rows]) <= stop.acceptance
+        inside = distance_to_stop(flight, k, perceived[rows], altitude[rows]) <= stop.acceptance
         for row in rows:
             labels[row] = stop.label
         phase[rows[np.cumsum(inside) > 0]] = UNSETTLED

@@ -111,8 +111,8 @@ def checked_seas(given: Any) -> tuple[tuple[SeaState | None, ...], bool]:
     if given is None or isinstance(given, SeaState):
         return (given,), False
     seas = tuple(given) if isinstance(given, Sequence) and not isinstance(given, str) else ("",)
-    for one in seas:
-        if not (one is None or isinstance(one, SeaState)):
+    for sea in seas:
+        if not (sea is None or isinstance(sea, SeaState)):
             raise SimulationError(
                 f"waves: expected st.SeaState(height_m, period_s, toward_deg=...), found {given!r}"
             )
@@ -121,4 +121,4 @@ def checked_seas(given: Any) -> tuple[tuple[SeaState | None, ...], bool]:
 
 def sea_rows(seas: Sequence[SeaState | None]) -> Array:
     """The sea states (k, 5) as the core takes them."""
-    return np.array([CALM if one is None else one.row for one in seas])
+    return np.array([CALM if sea is None else sea.row for sea in seas])

@@ -79,7 +79,7 @@ class Seeds(Plain, only="seeds endings metrics"):
     def section(self) -> Section:
         """What a report shows of them."""
         return Section(
-            sentences=(self.sentence(), *(f"{one}." for one in self.excesses)),
+            sentences=(self.sentence(), *(f"{excess}." for excess in self.excesses)),
             tables=(spread_table(self.metrics, len(self.seeds)),),
         )
 
@@ -116,7 +116,7 @@ def fly_seeds(
     near, down, low, deep = unkept(metrics, promised, limits).values()
 
     def which(mask: Mask) -> tuple[int, ...]:
-        return tuple(seed for seed, one in zip(seeds, mask, strict=True) if one)
+        return tuple(seed for seed, marked in zip(seeds, mask, strict=True) if marked)
 
     return Seeds(
         seeds,

@@ -147,7 +147,7 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
         )
     errors, timing = np.zeros((16, 4)), np.tile([0.0, 1.0, 0.0, np.inf, 0.0], (7, 1))
     groups = autopilot_names()["groups"]
-    said: list[str] = []
+    sentences: list[str] = []
     for kind, sensor in sensors.items():
         group = GROUP_OF_KIND.get(kind)
         if group is None or kind == "gps":
@@ -155,17 +155,19 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
         scale = math.pi / 180.0 if KINDS[kind].unit.startswith("deg") else 1.0
         for channel in CHANNELS_OF_GROUP[group]:
             errors[channel] = scale * np.array([sensor.noise, sensor.bias, 0.0, sensor.quantum])
-        timing[groups.index(group)] = _timing(kind, sensor, period_s, said)
+        timing[groups.index(group)] = _timing(kind, sensor, period_s, sentences)
     if "dvl" in sensors:
         timing[groups.index("altitude")] = timing[groups.index("velocity")]
     if "position" not in sensors:
-        said += _dead_reckoning(sensors, errors, timing, groups)
-    said += _left_out(sensors)
-    told = {groups[k] for k in np.flatnonzero(timing[:, 0])}
-    blind = [group for group in ("position", "depth", "attitude", "velocity", "rates") if group not in told]
+        sentences += _dead_reckoning(sensors, errors, timing, groups)
+    sentences += _left_out(sensors)
+    measured = {groups[k] for k in np.flatnonzero(timing[:, 0])}
+    blind = [
+        group for group in ("position", "depth", "attitude", "velocity", "rates") if group not in measured
+    ]
     if blind:
-        said.append(f"No sensor measures {listed(blind)}: the autopilot will report that as missing.")
-    return SensorChannels(errors, timing, tuple(said), *_acoustics(sensors, period_s))
+        sentences.append(f"No sensor measures {listed(blind)}: the autopilot will report that as missing.")
+    return SensorChannels(errors, timing, tuple(sentences), *_acoustics(sensors, period_s))
 
 
 def _acoustics(
@@ -198,12 +200,12 @@ def _acoustics(
     return rows, transceiver
 
 
-def _timing(kind: str, sensor: Sensor, period_s: float, said: list[str]) -> list[float]:
+def _timing(kind: str, sensor: Sensor, period_s: float, sentences: list[str]) -> list[float]:
     """Row of the group; what was rounded is said."""
     interval = period_s if sensor.rate_hz is None else 1.0 / sensor.rate_hz
     every = max(1, round(interval / period_s))
     if abs(every * period_s - interval) > _TICK * interval:
-        said.append(
+        sentences.append(
             f"{kind}: {sensor.rate_hz:g} Hz becomes a sample every {every * period_s:.3g} s, a whole number"
             f" of control periods of {period_s:g} s."
         )
@@ -214,7 +216,7 @@ def _timing(kind: str, sensor: Sensor, period_s: float, said: list[str]) -> list
         )
     late = round(sensor.latency_s / period_s)
     if abs(late * period_s - sensor.latency_s) > _TICK:
-        said.append(
+        sentences.append(
             f"{kind}: a latency of {sensor.latency_s:g} s becomes {late * period_s:.3g} s, whole"
             " control periods."
         )
@@ -245,26 +247,30 @@ def _dead_reckoning(
 def _left_out(sensors: Mapping[str, Sensor]) -> list[str]:
     """Sentences on what sensors have and a closed loop has not."""
     carried = {kind: sensor for kind, sensor in sensors.items() if kind in GROUP_OF_KIND and kind != "gps"}
-    said = []
+    sentences = []
     clocks = [kind for kind, sensor in carried.items() if sensor.phase_s > 0.0 or sensor.jitter_s > 0.0]
     if clocks:
-        said.append(f"Phase and jitter of {listed(clocks)} are left out: samples come at control periods.")
+        sentences.append(
+            f"Phase and jitter of {listed(clocks)} are left out: samples come at control periods."
+        )
     placed = [kind for kind, sensor in carried.items() if any(sensor.position)]
     if placed:
-        said.append(f"Lever arms of {listed(placed)} are left out: they show the motion of O.")
+        sentences.append(f"Lever arms of {listed(placed)} are left out: they show the motion of O.")
     tilted = [kind for kind, sensor in carried.items() if any(sensor.tilt)]
     if tilted:
-        said.append(f"The tilt of {listed(tilted)} is left out: in a flight they show the axes of the body.")
+        sentences.append(
+            f"The tilt of {listed(tilted)} is left out: in a flight they show the axes of the body."
+        )
     ranged = [kind for kind, sensor in carried.items() if sensor.max_range_m is not None]
     if ranged:
-        said.append(f"The range of {listed(ranged)} is left out: the bottom is always within it.")
+        sentences.append(f"The range of {listed(ranged)} is left out: the bottom is always within it.")
     if "dvl" in carried:
-        said.append("Where there is a bottom, the dvl measures the altitude too, without error.")
+        sentences.append("Where there is a bottom, the dvl measures the altitude too, without error.")
     for kind, why in (
         ("revolutions", "the autopilot sees the actuators' signals without error"),
         ("voltage", "the autopilot knows the supply without error"),
         ("load_cell", "a flight has no tether"),
     ):
         if kind in sensors:
-            said.append(f"{kind} is left out: {why}.")
-    return said
+            sentences.append(f"{kind} is left out: {why}.")
+    return sentences

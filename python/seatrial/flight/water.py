@@ -109,7 +109,7 @@ class Plume:
         s_z = np.sqrt(self.height_m**2 + 2.0 * self.vertical_m2_s * drifted)
         across = np.exp(-0.5 * (y / s_y) ** 2 - 0.5 * (np.minimum(x, 0.0) / self.width_m) ** 2)
         mirrored = (-0.5 * ((z + sign * self.depth_m) / s_z) ** 2 for sign in (-1.0, 1.0))
-        down = np.sum([np.exp(one) for one in mirrored], axis=0)
+        down = np.sum([np.exp(exponent) for exponent in mirrored], axis=0)
         return np.asarray(
             np.minimum(self.discharge_m3_s * across * down / (2.0 * np.pi * speed * s_y * s_z), 1.0)
         )

@@ -98,9 +98,9 @@ def line(key: str, value: Any) -> str:
 
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(line(key, one) for key, one in value.items()) + " }"
+        return "{ " + ", ".join(line(key, entry) for key, entry in value.items()) + " }"
     if isinstance(value, tuple | list):
-        return "[" + ", ".join(_value(one) for one in value) + "]"
+        return "[" + ", ".join(_value(entry) for entry in value) + "]"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, bool):
@@ -143,7 +143,7 @@ def _spread(trial: Trial, channel: str) -> float:
 
 def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedTrial]) -> str:
     """Text of the campaign file."""
-    shared = drafted[0].columns if all(one.columns == drafted[0].columns for one in drafted) else None
+    shared = drafted[0].columns if all(trial.columns == drafted[0].columns for trial in drafted) else None
     lines = [
         "# Drafted by seatrial import. Check it: seatrial check on this file; then identify.",
         "format = 1",
@@ -160,22 +160,22 @@ def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedT
         ]
         lines += [line(canonical, entry) for canonical, entry in shared.items()]
         lines.append("")
-    for one in drafted:
-        lines += [f"[trials.{json.dumps(one.name, ensure_ascii=False)}]", line("file", one.file)]
-        if one.hold_out_s is not None:
-            lines += textwrap.wrap(one.why, 100, initial_indent="# ", subsequent_indent="# ")
-            lines.append(line("hold_out_s", [list(one.hold_out_s)]))
+    for trial in drafted:
+        lines += [f"[trials.{json.dumps(trial.name, ensure_ascii=False)}]", line("file", trial.file)]
+        if trial.hold_out_s is not None:
+            lines += textwrap.wrap(trial.why, 100, initial_indent="# ", subsequent_indent="# ")
+            lines.append(line("hold_out_s", [list(trial.hold_out_s)]))
         else:
-            words = f"no hold-out: {one.why}"
+            words = f"no hold-out: {trial.why}"
             lines += textwrap.wrap(words, 100, initial_indent="# ", subsequent_indent="# ")
-        if one.rate_hz is not None:
-            lines.append(f"{line('rate_hz', one.rate_hz)} # of very many samples")
-        if one.input != "commands":
-            lines.append(line("input", one.input))
-        lines += _own_corrections(one, drafted)
+        if trial.rate_hz is not None:
+            lines.append(f"{line('rate_hz', trial.rate_hz)} # of very many samples")
+        if trial.input != "commands":
+            lines.append(line("input", trial.input))
+        lines += _own_corrections(trial, drafted)
         if shared is None:
-            lines.append(f"[trials.{json.dumps(one.name, ensure_ascii=False)}.columns]")
-            lines += [line(canonical, entry) for canonical, entry in one.columns.items()]
+            lines.append(f"[trials.{json.dumps(trial.name, ensure_ascii=False)}.columns]")
+            lines += [line(canonical, entry) for canonical, entry in trial.columns.items()]
         lines.append("")
     stages = _stages(vehicle, drafted) if vehicle is not None else _open_stage(drafted)
     return "\n".join([*lines, *stages]) + "\n"
@@ -196,54 +196,54 @@ def _corrections(drafted: Sequence[DraftedTrial]) -> list[str]:
     return [*lines, ""]
 
 
-def _own_corrections(one: DraftedTrial, drafted: Sequence[DraftedTrial]) -> list[str]:
+def _own_corrections(drafted_trial: DraftedTrial, drafted: Sequence[DraftedTrial]) -> list[str]:
     """Corrections of one trial alone, and its slow current, as comments within its table."""
     lines = []
     for (table, _), entries in _found(drafted).items():
-        if not common(entries, len(drafted)) and one.name in entries:
-            found = entries[one.name]
-            lines += [f"# of this trial alone, {_effect(found)}; remove the # to accept it:"]
-            lines += [f"# {table}.{found.line}"]
-    if one.current is not None:
+        if not common(entries, len(drafted)) and drafted_trial.name in entries:
+            correction = entries[drafted_trial.name]
+            lines += [f"# of this trial alone, {_effect(correction)}; remove the # to accept it:"]
+            lines += [f"# {table}.{correction.line}"]
+    if drafted_trial.current is not None:
         lines += [
-            f"# A slow current of the water, from {one.current.source};",
-            f"# {one.current.effect}.",
+            f"# A slow current of the water, from {drafted_trial.current.source};",
+            f"# {drafted_trial.current.effect}.",
             "# Remove the # to accept it:",
-            f"# corrections.{one.current.line}",
+            f"# corrections.{drafted_trial.current.line}",
         ]
     return lines
 
 
 def _found(drafted: Sequence[DraftedTrial]) -> dict[tuple[str, str], dict[str, Correction]]:
     """By table and key the correction of each trial that has one; clocks belong to the map."""
-    found: dict[tuple[str, str], dict[str, Correction]] = {}
-    for one in drafted:
-        for correction in one.corrections:
+    corrections: dict[tuple[str, str], dict[str, Correction]] = {}
+    for trial in drafted:
+        for correction in trial.corrections:
             if correction.table != "clocks":
-                found.setdefault((correction.table, correction.key), {})[one.name] = correction
-    return found
+                corrections.setdefault((correction.table, correction.key), {})[trial.name] = correction
+    return corrections
 
 
 def _pooled(drafted: Sequence[DraftedTrial], entries: Mapping[str, Correction]) -> list[str]:
     """A correction's key with the mean of the trials, and how it was pooled."""
-    worst = max(entries.values(), key=lambda one: one.before / max(one.after, 1e-12))
+    worst = max(entries.values(), key=lambda correction: correction.before / max(correction.after, 1e-12))
     if len(drafted) == 1:
         return [f"{worst.line} # {_effect(worst)}"]
     of = f"{len(entries)} of {len(drafted)} trials" if len(entries) < len(drafted) else "all trials"
-    values = [one.value for one in entries.values()]
+    values = [correction.value for correction in entries.values()]
     if all(value == values[0] for value in values):
         return [f"{worst.line} # {of}; {_effect(worst)}"]
     spread = np.array(values, float).reshape(len(values), -1)
     ranges = ", ".join(
         f"{low:.4g} to {high:.4g}" for low, high in zip(spread.min(0), spread.max(0), strict=True)
     )
-    said = f"mean of {of}, weighed by their deviations; by trial {ranges}"
-    return [f"# {said}", f"{replace(worst, value=mean(entries)[1]).line} # {_effect(worst)}"]
+    remark = f"mean of {of}, weighed by their deviations; by trial {ranges}"
+    return [f"# {remark}", f"{replace(worst, value=mean(entries)[1]).line} # {_effect(worst)}"]
 
 
-def _effect(one: Correction) -> str:
-    effect = f"{one.of}: {one.before:.3g} to {one.after:.3g} rms"
-    return f"{one.unit}; {effect}" if one.unit else effect
+def _effect(correction: Correction) -> str:
+    effect = f"{correction.of}: {correction.before:.3g} to {correction.after:.3g} rms"
+    return f"{correction.unit}; {effect}" if correction.unit else effect
 
 
 def _open_stage(drafted: Sequence[DraftedTrial]) -> list[str]:
@@ -253,7 +253,7 @@ def _open_stage(drafted: Sequence[DraftedTrial]) -> list[str]:
         "# --force, and stages are drafted for its actuators.",
         "[[stages]]",
         'name = "surge"',
-        line("trials", [one.name for one in drafted]),
+        line("trials", [trial.name for trial in drafted]),
         'axes = { free = "X" }',
         "[stages.coefficients]",
         "X_u = [-200.0, 0.0]",
@@ -262,8 +262,8 @@ def _open_stage(drafted: Sequence[DraftedTrial]) -> list[str]:
 
 def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     """Stages for the axes that the trials can tell, then the joint estimate."""
-    usable = [one for one in drafted if one.trial.inputs]
-    free = free_axes(vehicle, [one.trial for one in usable])
+    usable = [drafted_trial for drafted_trial in drafted if drafted_trial.trial.inputs]
+    free = free_axes(vehicle, [drafted_trial.trial for drafted_trial in usable])
     slender = any(vehicle.coefficients().get(f"{axis}_u{other}") for axis in "YZMN" for other in "vrwq")
     groups = ["X", "YN", "ZM", "K"] if slender else list(AXES)
     groups = [kept for group in groups if (kept := "".join(axis for axis in group if axis in free))]
@@ -280,7 +280,7 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     missing = [
         axis
         for axis in drivers(vehicle)
-        if usable and not any(_commanded(vehicle, one.trial, axis) for one in usable)
+        if usable and not any(_commanded(vehicle, drafted_trial.trial, axis) for drafted_trial in usable)
     ]
     for axis in missing:
         names = ", ".join(f"cmd.{name}" for name in drivers(vehicle)[axis])
@@ -301,10 +301,11 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     first, freed = len(lines), ""
     for group in groups:
         shown = [
-            one
-            for one in usable
+            drafted_trial
+            for drafted_trial in usable
             if all(
-                _shown(one.trial, CHANNELS[AXES.index(a)]) and _commanded(vehicle, one.trial, a)
+                _shown(drafted_trial.trial, CHANNELS[AXES.index(a)])
+                and _commanded(vehicle, drafted_trial.trial, a)
                 for a in group
             )
         ]
@@ -318,9 +319,9 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
             *_open_stage(drafted)[2:],
         ]
     lines += ["# All coefficients and trials at once, with standard deviations.", "[polish]"]
-    if said := runs_away(vehicle, [one.trial for one in usable], freed):
+    if instability := runs_away(vehicle, [drafted_trial.trial for drafted_trial in usable], freed):
         words = (
-            f"Uses a filter's predictions, because {said}: a simulation diverges from the log for any"
+            f"Uses a filter's predictions, because {instability}: a simulation diverges from the log for any"
             " coefficients."
         )
         lines += [
@@ -332,32 +333,32 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
 
 def _thrusts(vehicle: Vehicle, usable: Sequence[DraftedTrial]) -> list[str]:
     """A gain for every thruster, about one: a difference between two is a moment of its own."""
-    kinds = {name: one["kind"] for name, one in vehicle.actuator_info().items()}
+    kinds = {name: facts["kind"] for name, facts in vehicle.actuator_info().items()}
     known = vehicle.coefficient_info()
-    found = [name for name, kind in kinds.items() if kind != "fin" and f"{name}.gain" in known]
-    if len(found) < 2 or all(one.input != "commands" for one in usable):
+    gains = [name for name, kind in kinds.items() if kind != "fin" and f"{name}.gain" in known]
+    if len(gains) < 2 or all(trial.input != "commands" for trial in usable):
         return []
     return [
         "# No two thrusters push alike, and a difference turns the vehicle. sd: how well the gain is known",
         "# beforehand.",
         "[polish.coefficients]",
-        *(line(f"{name}.gain", _THRUST) for name in found),
+        *(line(f"{name}.gain", _THRUST) for name in gains),
     ]
 
 
 def _finned(vehicle: Vehicle) -> dict[str, list[str]]:
     """Groups of fins by the axis that they turn, each group by one axis: yaw, else pitch."""
     groups: dict[str, list[Mapping[str, Any]]] = {}
-    for one in vehicle.actuator_info().values():
-        groups.setdefault(str(one["group"]), []).append(one)
-    found: dict[str, list[str]] = {}
+    for fin in vehicle.actuator_info().values():
+        groups.setdefault(str(fin["group"]), []).append(fin)
+    groups_by_axis: dict[str, list[str]] = {}
     for name, members in groups.items():
-        if any(one["kind"] != "fin" for one in members):
+        if any(fin["kind"] != "fin" for fin in members):
             continue
-        axes = (axis for axis in "NM" if all(one["wrench"][AXES.index(axis)] for one in members))
+        axes = (axis for axis in "NM" if all(fin["wrench"][AXES.index(axis)] for fin in members))
         if (axis := next(axes, None)) is not None:
-            found.setdefault(axis, []).append(name)
-    return found
+            groups_by_axis.setdefault(axis, []).append(name)
+    return groups_by_axis
 
 
 def _stage(
@@ -370,22 +371,22 @@ def _stage(
     measured = "".join(
         axis
         for axis in AXES
-        if axis not in group and all(CHANNELS[AXES.index(axis)] in one.trial.channels for one in shown)
+        if axis not in group and all(CHANNELS[AXES.index(axis)] in trial.trial.channels for trial in shown)
     )
     channels = {CHANNELS[AXES.index(axis)]: 1.0 for axis in group}
     angles = {"K": "roll", "M": "pitch"}
     for axis in group:
         angle = angles.get(axis)
-        if angle is not None and all(angle in one.trial.channels for one in shown):
+        if angle is not None and all(angle in trial.trial.channels for trial in shown):
             channels[angle] = 1.0
-    if "Z" in group and all(_shown(one.trial, "z") for one in shown):
+    if "Z" in group and all(_shown(trial.trial, "z") for trial in shown):
         channels["z"] = 0.5
     lines = ["[[stages]]", line("name", " and ".join(MOTIONS[axis] for axis in group))]
-    lines.append(line("trials", [one.name for one in shown]))
+    lines.append(line("trials", [trial.name for trial in shown]))
     lines.append(line("axes", {"free": group} | ({"measured": measured} if measured else {})))
     lines.append(line("channels", channels))
     lines.append("[stages.coefficients]")
-    speeds = {axis: _speed([one.trial for one in shown], CHANNELS[AXES.index(axis)]) for axis in group}
+    speeds = {axis: _speed([trial.trial for trial in shown], CHANNELS[AXES.index(axis)]) for axis in group}
     held = any(finned.get(axis) for axis in group)
     for axis in group:
         fins = finned.get(axis, ())

@@ -114,7 +114,7 @@ def _imported_logs(
     if not columns:
         raise TrialError(_nothing_known(seen))
     commands = {
-        name.removeprefix("cmd."): one.unit for name, one in columns.items() if name.startswith("cmd.")
+        name.removeprefix("cmd."): column.unit for name, column in columns.items() if name.startswith("cmd.")
     }
     draft = draft_vehicle(seen.logs, commands, _kept_vehicle(folder, vehicle))
     unmatched: tuple[str, ...] = ()
@@ -125,28 +125,30 @@ def _imported_logs(
     )
     read: list[tuple[Recording, Recorded, Trial]] = []
     refused = []
-    for k, one in enumerate(made):
+    for k, logged in enumerate(made):
 
-        def part(share: float, k: int = k, one: Recording = one) -> None:
-            say(0.5 + 0.45 * (k + share) / len(made), f"trial {one.name}")
+        def part(share: float, k: int = k, logged: Recording = logged) -> None:
+            say(0.5 + 0.45 * (k + share) / len(made), f"trial {logged.name}")
 
         try:
-            recorded = table_of(one, wanted, part)
+            recorded = table_of(logged, wanted, part)
             if given is None and not read and (other := _reordered(columns, recorded)) is not None:
                 columns, wanted = other, replace(wanted, columns=other)
-                recorded = table_of(one, wanted, part)
-            read.append((one, recorded, _trial(one, recorded)))
+                recorded = table_of(logged, wanted, part)
+            read.append((logged, recorded, _trial(logged, recorded)))
         except TrialError as error:
             if len(made) == 1:
                 raise
-            refused.append(f"trial {one.name}: {error}")
+            refused.append(f"trial {logged.name}: {error}")
     if not read:
         raise TrialError("\n".join(refused))
     text, reversed_ = _turned(draft, read[0][2], seen)
     whole = _vehicle(text) if draft.vehicle is not None else None
-    trials = tuple(_imported(one, recorded, trial, whole) for one, recorded, trial in read)
+    trials = tuple(_imported(logged, recorded, trial, whole) for logged, recorded, trial in read)
     delays = {} if folder is None else delays_given(folder)
-    trials = tuple(_without_given(one, delays.get("", set()) | delays.get(one.name, set())) for one in trials)
+    trials = tuple(
+        _without_given(trial, delays.get("", set()) | delays.get(trial.name, set())) for trial in trials
+    )
     result = Imported(
         folder=folder,
         survey=seen,
@@ -171,23 +173,23 @@ def _imported_logs(
     return result
 
 
-def _without_given(one: ImportedTrial, delayed: set[str]) -> ImportedTrial:
+def _without_given(trial: ImportedTrial, delayed: set[str]) -> ImportedTrial:
     """The trial without proposals of clocks whose delay the edited campaign removes already."""
-    kept = tuple(c for c in one.consistency.corrections if c.table != "clocks" or c.sensor not in delayed)
-    return replace(one, consistency=replace(one.consistency, corrections=kept))
+    kept = tuple(c for c in trial.consistency.corrections if c.table != "clocks" or c.sensor not in delayed)
+    return replace(trial, consistency=replace(trial.consistency, corrections=kept))
 
 
 def _twice(
     read: Sequence[tuple[Recording, Recorded, Trial]], wanted: ImportMap, delays: Mapping[str, set[str]]
 ) -> Iterator[str]:
     """Sensors whose delay the clocks of the map and the edited campaign both remove."""
-    for one, recorded, _ in read:
-        for sensor in sorted(delays.get("", set()) | delays.get(one.name, set())):
+    for logged, recorded, _ in read:
+        for sensor in sorted(delays.get("", set()) | delays.get(logged.name, set())):
             columns = [c for group in GROUPS if group.name.replace(" ", "_") == sensor for c in group.columns]
             for file in dict.fromkeys(recorded.clocks[c] for c in columns if c in recorded.clocks):
                 if file in wanted.clocks:
                     yield (
-                        f"trial {one.name}: delay_s.{sensor} of campaign.toml and the clock of"
+                        f"trial {logged.name}: delay_s.{sensor} of campaign.toml and the clock of"
                         f" {printable(file)} in the map both remove the delay of the {sensor}: remove one"
                     )
 
@@ -206,12 +208,14 @@ def _for_vehicle(
     columns: Mapping[str, Column], vehicle: Vehicle
 ) -> tuple[dict[str, Column], tuple[str, ...]]:
     """The columns with commands by the names of the vehicle's actuators, and actuators without any."""
-    commands = {name.removeprefix("cmd."): one for name, one in columns.items() if name.startswith("cmd.")}
+    commands = {
+        name.removeprefix("cmd."): column for name, column in columns.items() if name.startswith("cmd.")
+    }
     match = matched(list(commands), vehicle)
-    result = {name: one for name, one in columns.items() if not name.startswith("cmd.")}
+    result = {name: column for name, column in columns.items() if not name.startswith("cmd.")}
     result |= {f"cmd.{actuator}": commands[name] for actuator, name in match.items()}
     used = set(match.values())
-    result |= {f"cmd.{name}": one for name, one in commands.items() if name not in used and not match}
+    result |= {f"cmd.{name}": column for name, column in commands.items() if name not in used and not match}
     return result, tuple(actuator for actuator in vehicle.actuators if actuator not in match)
 
 
@@ -226,28 +230,28 @@ def _reordered(columns: Mapping[str, Column], recorded: Recorded) -> dict[str, C
     sources = [columns[name].source for name in _QUATERNION if name in columns]
     if len(sources) < 4 or not all(re.search(r"\d\]?$", source) for source in sources):
         return None
-    found = convention_of(_series(recorded))
-    if found is None or not found.order:
+    convention = convention_of(_series(recorded))
+    if convention is None or not convention.order:
         return None
-    why = f"scalar last: so it explains {100.0 * found.share:.0f} % of the motion"
+    why = f"scalar last: so it explains {100.0 * convention.share:.0f} % of the motion"
     last = dict(zip(_QUATERNION, [sources[3], *sources[:3]], strict=True))
     return {
-        name: replace(one, source=last[name], why=why, certain=True) if name in last else one
-        for name, one in columns.items()
+        name: replace(column, source=last[name], why=why, certain=True) if name in last else column
+        for name, column in columns.items()
     }
 
 
-def _trial(one: Recording, recorded: Recorded) -> Trial:
+def _trial(recording: Recording, recorded: Recorded) -> Trial:
     from seatrial.trial.trial import Trial
 
-    files = ", ".join(str(log.path) for log in one.logs)
+    files = ", ".join(str(log.path) for log in recording.logs)
     trial = Trial.read(
         ReadTable(recorded.table, files),
         columns=recorded.columns,
-        name=one.name,
+        name=recording.name,
         rate_hz=rate_of_long(recorded.table),
     )
-    return replace(trial, source=one.name, report=replace(trial.report, source=one.name))
+    return replace(trial, source=recording.name, report=replace(trial.report, source=recording.name))
 
 
 def _turned(draft: VehicleDraft, trial: Trial, seen: Survey) -> tuple[str, tuple[str, ...]]:
@@ -266,12 +270,14 @@ def _vehicle(text: str) -> Vehicle:
     return Vehicle.from_toml(text)
 
 
-def _imported(one: Recording, recorded: Recorded, trial: Trial, vehicle: Vehicle | None) -> ImportedTrial:
+def _imported(
+    recording: Recording, recorded: Recorded, trial: Trial, vehicle: Vehicle | None
+) -> ImportedTrial:
     kind = kind_of_data(trial, vehicle)
     first, last = float(trial.t[0]), float(trial.t[-1])
     hold_out, why = _hold_out(trial, kind, recorded.events)
     return ImportedTrial(
-        one.name,
+        recording.name,
         trial,
         hold_out,
         why,
@@ -280,7 +286,7 @@ def _imported(one: Recording, recorded: Recorded, trial: Trial, vehicle: Vehicle
         kind,
         recorded.notes,
         recorded.absent,
-        tuple(log.path.name for log in one.logs),
+        tuple(log.path.name for log in recording.logs),
     )
 
 
@@ -307,19 +313,19 @@ def _hold_out(
 def _compared(recorded: Recorded, kind: KindOfData) -> Consistency:
     """Whether the channels tell one motion; without motion only what is missing."""
     quaternion = "q_w" in recorded.columns or "q_w" in recorded.table.columns
-    found = consistency(_series(recorded), quaternion=quaternion)
+    compared = consistency(_series(recorded), quaternion=quaternion)
     if "current_north_m_s" in recorded.columns:
-        found = replace(found, current=None)
-    return found.without_motion() if kind.still else found
+        compared = replace(compared, current=None)
+    return compared.without_motion() if kind.still else compared
 
 
 def _series(recorded: Recorded) -> dict[str, Series]:
     """Channels of a recording at their own stamps, each with the clock of its file."""
-    found = series_of(recording(recorded.table, columns=recorded.columns))
+    channels = series_of(recording(recorded.table, columns=recorded.columns))
     result = {}
-    for channel, one in found.items():
-        stride = max(1, -(-len(one.t) // MANY))
-        result[channel] = Series(one.t[::stride], one.value[::stride], _clock(channel, recorded))
+    for channel, series in channels.items():
+        stride = max(1, -(-len(series.t) // MANY))
+        result[channel] = Series(series.t[::stride], series.value[::stride], _clock(channel, recorded))
     return result
 
 

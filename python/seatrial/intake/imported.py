@@ -118,37 +118,37 @@ class Imported:
             "map": self.map_source,
             "columns": {
                 canonical: {
-                    "from": one.source,
-                    "unit": one.unit,
-                    "frame": one.frame,
-                    "sign": one.sign,
-                    "convert": one.convert,
-                    "why": one.why,
-                    "certain": one.certain,
+                    "from": column.source,
+                    "unit": column.unit,
+                    "frame": column.frame,
+                    "sign": column.sign,
+                    "convert": column.convert,
+                    "why": column.why,
+                    "certain": column.certain,
                 }
-                for canonical, one in self.columns.items()
+                for canonical, column in self.columns.items()
             },
             "trials": [
                 {
-                    "name": one.name,
-                    "start_s": float(one.trial.t[0]),
-                    "end_s": float(one.trial.t[-1]),
-                    "rate_hz": 1.0 / one.trial.dt,
-                    "channels": one.trial.channels,
-                    "hold_out_s": one.hold_out_s,
-                    "hold_out_why": one.why,
-                    "modes": [{"t": t, "mode": mode} for t, mode in one.modes],
-                    "report": one.trial.report.to_dict(),
+                    "name": trial.name,
+                    "start_s": float(trial.trial.t[0]),
+                    "end_s": float(trial.trial.t[-1]),
+                    "rate_hz": 1.0 / trial.trial.dt,
+                    "channels": trial.trial.channels,
+                    "hold_out_s": trial.hold_out_s,
+                    "hold_out_why": trial.why,
+                    "modes": [{"t": t, "mode": mode} for t, mode in trial.modes],
+                    "report": trial.trial.report.to_dict(),
                     "consistency": {
                         key: value
-                        for key, value in one.consistency.to_dict().items()
+                        for key, value in trial.consistency.to_dict().items()
                         if key in ("corrections", "missing", "compared")
                     },
-                    "kind_of_data": one.kind.to_dict(),
-                    "notes": list(one.notes),
-                    "absent": list(one.absent),
+                    "kind_of_data": trial.kind.to_dict(),
+                    "notes": list(trial.notes),
+                    "absent": list(trial.absent),
                 }
-                for one in self.trials
+                for trial in self.trials
             ],
             "vehicle": {
                 "source": self.vehicle_source,

@@ -150,7 +150,7 @@ def parse_map(text: str, source: str) -> ImportMap:
     for name, entry in file.actuators.items():
         where = f"{source}: actuators, key {name}"
         columns[f"cmd.{name}"] = _column(f"cmd.{name}", entry, where, source)
-    clocks = {name: Clock(one.offset_s, one.drift) for name, one in file.clocks.items()}
+    clocks = {name: Clock(clock.offset_s, clock.drift) for name, clock in file.clocks.items()}
     return ImportMap(source, columns, clocks, file.trials)
 
 
@@ -168,9 +168,9 @@ def _column(canonical: str, entry: Any, where: str, source: str) -> Column:
         )
     if convert and CONVERSIONS[convert] != canonical:
         raise TrialError(f'{where}: convert: "{convert}" gives {CONVERSIONS[convert]}, not {canonical}')
-    one = source_of(given, where)
-    if one.unit and not convert:
+    stated = source_of(given, where)
+    if stated.unit and not convert:
         group = next((group for group in GROUPS if canonical in group.columns), None)
         own = units.ACTUATOR_UNITS if group is None else (group.unit or "dimensionless",)
-        units.factor(one.unit, own, where)
-    return Column(one.column, one.unit or "", one.frame or "", int(one.sign), convert, why)
+        units.factor(stated.unit, own, where)
+    return Column(stated.column, stated.unit or "", stated.frame or "", int(stated.sign), convert, why)

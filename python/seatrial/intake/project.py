@@ -64,12 +64,12 @@ def delays_given(folder: Path) -> dict[str, set[str]]:
         return {}  # said where the campaign is read
     trials = data.get("trials", {})
     tables = {"": data} | (trials if isinstance(trials, dict) else {})
-    found = {}
-    for name, one in tables.items():
-        given = one.get("corrections", {}) if isinstance(one, dict) else {}
+    sensors = {}
+    for name, table in tables.items():
+        given = table.get("corrections", {}) if isinstance(table, dict) else {}
         delays = given.get("delay_s", {}) if isinstance(given, dict) else {}
-        found[name] = set(delays) if isinstance(delays, dict) else set()
-    return found
+        sensors[name] = set(delays) if isinstance(delays, dict) else set()
+    return sensors
 
 
 def clocks_proposed(folder: Path) -> dict[str, dict[str, str]]:
@@ -77,12 +77,12 @@ def clocks_proposed(folder: Path) -> dict[str, dict[str, str]]:
     try:
         trials = from_json((folder / _OWN).read_text(encoding="utf-8"))["trials"]
         return {
-            one["name"]: {
-                found["sensor"]: found["key"].rpartition(".")[0]
-                for found in one["consistency"]["corrections"]
-                if found["table"] == "clocks" and found["key"].endswith(".offset_s")
+            trial["name"]: {
+                correction["sensor"]: correction["key"].rpartition(".")[0]
+                for correction in trial["consistency"]["corrections"]
+                if correction["table"] == "clocks" and correction["key"].endswith(".offset_s")
             }
-            for one in trials
+            for trial in trials
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}  # no project of an import, or of an earlier one
@@ -98,14 +98,14 @@ def map_text(made: Imported, recorded: Sequence[Recording]) -> str:
         "",
         "[columns] # SI and degrees after NED and forward-starboard-down; frame: that of the log",
     ]
-    for canonical, one in made.columns.items():
+    for canonical, column in made.columns.items():
         if not canonical.startswith("cmd."):
-            lines.append(line(canonical, _entry(one)))
-            lines += _others(made, canonical, one)
-    actuators = {name: one for name, one in made.columns.items() if name.startswith("cmd.")}
+            lines.append(line(canonical, _entry(column)))
+            lines += _others(made, canonical, column)
+    actuators = {name: column for name, column in made.columns.items() if name.startswith("cmd.")}
     if actuators:
         lines += ["", "[actuators] # command of each actuator of vehicle.toml"]
-        lines += [line(name.removeprefix("cmd."), _entry(one)) for name, one in actuators.items()]
+        lines += [line(name.removeprefix("cmd."), _entry(column)) for name, column in actuators.items()]
     lines += ["", *_clock_lines(made)]
     for recording in recorded:
         files = [log.path.name for log in recording.logs]
@@ -116,21 +116,21 @@ def map_text(made: Imported, recorded: Sequence[Recording]) -> str:
     return "\n".join(lines)
 
 
-def _entry(one: Column) -> dict[str, Any]:
-    given = one.entry(one.source)
-    given |= {"convert": one.convert} if one.convert else {}
-    why = printable(one.why, 120) + ("" if one.certain else " (a guess: check it)")
-    return given | ({"why": why} if one.why else {})
+def _entry(column: Column) -> dict[str, Any]:
+    given = column.entry(column.source)
+    given |= {"convert": column.convert} if column.convert else {}
+    why = printable(column.why, 120) + ("" if column.certain else " (a guess: check it)")
+    return given | ({"why": why} if column.why else {})
 
 
-def _others(made: Imported, canonical: str, one: Column) -> list[str]:
+def _others(made: Imported, canonical: str, column: Column) -> list[str]:
     """Other fields that could be the column, as comments."""
-    found = []
+    comments = []
     for log in made.survey.logs:
         for other in log.proposals:
-            if other.canonical != canonical or other.source == one.source.partition("/")[0]:
+            if other.canonical != canonical or other.source == column.source.partition("/")[0]:
                 continue
-            if other.name == one.source or not other.source.isprintable():
+            if other.name == column.source or not other.source.isprintable():
                 continue
             entry = Column(
                 other.source + (f"/{other.per}" if other.per else ""),
@@ -139,20 +139,22 @@ def _others(made: Imported, canonical: str, one: Column) -> list[str]:
                 other.sign,
                 other.convert,
             )
-            found.append(f"# or {line(canonical, _entry(entry))}")
-    return list(dict.fromkeys(found))[:3]
+            comments.append(f"# or {line(canonical, _entry(entry))}")
+    return list(dict.fromkeys(comments))[:3]
 
 
 def _clock_lines(made: Imported) -> list[str]:
     """Clocks that the consistency check proposes, as comments."""
     proposed: dict[str, dict[str, float]] = {}
     effects: dict[str, str] = {}
-    for one in made.trials:
-        for found in one.consistency.corrections:
-            file, _, key = found.key.rpartition(".")
-            if found.table == "clocks" and key not in proposed.setdefault(file, {}):
-                proposed[file][key] = found.value
-                effects.setdefault(file, f"{found.of}: {found.before:.3g} to {found.after:.3g} rms")
+    for trial in made.trials:
+        for correction in trial.consistency.corrections:
+            file, _, key = correction.key.rpartition(".")
+            if correction.table == "clocks" and key not in proposed.setdefault(file, {}):
+                proposed[file][key] = correction.value
+                effects.setdefault(
+                    file, f"{correction.of}: {correction.before:.3g} to {correction.after:.3g} rms"
+                )
     if not proposed:
         return []
     lines = [
@@ -167,7 +169,7 @@ def _clock_lines(made: Imported) -> list[str]:
 
 
 def _span(made: Imported, name: str) -> tuple[float, float]:
-    trial = next((one.trial for one in made.trials if one.name == name), None)
+    trial = next((imported.trial for imported in made.trials if imported.name == name), None)
     return (0.0, 0.0) if trial is None else (float(trial.t[0]), float(trial.t[-1]))
 
 
@@ -177,18 +179,18 @@ def write_project(
     """Write the project, import.json last; names of edited files that were kept."""
     drafted = [
         DraftedTrial(
-            one.name,
-            f"trials/{one.name}.parquet",
-            one.trial,
+            trial.name,
+            f"trials/{trial.name}.parquet",
+            trial.trial,
             table.columns,
-            one.hold_out_s,
-            one.why,
-            "commands" if one.trial.commands or one.trial.tau is None else "tau",
+            trial.hold_out_s,
+            trial.why,
+            "commands" if trial.trial.commands or trial.trial.tau is None else "tau",
             rate_of_long(table.table),
-            one.consistency.corrections,
-            accepted(one.consistency),
+            trial.consistency.corrections,
+            accepted(trial.consistency),
         )
-        for one, table in zip(made.trials, recorded, strict=True)
+        for trial, table in zip(made.trials, recorded, strict=True)
     ]
     texts = {
         "map.toml": map_text,
@@ -199,8 +201,8 @@ def write_project(
     try:
         with whole_folder(folder):
             (folder / "trials").mkdir(parents=True, exist_ok=True)
-            for one, table in zip(drafted, recorded, strict=True):
-                write_table(table.table, folder / one.file)
+            for trial, table in zip(drafted, recorded, strict=True):
+                write_table(table.table, folder / trial.file)
             for name, text in texts.items():
                 if edited(folder, name) and (folder / name).read_text(encoding="utf-8") != text:
                     kept.append(name)
@@ -224,9 +226,9 @@ def write_project(
 def _plain(value: Any) -> Any:
     """Plain data without NaN, which JSON does not know."""
     if isinstance(value, Mapping):
-        return {_plain(str(key)): _plain(one) for key, one in value.items()}
+        return {_plain(str(key)): _plain(entry) for key, entry in value.items()}
     if isinstance(value, tuple | list):
-        return [_plain(one) for one in value]
+        return [_plain(entry) for entry in value]
     if isinstance(value, str):  # a name of a file may hold bytes that are no UTF-8
         return value.encode(errors="replace").decode()
     if isinstance(value, float | np.floating):
@@ -238,10 +240,10 @@ def _plain(value: Any) -> Any:
 
 def _hashes(folder: Path) -> dict[str, str]:
     try:
-        found = from_json((folder / _OWN).read_text(encoding="utf-8"))["written"]
+        written = from_json((folder / _OWN).read_text(encoding="utf-8"))["written"]
     except (OSError, ValueError, KeyError, TypeError):  # then every file counts as edited, and is kept
         return {}
-    return found if isinstance(found, dict) else {}
+    return written if isinstance(written, dict) else {}
 
 
 def edited(folder: Path, name: str) -> bool:

@@ -103,12 +103,14 @@ def recordings(logs: Sequence[SurveyedLog], given: Mapping[str, MapTrial] | None
         A trial of the map names a file that is not among the logs.
     """
     if given:
-        return [_of_map(name, one, logs) for name, one in given.items()]
+        return [_of_map(name, use, logs) for name, use in given.items()]
     made: list[Recording] = []
     for group in _dives(logs):
         folders = {log.path.resolve().parent for log in group}
         named = folders.pop().name if len(group) > 1 and len(folders) == 1 and len(group) == len(logs) else ""
-        name = free_name(file_name(named or group[0].path.name.partition(".")[0]), [one.name for one in made])
+        name = free_name(
+            file_name(named or group[0].path.name.partition(".")[0]), [recording.name for recording in made]
+        )
         made.append(Recording(name, tuple(group)))
     return made
 
@@ -145,15 +147,15 @@ def _dives(logs: Sequence[SurveyedLog]) -> list[list[SurveyedLog]]:
     return [[logs[k] for k in group] for group in sorted(groups)]
 
 
-def _of_map(name: str, one: MapTrial, logs: Sequence[SurveyedLog]) -> Recording:
+def _of_map(name: str, use: MapTrial, logs: Sequence[SurveyedLog]) -> Recording:
     by_name = {log.path.name: log for log in logs}
-    for file in one.logs:
+    for file in use.logs:
         if file not in by_name:
             raise TrialError(
                 f'map, trials {name!r}, key logs: there is no log "{file}"{nearest(file, by_name)}'
             )
-    used = tuple(by_name[file] for file in one.logs) or tuple(logs)
-    return Recording(file_name(name), used, one.start_s, one.stop_s)
+    used = tuple(by_name[file] for file in use.logs) or tuple(logs)
+    return Recording(file_name(name), used, use.start_s, use.stop_s)
 
 
 def proposed_columns(made: Sequence[Recording]) -> dict[str, Column]:
@@ -162,23 +164,32 @@ def proposed_columns(made: Sequence[Recording]) -> dict[str, Column]:
     Where each recording is one table of its own name, columns are named without it, so that one map serves
     all of them.
     """
-    logs = [log for one in made for log in one.logs]
+    logs = [log for recording in made for log in recording.logs]
     alike = len(made) > 1 and all(len(log.topics) == 1 for log in logs)
     columns: dict[str, Column] = {}
-    offered = [(log, canonical, one) for log in logs for canonical, one in chosen(log).items()]
+    offered = [(log, canonical, proposal) for log in logs for canonical, proposal in chosen(log).items()]
     # A velocity over the earth, as of an estimator, is offered where no log has one in the body's axes; only
     # an attitude turns it there.
-    measured = any(canonical in _VELOCITY and not one.convert for _, canonical, one in offered)
+    measured = any(canonical in _VELOCITY and not proposal.convert for _, canonical, proposal in offered)
     if measured or not any(canonical in ("q_w", "yaw_deg") for _, canonical, _ in offered):
         offered = [entry for entry in offered if not (entry[1] in _VELOCITY and entry[2].convert)]
-    for log, canonical, one in offered:
-        alone = len(log.topics) == 1 and not one.topic.isprintable()
-        source = one.name if alike or alone else one.source
+    for log, canonical, proposal in offered:
+        alone = len(log.topics) == 1 and not proposal.topic.isprintable()
+        source = proposal.name if alike or alone else proposal.source
         if not source.isprintable() or not canonical.isprintable():
             continue
-        source += f"/{one.per}" if one.per else ""
+        source += f"/{proposal.per}" if proposal.per else ""
         columns.setdefault(
-            canonical, Column(source, one.unit, one.frame, one.sign, one.convert, one.why, one.certain)
+            canonical,
+            Column(
+                source,
+                proposal.unit,
+                proposal.frame,
+                proposal.sign,
+                proposal.convert,
+                proposal.why,
+                proposal.certain,
+            ),
         )
     return columns
 
@@ -196,28 +207,28 @@ def table_of(
     import polars as pl
 
     logs = [open_log(log.path) for log in recording.logs]
-    found: dict[str, tuple[Wanted, Log]] = {}
+    homes: dict[str, tuple[Wanted, Log]] = {}
     absent = []
     for canonical, column in wanted.columns.items():
         home = next(((w, log) for log in logs if (w := find_field(log, column.source))), None)
         if home is None:
             absent.append(canonical)
         else:
-            found[canonical] = home
-    if not found:
+            homes[canonical] = home
+    if not homes:
         raise TrialError(
             f"{wanted.source}: columns: {', '.join(log.path.name for log in logs)} has none of these fields;"
             f" its topics are {listed([topic for log in logs for topic in log.fields])}"
         )
-    _refuse_twins(found, logs)
+    _refuse_twins(homes, logs)
     clocks = dict(wanted.clocks)
-    joined = join(logs, list(dict.fromkeys(w for w, _ in found.values())), clocks, share)
+    joined = join(logs, list(dict.fromkeys(w for w, _ in homes.values())), clocks, share)
     table, notes = joined.table, list(joined.notes)
     notes += [f"{log.path.name}: {note}" for log in logs for note in log.notes]
-    plain = {c for c, (w, _) in found.items() if wanted.columns[c].source in (w.name, f"{w.name}/{w.per}")}
+    plain = {c for c, (w, _) in homes.items() if wanted.columns[c].source in (w.name, f"{w.name}/{w.per}")}
     columns: dict[str, dict[str, Any]] = {}
     fixes: dict[str, tuple[str, Array]] = {}  # latitude and longitude: canonical column, values in degrees
-    for canonical, (field, log) in found.items():
+    for canonical, (field, log) in homes.items():
         column = wanted.columns[canonical]
         name = field.column
         if column.convert in _EARTH:  # turned below, when the attitude is known
@@ -247,10 +258,10 @@ def table_of(
                 " map x_m with convert, too"
             )
         table = table.with_columns(_metres(_numbers(table["t_s"]), fixes, notes))
-    table, lost = _with_body_velocity(table, columns, wanted, found, notes, str(logs[0].path))
+    table, lost = _with_body_velocity(table, columns, wanted, homes, notes, str(logs[0].path))
     absent += lost
     kept = ["t_s", *dict.fromkeys(entry["from"] for entry in columns.values())]
-    kept += [c for c in found if wanted.columns[c].convert and c not in lost]
+    kept += [c for c in homes if wanted.columns[c].convert and c not in lost]
     table = table.select(kept)
     start, stop = recording.start_s, recording.stop_s
     if start is not None or stop is not None:
@@ -258,7 +269,7 @@ def table_of(
     return Recorded(
         table,
         columns,
-        {canonical: log.path.name for canonical, (_, log) in found.items()},
+        {canonical: log.path.name for canonical, (_, log) in homes.items()},
         tuple(absent),
         tuple(dict.fromkeys(notes)),
         tuple(_events(recording, clocks, joined.epoch_s)),
@@ -269,7 +280,7 @@ def _with_body_velocity(
     table: pl.DataFrame,
     columns: Mapping[str, Mapping[str, Any]],
     wanted: ImportMap,
-    found: Mapping[str, tuple[Wanted, Log]],
+    homes: Mapping[str, tuple[Wanted, Log]],
     notes: list[str],
     file: str,
 ) -> tuple[pl.DataFrame, list[str]]:
@@ -284,7 +295,7 @@ def _with_body_velocity(
 
     from seatrial.base.rotation import matrix
 
-    over_earth = [c for c in _VELOCITY if c in found and wanted.columns[c].convert in _EARTH]
+    over_earth = [c for c in _VELOCITY if c in homes and wanted.columns[c].convert in _EARTH]
     if not over_earth:
         return table, []
     attitude = {c: entry for c, entry in columns.items() if c in _ATTITUDE}
@@ -295,7 +306,7 @@ def _with_body_velocity(
         )
         return table, over_earth
     cells = [
-        _numbers(table[found[c][0].column])
+        _numbers(table[homes[c][0].column])
         * units.factor(wanted.columns[c].unit or "m/s", ("m/s",), f"{file}: {c}")
         * wanted.columns[c].sign
         for c in _VELOCITY
@@ -326,7 +337,7 @@ def rate_of_long(table: pl.DataFrame) -> float | None:
 
     No vehicle that is steered moves faster than `_LEAST_HZ` can show; a million samples only take time.
     """
-    busiest = max(table.height - one.null_count() for one in table.iter_columns())
+    busiest = max(table.height - column.null_count() for column in table.iter_columns())
     if busiest <= MANY:
         return None
     span = float(table["t_s"][-1]) - float(table["t_s"][0])
@@ -334,9 +345,9 @@ def rate_of_long(table: pl.DataFrame) -> float | None:
     return rate if rate < busiest / span else None
 
 
-def _refuse_twins(found: Mapping[str, tuple[Wanted, Log]], logs: Sequence[Log]) -> None:
+def _refuse_twins(homes: Mapping[str, tuple[Wanted, Log]], logs: Sequence[Log]) -> None:
     """Refuse a topic that two joined files have: the join would take the first one's without a word."""
-    for wanted, log in found.values():
+    for wanted, log in homes.values():
         for other in logs:
             twin = other is not log and wanted.name in other.fields.get(wanted.topic, {})
             if twin and other.format == log.format == "csv":
@@ -362,14 +373,14 @@ def _events(
     recording: Recording, clocks: Mapping[str, Clock], epoch_s: float | None
 ) -> list[tuple[float, str]]:
     """Changes of mode on the clock of the joined table."""
-    found = []
+    events = []
     for log in recording.logs:
         clock = clocks.get(log.path.name, Clock())
         offset = 0.0 if epoch_s is None else (log.epoch_s or 0.0) - epoch_s
         for event in log.events:
             if event.kind == "mode" and event.text.isprintable():
-                found.append(((event.t - clock.offset_s) / (1.0 + clock.drift) + offset, event.text))
-    return sorted(found)
+                events.append(((event.t - clock.offset_s) / (1.0 + clock.drift) + offset, event.text))
+    return sorted(events)
 
 
 def _numbers(cells: pl.Series) -> Array:
@@ -381,14 +392,16 @@ def _depth(pressure: Array, notes: list[str]) -> Array:
     known = pressure[np.isfinite(pressure)]
     # Single samples without a reading tell nothing of the surface.
     low, high = np.quantile(known, [0.01, 0.99]) if len(known) else (_AIR_PA, _AIR_PA)
-    surface, said = _AIR_PA, f"{_AIR_PA:g} Pa is the surface"
+    surface, remark = _AIR_PA, f"{_AIR_PA:g} Pa is the surface"
     if _SURFACE_PA[0] < low < _SURFACE_PA[1]:
         surface = float(known[known > _SURFACE_PA[0]].min(initial=_SURFACE_PA[1]))
-        said = "the lowest one is taken for the surface"
+        remark = "the lowest one is taken for the surface"
     elif low < _SURFACE_PA[0]:
-        surface, said = 0.0, f"less than the air's, {low:.3g} Pa, so taken as above it"
+        surface, remark = 0.0, f"less than the air's, {low:.3g} Pa, so taken as above it"
     weight = _WATER_KG_M3 * _GRAVITY_M_S2
-    notes.append(f"depth from pressure: {said}, {_WATER_KG_M3:g} kg/m3; in fresh water depths are 2.5 % more")
+    notes.append(
+        f"depth from pressure: {remark}, {_WATER_KG_M3:g} kg/m3; in fresh water depths are 2.5 % more"
+    )
     if surface == 0.0 and high < _LEAST_PA:
         guesses = ", ".join(f"{size * high / weight:.3g} m if {unit}" for unit, size in _LARGER_UNITS.items())
         notes.append(

@@ -102,9 +102,9 @@ class SurveyedLog:
     def not_underwater(self) -> str:
         """Why the vehicle is none under water, by what the log says; "" where it does not."""
         for event in self.events:
-            found = re.search(r"\b(Ardu)?(Copter|Plane|Rover)\b", event.text)
-            if event.kind == "message" and found:
-                return f"the autopilot is {found[0]}"
+            named = re.search(r"\b(Ardu)?(Copter|Plane|Rover)\b", event.text)
+            if event.kind == "message" and named:
+                return f"the autopilot is {named[0]}"
         kind = self.parameters.get("MAV_TYPE")
         if self.format == "ulog" and kind is not None and kind != _SUBMARINE:
             return f"MAV_TYPE is {kind:g}{_MAV_TYPES.get(int(kind), '')}, not {_SUBMARINE} (submarine)"
@@ -137,25 +137,26 @@ class Survey:
         logs = [log for log in self.logs if log.path.name in files]
         given = {canonical for log in logs for canonical in chosen(log)}
         given |= {"roll_deg", "pitch_deg", "yaw_deg"} if "q_w" in given else set()
-        said = []
+        sentences = []
         for log in logs:
-            for one in log.unused:
-                mapped = {one.name, f"{one.topic}.{one.name}"} & set(sources or ())
-                if mapped if sources is not None else one.canonical not in given:
-                    said.append(f"{printable(log.path.name)}: {one.why}")
-        return list(dict.fromkeys(said))
+            for field in log.unused:
+                mapped = {field.name, f"{field.topic}.{field.name}"} & set(sources or ())
+                if mapped if sources is not None else field.canonical not in given:
+                    sentences.append(f"{printable(log.path.name)}: {field.why}")
+        return list(dict.fromkeys(sentences))
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Every field of every topic of every log as plain data."""
         for log in self.logs:
             taken = {
-                (one.topic, one.name): (canonical, one) for canonical, one in chosen(log).items()
+                (proposal.topic, proposal.name): (canonical, proposal)
+                for canonical, proposal in chosen(log).items()
             }  # an increment and its time are one
-            other = {(one.topic, one.name): one for one in reversed(log.proposals)}
+            other = {(proposal.topic, proposal.name): proposal for proposal in reversed(log.proposals)}
             for topic in log.topics:
                 for field in topic.fields:
                     key = (topic.name, field.name)
-                    canonical, one = taken.get(key, ("", other.get(key)))
+                    canonical, proposal = taken.get(key, ("", other.get(key)))
                     yield {
                         "file": log.path.name,
                         "topic": topic.name,
@@ -166,11 +167,11 @@ class Survey:
                         "minimum": field.minimum,
                         "maximum": field.maximum,
                         "stated_unit": field.unit,
-                        "unit": one.unit if one else field.unit,
+                        "unit": proposal.unit if proposal else field.unit,
                         "taken_for": canonical,
-                        "could_be": one.canonical if one and not canonical else "",
-                        "why": one.why if one else "",
-                        "certain": one.certain if one else None,
+                        "could_be": proposal.canonical if proposal and not canonical else "",
+                        "why": proposal.why if proposal else "",
+                        "certain": proposal.certain if proposal else None,
                     }
 
     def to_dict(self) -> dict[str, Any]:
@@ -186,7 +187,9 @@ class Survey:
                     "notes": list(log.notes),
                     "remarks": list(log.remarks),
                     "not_underwater": log.not_underwater,
-                    "modes": [{"t": one.t, "mode": one.text} for one in log.events if one.kind == "mode"],
+                    "modes": [
+                        {"t": event.t, "mode": event.text} for event in log.events if event.kind == "mode"
+                    ],
                 }
                 for log in self.logs
             ],
@@ -221,12 +224,12 @@ class Survey:
         notes = [f"{printable(log.path.name)}: {note}" for log in self.logs for note in log.notes]
         odd = [f"{printable(log.path.name)}: {log.not_underwater}" for log in self.logs if log.not_underwater]
         worst = [
-            *(f"{one}: this is no underwater vehicle" for one in odd),
+            *(f"{reason}: this is no underwater vehicle" for reason in odd),
             *notes,
             *self.lost([log.path.name for log in self.logs]),
             *([] if taken else ["no field is recognised; write a map with [columns] by hand"]),
         ]
-        remarks = [f"{printable(log.path.name)}: {one}" for log in self.logs for one in log.remarks]
+        remarks = [f"{printable(log.path.name)}: {remark}" for log in self.logs for remark in log.remarks]
         names = " ".join(printable(str(log.path), 200) for log in self.logs)
         return Report(
             title=", ".join(printable(log.path.name) for log in self.logs),
@@ -295,9 +298,9 @@ def _surveyed(path: Path, share: Share) -> SurveyedLog:
     log = open_log(path)
     topics = log.topics(share)
     if not topics:
-        said = f" ({'; '.join(log.notes)})" if log.notes else ""
+        notes = f" ({'; '.join(log.notes)})" if log.notes else ""
         raise TrialError(
-            f"{path}: no topic with samples was found in this {FORMATS[log.format].description}{said};"
+            f"{path}: no topic with samples was found in this {FORMATS[log.format].description}{notes};"
             " fetch the file from the vehicle again"
         )
     made = SurveyedLog(
@@ -325,9 +328,9 @@ def _unused(log: Log, topics: Sequence[Topic]) -> Iterator[Unused]:
             why = f"{_rows(topic.samples)}, expected at least {FEWEST}: none of its columns is used"
         else:
             count = f"{field.samples} numbers" if field.samples else "no number"
-            found = f"{count} in {_rows(topic.samples)} ({words or 'empty cells or NaN'})"
+            content = f"{count} in {_rows(topic.samples)} ({words or 'empty cells or NaN'})"
             why = (
-                f'column "{printable(field.name)}" ({canonical} by its name) is not used: {found}; expected'
+                f'column "{printable(field.name)}" ({canonical} by its name) is not used: {content}; expected'
                 f" at least {FEWEST} numbers: write them, or remove the column"
             )
         yield Unused(canonical, topic.name, field.name, why)
@@ -340,10 +343,10 @@ def _rows(count: int) -> str:
 def _unknown_units(log: SurveyedLog, where: str) -> Iterator[str]:
     """Notes on columns that are taken and state a unit that is not known."""
     names: dict[tuple[str, str], list[str]] = {}
-    for one in chosen(log).values():
-        field = log.field(one)[1]
-        if unknown_unit(one, field):
-            names.setdefault((field.unit, one.unit), []).append(f'"{printable(field.name)}"')
+    for proposal in chosen(log).values():
+        field = log.field(proposal)[1]
+        if unknown_unit(proposal, field):
+            names.setdefault((field.unit, proposal.unit), []).append(f'"{printable(field.name)}"')
     for (stated, taken), columns in names.items():
         yield (
             f'{f"{where}: " if where else ""}the unit "{printable(stated, 20)}" of {", ".join(columns)} is'
@@ -354,18 +357,18 @@ def _unknown_units(log: SurveyedLog, where: str) -> Iterator[str]:
 
 def chosen(log: SurveyedLog) -> dict[str, Proposal]:
     """The best proposal of each canonical column, components of a vector from one topic."""
-    alive = _one_velocity([one for one in log.proposals if not _dead(log, one)])
+    alive = _one_velocity([proposal for proposal in log.proposals if not _dead(log, proposal)])
     best: dict[str, Proposal] = {}
     for columns in _VECTORS:
-        candidates = [one for one in alive if one.canonical in columns]
+        candidates = [proposal for proposal in alive if proposal.canonical in columns]
         if candidates:
-            topic = min(candidates, key=lambda one: one.rank).topic
-            for one in sorted(candidates, key=lambda one: one.rank):
-                if one.topic == topic:
-                    best.setdefault(one.canonical, one)
-    for one in alive:
-        if not any(one.canonical in columns for columns in _VECTORS):
-            best.setdefault(one.canonical, one)
+            topic = min(candidates, key=lambda proposal: proposal.rank).topic
+            for proposal in sorted(candidates, key=lambda proposal: proposal.rank):
+                if proposal.topic == topic:
+                    best.setdefault(proposal.canonical, proposal)
+    for proposal in alive:
+        if not any(proposal.canonical in columns for columns in _VECTORS):
+            best.setdefault(proposal.canonical, proposal)
     _one_attitude(best)
     if len({"x_m", "y_m"} & set(best)) == 1:  # north without east is no position
         best.pop("x_m", None)
@@ -382,22 +385,22 @@ def _one_velocity(proposals: Sequence[Proposal]) -> list[Proposal]:
     Velocities north, east and down become those of the body together, or not at all; a speed alone is the
     worse one. Those of an estimator stand behind what an instrument measured.
     """
-    own = [one for one in proposals if one.canonical in _VELOCITY]
-    earth = [one for one in own if one.convert]
-    plain = [one for one in own if not one.convert]
-    whole = {one.canonical for one in earth} == set(_VELOCITY)
-    measured = not any(one.why.startswith(ESTIMATED) for one in earth)
-    few = len({one.canonical for one in plain}) < len(_VELOCITY) and measured
+    own = [proposal for proposal in proposals if proposal.canonical in _VELOCITY]
+    earth = [proposal for proposal in own if proposal.convert]
+    plain = [proposal for proposal in own if not proposal.convert]
+    whole = {proposal.canonical for proposal in earth} == set(_VELOCITY)
+    measured = not any(proposal.why.startswith(ESTIMATED) for proposal in earth)
+    few = len({proposal.canonical for proposal in plain}) < len(_VELOCITY) and measured
     dropped = plain if whole and (not plain or few) else earth
-    return [one for one in proposals if one not in dropped]
+    return [proposal for proposal in proposals if proposal not in dropped]
 
 
-def _dead(log: SurveyedLog, one: Proposal) -> bool:
+def _dead(log: SurveyedLog, proposal: Proposal) -> bool:
     """Whether a sensor stands still: no field of the topic that makes its vector ever changes."""
-    if one.canonical.startswith(("cmd.", "meas.", "voltage")):
+    if proposal.canonical.startswith(("cmd.", "meas.", "voltage")):
         return False  # a command that is held and a steady supply tell something, too
-    columns = next((c for c in _VECTORS if one.canonical in c), (one.canonical,))
-    alike = [p for p in log.proposals if p.topic == one.topic and p.canonical in columns]
+    columns = next((c for c in _VECTORS if proposal.canonical in c), (proposal.canonical,))
+    alike = [p for p in log.proposals if p.topic == proposal.topic and p.canonical in columns]
     fields = [log.field(p)[1] for p in alike]
     return all(not field.samples or field.minimum == field.maximum for field in fields)
 

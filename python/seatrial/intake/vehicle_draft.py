@@ -94,8 +94,10 @@ def draft_vehicle(
             filled, share = _with_inertia(text, vehicle)
             if filled == text:
                 return VehicleDraft(text, vehicle, f"the file {given}")
-            said = f"I_y and I_z of a hull that fills {100 * share:.0f} % of its cylinder, for it gives none"
-            return VehicleDraft(filled, Vehicle.from_toml(filled), f"the file {given} ({said})")
+            source = (
+                f"I_y and I_z of a hull that fills {100 * share:.0f} % of its cylinder, for it gives none"
+            )
+            return VehicleDraft(filled, Vehicle.from_toml(filled), f"the file {given} ({source})")
         return VehicleDraft(vehicle.to_toml(), vehicle, f"the built-in vehicle {given}")
     frame = next((log.parameters["FRAME_CONFIG"] for log in logs if "FRAME_CONFIG" in log.parameters), None)
     motors = [name for name in actuators if re.fullmatch(r"thruster_\d+", name)]
@@ -108,20 +110,20 @@ def draft_vehicle(
     if frame is not None and int(frame) in _BUILT_IN:
         name = _BUILT_IN[int(frame)]
         vehicle = Vehicle.load(name)
-        said = f"the built-in vehicle {name}: FRAME_CONFIG is {frame:g}, {FRAME_NAMES[int(frame)]}"
-        return VehicleDraft(vehicle.to_toml(), vehicle, said)
+        source = f"the built-in vehicle {name}: FRAME_CONFIG is {frame:g}, {FRAME_NAMES[int(frame)]}"
+        return VehicleDraft(vehicle.to_toml(), vehicle, source)
     ardupilot = any(log.format in ("dataflash", "mavlink") for log in logs)
     if frame is None and ardupilot and len(motors) == _HEAVY_MOTORS:
         name = _BUILT_IN[2]
         vehicle = Vehicle.load(name)
-        said = (
+        source = (
             f"the built-in vehicle {name}, by its eight motor channels: the log has no FRAME_CONFIG; check"
             f" that the frame is {FRAME_NAMES[2]}"
         )
-        return VehicleDraft(vehicle.to_toml(), vehicle, said, certain=False)
+        return VehicleDraft(vehicle.to_toml(), vehicle, source, certain=False)
     known = None if frame is None else dict(enumerate((*FRAME_NAMES, "CUSTOM"))).get(int(frame), "unknown")
-    told = "" if frame is None else f" for FRAME_CONFIG {frame:g}, {known}"
-    return VehicleDraft(_stub(logs, actuators), None, f"a stub{told}: measures are to be filled in", False)
+    number = "" if frame is None else f" for FRAME_CONFIG {frame:g}, {known}"
+    return VehicleDraft(_stub(logs, actuators), None, f"a stub{number}: measures are to be filled in", False)
 
 
 _FULL = 0.5, 0.97
@@ -176,7 +178,7 @@ def _with_inertia(text: str, vehicle: Vehicle) -> tuple[str, float]:
         f" {100 * fullness:.0f} % of\n# its cylinder. The solid cylinder has {known['I_y']:.3g} kg m2. Weigh"
         f" or swing the vehicle to know it.\nI_y = {inertia:.3g}\nI_z = {inertia:.3g}\n"
     )
-    return re.sub(r"(?m)^(\[coefficients\][^\n]*\n)", lambda found: found[1] + lines, text, count=1), fullness
+    return re.sub(r"(?m)^(\[coefficients\][^\n]*\n)", lambda table: table[1] + lines, text, count=1), fullness
 
 
 def _stub(logs: Sequence[SurveyedLog], actuators: Mapping[str, str]) -> str:
@@ -264,8 +266,8 @@ def matched(names: Sequence[str], vehicle: Vehicle) -> dict[str, str]:
     'pwm_1'
     """
     groups = {actuator: group for group, members in actuator_groups(vehicle).items() for actuator in members}
-    numbers = {one: found[0] for one in names if (found := re.findall(r"\d+$", one))}
-    single = {number: one for one, number in numbers.items() if list(numbers.values()).count(number) == 1}
+    numbers = {name: digits[0] for name in names if (digits := re.findall(r"\d+$", name))}
+    single = {number: name for name, number in numbers.items() if list(numbers.values()).count(number) == 1}
     result = {}
     for actuator in vehicle.actuators:
         number = re.findall(r"\d+$", actuator)
@@ -289,8 +291,8 @@ _FINS = (
 
 def _same_fin(actuator: str, names: Sequence[str]) -> str:
     """The only command that is called by a usual word for a fin; empty without one, or with several."""
-    for own, told in _FINS:
-        alike = [name for name in names if told.fullmatch(name.lower())]
+    for own, usual in _FINS:
+        alike = [name for name in names if usual.fullmatch(name.lower())]
         if own.search(actuator.lower()) and len(alike) == 1:
             return alike[0]
     return ""
@@ -363,7 +365,7 @@ def _against(vehicle: Vehicle, trial: Trial, signs: Array, commands: Array, grou
 
 def opposed(vehicle: Vehicle, trial: Trial) -> str:
     """Letters of the axes whose motion clearly runs against the forces of the recorded commands."""
-    forces = {one.axis: one.y for one in drives(trial, vehicle) if one.axis}
+    forces = {drive.axis: drive.y for drive in drives(trial, vehicle) if drive.axis}
     return "".join(axis for axis, answer in _answers(trial, forces).items() if answer < -_OPPOSED)
 
 
@@ -372,7 +374,7 @@ def _answers(trial: Trial, forces: Mapping[str, Array]) -> dict[str, float]:
     from scipy.ndimage import gaussian_filter1d
 
     width = max(1.0, 0.15 / trial.dt)
-    found = {}
+    answers = {}
     for letter, along in forces.items():
         axis = AXES.index(letter)
         if CHANNELS[axis] not in trial.channels or along.std() == 0.0:
@@ -386,8 +388,8 @@ def _answers(trial: Trial, forces: Mapping[str, Array]) -> dict[str, float]:
             continue
         fit, *_ = np.linalg.lstsq(design, change[good], rcond=None)
         left = change[good] - design @ fit
-        found[letter] = float(fit[3]) * float(force[good].std()) / max(float(left.std()), 1e-12)
-    return found
+        answers[letter] = float(fit[3]) * float(force[good].std()) / max(float(left.std()), 1e-12)
+    return answers
 
 
 def turned(text: str, reversed_: Mapping[str, bool]) -> str:

@@ -114,10 +114,10 @@ class Wiring(Plain):
     @property
     def sentence(self) -> str:
         """What is wrong, how sure that is, and what to change."""
-        said, cure = [], []
+        faults, cure = [], []
         if self.reversed:
             several = len(self.reversed) > 1
-            said.append(
+            faults.append(
                 f"{listed(self.reversed)} {'act against their signs' if several else 'acts against its sign'}"
             )
             cure.append(
@@ -126,7 +126,7 @@ class Wiring(Plain):
                 f" {listed([f'cmd.{name}' for name in self.reversed])} in the column map"
             )
         for a, b in self.exchanged:
-            said.append(f"{a} and {b} act in one another's place")
+            faults.append(f"{a} and {b} act in one another's place")
             cure.append(f"exchange the columns of cmd.{a} and cmd.{b} in the column map")
         shares = ", ".join(
             f"{100.0 * after:.0f} % instead of {100.0 * max(before, 0.0):.0f} % of {axis}"
@@ -134,7 +134,7 @@ class Wiring(Plain):
         )
         odds = f"log-likelihood {self.evidence:.0f} higher"
         return (
-            f"{WIRED}{' and '.join(said)}: so the commands explain {shares} beyond damping ({odds});"
+            f"{WIRED}{' and '.join(faults)}: so the commands explain {shares} beyond damping ({odds});"
             f" {' and '.join(cure)}; check in the water"
         )
 
@@ -169,7 +169,9 @@ def wiring(trial: Trial, vehicle: Vehicle, *, loops: Sequence[Feedback] | None =
     hypotheses = _hypotheses(names, vehicle)
     doubt = _judged(judged, names, hypotheses, closed=False)
     # Whether the loop is closed is asked last: it takes longer than all the rest.
-    if doubt is None or not any(one.closed for one in (feedback(trial) if loops is None else loops)):
+    if doubt is None or not any(
+        regression.closed for regression in (feedback(trial) if loops is None else loops)
+    ):
         return doubt
     return _judged(judged, names, hypotheses, closed=True)
 
@@ -308,7 +310,7 @@ def _hypotheses(names: Sequence[str], vehicle: Vehicle) -> list[Hypothesis]:
     for signs in itertools.product((1.0, -1.0), repeat=count):
         result.append((np.array(signs), straight, sum(s < 0.0 for s in signs)))
     pairs = list(_like_pairs(names, vehicle))
-    for swaps in (*((one,) for one in pairs), *itertools.combinations(pairs, 2)):
+    for swaps in (*((pair,) for pair in pairs), *itertools.combinations(pairs, 2)):
         members = [k for pair in swaps for k in pair]
         if len(set(members)) < len(members):
             continue
@@ -340,15 +342,15 @@ def _judged(
     changes = np.array([h[2] for h in hypotheses])
     gain = np.zeros(len(hypotheses))
     shares = np.zeros((len(judged), len(hypotheses)))
-    for k, one in enumerate(judged):
-        shares[k] = _explained(one.y, one.force, signs * one.effect[places])
-        gain += -0.5 * len(one.y) * np.log(np.maximum(1.0 - shares[k], 1e-12))
+    for k, axis in enumerate(judged):
+        shares[k] = _explained(axis.y, axis.force, signs * axis.effect[places])
+        gain += -0.5 * len(axis.y) * np.log(np.maximum(1.0 - shares[k], 1e-12))
     gain -= gain[0]
     net = gain - _PRICE * changes
     best = int(np.argmax(net))
     if net[best] < (_CLOSED_EVIDENCE if closed else _EVIDENCE):
         return None
-    free = np.array([_free_share(one) for one in judged])
+    free = np.array([_free_share(axis) for axis in judged])
     against = (shares[:, 0] < _BEFORE * free) & (shares[:, best] > np.maximum(_AFTER * free, _SHARE))
     if not against.any() or not _in_all_parts(judged, signs, places, best):
         return None
@@ -363,7 +365,9 @@ def _judged(
     if not turned and not swapped:
         return None
     clear = {
-        one.axis: (float(shares[k, 0]), float(shares[k, best])) for k, one in enumerate(judged) if against[k]
+        axis.axis: (float(shares[k, 0]), float(shares[k, best]))
+        for k, axis in enumerate(judged)
+        if against[k]
     }
     pairs = tuple((str(names[a]), str(names[b])) for a, b in sorted(swapped))
     return Wiring(tuple(turned), pairs, float(net[best]), clear, closed)
@@ -378,19 +382,19 @@ def _explained(y: Array, force: Array, weights: Array) -> Array:
     return np.asarray(share)
 
 
-def _free_share(one: _Axis) -> float:
+def _free_share(axis: _Axis) -> float:
     """Share of y that the thrusts explain with free gains."""
-    left = one.y - one.force @ np.linalg.lstsq(one.force, one.y, rcond=1e-6)[0]
-    return 1.0 - float(left @ left) / float(one.y @ one.y)
+    left = axis.y - axis.force @ np.linalg.lstsq(axis.force, axis.y, rcond=1e-6)[0]
+    return 1.0 - float(left @ left) / float(axis.y @ axis.y)
 
 
 def _in_all_parts(judged: Sequence[_Axis], signs: Array, places: Array, best: int) -> bool:
     """Whether no part of the log prefers the file's wiring clearly to the changed one."""
     preference = np.zeros(_PARTS)
-    for one in judged:
-        weights = signs[[0, best]] * one.effect[places[[0, best]]]
-        for part, rows in enumerate(np.array_split(np.arange(len(one.y)), _PARTS)):
-            share = _explained(one.y[rows], one.force[rows], weights)
+    for axis in judged:
+        weights = signs[[0, best]] * axis.effect[places[[0, best]]]
+        for part, rows in enumerate(np.array_split(np.arange(len(axis.y)), _PARTS)):
+            share = _explained(axis.y[rows], axis.force[rows], weights)
             left = np.log(np.maximum(1.0 - share, 1e-12))
             preference[part] += 0.5 * len(rows) * float(left[0] - left[1])
     return bool(preference.min() > -_PART_AGAINST * preference.max())

@@ -407,8 +407,8 @@ def time_column(
         if len(finite) > 0.5 * head.height and rises(finite) and of_record(stamps):
             return TimeColumn(*pair, TimeScale(1.0, unix=bool(np.median(finite) > _UNIX_S))), ""
     for name in candidates:
-        if (found := rising(name)) is not None:
-            values, scale = found
+        if (read := rising(name)) is not None:
+            values, scale = read
             if not is_header_stamp(name) or of_record((values - scale.origin) * scale.factor):
                 return TimeColumn(name, None, scale), ""
         elif clock_times(head[name]) is not None:

@@ -245,7 +245,7 @@ class _BinaryLog(Log):
     @cached_property
     def _instances(self) -> dict[str, tuple[int, ...]]:
         """Instances by type."""
-        found: dict[str, tuple[int, ...]] = {}
+        instances: dict[str, tuple[int, ...]] = {}
         for name, kind in self._types.items():
             if kind.instance is not None:
                 seen: Counter[int] = Counter()
@@ -255,18 +255,18 @@ class _BinaryLog(Log):
                         ones, counts = np.unique(rows[kind.instance], return_counts=True)
                         seen.update(dict(zip(ones.tolist(), counts.tolist(), strict=True)))
                 least = max(_STRAY * len(kind.offsets), 1.0) if self._damaged else 0.0
-                found[name] = tuple(sorted(one for one, count in seen.items() if count > least)) or tuple(
-                    seen
-                )
-        return found
+                instances[name] = tuple(
+                    sorted(instance for instance, count in seen.items() if count > least)
+                ) or tuple(seen)
+        return instances
 
     @cached_property
     def _topics(self) -> dict[str, tuple[str, int | None]]:
         """Type and instance by topic."""
         topics: dict[str, tuple[str, int | None]] = {}
         for name in (name for name in self._types if name not in _TABLES):
-            for one in self._instances.get(name) or (None,):
-                topics[name if one is None else f"{name}[{one}]"] = (name, one)
+            for instance in self._instances.get(name) or (None,):
+                topics[name if instance is None else f"{name}[{instance}]"] = (name, instance)
         return topics
 
     @cached_property
@@ -298,8 +298,8 @@ class _BinaryLog(Log):
                     offsets = kind.offsets[begin : begin + len(rows)]
                     stamps = self._stamps(kind, rows, offsets)
                     for topic in topics:
-                        one = self._topics[topic][1]
-                        mine = slice(None) if one is None else rows[kind.instance] == one
+                        instance = self._topics[topic][1]
+                        mine = slice(None) if instance is None else rows[kind.instance] == instance
                         own = rows[mine]
                         if len(own):
                             columns = [self._numbers(kind, own, column) for column in wanted[topic]]
@@ -334,12 +334,13 @@ class _BinaryLog(Log):
     def events(self) -> list[Event]:
         """Changes of mode and messages of the autopilot."""
         events = []
-        said = self._types.get("MSG")
-        if said is not None and "Message" in (said.layout.names or ()):
-            rows = self._rows(said)
-            texts = self._text(said, rows, "Message")
+        messages = self._types.get("MSG")
+        if messages is not None and "Message" in (messages.layout.names or ()):
+            rows = self._rows(messages)
+            texts = self._text(messages, rows, "Message")
             events += [
-                Event(t, "message", s) for t, s in zip(self._stamps(said, rows).tolist(), texts, strict=True)
+                Event(t, "message", s)
+                for t, s in zip(self._stamps(messages, rows).tolist(), texts, strict=True)
             ]
         kind = self._types.get("MODE")
         if kind is not None and "Mode" in (kind.layout.names or ()):
@@ -583,15 +584,15 @@ def _messages(data: Bytes, lengths: Places, release: Callable[[], None]) -> tupl
 
 def _gaps(begins: Places, numbers: Bytes, lengths: Places, size: int) -> tuple[Places, Places, Places]:
     """Which messages, or the end, follow bytes that are no message, and where these begin and end."""
-    found, before = [np.empty((3, 0), np.int64)], 0
+    parts, before = [np.empty((3, 0), np.int64)], 0
     for at in range(0, len(begins), _FEW):
         tos = begins[at : at + _FEW].astype(np.int64)
         ends = tos + lengths[numbers[at : at + _FEW]]
         froms = np.r_[before, ends[:-1]]
         which = np.flatnonzero(tos > froms)
-        found.append(np.stack([at + which, froms[which], tos[which]]))
+        parts.append(np.stack([at + which, froms[which], tos[which]]))
         before = int(ends[-1])
     if before < size:
-        found.append(np.array([[len(begins)], [before], [size]]))
-    gaps, froms, tos = np.concatenate(found, axis=1)
+        parts.append(np.array([[len(begins)], [before], [size]]))
+    gaps, froms, tos = np.concatenate(parts, axis=1)
     return gaps, froms, tos

@@ -121,13 +121,13 @@ class Table(Log):
         if head is None:
             return None
         units = dict(zip(self.layout.names, self.layout.units, strict=True))
-        found, self.timeless = time_column(
+        column, self.timeless = time_column(
             units, time_fields(self.layout.names), head, lambda cells: self._numbers(cells, 0, [], Counter()),
             first_row=self.layout.first_row,
         )  # fmt: skip
-        if found is not None:
+        if column is not None:
             self.timeless = ""
-            return found
+            return column
         first = self.layout.names[0]
         values = self._numbers(head[first], 0, [], Counter())
         if len(values) > 2 and np.all(np.diff(values) > 0.0) and not _counts(values):

@@ -50,30 +50,30 @@ def points_down(field: Field) -> bool | None:
     return None
 
 
-def by_gravity(format: str, topics: Sequence[Topic], found: Iterable[Proposal]) -> Iterator[Proposal]:
+def by_gravity(format: str, topics: Sequence[Topic], proposals: Iterable[Proposal]) -> Iterator[Proposal]:
     """The proposals with the body frame and the vertical of an attitude that gravity shows in the message."""
     fields = {topic.name: {field.name: field for field in topic.fields} for topic in topics}
     down = {name: _down(own) for name, own in fields.items()} if format in _DOCUMENTED else {}
-    for one in found:
-        shown = down.get(one.topic)
-        if shown is None or not (one.canonical in _BODY or one.canonical in _Q):
-            yield one
+    for proposal in proposals:
+        shown = down.get(proposal.topic)
+        if shown is None or not (proposal.canonical in _BODY or proposal.canonical in _Q):
+            yield proposal
             continue
         body = "FRD" if shown else "FLU"
-        if one.canonical in _BODY:
-            frame, stated = ("" if shown else "FLU"), one.frame or "FRD"
+        if proposal.canonical in _BODY:
+            frame, stated = ("" if shown else "FLU"), proposal.frame or "FRD"
             differs = stated != body
         else:
-            stated = one.frame or "FRD/NED"
-            frame = f"{body}/{_earth(fields[one.topic], one, found_down=shown, stated=stated)}"
+            stated = proposal.frame or "FRD/NED"
+            frame = f"{body}/{_earth(fields[proposal.topic], proposal, found_down=shown, stated=stated)}"
             differs = frame != stated
             frame = "" if frame == "FRD/NED" else frame
         if not differs:
-            yield one
+            yield proposal
             continue
         sense = "down" if shown else "up"
-        why = f"{one.why} in {stated}, but its accelerometer's z points {sense}: {frame or 'FRD, NED'}"
-        yield replace(one, frame=frame, why=why, certain=False)
+        why = f"{proposal.why} in {stated}, but its accelerometer's z points {sense}: {frame or 'FRD, NED'}"
+        yield replace(proposal, frame=frame, why=why, certain=False)
 
 
 def _down(fields: Mapping[str, Field]) -> bool | None:
@@ -81,12 +81,12 @@ def _down(fields: Mapping[str, Field]) -> bool | None:
     return points_down(vertical[0]) if len(vertical) == 1 else None
 
 
-def _earth(fields: Mapping[str, Field], one: Proposal, *, found_down: bool, stated: str) -> str:
+def _earth(fields: Mapping[str, Field], proposal: Proposal, *, found_down: bool, stated: str) -> str:
     """Earth frame of a quaternion whose body z points down or up: by the mean of the vertical's cosine.
 
     Of a unit quaternion that is the mean of w^2 - x^2 - y^2 + z^2, positive where both verticals point alike.
     """
-    name = one.name
+    name = proposal.name
     stem = name[:-1]  # orientation.w: the last letter names the component
     parts = [fields.get(f"{stem}{axis}") for axis in "wxyz"]
     earth = stated.partition("/")[2]

@@ -80,7 +80,7 @@ class _Lsf(Log):
             counts[source] += by_entity.total() + (_FIRST if kind == "EstimatedState" else 0)
         self._vehicle = max(counts, key=lambda source: counts[source], default=0)
         self._entities = entities
-        self._several = {one for one, by_entity in senders.items() if len(by_entity) > 1}
+        self._several = {key for key, by_entity in senders.items() if len(by_entity) > 1}
         for (source, kind), by_entity in senders.items():
             names = _numeric(kinds[kind])
             for entity in by_entity:

@@ -52,9 +52,9 @@ def find_field(log: Log, column: str) -> Wanted | None:
     """
     known = [topic for topic in log.fields if column.startswith(topic + ".")]
     for topic in sorted(known, key=len, reverse=True):
-        found = _within(log, topic, column.removeprefix(topic + "."))
-        if found is not None:
-            return found
+        field = _within(log, topic, column.removeprefix(topic + "."))
+        if field is not None:
+            return field
     return _within(log, next(iter(log.fields)), column) if len(log.fields) == 1 else None
 
 
@@ -110,11 +110,11 @@ def join(
     notes: list[str] = []
     epoch = _epoch(logs, notes)
     topics: dict[str, tuple[Log, list[Wanted]]] = {}
-    for one in wanted:
-        log = next((log for log in logs if one.topic in log.fields), None)
+    for column in wanted:
+        log = next((log for log in logs if column.topic in log.fields), None)
         if log is None:
-            raise TrialError(f'no log has the topic "{one.topic}"; the logs are {_named(logs)}')
-        topics.setdefault(one.topic, (log, []))[1].append(one)
+            raise TrialError(f'no log has the topic "{column.topic}"; the logs are {_named(logs)}')
+        topics.setdefault(column.topic, (log, []))[1].append(column)
     parts: list[tuple[str, Array, dict[str, Array]]] = []
     for count, log in enumerate(logs):
         own = {topic: columns for topic, (home, columns) in topics.items() if home is log}

@@ -227,8 +227,8 @@ def _commas(rows: Sequence[tuple[int, str]], separator: str, path: Path) -> tupl
     TrialError
         If quoted numbers hold commas and nothing tells which.
     """
-    told = [(row, cells_of(line, separator)) for row, line in rows[-50:]]
-    cells = [cell for _, row in told for cell in row]
+    sampled = [(row, cells_of(line, separator)) for row, line in rows[-50:]]
+    cells = [cell for _, row in sampled for cell in row]
     decimal = [cell for cell in cells if re.fullmatch(r"[+-]?\d+,\d+(e[+-]?\d+)?", cell, re.IGNORECASE)]
     points = any(re.fullmatch(r"[+-]?\d*\.\d+(e[+-]?\d+)?", cell, re.IGNORECASE) for cell in cells)
     if separator != ",":
@@ -236,7 +236,7 @@ def _commas(rows: Sequence[tuple[int, str]], separator: str, path: Path) -> tupl
     if any(not re.match(GROUPED, cell) or re.match("[+-]?0", cell) for cell in decimal):
         return True, False
     if decimal and not points:
-        row, column = next((row, line.index(c) + 1) for row, line in told for c in decimal if c in line)
+        row, column = next((row, line.index(c) + 1) for row, line in sampled for c in decimal if c in line)
         raise TrialError(
             f'{path}: line {row}, column {column}: "{printable(decimal[0], 30)}": whether the comma is a'
             " decimal comma or groups thousands is not known; expected numbers such as 1150 or 1.15: write"
@@ -292,7 +292,9 @@ def _names(
     unit_row = 0
     if not places_of_units and at + 1 < len(above) and _under_time(names, above[at + 1][1]):
         places_of_units = [at + 1]
-    units = [found[1].strip() if (found := re.search(r"[\[(]([^\])]*)[\])]\s*$", n)) else "" for n in names]
+    units = [
+        bracket[1].strip() if (bracket := re.search(r"[\[(]([^\])]*)[\])]\s*$", n)) else "" for n in names
+    ]
     if places_of_units:
         # A row of types, as a compiler knows them, is no row of units.
         best = max(places_of_units, key=lambda k: sum(unit_of(cell) is not None for cell in above[k][1]))

@@ -215,14 +215,14 @@ class Log(ABC):
             surveys = {topic: _Survey(fields) for topic, fields in wanted.items()}
             for chunk in self.chunks(wanted, share):
                 surveys[chunk.topic].add(chunk)
-            found = [
+            surveyed = [
                 survey.topic(name, self.fields[name])
                 for name, survey in surveys.items()
                 if survey.samples > 0
             ]
         return [
             replace(topic, kind=self.kinds.get(topic.name, ""), of_file=topic.name in self.of_file)
-            for topic in found
+            for topic in surveyed
         ]
 
     def read(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> dict[str, Samples]:

@@ -80,11 +80,11 @@ class _Matlab(Log):
             if share is not None:
                 share((done + 1) / len(wanted))
 
-    def _sort(self, found: Iterator[tuple[str, str, Array]]) -> None:
+    def _sort(self, arrays: Iterator[tuple[str, str, Array]]) -> None:
         """Put arrays (structure, name, values (n, k)) into topics by structure and length."""
         groups: dict[tuple[str, int], dict[str, Array]] = {}
         count = 0
-        for structure, name, values in found:
+        for structure, name, values in arrays:
             matrix = values[:, None] if values.ndim == 1 else values
             if matrix.shape[0] < matrix.shape[1] and matrix.shape[0] <= LONGEST_ARRAY:
                 matrix = matrix.T

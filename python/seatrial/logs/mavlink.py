@@ -134,7 +134,7 @@ class SenderClocks:
         clocks: dict[Hashable, list[list[tuple[Session, float]]]] = {}
         every = [session for sessions in self._sessions.values() for session in sessions]
         # The widest counters first: they know how often the narrow ones began again.
-        for session in sorted(every, key=lambda one: (-one.period_s, -one.count)):
+        for session in sorted(every, key=lambda candidate: (-candidate.period_s, -candidate.count)):
             own = clocks.setdefault(session.sender, [])
             for clock in own:
                 apart = session.least_s - clock[0][0].least_s
@@ -198,7 +198,7 @@ class _Telemetry(Log):
     def __post_init__(self) -> None:
         places = whole = 0
         modes: dict[int, list[Event]] = {}
-        said: Counter[int] = Counter()
+        spoken: Counter[int] = Counter()
         units: dict[_Sender, dict[str, dict[str, str]]] = {}
         parameters: dict[int, dict[str, float]] = {}
         mavutil = extra("pymavlink.mavutil", self.path)
@@ -211,7 +211,7 @@ class _Telemetry(Log):
             whole += _STAMP_BYTES + len(message.get_msgbuf())
             values = dict(_flat(message))
             system, component = sender = _sender(message)
-            said[system] += component == _AUTOPILOT
+            spoken[system] += component == _AUTOPILOT
             known = units.setdefault(sender, {}).setdefault(_kind(message), {})
             if sum(map(len, units.values())) > MOST_TOPICS:
                 raise TrialError(f"{self.path}: more than {MOST_TOPICS} topics; the file is damaged")
@@ -231,9 +231,9 @@ class _Telemetry(Log):
                 now, own_modes = str(mavutil.mode_string_v10(message)), modes.setdefault(system, [])
                 if not own_modes or now != own_modes[-1].text:
                     own_modes.append(Event(received, "mode", now))
-        del said[_GROUND]
-        self._vehicle = max(said, key=lambda system: said[system], default=0)
-        self._units = {self._topic(one, name): f for one, k in units.items() for name, f in k.items()}
+        del spoken[_GROUND]
+        self._vehicle = max(spoken, key=lambda system: spoken[system], default=0)
+        self._units = {self._topic(sender, name): f for sender, k in units.items() for name, f in k.items()}
         self._events += modes.get(self._vehicle, [])
         self.parameters = parameters.get(self._vehicle) or next(iter(parameters.values()), {})
         self._clocks.settle()
@@ -287,7 +287,7 @@ class _Telemetry(Log):
         first: float | None = None
         autopilot = (self._vehicle, _AUTOPILOT)
         for sender, (_, kind), origin, _ in sorted(
-            self._clocks.origins(), key=lambda one: (one[0] != autopilot, -one[3])
+            self._clocks.origins(), key=lambda clock: (clock[0] != autopilot, -clock[3])
         ):
             first = origin if first is None else first
             if abs(origin - first) > _SAID_S:
@@ -302,8 +302,8 @@ class _Telemetry(Log):
     def _messages(self) -> Iterator[tuple[Any, float]]:
         """Messages and the share of the file up to each."""
         mavutil = extra("pymavlink.mavutil", self.path)
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             stream = mavutil.mavlogfile(str(self.path), robust_parsing=True)
         size = max(self.path.stat().st_size, 1)
         judged = stream.f = _Judged(stream.f, self.path)

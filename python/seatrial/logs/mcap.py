@@ -142,8 +142,8 @@ class _Mcap(Bag):
             end = at + _TAG_BYTES + int.from_bytes(content[at + 1 : at + _TAG_BYTES], "little")
             if end > len(content) or content[at] not in (_SCHEMA, _CHANNEL, _MESSAGE):
                 return records, min(lost + len(content) - at, most)
-            found, damaged = self._unpacked(content[at], content[at + _TAG_BYTES : end])
-            records += found
+            unpacked, damaged = self._unpacked(content[at], content[at + _TAG_BYTES : end])
+            records += unpacked
             lost += damaged
             at = end
         return records, min(lost, most)
@@ -173,14 +173,14 @@ class _Mcap(Bag):
 
 def _next_chunk(data: mmap.mmap, at: int) -> int:
     """Begin of the next chunk, told by the name of its packing; the end of the file where there is none."""
-    found = [len(data)]
+    begins = [len(data)]
     for packing in _PACKINGS:
         place = at
         while (place := data.find(packing, place)) >= 0:
             begin = place - _BEFORE_PACKING
             length = int.from_bytes(data[begin + 1 : begin + _TAG_BYTES], "little") if begin >= at else 0
             if begin >= at and data[begin] == _CHUNK and 0 < length <= len(data) - begin - _TAG_BYTES:
-                found.append(begin)
+                begins.append(begin)
                 break
             place += 1
-    return min(found)
+    return min(begins)

@@ -46,9 +46,9 @@ class _Alog(Log):
         odd = 0
         for line, _ in self._lines():
             if line.startswith("%"):
-                found = re.search(r"LOGSTART\s+(\d+(?:\.\d+)?)", line)
-                if found:
-                    self.epoch_s = float(found[1])
+                start = re.search(r"LOGSTART\s+(\d+(?:\.\d+)?)", line)
+                if start:
+                    self.epoch_s = float(start[1])
                 continue
             entry = _entry(line)
             if entry is None:

@@ -115,19 +115,19 @@ class _Parquet(Log):
             return None
         pair = [name for name in joined_names(dict.fromkeys(names, "")) or () if name not in candidates]
         head = self._part(0, min(2_000, self._height), [*candidates, *pair])
-        found, why = time_column(dict.fromkeys(names, ""), candidates, head, _numbers, first_row=1)
-        if found is None:
+        column, why = time_column(dict.fromkeys(names, ""), candidates, head, _numbers, first_row=1)
+        if column is None:
             self.timeless = why
             self.note(why)
             return None
-        if found.scale is None:
-            dated = clock_times(head[found.name])
+        if column.scale is None:
+            dated = clock_times(head[column.name])
             self.epoch_s = 0.0 if dated is not None and dated[1] else None
-        elif found.scale.unix:
+        elif column.scale.unix:
             self.epoch_s = 0.0
-        if found.scale is not None and found.scale.how:
-            self.remark(f'time "{found.name}": {found.scale.how}')
-        return found
+        if column.scale is not None and column.scale.how:
+            self.remark(f'time "{column.name}": {column.scale.how}')
+        return column
 
     def _part(self, begin: int, count: int, names: Sequence[str]) -> pl.DataFrame:
         """Some rows of some columns; empty, with a note, where a column is damaged."""

@@ -220,15 +220,15 @@ def propose(format: str, topics: Sequence[Topic], parameters: Mapping[str, float
     parameters
         Parameters of the vehicle that the log carries (ArduSub's tell which channel drives what).
     """
-    found = [*_documented(format, topics), *_actuators(format, topics, parameters)]
-    if format in ("csv", "parquet", "matlab") or not found:
-        found += _by_name(topics)
+    proposals = [*_documented(format, topics), *_actuators(format, topics, parameters)]
+    if format in ("csv", "parquet", "matlab") or not proposals:
+        proposals += _by_name(topics)
     elif _SAME.get(format) == "ros":
         # Any message may be recorded; of one that is not documented the names tell something.
-        documented = {proposal.topic for proposal in found}
+        documented = {proposal.topic for proposal in proposals}
         others = _by_name([topic for topic in topics if topic.name not in documented])
-        found += [replace(proposal, rank=proposal.rank + _LEAST_RANK) for proposal in others]
-    return sorted(found, key=lambda proposal: (proposal.canonical, proposal.rank))
+        proposals += [replace(proposal, rank=proposal.rank + _LEAST_RANK) for proposal in others]
+    return sorted(proposals, key=lambda proposal: (proposal.canonical, proposal.rank))
 
 
 def _documented(format: str, topics: Sequence[Topic]) -> Iterator[Proposal]:
@@ -456,9 +456,9 @@ def _known(before: Sequence[str], field: Field, beside: set[str]) -> tuple[str, 
     stem, unit = suffix_of(name)
     # A suffix of another dimension is a word of the name: "vel_n" is a velocity north, not one in newton.
     for part, by_suffix in ((stem, unit), (name, "")):
-        found = quantity_of("/".join([*before, part]), beside)
-        if found is not None and fits(found[0], stated or by_suffix):
-            return found[0], found[1] + _CONVERTED_RANK * (found[0] in _CONVERTED)
+        quantity = quantity_of("/".join([*before, part]), beside)
+        if quantity is not None and fits(quantity[0], stated or by_suffix):
+            return quantity[0], quantity[1] + _CONVERTED_RANK * (quantity[0] in _CONVERTED)
     path = "_".join([*before, stem])
     if actuator_of(path) and fits("cmd.", stated or unit):
         label = re.sub(r"_(deg|rad|rpm|us|pwm|n)$", "", _label(stem)) or _label(name)
@@ -495,8 +495,8 @@ def _unit(
 
     The attitude's `angles`, and the `rates` of a gyro, have one unit: the largest of them tells it.
     """
-    if (told := _told_unit(field)) and fits(canonical, told[0]):
-        return *told, True
+    if (stated := _told_unit(field)) and fits(canonical, stated[0]):
+        return *stated, True
     largest = max(abs(field.minimum), abs(field.maximum))
     if canonical.startswith(("cmd.", "meas.")):
         return _actuator_unit(field, largest)
@@ -530,7 +530,7 @@ def _unit(
     return ("", "no unit", False) if canonical.startswith("q_") else ("m", "unit m assumed", False)
 
 
-def unknown_unit(one: Proposal, field: Field) -> bool:
+def unknown_unit(proposal: Proposal, field: Field) -> bool:
     """Whether a field that was told by its name states a unit that is not known.
 
     Examples
@@ -540,7 +540,7 @@ def unknown_unit(one: Proposal, field: Field) -> bool:
     True
     """
     unit = field.unit.strip()
-    return not no_unit(unit) and unit_of(unit) is None and one.why.startswith("its name")
+    return not no_unit(unit) and unit_of(unit) is None and proposal.why.startswith("its name")
 
 
 def _told_unit(field: Field) -> tuple[str, str] | None:

@@ -201,7 +201,7 @@ class _Cut(Bag):
         try:
             types = typesys.get_types_from_msg(text, kind)
             self._store.register({
-                name: one for name, one in types.items() if name not in self._store.fielddefs
+                name: fields for name, fields in types.items() if name not in self._store.fielddefs
             })
         except Exception as error:  # a damaged definition may raise anything in rosbags
             self.note(f"{topic}: messages of the unknown type {kind} ({type(error).__name__}); left out")
@@ -232,15 +232,15 @@ def _part(file: BinaryIO, length: bytes, most: int, *, whole: bool = True) -> by
 
 def _fields(data: bytes) -> dict[str, bytes]:
     """Values of a header by name."""
-    found, at = {}, 0
+    values, at = {}, 0
     while at + 4 <= len(data):
         (length,) = struct.unpack_from("<I", data, at)
         name, equals, value = data[at + 4 : at + 4 + length].partition(b"=")
         if not equals or at + 4 + length > len(data):
             raise _Damaged("a header that is none")
-        found[name.decode(errors="replace")] = value
+        values[name.decode(errors="replace")] = value
         at += 4 + length
-    return found
+    return values
 
 
 def _code(header: dict[str, bytes]) -> int:

@@ -110,8 +110,8 @@ def suffix_of(name: str) -> tuple[str, str]:
     if bracketed and not re.fullmatch(r"\d+", bracketed[2]):
         return bracketed[1], unit_of(bracketed[2]) or ""
     for pattern, unit in _SUFFIX:
-        if found := re.fullmatch(rf"(.+?)[_\s]({pattern})", name, re.IGNORECASE):
-            return found[1], unit
+        if suffixed := re.fullmatch(rf"(.+?)[_\s]({pattern})", name, re.IGNORECASE):
+            return suffixed[1], unit
     return name, ""
 
 
@@ -179,10 +179,10 @@ def misfit_of(name: str) -> tuple[str, str] | None:
 
 def _apart(name: str) -> tuple[str, str]:
     """Stem and unit of a column that is called as the canonical ones are."""
-    if found := re.fullmatch(r"t_(\w+)", name):
-        return ("t", _TIMES[found[1]]) if found[1] in _TIMES else (name, "")
-    if found := re.fullmatch(r"(tau\.\w)_kn", name):
-        return found[1], "kN"
+    if match := re.fullmatch(r"t_(\w+)", name):
+        return ("t", _TIMES[match[1]]) if match[1] in _TIMES else (name, "")
+    if match := re.fullmatch(r"(tau\.\w)_kn", name):
+        return match[1], "kN"
     return suffix_of(name)
 
 

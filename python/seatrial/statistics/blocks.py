@@ -229,8 +229,8 @@ def divided(lin: Linearisation, length: BlockLength) -> tuple[Blocks, ...]:
                 np.add.at(summed, owner, units)
                 into[shift].append(summed)
     return tuple(
-        Blocks(np.concatenate(one), np.concatenate(other), coloured)
-        for one, other in zip(score, information, strict=True)
+        Blocks(np.concatenate(scores_of), np.concatenate(matrices_of), coloured)
+        for scores_of, matrices_of in zip(score, information, strict=True)
     )
 
 
@@ -378,13 +378,13 @@ def views(lin: Linearisation, length: BlockLength | None = None) -> tuple[Whiten
     centre = np.array([unknown.prior for unknown in lin.unknowns])
     transform, undetermined = determined(divisions[0].information.sum(axis=0) + np.diag(precision))
     coloured = transform.T @ divisions[0].coloured @ transform
-    found = []
+    whitened_views = []
     for data in divisions:
         score = data.score @ transform
         information = transform.T @ data.information @ transform
         # Newton's step to the optimum of the linearised problem; scores are taken there, not at a bound.
         step = score.sum(axis=0) - transform.T @ (precision * (lin.values - centre))
-        found.append(
+        whitened_views.append(
             Whitened(
                 length=length,
                 transform=transform,
@@ -395,7 +395,7 @@ def views(lin: Linearisation, length: BlockLength | None = None) -> tuple[Whiten
                 prior=transform.T @ (precision[:, None] * transform),
             )
         )
-    return tuple(found)
+    return tuple(whitened_views)
 
 
 def determined(information: Array) -> tuple[Array, NDArray[np.bool_]]:

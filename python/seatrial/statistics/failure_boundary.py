@@ -107,15 +107,15 @@ class BoundarySurface:
                 np.array([np.interp(second, self.axis, row) for row in values]) for values in (mean, sd)
             )
         over, beyond = mean - self.level, np.abs(mean - self.level) - self.quantile * sd
-        found = []
+        crossings = []
         for k in np.flatnonzero(np.sign(over[:-1]) * np.sign(over[1:]) < 0.0).tolist():
             at = _zero(self.axis, over, k)
             low = next((_zero(self.axis, beyond, i) for i in range(k, -1, -1) if beyond[i] > 0.0), 0.0)
             high = next(
                 (_zero(self.axis, beyond, i - 1) for i in range(k + 1, len(over)) if beyond[i] > 0.0), 1.0
             )
-            found.append(Crossing(at, (min(low, at), max(high, at)), bool(over[k + 1] > 0.0)))
-        return tuple(found)
+            crossings.append(Crossing(at, (min(low, at), max(high, at)), bool(over[k + 1] > 0.0)))
+        return tuple(crossings)
 
 
 def _zero(axis: Array, values: Array, k: int) -> float:
@@ -183,9 +183,9 @@ def _posterior(
     from scipy.optimize import minimize
     from scipy.special import ndtri
 
-    x = np.array([one.x for one in places])
-    runs = np.array([one.runs for one in places], dtype=float)
-    failures = np.array([one.failures for one in places], dtype=float)
+    x = np.array([place.x for place in places])
+    runs = np.array([place.runs for place in places], dtype=float)
+    failures = np.array([place.failures for place in places], dtype=float)
     dimensions = x.shape[1]
     centre = np.array([*_PRIOR[:2], *[_PRIOR[2]] * dimensions])
 
@@ -271,5 +271,5 @@ def _slope(f: Array, failures: Array, runs: Array) -> Array:
 def _curvature(f: Array, share: Array, runs: Array) -> Array:
     """Minus the second derivative of the log likelihood, (n,), above zero."""
     up, down = _ratio(f), _ratio(-f)
-    found = runs * (share * up * (up + f) + (1.0 - share) * down * (down - f))
-    return np.asarray(np.maximum(found, 1e-10))
+    curvature = runs * (share * up * (up + f) + (1.0 - share) * down * (down - f))
+    return np.asarray(np.maximum(curvature, 1e-10))

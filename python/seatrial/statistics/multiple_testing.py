@@ -83,12 +83,12 @@ def spearman(values: Array, other: Array) -> tuple[float, float]:
     if k < 4:
         return 0.0, 1.0
     rho = _pearson(rankdata(values), rankdata(other))
-    for one, two in ((values, other), (other, values)):
-        common = _common_value(one)
+    for ranked, against in ((values, other), (other, values)):
+        common = _common_value(ranked)
         if common is not None:
-            apart = one != common
-            ps = [mann_whitney(two[apart], two[~apart])[1]]
-            if len(np.unique(one[apart])) > 1:
+            apart = ranked != common
+            ps = [mann_whitney(against[apart], against[~apart])[1]]
+            if len(np.unique(ranked[apart])) > 1:
                 ps.append(spearman(values[apart], other[apart])[1])
             return rho, min(1.0, len(ps) * min(ps))
     left = max(1.0 - rho * rho, np.finfo(np.float64).eps)

@@ -147,19 +147,23 @@ class FailureProbability:
         limit = f"{share(allowed)} is allowed"
         if verdict == "failed":
             return f"failed: at least {share(self.at_least, 'down')} of the missions fail {sure}, {limit}"
-        said = f"{verdict}: at most {share(self.at_most, 'up')} of the missions fail {sure}, {limit}"
+        verdict_sentence = (
+            f"{verdict}: at most {share(self.at_most, 'up')} of the missions fail {sure}, {limit}"
+        )
         if verdict == "held":
-            return said
+            return verdict_sentence
         again = self.looked_at_again
         careful = f"at {100.0 * again.confidence:.6g} % (half the risk, because it is a second look)"
         if self.failures == 0:
             more = runs_needed(allowed, confidence=again.confidence) - self.runs
             missions = "mission" if more == 1 else "missions"
-            return f"{said}; {more} more {missions} without a failure would suffice {careful}"
+            return f"{verdict_sentence}; {more} more {missions} without a failure would suffice {careful}"
         about = further_runs(self, allowed)
         if about is None:
-            return f"{said}; the share is so close to it that a billion missions may not decide it"
-        return f"{said}; about {_rounded(about)} more missions will probably decide it {careful}"
+            return (
+                f"{verdict_sentence}; the share is so close to it that a billion missions may not decide it"
+            )
+        return f"{verdict_sentence}; about {_rounded(about)} more missions will probably decide it {careful}"
 
     def __str__(self) -> str:
         """Count, share and interval; without a failure the bound on one side and the rule of three."""
@@ -169,7 +173,9 @@ class FailureProbability:
             rule = f", rule of three: 3/{self.runs}" if self.confidence == 0.95 and self.runs >= 30 else ""
             bound = share(self.at_most, "up")
             return f"{counted}: at most {bound} ({100.0 * self.confidence:g} % confidence{rule})"
-        nearest = 100.0 * min(one for one in (self.estimate - lower, upper - self.estimate) if one > 0.0)
+        nearest = 100.0 * min(
+            distance for distance in (self.estimate - lower, upper - self.estimate) if distance > 0.0
+        )
         digits = max(0, 1 - math.floor(math.log10(nearest)))
         shown = [f"{100.0 * value:.{digits}f}" for value in (self.estimate, lower, upper)]
         return f"{counted}: {shown[0]} % ({shown[1]} to {shown[2]} %)"

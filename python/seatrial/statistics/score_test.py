@@ -223,12 +223,12 @@ def single_tests(
     Parameters are those of `score_tests`.
     """
     sums = _sums(lin, columns, fitted=fitted, block=block, channel=channel, pairs=False)
-    found = sums.solved
+    solved = sums.solved
     return SingleTests(
-        sums.tried - np.einsum("bik,bik->bk", sums.cross, found[:, :, :-1]),
-        sums.aims - np.einsum("bi,bik->bk", sums.pull, found[:, :, :-1]),
+        sums.tried - np.einsum("bik,bik->bk", sums.cross, solved[:, :, :-1]),
+        sums.aims - np.einsum("bi,bik->bk", sums.pull, solved[:, :, :-1]),
         sums.tried[0].copy(),
-        float(sums.residual[0] - sums.pull[0] @ found[0, :, -1]),
+        float(sums.residual[0] - sums.pull[0] @ solved[0, :, -1]),
         float(sums.residual[0]),
         sums.samples,
     )
@@ -287,9 +287,9 @@ def _sums(
             beside[at] += among.T @ flat
             tried[at] += flat.T @ flat if pairs else np.einsum("nk,nk->k", flat, flat)
 
-    def without(one: Array) -> Array:
-        total = one.sum(axis=0)
-        return np.concatenate([total[None], total - one])
+    def without(sums: Array) -> Array:
+        total = sums.sum(axis=0)
+        return np.concatenate([total[None], total - sums])
 
     normal, beside, tried = without(normal), without(beside), without(tried)
     cross, pull = beside[:, :inside], normal[:, :inside, inside].copy()

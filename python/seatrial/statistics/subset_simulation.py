@@ -243,8 +243,12 @@ class RareEvent:
             "evaluations": self.evaluations,
             "plain_evaluations": self.plain,
             "populations": [
-                {"estimate": one.estimate, "evaluations": one.evaluations, "thresholds": list(one.thresholds)}
-                for one in self.populations
+                {
+                    "estimate": population.estimate,
+                    "evaluations": population.evaluations,
+                    "thresholds": list(population.thresholds),
+                }
+                for population in self.populations
             ],
             "check": None if self.check is None else asdict(self.check) | {"agrees": self.agrees},
             "stood_still": self.stood_still,
@@ -262,14 +266,20 @@ def rare_event(
     check : Importance or None
     confidence : float
     """
-    values = np.array([one.estimate for one in populations])
-    evaluations = sum(one.evaluations for one in populations) + (0 if check is None else check.evaluations)
+    values = np.array([population.estimate for population in populations])
+    evaluations = sum(population.evaluations for population in populations) + (
+        0 if check is None else check.evaluations
+    )
     estimate = float(values.mean())
-    still = any(one.stood_still for one in populations)
+    still = any(population.stood_still for population in populations)
     if estimate <= 0.0:
         highest = 1.0 if still else _below(populations, confidence)
         return RareEvent(0.0, (0.0, highest), confidence, math.inf, evaluations, populations, check, still)
-    own = [one.relative_variance * one.estimate**2 for one in populations if one.estimate > 0.0]
+    own = [
+        population.relative_variance * population.estimate**2
+        for population in populations
+        if population.estimate > 0.0
+    ]
     within = _BETWEEN_LEVELS * math.sqrt(sum(own)) / len(values) / estimate
     between = float(values.std(ddof=1)) / math.sqrt(len(values)) / estimate if len(values) > 1 else 0.0
     relative = max(within, between)
@@ -287,8 +297,10 @@ def _width(relative: float, confidence: float) -> float:
 
 def _below(populations: tuple[Population, ...], confidence: float) -> float:
     """Upper end of the interval of the probability of the levels that were reached without a failure."""
-    reached = np.array([one.reached for one in populations])
-    within = math.sqrt(sum(one.relative_variance * one.reached**2 for one in populations))
+    reached = np.array([population.reached for population in populations])
+    within = math.sqrt(
+        sum(population.relative_variance * population.reached**2 for population in populations)
+    )
     relative = _BETWEEN_LEVELS * within / len(reached) / float(reached.mean())
     return min(float(reached.mean()) * math.exp(_width(relative, confidence)), 1.0)
 
@@ -323,16 +335,16 @@ def importance(
     if len(samples) < 20:
         return None
     centres, member = _regions(samples, generator)
-    held = [k for k in range(len(centres)) if np.count_nonzero(member == k) >= 10]
-    if not held:
+    kept = [k for k in range(len(centres)) if np.count_nonzero(member == k) >= 10]
+    if not kept:
         return None
-    weight = np.array([np.count_nonzero(member == k) for k in held], float)
+    weight = np.array([np.count_nonzero(member == k) for k in kept], float)
     # Neighbours of a chain are alike: a tenth of the samples counts.
-    spread = [samples[member == k].std(axis=0) for k in held]
+    spread = [samples[member == k].std(axis=0) for k in kept]
     error = [size_ / math.sqrt(0.1 * n) for size_, n in zip(spread, weight, strict=True)]
-    centres = np.where(np.abs(centres[held]) > 3.0 * np.array(error), centres[held], 0.0)
+    centres = np.where(np.abs(centres[kept]) > 3.0 * np.array(error), centres[kept], 0.0)
     weight /= weight.sum()
-    chosen = generator.choice(len(held), size=size, p=weight)
+    chosen = generator.choice(len(kept), size=size, p=weight)
     x = centres[chosen] + generator.standard_normal((size, samples.shape[1]))
     can = np.ones(size, dtype=bool) if possible is None else possible(x)
     y = np.full(size, np.inf)
@@ -399,8 +411,8 @@ def _correlation(below: NDArray[np.bool_]) -> float:
     variance = mean * (1.0 - mean)
     if variance <= 0.0:
         return 0.0
-    found = 0.0
+    inflation = 0.0
     for lag in range(1, steps):
         covariance = float((inside[:-lag] * inside[lag:]).mean()) - mean**2
-        found += 2.0 * (1.0 - lag / steps) * covariance / variance
-    return max(found, 0.0)
+        inflation += 2.0 * (1.0 - lag / steps) * covariance / variance
+    return max(inflation, 0.0)

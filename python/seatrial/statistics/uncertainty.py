@@ -154,9 +154,9 @@ def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Unce
     from scipy.special import stdtrit
 
     # A variance from few blocks depends on where they end: the mean over several divisions does less.
-    found = views(lin, length)
-    view = found[0]
-    scatters, alone, dofs = zip(*(_scatter(one) for one in found), strict=True)
+    divisions = views(lin, length)
+    view = divisions[0]
+    scatters, alone, dofs = zip(*(_scatter(division) for division in divisions), strict=True)
     matrix = view.transform @ (np.mean(scatters, axis=0) + view.prior) @ view.transform.T
     variance = np.diag(matrix)
     naive = np.einsum("ij,ij->i", view.transform, view.transform)

@@ -124,8 +124,8 @@ def bollard(
 
     start = State(nu=[speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0])
     t = np.linspace(0.0, settling_s(vehicle), 101)
-    held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
-    run = vehicle.simulate(t, held, start, free="", voltage_v=voltage_for(vehicle, t, voltage_v))
+    inputs: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
+    run = vehicle.simulate(t, inputs, start, free="", voltage_v=voltage_for(vehicle, t, voltage_v))
     wrench: Array = np.asarray(run.tau)[-1]
     return wrench
 
@@ -244,11 +244,11 @@ def drivers(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
     """
     allocation = np.abs(np.asarray(vehicle.allocation_matrix()))
     finned = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
-    found = {}
+    names_by_axis = {}
     for axis, row in zip(AXES, allocation, strict=True):
         most = float(row.max(initial=0.0))
         if most > (0.0 if finned else _DRIVEN * float(allocation.max(initial=0.0))):
-            found[axis] = tuple(
+            names_by_axis[axis] = tuple(
                 name for name, entry in zip(vehicle.actuators, row, strict=True) if entry >= _MAIN * most
             )
-    return found
+    return names_by_axis

@@ -106,13 +106,13 @@ def reach(vehicle: Vehicle, speed_m_s: float, rows: str, *, voltage_v: float = N
     limits = thrusts(vehicle, speed_m_s, voltage_v=voltage_v)
     extremes = {}
     for row in rows:
-        held = [ROWS.index(other) for other in rows if other not in (row, "X")]
+        fixed = [ROWS.index(other) for other in rows if other not in (row, "X")]
         bounds = []
         for sign in (1.0, -1.0):
             answer = linprog(
                 sign * matrix[ROWS.index(row)],
-                A_eq=matrix[held] if held else None,
-                b_eq=np.zeros(len(held)) if held else None,
+                A_eq=matrix[fixed] if fixed else None,
+                b_eq=np.zeros(len(fixed)) if fixed else None,
                 bounds=list(map(tuple, limits)),
             )
             bounds.append(sign * float(answer.fun) if answer.success else 0.0)
@@ -247,10 +247,10 @@ def authority_in_words(vehicle: Vehicle, speed_m_s: float) -> list[str]:
     As ``Vehicle.authority_sentences``; where the only thrust ahead is lost, the speed and the force of fins
     go with it.
     """
-    said = vehicle.authority_sentences(speed_m_s)
+    sentences = vehicle.authority_sentences(speed_m_s)
     only = _only_thrust(vehicle)
     if only is None or speed_m_s <= 0.0:
-        return said
+        return sentences
     still = set(_commanded(vehicle, 0.0)) - {"surge"}
     gone = [motion for motion in _commanded(vehicle, speed_m_s) if motion not in still]
     words = (
@@ -260,7 +260,7 @@ def authority_in_words(vehicle: Vehicle, speed_m_s: float) -> list[str]:
         words += f", and {listed(gone)} {'is' if len(gone) == 1 else 'are'} lost"
     words += f"; {_way_up(vehicle)}."
     loss = (f"After the loss of {only} ", f"Nothing remains after the loss of {only}.")
-    return [words if sentence.startswith(loss) else sentence for sentence in said]
+    return [words if sentence.startswith(loss) else sentence for sentence in sentences]
 
 
 def _only_thrust(vehicle: Vehicle) -> str | None:

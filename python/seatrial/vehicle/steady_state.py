@@ -88,11 +88,11 @@ def steady(
 
     vehicle = without_pull(vehicle)
     t = np.arange(0.0, _ROUND_S, _SAMPLE_S)
-    held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
+    inputs: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
     state = State(nu=nu)
     for _ in range(_ROUNDS):
         try:
-            run = vehicle.simulate(t, held, state, free=free, voltage_v=voltage_for(vehicle, t, voltage_v))
+            run = vehicle.simulate(t, inputs, state, free=free, voltage_v=voltage_for(vehicle, t, voltage_v))
         except DivergenceError:
             nothing = np.full(6, np.nan)
             return Steady(nothing, nothing, dict.fromkeys(commands, math.nan), settled=False)
@@ -233,8 +233,8 @@ def farthest(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Speed | None:
     coarse = [0.05 * k for k in range(1, 21)]
     best = coarse[int(np.argmin([loss(share) for share in coarse]))]
     near = (max(best - 0.05, 1e-3), min(best + 0.05, 1.0))
-    found = float(minimize_scalar(loss, bounds=near, method="bounded", options={"xatol": 1e-4}).x)
-    return at(min((best, found), key=loss))
+    refined = float(minimize_scalar(loss, bounds=near, method="bounded", options={"xatol": 1e-4}).x)
+    return at(min((best, refined), key=loss))
 
 
 def cruise(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> Speed | None:
