@@ -38,7 +38,7 @@ SHORTEST_S = 10.0
 
 _NEAR_S = 0.3  # between a row and the time for which it stands
 
-_WANTED = 20
+_WANTED = 20  # columns of the core's targets
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 Say = Callable[[float, str], None]
 
-_MISSIONS, _SEARCHED = 1000, 64
+_MISSIONS, _SEARCHED = 1000, 64  # missions that judge, and those of the search: each candidate flies them
 
 
 def tune_log(

@@ -23,13 +23,13 @@ from seatrial.base.arrays import Array
 
 _OUTPUTS = 14  # columns of RCOU
 
-_MOTORS = 8
+_MOTORS = 8  # of the largest frame that ArduSub mixes
 
 _EXPLAINED_US = (
     1.5 * LIMITS["pulse"]
 )  # of four rows in five: demands and pulses are logged in different periods
 
-_ROWS_IN_FIVE = 80.0
+_ROWS_IN_FIVE = 80.0  # per cent: four rows in five
 
 _UNLIMITED = 0.95  # of all a motor has: below, no limit acts on the sum of its demands
 
@@ -42,7 +42,7 @@ _PILOT = 0.02  # deflection of a stick from which the pilot takes over in POSHOL
 _CHANNELS = {"roll": 2, "pitch": 1, "throttle": 3, "yaw": 4, "forward": 5, "lateral": 6}
 """Channel of each stick; ``RCMAP_*`` where it is set."""
 
-_NEUTRAL = 1500.0
+_NEUTRAL = 1500.0  # us
 
 
 @dataclass(frozen=True, eq=False)

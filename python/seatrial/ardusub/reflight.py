@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 ACCEPTED_OUTSIDE = 0.1
 """Share of the held-out rows outside an envelope of 95 % that still counts as inside."""
 
-_LEVEL = 0.95
+_LEVEL = 0.95  # share of the drawn flights inside an envelope
 
 _WANDERS_S = (0.3, 1.0, 3.0)  # time constants of the wandering wrench that are tried
 

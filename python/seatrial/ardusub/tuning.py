@@ -53,7 +53,7 @@ _SHORTEST_RISE_S = 0.4  # that a corridor asks for: four rows of a response
 
 _TAIL = 0.1  # share of the missions that the search looks at
 
-_LARGE = 1e3
+_LARGE = 1e3  # stands for a response that diverged: worse than any other
 
 
 @dataclass(frozen=True)

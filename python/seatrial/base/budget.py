@@ -28,7 +28,7 @@ import numpy as np
 
 from seatrial.base.errors import SeatrialError, TrialError, foreign, reason
 
-_MB = 1e6
+_MB = 1e6  # bytes
 
 _LOOK_S = 0.02
 """Interval at which the spending is looked at: Python allocates some 20 MB in that time."""

@@ -19,7 +19,7 @@ LONGEST_LIST = 2_000
 LONGEST = {"name": 200, "label": 200, "description": 20_000}
 """Most characters of the text of a key; of another one, `LONGEST_TEXT`: a path, a requirement."""
 
-LONGEST_TEXT = 4_096
+LONGEST_TEXT = 4_096  # characters: the longest path on Linux (PATH_MAX)
 DEEPEST = 20
 """Most tables within each other."""
 

@@ -44,7 +44,7 @@ from seatrial.bench_test.motor_fit import (
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise, Plateau, Statics, starts
 
-_MOST = 24
+_MOST = 24  # edges of a dead band that are tried: each costs a solution of the problem
 
 _FIRST = NAMES.index("n_min_ahead")
 
@@ -80,7 +80,7 @@ def _sizes(records: Sequence[StepRecord], side: int) -> Array:
     return np.unique(sign * commands[sign * commands > 0])
 
 
-_STARTS = 4
+_STARTS = 4  # for a problem with several minima: each costs a solution
 
 _KNEE = 1.5  # standard deviations: Huber's loss keeps 96 % of the efficiency for normal errors
 
@@ -177,7 +177,7 @@ _CHANCE = 2.0 * NORMAL**2  # rise of the squared errors, in variances; doubled b
 
 _LONGEST = 40.0  # samples at which the search for the longest lag ends
 
-_HALVINGS = 8
+_HALVINGS = 8  # of the interval in which the longest lag lies: to half a per cent of it
 
 _LAG, _DELAY = NAMES.index("T_1"), NAMES.index("T_t")
 

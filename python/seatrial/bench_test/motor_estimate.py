@@ -118,9 +118,9 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-_LEVEL = 0.05
+_LEVEL = 0.05  # chance of a false difference
 
-_MANY = 1e9
+_MANY = 1e9  # degrees of freedom from which Student's distribution is the normal one
 
 
 @dataclass(frozen=True)

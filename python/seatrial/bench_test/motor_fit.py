@@ -269,7 +269,7 @@ def _hidden(problem: Problem, x: Array, noise: Noise, slopes: Array, weight: Arr
     return np.asarray(variance * moved.T @ moved)
 
 
-_GAIN_PART = 0.1
+_GAIN_PART = 0.1  # of the gain: a wider interval is of no use
 
 
 @dataclass(frozen=True)

@@ -241,7 +241,7 @@ def _parameter(k: int, reduced: Reduced, kept: float | None, unit: str) -> Motor
     return replace(blank, value=value, sigma=sigma, lower=lower, upper=upper, dof=dof)
 
 
-_UNKNOWN_LAG_S = 0.3
+_UNKNOWN_LAG_S = 0.3  # where the records do not tell the lag
 
 _REST_S, _REST_SAMPLES = 1.5, 8.0  # length of a plateau, the longer of the two
 

@@ -41,7 +41,7 @@ NAMES = (
 RECIPROCAL = np.array([name.startswith(("n_acc", "n_dec")) for name in NAMES])
 """Which coordinates (11,) are reciprocals of their parameter."""
 
-_LEAST_SAMPLES = 20
+_LEAST_SAMPLES = 20  # twice the parameters of a motor, about
 
 
 @dataclass(frozen=True, eq=False)

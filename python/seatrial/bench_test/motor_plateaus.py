@@ -281,15 +281,15 @@ _CLEAR = 10.0  # standard deviations of the noise that a step must exceed
 
 _SETTLED = 0.15  # part of the step by which the revolutions may miss their level before it
 
-_LN4 = math.log(4.0)
+_LN4 = math.log(4.0)  # a lag goes from 20 to 80 % of a step in ln 4 of its time constants
 
 _PER_SAMPLE = 4  # points of the grid of dead times per sample
 
-_MOST_DELAYS = 48
+_MOST_DELAYS = 48  # of the grid, so that long dead times cost no more than short ones
 
-_LAG_FACTORS = (0.4, 0.75, 1.0, 1.5)
+_LAG_FACTORS = (0.4, 0.75, 1.0, 1.5)  # on the first estimate, of which a ramp may be a part
 
-_RAMP_FACTORS = (1.0, 0.75, 0.3)
+_RAMP_FACTORS = (1.0, 0.75, 0.3)  # on the first estimate, of which a lag may be a part
 
 
 @dataclass(frozen=True)

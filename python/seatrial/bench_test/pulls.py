@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.columns import Unit
     from seatrial.bench_test.file import Pull
 
-_STEP_S = 0.05
+_STEP_S = 0.05  # of the simulation of motors until they settle
 
 
 def distance(vehicle: Vehicle, actuator: str, values: ArrayLike) -> Array:
@@ -75,7 +75,7 @@ def settled(vehicle: Vehicle, actuator: str, commands: ArrayLike) -> Array:
     return result
 
 
-_LOG = 5
+_LOG = 5  # rows with one signal that no table of points has: it is a log
 
 
 def _signals_of(
@@ -156,11 +156,11 @@ def repeated(rows: Sequence[Plateau]) -> list[str]:
     ]
 
 
-_ZERO_SHARE = 1e-6
+_ZERO_SHARE = 1e-6  # of the limit: rounding of a command
 
-_ZERO_MEASURED = 0.01
+_ZERO_MEASURED = 0.01  # of the limit: a resting motor's measured revolutions are noise
 
-_APART = 4.0
+_APART = 4.0  # standard errors of a difference: further apart it is no noise
 
 _NOTHING_N = 1e-9  # rounding of a load that never changes
 

@@ -259,13 +259,13 @@ def _student(dof: int, probability: float = 0.5 * (1.0 + _LEVEL)) -> float:
     return float(t.ppf(probability, dof))
 
 
-_ALARM = 0.05
+_ALARM = 0.05  # chance that a test has a false outlier, as the head says
 
-_BIWEIGHT = 4.685
+_BIWEIGHT = 4.685  # deviations: 95 % efficiency for normal errors
 
-_ROUNDS = 50
+_ROUNDS = 50  # of reweighting, where it does not settle before
 
-_SUSPECT = 3.0
+_SUSPECT = 3.0  # robust deviations: every suspect is judged again
 
 
 def outliers(inputs: Array, y: Array, terms: Sequence[Term]) -> NDArray[np.bool_]:
@@ -318,7 +318,7 @@ def _suspects(matrix: Array, y: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(residual) > max(_SUSPECT * scale, 1e-9 * float(np.abs(y).max())))
 
 
-_AS_GOOD = 2.0
+_AS_GOOD = 2.0  # difference of AICc, as the head says
 
 MODELS: dict[str, tuple[tuple[Term, ...], str]] = {
     "square": (terms_of(2, 1, square=True), 'order = "square"'),

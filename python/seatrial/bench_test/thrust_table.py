@@ -25,17 +25,17 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 
-_LEVEL_GAP = 0.1
+_LEVEL_GAP = 0.1  # V between two levels of a supply: its ripple is smaller
 
-_MOST_LEVELS = 25
+_MOST_LEVELS = 25  # more are a supply that drifts
 
-_TOLERANCE = 0.01
+_TOLERANCE = 0.01  # of the largest thrust: what a load cell can tell
 
-_SILENT = 0.002
+_SILENT = 0.002  # of the largest thrust: less is none
 
-_AT_REST = 0.25
+_AT_REST = 0.25  # of the tolerance, at zero thrust: weak points are known more exactly
 
-_STIFFNESS = 1e-3
+_STIFFNESS = 1e-3  # of a point's weight: bridges gaps and moves no point
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,7 @@ PER_MINUTE = 3600.0
 
 _TERMS = {"a0": 0, "a1": 1, "a11": 2}
 
-_SAME = 1e-9
+_SAME = 1e-9  # of a number: rounding
 
 _UNREACHABLE = "the motor does not turn this way"
 

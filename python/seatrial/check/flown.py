@@ -28,7 +28,7 @@ USUAL_M_S = 0.3
 
 _LONGEST_S = 4.0 * 3600.0  # of the plan: its flights with their logs stay below a gigabyte
 
-_DEEPER_M = 1e-2
+_DEEPER_M = 1e-2  # below it a depth is the planned one
 
 Velocity = tuple[float, float, float]
 

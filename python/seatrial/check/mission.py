@@ -134,7 +134,7 @@ def _others(rows: Sequence[LegRow]) -> str:
     return f" (and {more} further {'leg' if more == 1 else 'legs'})" if more else ""
 
 
-_ROUNDING = 1e-6
+_ROUNDING = 1e-6  # deg or m/s: a slope at its limit is not beyond it
 
 
 def autopilot_warnings(mission: Mission, rows: Sequence[LegRow], autopilot: Autopilot) -> list[str]:

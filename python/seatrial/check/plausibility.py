@@ -134,7 +134,7 @@ _LIMITS = {
     "N": (0.05, 2e4, "in N"),
     "rad": (0.035, 1.571, "in rad: 20 degrees are 0.349"),
 }
-_SERVO_RATE, _SERVO_LAG_S, _MOTOR_LAG_S = 25.0, 2.0, 10.0
+_SERVO_RATE, _SERVO_LAG_S, _MOTOR_LAG_S = 25.0, 2.0, 10.0  # rad/s, with the same margin
 _FIN_SHARE = 0.5  # of the area of the hull seen from the side
 _STRONGEST = 10.0  # times the weight: thrust of one actuator
 

@@ -129,7 +129,7 @@ def _time(seconds: float) -> str:
     return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds / 60.0:.0f} min"
 
 
-_FASTEST_M_S = 15.0
+_FASTEST_M_S = 15.0  # with a margin over underwater vehicles: faster, damping or thrust has a wrong size
 
 _NO_POWER = {"direct": "thrust commanded in newtons", "table": "a table of thrust"}
 

@@ -51,7 +51,7 @@ from seatrial.sensors.sensor import KINDS
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
 
-_HOUR_S = 3600.0
+_HOUR_S = 3600.0  # changes of the current are given per hour
 
 _HIGHEST_START_M = 1.0  # above the surface: a wave, or a depth sensor with an offset, may show as much
 

@@ -45,7 +45,7 @@ def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
     return np.asarray((clear <= 0.0) | (reserve < -OFF_PROMISE * np.asarray(promised_m)))
 
 
-_ROUNDING_M = 1e-6
+_ROUNDING_M = 1e-6  # below it two distances are the same
 
 
 def promise_counts(clear_m: float, reserve_m: float) -> bool:

@@ -208,7 +208,7 @@ def _errors(
     }
 
 
-_DEG = 180.0 / math.pi
+_DEG = 180.0 / math.pi  # degrees in a radian
 
 _UNIT = {"x": "m", "y": "m", "z": "m", "altitude": "m"}
 

@@ -49,7 +49,7 @@ OFF_PROMISE = 0.1
 CODED = ("ending", "alert", "alert_cause", "alert_time_s")
 """Metrics that a single flight tells in words: its ending and its alerts."""
 
-_DEG = 180.0 / math.pi
+_DEG = 180.0 / math.pi  # degrees in a radian
 
 _NAMES = {
     "duration": ("duration_s", 1.0),
@@ -123,7 +123,7 @@ def reserve(clear_m: Array, beyond_m: Array) -> Array:
 
 def differs(perceived: float, truly: float) -> bool:
     """Whether a true error is another than the one that was perceived, by more than that one and 5 cm."""
-    return abs(truly - perceived) > max(perceived, _OFF_M)
+    return abs(truly - perceived) > max(perceived, OFF_M)
 
 
 def quantile(counts: Array, share: float, *, largest: Array) -> Array:
@@ -157,7 +157,8 @@ def ending_of(metrics: Mapping[str, Array], case: int = 0) -> str:
     return autopilot_names()["endings"][int(metrics["ending"][case])]
 
 
-_OFF_M = 0.05
+OFF_M = 0.05
+"""An error of a position in m from which it is worth a word."""
 
 _LEAST_STEP_M = 0.5  # smaller changes of depth are none
 
@@ -365,6 +366,7 @@ def _largest(values: Array) -> float:
 
 _UNITS = (("m/s", "N"), ("m/s", "N"), ("m", "N"), ("deg", "N m"), ("deg", "N m"), ("deg", "N m"))
 
+# Of a limit, and of the demand in N or N m: rounding is neither saturated nor short.
 _AT_LIMIT, _SHORT = 0.999, 0.01
 
 _NOTHING = 1e-9  # N or N m per newton: an actuator that does not act in a row

@@ -41,7 +41,7 @@ _METRICS = {
 }
 """Label, unit and decimals of the metrics that are shown."""
 
-_MOST_LEGS = 30
+_MOST_LEGS = 30  # rows that fit a page
 
 _LEGS_NOTE = (
     "closest: smallest true distance from the waypoint; cross-track error (positive to starboard) and"

@@ -329,6 +329,7 @@ def _series(recorded: Recorded) -> dict[str, Series]:
     return result
 
 
+# Canonical columns of the channels that are called otherwise.
 _COLUMN_OF = {
     channel: column for group in GROUPS for column, channel in zip(group.columns, group.channels, strict=True)
 }

@@ -40,7 +40,7 @@ _LEAST_PA = 1e3  # ten centimetres of water: nobody dives less, so that smaller 
 
 _LARGER_UNITS = {"kPa": 1e3, "dbar": 1e4, "bar": 1e5}
 
-_WATER_KG_M3, _GRAVITY_M_S2 = 1025.0, 9.81
+_WATER_KG_M3, _GRAVITY_M_S2 = 1025.0, 9.81  # sea water, as the note says
 
 MANY = 200_000
 """Samples of a trial: a longer one is thinned."""

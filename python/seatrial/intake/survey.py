@@ -114,7 +114,7 @@ class SurveyedLog:
         return ""
 
 
-_SUBMARINE = 12
+_SUBMARINE = 12  # MAV_TYPE_SUBMARINE of MAVLink
 _MAV_TYPES = {1: " (aeroplane)", 2: " (quadrotor)", 10: " (ground rover)", 11: " (boat)", 13: " (hexarotor)"}
 
 

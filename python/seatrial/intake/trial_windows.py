@@ -22,11 +22,11 @@ from seatrial.intake.manoeuvres import Manoeuvre
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-_SHARES = (0.2, 0.225, 0.25, 0.275, 0.3, 0.325, 0.35)
-_USUAL = 0.25
-_STARTS = 61
-_SHORTEST_S = 60.0
-_IDLE_S = 10.0
+_SHARES = (0.2, 0.225, 0.25, 0.275, 0.3, 0.325, 0.35)  # of the use: a hold-out of about a quarter
+_USUAL = 0.25  # of the use, where nothing speaks for another share
+_STARTS = 61  # places that are tried along the use: finer than a minute of an hour
+_SHORTEST_S = 60.0  # of the use: a shorter trial is too short to be divided
+_IDLE_S = 10.0  # before and after the commands that stay in use: the vehicle coasts
 _STILL = 0.15  # of the largest velocity
 _ROUND_S = 1.0
 _LASTS_S = 20.0  # that a change of a command goes on to tell something

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 _BUILT_IN = {2: "bluerov2-heavy"}
 
-_HEAVY_MOTORS = 8
+_HEAVY_MOTORS = 8  # of a BlueROV2 Heavy
 
 
 @dataclass(frozen=True)
@@ -321,7 +321,7 @@ def thruster_signs(vehicle: Vehicle, trial: Trial, parameters: Mapping[str, floa
     return {name: bool(sign < 0.0) for name, sign in zip(names, signs, strict=True)}
 
 
-_AT_REST, _CLEAR = 0.15, 3.0
+_AT_REST = 0.15  # of the sum of squares: what idle thrusters may still give in these signs
 
 _OPPOSED = 0.3
 """Deviations by which the motion of an axis answers the other way round than its force pushes."""

@@ -25,7 +25,7 @@ _COUNTS, _END = 2.0**32, 0.01
 """Values of a counter of 32 bits, and the share of them at either end within which it may begin again: in
 microseconds 43 s, longer than any gap that a sample should bridge."""
 
-_DAY_S = 86_400.0
+_DAY_S = 86_400.0  # of 24 hours: leap seconds do not count in logs
 _SPREADSHEET_EPOCH_D = 25_569.0  # 1970-01-01 in days of a spreadsheet
 _DATENUM_EPOCH_D = 719_529.0  # and in those of MATLAB
 

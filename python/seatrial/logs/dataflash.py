@@ -41,14 +41,14 @@ _CODES = {
 _SCALED = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
 _INSTANCES = ("I", "Inst", "Instance", "C")  # of types whose FMTU is not logged
 _NOT_COUNTED = {"MODE", "PARM", "FMT", "FMTU", "MSG", "UNIT", "MULT", "CMD"}
-_GPS_EPOCH_S, _LEAP_S, _WEEK_S = 315_964_800.0, 18.0, 604_800.0
+_GPS_EPOCH_S, _LEAP_S, _WEEK_S = 315_964_800.0, 18.0, 604_800.0  # 6 January 1980; leap seconds since 2017
 
 
 _TABLES = {"FMT", "FMTU", "UNIT", "MULT"}  # of the log itself: no measurements
 _PREFIXES = {1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
 
 _HEADER = b"\xa3\x95"
-_FMT, _FMT_BYTES = 128, 89
+_FMT, _FMT_BYTES = 128, 89  # the message that describes a type: its number and length, by ArduPilot's format
 _NARROW = 4  # bytes of a stamp that a counter of 32 bits made
 _LONGEST = 255  # bytes of a message
 _BLOCK, _PART = 1 << 24, 1 << 26  # bytes in which messages are looked for, and read

@@ -28,8 +28,8 @@ from seatrial.logs.log import Chunk, Log, Share, stem_of
 if TYPE_CHECKING:
     import polars as pl
 
-_BLOCK_BYTES = 8_388_608
-_LONGEST_LINE = 4_194_304
+_BLOCK_BYTES = 8_388_608  # read at a time: bounds the memory
+_LONGEST_LINE = 4_194_304  # bytes: thousands of columns fit, a file without line ends does not
 _QUOTED = re.compile('"[^"]*"')
 
 

@@ -22,7 +22,7 @@ from seatrial.base.errors import TrialError
 from seatrial.logs.formats import DAMAGED, extra, unpacked
 from seatrial.logs.log import Chunk, Event, Gathered, Log, Share, number
 
-_HEADER, _FOOTER = 20, 2
+_HEADER, _FOOTER = 20, 2  # bytes of a message's header and check sum, by the protocol
 _SYNC = 0xFE54
 _MARK = re.compile(rb"\x54\xfe|\xfe\x54")
 _FIRST = 1_000_000_000  # messages that an estimate of the own state counts for: only a vehicle has one

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SPLIT = "split the file to use the others"
 """What to do about recordings that stand behind one another in a file."""
 
-_MEET_S = 1e-6
+_MEET_S = 1e-6  # as far as a text file's six digits tell stamps apart
 _RESTART_S, _RESTART, _STAYS = 2.0, 0.1, 20  # s, share of what went before, rows
 """Stamps that differ by less are the same: rounding of a text file's six digits."""
 

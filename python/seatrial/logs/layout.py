@@ -22,8 +22,8 @@ from seatrial.logs.formats import DAMAGED, unpacked
 from seatrial.logs.log import MOST_FIELDS
 from seatrial.logs.units import is_unit, no_unit, unit_of
 
-_HEAD_BYTES = 262_144
-_HEAD_ROWS = 200
+_HEAD_BYTES = 262_144  # of the beginning, by which a file is judged
+_HEAD_ROWS = 200  # lines of the beginning, by which columns are judged
 _MOST_LINES = 8  # of a name in quotes
 _CONTROLS = bytes(k for k in range(32) if k not in b"\t\n\r")
 _OPEN = re.compile(r'(?:^|[,;\t]) *"(?:[^"]|"")*$')  # a cell whose quotes do not end in this line

@@ -32,7 +32,7 @@ CHUNK_ROWS = 65_536
 Share = Callable[[float], None]
 """Called with the share of the file that was read, 0 to 1."""
 
-_MOST_NOTES = 200
+_MOST_NOTES = 200  # more tell nobody more
 MOST_TOPICS, MOST_FIELDS = 10_000, 10_000
 """A log with more is damaged or hostile: a PX4 log has some 3,000 fields."""
 
@@ -360,7 +360,7 @@ def reading(path: Path, format: str, budget: Budget) -> AbstractContextManager[N
     return guarded(path, f"reading it as {format}", remedy, size=size_of(path), budget=budget)
 
 
-_MOST = 12
+_MOST = 12  # names in a message
 
 
 def listed(names: Sequence[str]) -> str:

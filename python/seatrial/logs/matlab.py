@@ -31,7 +31,7 @@ from seatrial.logs.formats import extra
 from seatrial.logs.log import CHUNK_ROWS, LONGEST_ARRAY, MOST_FIELDS, Chunk, Log, Share, stem_of
 
 _FEWEST = 3  # samples of a signal
-_DEEPEST = 8
+_DEEPEST = 8  # structures within one another: deeper ones are damaged or hostile
 
 
 def open_log(path: Path) -> Log:
@@ -161,11 +161,12 @@ def path_size(value: Any) -> int:
     return int(value.id.get_storage_size())
 
 
-_HEADER = 128
+_HEADER = 128  # bytes, by the format
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-_MATRIX, _PACKED = 14, 15
+_MATRIX, _PACKED = 14, 15  # types of elements, by the format
+# Classes of matrices, by the format: structure; object, function, opaque.
 _STRUCTURE, _OBJECTS = 2, (3, 16, 17)
-_NUMERIC = range(6, 16)
+_NUMERIC = range(6, 16)  # classes of numbers, by the format: double to uint64
 _PART = 1 << 22  # bytes that are unpacked at a time
 
 

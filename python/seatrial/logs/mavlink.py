@@ -32,7 +32,7 @@ from seatrial.base.errors import TrialError
 from seatrial.logs.formats import extra
 from seatrial.logs.log import LONGEST_ARRAY, MOST_TOPICS, Chunk, Event, Gathered, Log, Share, number
 
-_STAMP_BYTES = 8
+_STAMP_BYTES = 8  # of the ground station, before each frame
 _BEGIN = struct.Struct(
     ">QBBB"
 )  # of a frame: stamp in us, mark, bytes of its payload, flags from version 2 on

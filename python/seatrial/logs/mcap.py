@@ -22,8 +22,8 @@ from seatrial.logs.formats import extra
 from seatrial.logs.log import Log
 from seatrial.logs.messages import Bag, Message, learnt
 
-_MAGIC_BYTES, _TAG_BYTES = 8, 9
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _LAST = 2, 3, 4, 5, 6, 15
+_MAGIC_BYTES, _TAG_BYTES = 8, 9  # signature of a file; opcode and length of a record, by the format
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _LAST = 2, 3, 4, 5, 6, 15  # opcodes, by the format
 _PACKINGS = (b"\4\0\0\0zstd", b"\3\0\0\0lz4")
 _BEFORE_PACKING = _TAG_BYTES + 28  # bytes of a chunk's record before the name of its packing
 _RELEASED = 1 << 26  # bytes after which the pages of the file are given back

@@ -27,8 +27,8 @@ _TIMED = 50  # messages of a topic with stamps of its own that tell its clock
 _LATE_S, _AWAY_S = 1.0, 10.0
 """Shortest delay that is worth a word, and the one that only a wrong clock has; a stamp that is later than
 its reception by the first is of a wrong clock, too."""
-_DEEPEST = 8
-_UNIX_S = 9e8
+_DEEPEST = 8  # messages within one another: deeper ones are damaged or hostile
+_UNIX_S = 9e8  # s: a larger time is a date (1998), not the time since boot
 
 
 class Message(NamedTuple):

@@ -17,7 +17,7 @@ from seatrial.logs.log import MOST_TOPICS, Chunk, Event, Gathered, Log, Share
 
 _PAIR = re.compile(r"([A-Za-z_]\w{0,63})=([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?=,|$)")
 _MODES = ("MODE", "DEPLOY", "IVPHELM_STATE")
-_LONGEST_LINE = 65_536
+_LONGEST_LINE = 65_536  # bytes: a longer entry is no channel
 
 
 def open_log(path: Path) -> Log:

@@ -118,7 +118,7 @@ def _missing(path: Path) -> str:
 
 _MAGIC = b"#ROSBAG V2.0\n"
 
-_MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
+_MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7  # opcodes of records, by the format
 
 _STAMPED = ("conn", "time")  # fields of a message, of four and eight bytes
 

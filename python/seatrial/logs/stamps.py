@@ -29,7 +29,7 @@ _STEADY = 1.6  # ratio of the time per sample among the bursts: a sensor that sa
 
 _LONGEST = 1.5  # times the usual time per sample: a longer one is a gap before the burst
 
-_FEWEST = 20
+_FEWEST = 20  # stamps that show bursts
 
 _BLOCK, _FAR, _SLACK_S = 50, 10.0, 1.0
 """Stamps per block, and how far from its neighbours' medians, in their spread and in s, one is no time."""

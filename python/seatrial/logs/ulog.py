@@ -28,8 +28,8 @@ from seatrial.logs.clock import Counter32
 from seatrial.logs.formats import extra
 from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Event, Log, Share
 
-_GROUP_BYTES = 200_000_000
-_HEADER_BYTES = 16
+_GROUP_BYTES = 200_000_000  # of samples read together: bounds the memory
+_HEADER_BYTES = 16  # signature, version and time, by the format
 _FLAGS = b"\x28\0B"  # the frame of flags: 40 bytes, that of data appended after a crash among them
 _LEAST = {
     "B": 40,

@@ -59,7 +59,7 @@ _LONGEST_S = 0.01  # between rows of the run that a sensor with its own base loo
 
 _LARGEST = 0.45  # of the interval: a larger jitter would change the order of stamps
 
-_TICK = 1e-6
+_TICK = 1e-6  # of an interval, or s: rounding of stamps is no deviation
 
 
 def asynchronous(sensor: Sensor, t: Array) -> bool:

@@ -255,7 +255,7 @@ def _tilt(value: Any, where: str) -> Position:
     return roll, pitch, yaw
 
 
-_LARGEST_TILT_DEG = 180.0
+_LARGEST_TILT_DEG = 180.0  # half a turn: larger angles name the same orientation
 
 
 def _place(value: Any, where: str) -> Position:

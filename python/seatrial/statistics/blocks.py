@@ -74,9 +74,9 @@ def variance_inflation(correlation: float) -> float:
     return (1.0 + correlation) / (1.0 - correlation)
 
 
-_LONGER = 1.25
+_LONGER = 1.25  # a quarter: Sun, Phillips and Jin, at the head
 
-_SHORTEST = 1.3
+_SHORTEST = 1.3  # times the root of the samples: Lazarus et al., at the head
 
 _SHIFTS = 4
 """Divisions into blocks over which a covariance is the mean."""

@@ -33,7 +33,7 @@ from seatrial.base.arrays import Array
 
 Verdict = Literal["held", "failed", "undecided"]
 
-_NODES = 400
+_NODES = 400  # quantiles of the share that stand for its distribution
 
 _MOST = 10**9
 """Missions beyond which a verdict is not worth waiting for."""

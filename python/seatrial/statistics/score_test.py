@@ -28,9 +28,9 @@ from seatrial.statistics.linearisation import Linearisation
 _ALIKE = 1e-6
 """A candidate of which less than this is left after projection is collinear with the fitted columns."""
 
-_JITTER = 1e-12
+_JITTER = 1e-12  # on the diagonal of a matrix of unit sizes: above rounding, below any information
 
-_FEWEST = 4
+_FEWEST = 4  # blocks that a jackknife variance needs
 
 _SAMPLES = 3000
 """More samples than about this are thinned evenly: a missing term that matters shows in a part of them."""

@@ -48,7 +48,7 @@ from seatrial.base.arrays import Array
 from seatrial.statistics.blocks import BlockLength, Whitened, views
 from seatrial.statistics.linearisation import Linearisation
 
-_AT_BOUND = 0.005
+_AT_BOUND = 0.005  # of the box, from which a value counts as having come to its bound
 
 _ALONE = 0.7
 """Share of one block in the information on a combination above which the other blocks cannot judge it."""

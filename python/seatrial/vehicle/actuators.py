@@ -37,7 +37,7 @@ _TURNS = (
     (3, "heel to starboard", "heel to port"),
 )
 
-_MAIN, _MINOR = 0.5, 0.05
+_MAIN, _MINOR = 0.5, 0.05  # of the largest force: what an actuator mainly does, and what is not worth a word
 
 _DRIVEN = 0.02  # a row of the allocation matrix, of its largest entry, that counts as driven
 

@@ -35,9 +35,9 @@ from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_SMALL = 1e-5
+_SMALL = 1e-5  # m/s or rad: quadratic terms vanish beside linear ones, and rounding does not show
 
-_LEVEL = (0.0, 0.0, 0.0)
+_LEVEL = (0.0, 0.0, 0.0)  # roll, pitch and yaw in rad
 
 
 @dataclass(frozen=True)
@@ -210,13 +210,13 @@ def _gain(speed: float, direction: Array, *, symmetric_power: float) -> Gain:
     return Gain(speed, tuple(map(float, scaled)), symmetric_power / size**2)
 
 
-_DIAGONAL = [(row, speed) for row, speed in zip(AXES, VELOCITIES, strict=True)]
+_DIAGONAL = tuple(zip(AXES, VELOCITIES, strict=True))  # of damping: each axis by its own velocity
 
 _POSITIVE = ("gain", "astern_ratio", "p1_ahead", "p1_astern")
 
 _SHARES = ("t", "w")
 
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # of a diagonal of one: eigenvalues of a damping that takes no energy are zero to this
 
 _ANY_NUMBER = re.compile(r"[XYZKMN]_([uvwpqr]{1,2}|0)|.+\.(gain|loss|lever_[KMN])")
 """Names whose values the core takes whatever they are: forces by speed, biases, factors and levers."""

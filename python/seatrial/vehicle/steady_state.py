@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 _PULL = "k_tether"
 
-_ROUND_S, _SAMPLE_S = 240.0, 0.25
+_ROUND_S, _SAMPLE_S = 240.0, 0.25  # a vehicle settles within minutes; its last tenth is judged
 
-_ROUNDS = 10
+_ROUNDS = 10  # then a motion counts as not settling: 40 minutes
 
 _CHANGE = 1e-6  # m/s and rad/s over the last tenth of a round
 
@@ -108,11 +108,11 @@ def steady(
     return Steady(last.mean(axis=0), wrench.mean(axis=0), signals, settled)
 
 
-KNOT_M_S = 1852.0 / 3600.0
+KNOT_M_S = 1852.0 / 3600.0  # a nautical mile an hour, by definition
 
-_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
+_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest command: the rows of a table of speeds
 
-TURN_SHARES = (0.25, 0.5, 0.75, 1.0)
+TURN_SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest command: the rows of a table of turns
 
 TURN_KINDS = {
     "under way": 0.5,
@@ -124,9 +124,9 @@ TURN_KINDS = {
 
 _DRIVES = 0.3  # an actuator drives ahead if this share of its thrust points along x
 
-_STEPS_KN = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
+_STEPS_KN = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # round steps; the first one that gives fewer than eight rows
 
-_BALANCED = 1e-6
+_BALANCED = 1e-6  # of the drag: thrust that differs more was not reached by the bisection
 
 
 @dataclass(frozen=True)

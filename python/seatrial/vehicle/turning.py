@@ -21,7 +21,7 @@ from seatrial.vehicle.steady_state import drivers, steady, without_pull
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_SHARE = 0.5
+_SHARE = 0.5  # of the largest angle and thrust, as the head says
 
 _STEERS = 0.5  # a fin steers if this share of its moment is about z
 
@@ -91,7 +91,7 @@ def fin_turn(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> FinTurn | Non
     )
 
 
-_SETTLES_S, _SAMPLES = 120.0, 241
+_SETTLES_S, _SAMPLES = 120.0, 241  # a turn settles within two minutes; a sample each half second
 
 _STRAIGHT = 1e-6  # rad/s
 
