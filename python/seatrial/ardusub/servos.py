@@ -127,9 +127,8 @@ class ChannelMap:
             words = (
                 _words(np.where(np.abs(push) < _SLANT * np.abs(push).max(), 0.0, push)) if push.any() else ""
             )
-            turned = (
-                "turned by the parameters" if channel.actuator in self.turned else "as in the vehicle file"
-            )
+            mapped = channel.actuator in self.turned
+            turned = "turned by the parameters" if mapped else "as in the vehicle file"
             rows.append([channel.actuator, str(channel.number), words, turned])
         columns = ("actuator", "channel", "a longer pulse pushes", "direction")
         sides: tuple[Literal["left", "right"], ...] = ("left", "right", "left", "left")

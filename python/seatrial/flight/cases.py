@@ -515,16 +515,14 @@ def _unheard(
     landmarks: Sequence[Mapping[str, Any]],
 ) -> tuple[str, ...]:
     """Sentences on acoustic sensors that tell nothing in this flight."""
-    sentences = []
+    notes = []
     for kind in sensors or {}:
         if not KINDS[kind].aboard:
             continue
         if navigation == "sensors":
-            sentences.append(
-                f'{kind} is left out: only a navigation filter reads it (navigation = "filter").'
-            )
+            notes.append(f'{kind} is left out: only a navigation filter reads it (navigation = "filter").')
         elif kind != "usbl" and not landmarks:
-            sentences.append(f"{kind} sees nothing: the mission has no [[landmarks]].")
+            notes.append(f"{kind} sees nothing: the mission has no [[landmarks]].")
     if sensors and ("range" in sensors) != ("bearing" in sensors):
         surfaces = [str(mark["name"]) for mark in landmarks if mark["kind"] != "beacon"]
         if surfaces and navigation != "sensors":
@@ -532,7 +530,7 @@ def _unheard(
                 f"sensors: {surfaces[0]} is a wall or a net, of which a sonar gives a range along a bearing:"
                 " expected sensors of both kinds, range and bearing, found one; add the other"
             )
-    return tuple(sentences)
+    return tuple(notes)
 
 
 def _model(source: Any, vehicle: Vehicle) -> Vehicle:

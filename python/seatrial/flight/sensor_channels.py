@@ -147,7 +147,7 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
         )
     errors, timing = np.zeros((16, 4)), np.tile([0.0, 1.0, 0.0, np.inf, 0.0], (7, 1))
     groups = autopilot_names()["groups"]
-    sentences: list[str] = []
+    notes: list[str] = []
     for kind, sensor in sensors.items():
         group = GROUP_OF_KIND.get(kind)
         if group is None or kind == "gps":
@@ -155,19 +155,19 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
         scale = math.pi / 180.0 if KINDS[kind].unit.startswith("deg") else 1.0
         for channel in CHANNELS_OF_GROUP[group]:
             errors[channel] = scale * np.array([sensor.noise, sensor.bias, 0.0, sensor.quantum])
-        timing[groups.index(group)] = _timing(kind, sensor, period_s, sentences)
+        timing[groups.index(group)] = _timing(kind, sensor, period_s, notes)
     if "dvl" in sensors:
         timing[groups.index("altitude")] = timing[groups.index("velocity")]
     if "position" not in sensors:
-        sentences += _dead_reckoning(sensors, errors, timing, groups)
-    sentences += _left_out(sensors)
+        notes += _dead_reckoning(sensors, errors, timing, groups)
+    notes += _left_out(sensors)
     measured = {groups[k] for k in np.flatnonzero(timing[:, 0])}
     blind = [
         group for group in ("position", "depth", "attitude", "velocity", "rates") if group not in measured
     ]
     if blind:
-        sentences.append(f"No sensor measures {listed(blind)}: the autopilot will report that as missing.")
-    return SensorChannels(errors, timing, tuple(sentences), *_acoustics(sensors, period_s))
+        notes.append(f"No sensor measures {listed(blind)}: the autopilot will report that as missing.")
+    return SensorChannels(errors, timing, tuple(notes), *_acoustics(sensors, period_s))
 
 
 def _acoustics(
@@ -200,12 +200,12 @@ def _acoustics(
     return rows, transceiver
 
 
-def _timing(kind: str, sensor: Sensor, period_s: float, sentences: list[str]) -> list[float]:
+def _timing(kind: str, sensor: Sensor, period_s: float, notes: list[str]) -> list[float]:
     """Row of the group; what was rounded is said."""
     interval = period_s if sensor.rate_hz is None else 1.0 / sensor.rate_hz
     every = max(1, round(interval / period_s))
     if abs(every * period_s - interval) > _TICK * interval:
-        sentences.append(
+        notes.append(
             f"{kind}: {sensor.rate_hz:g} Hz becomes a sample every {every * period_s:.3g} s, a whole number"
             f" of control periods of {period_s:g} s."
         )
@@ -216,7 +216,7 @@ def _timing(kind: str, sensor: Sensor, period_s: float, sentences: list[str]) ->
         )
     late = round(sensor.latency_s / period_s)
     if abs(late * period_s - sensor.latency_s) > _TICK:
-        sentences.append(
+        notes.append(
             f"{kind}: a latency of {sensor.latency_s:g} s becomes {late * period_s:.3g} s, whole"
             " control periods."
         )
@@ -247,30 +247,26 @@ def _dead_reckoning(
 def _left_out(sensors: Mapping[str, Sensor]) -> list[str]:
     """Sentences on what sensors have and a closed loop has not."""
     carried = {kind: sensor for kind, sensor in sensors.items() if kind in GROUP_OF_KIND and kind != "gps"}
-    sentences = []
+    notes = []
     clocks = [kind for kind, sensor in carried.items() if sensor.phase_s > 0.0 or sensor.jitter_s > 0.0]
     if clocks:
-        sentences.append(
-            f"Phase and jitter of {listed(clocks)} are left out: samples come at control periods."
-        )
+        notes.append(f"Phase and jitter of {listed(clocks)} are left out: samples come at control periods.")
     placed = [kind for kind, sensor in carried.items() if any(sensor.position)]
     if placed:
-        sentences.append(f"Lever arms of {listed(placed)} are left out: they show the motion of O.")
+        notes.append(f"Lever arms of {listed(placed)} are left out: they show the motion of O.")
     tilted = [kind for kind, sensor in carried.items() if any(sensor.tilt)]
     if tilted:
-        sentences.append(
-            f"The tilt of {listed(tilted)} is left out: in a flight they show the axes of the body."
-        )
+        notes.append(f"The tilt of {listed(tilted)} is left out: in a flight they show the axes of the body.")
     ranged = [kind for kind, sensor in carried.items() if sensor.max_range_m is not None]
     if ranged:
-        sentences.append(f"The range of {listed(ranged)} is left out: the bottom is always within it.")
+        notes.append(f"The range of {listed(ranged)} is left out: the bottom is always within it.")
     if "dvl" in carried:
-        sentences.append("Where there is a bottom, the dvl measures the altitude too, without error.")
+        notes.append("Where there is a bottom, the dvl measures the altitude too, without error.")
     for kind, why in (
         ("revolutions", "the autopilot sees the actuators' signals without error"),
         ("voltage", "the autopilot knows the supply without error"),
         ("load_cell", "a flight has no tether"),
     ):
         if kind in sensors:
-            sentences.append(f"{kind} is left out: {why}.")
-    return sentences
+            notes.append(f"{kind} is left out: {why}.")
+    return notes

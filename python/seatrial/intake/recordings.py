@@ -392,16 +392,14 @@ def _depth(pressure: Array, notes: list[str]) -> Array:
     known = pressure[np.isfinite(pressure)]
     # Single samples without a reading tell nothing of the surface.
     low, high = np.quantile(known, [0.01, 0.99]) if len(known) else (_AIR_PA, _AIR_PA)
-    surface, remark = _AIR_PA, f"{_AIR_PA:g} Pa is the surface"
+    surface, note = _AIR_PA, f"{_AIR_PA:g} Pa is the surface"
     if _SURFACE_PA[0] < low < _SURFACE_PA[1]:
         surface = float(known[known > _SURFACE_PA[0]].min(initial=_SURFACE_PA[1]))
-        remark = "the lowest one is taken for the surface"
+        note = "the lowest one is taken for the surface"
     elif low < _SURFACE_PA[0]:
-        surface, remark = 0.0, f"less than the air's, {low:.3g} Pa, so taken as above it"
+        surface, note = 0.0, f"less than the air's, {low:.3g} Pa, so taken as above it"
     weight = _WATER_KG_M3 * _GRAVITY_M_S2
-    notes.append(
-        f"depth from pressure: {remark}, {_WATER_KG_M3:g} kg/m3; in fresh water depths are 2.5 % more"
-    )
+    notes.append(f"depth from pressure: {note}, {_WATER_KG_M3:g} kg/m3; in fresh water depths are 2.5 % more")
     if surface == 0.0 and high < _LEAST_PA:
         guesses = ", ".join(f"{size * high / weight:.3g} m if {unit}" for unit, size in _LARGER_UNITS.items())
         notes.append(

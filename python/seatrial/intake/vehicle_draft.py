@@ -94,10 +94,8 @@ def draft_vehicle(
             filled, share = _with_inertia(text, vehicle)
             if filled == text:
                 return VehicleDraft(text, vehicle, f"the file {given}")
-            source = (
-                f"I_y and I_z of a hull that fills {100 * share:.0f} % of its cylinder, for it gives none"
-            )
-            return VehicleDraft(filled, Vehicle.from_toml(filled), f"the file {given} ({source})")
+            note = f"I_y and I_z of a hull that fills {100 * share:.0f} % of its cylinder, for it gives none"
+            return VehicleDraft(filled, Vehicle.from_toml(filled), f"the file {given} ({note})")
         return VehicleDraft(vehicle.to_toml(), vehicle, f"the built-in vehicle {given}")
     frame = next((log.parameters["FRAME_CONFIG"] for log in logs if "FRAME_CONFIG" in log.parameters), None)
     motors = [name for name in actuators if re.fullmatch(r"thruster_\d+", name)]
@@ -110,17 +108,17 @@ def draft_vehicle(
     if frame is not None and int(frame) in _BUILT_IN:
         name = _BUILT_IN[int(frame)]
         vehicle = Vehicle.load(name)
-        source = f"the built-in vehicle {name}: FRAME_CONFIG is {frame:g}, {FRAME_NAMES[int(frame)]}"
-        return VehicleDraft(vehicle.to_toml(), vehicle, source)
+        note = f"the built-in vehicle {name}: FRAME_CONFIG is {frame:g}, {FRAME_NAMES[int(frame)]}"
+        return VehicleDraft(vehicle.to_toml(), vehicle, note)
     ardupilot = any(log.format in ("dataflash", "mavlink") for log in logs)
     if frame is None and ardupilot and len(motors) == _HEAVY_MOTORS:
         name = _BUILT_IN[2]
         vehicle = Vehicle.load(name)
-        source = (
+        note = (
             f"the built-in vehicle {name}, by its eight motor channels: the log has no FRAME_CONFIG; check"
             f" that the frame is {FRAME_NAMES[2]}"
         )
-        return VehicleDraft(vehicle.to_toml(), vehicle, source, certain=False)
+        return VehicleDraft(vehicle.to_toml(), vehicle, note, certain=False)
     known = None if frame is None else dict(enumerate((*FRAME_NAMES, "CUSTOM"))).get(int(frame), "unknown")
     number = "" if frame is None else f" for FRAME_CONFIG {frame:g}, {known}"
     return VehicleDraft(_stub(logs, actuators), None, f"a stub{number}: measures are to be filled in", False)

@@ -147,23 +147,19 @@ class FailureProbability:
         limit = f"{share(allowed)} is allowed"
         if verdict == "failed":
             return f"failed: at least {share(self.at_least, 'down')} of the missions fail {sure}, {limit}"
-        verdict_sentence = (
-            f"{verdict}: at most {share(self.at_most, 'up')} of the missions fail {sure}, {limit}"
-        )
+        bound = f"{verdict}: at most {share(self.at_most, 'up')} of the missions fail {sure}, {limit}"
         if verdict == "held":
-            return verdict_sentence
+            return bound
         again = self.looked_at_again
         careful = f"at {100.0 * again.confidence:.6g} % (half the risk, because it is a second look)"
         if self.failures == 0:
             more = runs_needed(allowed, confidence=again.confidence) - self.runs
             missions = "mission" if more == 1 else "missions"
-            return f"{verdict_sentence}; {more} more {missions} without a failure would suffice {careful}"
+            return f"{bound}; {more} more {missions} without a failure would suffice {careful}"
         about = further_runs(self, allowed)
         if about is None:
-            return (
-                f"{verdict_sentence}; the share is so close to it that a billion missions may not decide it"
-            )
-        return f"{verdict_sentence}; about {_rounded(about)} more missions will probably decide it {careful}"
+            return f"{bound}; the share is so close to it that a billion missions may not decide it"
+        return f"{bound}; about {_rounded(about)} more missions will probably decide it {careful}"
 
     def __str__(self) -> str:
         """Count, share and interval; without a failure the bound on one side and the rule of three."""

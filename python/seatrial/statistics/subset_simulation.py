@@ -43,10 +43,7 @@ Level = Callable[[Array, Array], Array]
 
 _SHARE = 0.1  # of a level that is below the next one
 
-_ACCEPTED, _FIRST_SPREAD = (
-    0.44,
-    0.6,
-)  # Papaioannou et al., at the head; the spread is led to it from any start
+_ACCEPTED, _FIRST_SPREAD = (0.44, 0.6)  # Papaioannou et al.; the spread is led to it from any start
 
 _NEW_SEED = 0.25  # share of the steps that draw the noise anew
 
