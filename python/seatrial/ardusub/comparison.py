@@ -41,7 +41,6 @@ CONTROLS: Mapping[str, frozenset[str]] = dict(_MODES.values())
 """What each mode controls; in a mode that is not here anything may be controlled."""
 
 _SPOOLS_S = 1.0  # after arming, until motors follow the mixer: MOT_SPOOL_TIME is 0.5 s unless it is set
-
 _ARMED, _DISARMED = 10.0, 11.0  # EV.Id
 
 

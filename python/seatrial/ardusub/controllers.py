@@ -26,11 +26,8 @@ _LETTERS = ("R", "P", "Y")
 _NAMES = ("RLL", "PIT", "YAW")
 
 _STILL_DEG_S = 0.01  # below which a target counts as still
-
 _SMALL_DEG = 3.0  # below which every angle controller is proportional
-
 _LONGEST_S = 0.25  # between two rows that follow one another
-
 _SPAN_S = 10.0  # over which an integral part is fed with the rows' errors
 
 _GAINED = f"I term, gained in {_SPAN_S:g} s"
@@ -40,11 +37,8 @@ _SAME_DEG_S = (
 )
 
 _PERIOD_S = 0.005  # at which a controller is run between the rows
-
 _CLEARLY = 0.6  # what is left with the best cut-off, over that with the second best
-
 _CUT_OFFS = (0.0, 1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 20.0)  # Hz
-
 _YAW_LIMITS = np.radians(np.linspace(10.0, 120.0, 111))  # rad/s2; ArduSub's bounds of half of ATC_ACC_Y_MAX
 
 

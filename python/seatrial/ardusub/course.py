@@ -37,7 +37,6 @@ SHORTEST_S = 10.0
 """A stretch of a log that is shorter is not flown again."""
 
 _NEAR_S = 0.3  # between a row and the time for which it stands
-
 _WANTED = 20  # columns of the core's targets
 
 

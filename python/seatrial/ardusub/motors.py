@@ -22,7 +22,6 @@ from seatrial.ardusub.quantity import LIMITS, Found, Quantity
 from seatrial.base.arrays import Array
 
 _OUTPUTS = 14  # columns of RCOU
-
 _MOTORS = 8  # of the largest frame that ArduSub mixes
 
 _EXPLAINED_US = (
@@ -30,13 +29,9 @@ _EXPLAINED_US = (
 )  # of four rows in five: demands and pulses are logged in different periods
 
 _ROWS_IN_FIVE = 80.0  # per cent: four rows in five
-
 _UNLIMITED = 0.95  # of all a motor has: below, no limit acts on the sum of its demands
-
 _STICK = 0.0026  # a microsecond of 400
-
 _STICKS_S = 0.1  # between a row of sticks and the demand that comes of it: a period of the log
-
 _PILOT = 0.02  # deflection of a stick from which the pilot takes over in POSHOLD
 
 _CHANNELS = {"roll": 2, "pitch": 1, "throttle": 3, "yaw": 4, "forward": 5, "lateral": 6}

@@ -29,20 +29,15 @@ ACCEPTED_OUTSIDE = 0.1
 """Share of the held-out rows outside an envelope of 95 % that still counts as inside."""
 
 _LEVEL = 0.95  # share of the drawn flights inside an envelope
-
 _WANDERS_S = (0.3, 1.0, 3.0)  # time constants of the wandering wrench that are tried
-
 _PROBES = np.array([0.0, 0.0, 1.0, 0.2, 0.2, 0.2])  # N, N m: steps of the steady wrench
-
 _PROBE_M_S = 0.05  # step of the current
-
 _UNIT_WANDER = np.array([2.0, 2.0, 2.0, 0.3, 0.3, 0.3])  # N, N m: with which its effect is found
 
 _DRIVES = {"roll": (3,), "pitch": (4,), "yaw": (5,), "depth": (2,), "north": (0, 1), "east": (0, 1)}
 """Axes of the wrench that move a loop error most."""
 
 _SETTLES_S = 3.0  # after the beginning of a course, when the unknown past no longer counts
-
 _CURRENT_SD = (0.02, 0.2)  # m/s, and share of the current
 
 

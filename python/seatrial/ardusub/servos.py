@@ -27,9 +27,7 @@ from seatrial.base.report import Column, Table
 from seatrial.trial.mixer import FRAME_NAMES, FRAMES
 
 _MOTOR_FUNCTIONS = {33 + k: k + 1 for k in range(8)} | {82 + k: k + 9 for k in range(4)}  # SERVOn_FUNCTION
-
 _NEUTRAL_US, _LOWEST_US, _HIGHEST_US = 1500.0, 1100.0, 1900.0  # ArduSub's defaults
-
 _CHANNELS = 32  # of ArduPilot
 
 _ABOUT_MOTORS = re.compile(r"FRAME_CONFIG|MOT_.*|SERVO\d+_.*|RCMAP_.*|JS_.*GAIN.*|SERVO_.*")

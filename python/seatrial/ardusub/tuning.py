@@ -46,13 +46,9 @@ SLEW_DEG_S = 60.0
 """Rate at which a yaw target turns, deg/s: the default of ``ATC_RATE_WPY_MAX``."""
 
 _SPEED_M_S = 0.4  # of a target that moves
-
 _ACCELERATION_M_S2 = 1.0  # of a target that moves: the default of PILOT_ACC_Z
-
 _SHORTEST_RISE_S = 0.4  # that a corridor asks for: four rows of a response
-
 _TAIL = 0.1  # share of the missions that the search looks at
-
 _LARGE = 1e3  # stands for a response that diverged: worse than any other
 
 

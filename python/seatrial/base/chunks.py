@@ -48,9 +48,7 @@ RECORDS = "chunks.json"
 """File of a run directory with the record of every chunk."""
 
 _ATTEMPTS = 5  # of a chunk whose workers are lost: it may be what kills them
-
 _POLL_S = 0.5  # between two looks at the progress while chunks are under way
-
 _OVER = 2  # chunks under way per worker: one that works, one that waits beside it
 
 

@@ -27,11 +27,8 @@ from seatrial.base.errors import SeatrialError
 LOCAL = "local"
 
 _CONNECT_S = 10.0  # for a scheduler to answer the first call: longer than a slow network takes
-
 _PATIENCE_S = 300.0  # for a scheduler that is started again
-
 _LOOK_S = 1.0  # between two looks at the workers: each asks the scheduler
-
 _ANSWER_S = 5.0  # for a scheduler that answered before
 
 Tell = Callable[[str], None]

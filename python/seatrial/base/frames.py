@@ -26,7 +26,6 @@ from seatrial.base.errors import TrialError
 from seatrial.base.rotation import product
 
 _Z_UP = np.diag([1.0, -1.0, -1.0])  # half a turn about x: y and z change their signs
-
 _ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # x and y change places, z its sign
 
 _BODY = {"FRD": np.eye(3), "FLU": _Z_UP}

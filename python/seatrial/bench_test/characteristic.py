@@ -42,11 +42,8 @@ if TYPE_CHECKING:
 SIDES = {"ahead": 1.0, "astern": -1.0}
 
 _EXPONENT_SHARE, _EXPONENT_ERROR = 0.05, 0.03  # of the thrust: weaker points are noise; error of a point
-
 _GRID = 12  # points of a table of a fitted curve, per direction
-
 _SPARE, _MISFIT = 3, 0.8  # points per coefficient of a cubic, and its scatter over the chosen order's
-
 _LEAST_ALONE = 2  # points of some actuators: a ratio from so few has no error
 
 
@@ -318,17 +315,11 @@ def _tabulated(made: UnitFit) -> ThrustTable:
 
 
 _POINTS = 400  # of the grid on which a curve is checked
-
 _NOISE = 1e-3  # of the largest thrust: rounding of a fit neither falls nor pushes back
-
 _BEYOND = 1.05  # of the largest tested signal: less far is no extrapolation
-
 _POOR = 0.9  # R2 of a curve that is worth a warning
-
 _SAGGED = 1.05  # largest over smallest supply voltage: thrust differs by 10 %, as its square
-
 _QUIET = 3  # points without thrust that make a dead band
-
 _SLOWEST_S = 10.0  # no propeller or servo of an underwater vehicle lags so long
 
 

@@ -81,11 +81,8 @@ def _sizes(records: Sequence[StepRecord], side: int) -> Array:
 
 
 _STARTS = 4  # for a problem with several minima: each costs a solution
-
 _KNEE = 1.5  # standard deviations: Huber's loss keeps 96 % of the efficiency for normal errors
-
 _GROSS, _MOST_GROSS = 8.0, 0.1  # standard deviations of a gross error; largest part of the values
-
 _RUN = 3  # values in a row that may be missed counts
 
 _MINIMUM = [NAMES.index("n_min_ahead"), NAMES.index("n_min_astern")]
@@ -174,9 +171,7 @@ def _size_of_errors(problem: Problem, x: Array, noise: Noise) -> float:
 
 
 _CHANCE = 2.0 * NORMAL**2  # rise of the squared errors, in variances; doubled because errors are coloured
-
 _LONGEST = 40.0  # samples at which the search for the longest lag ends
-
 _HALVINGS = 8  # of the interval in which the longest lag lies: to half a per cent of it
 
 _LAG, _DELAY = NAMES.index("T_1"), NAMES.index("T_t")

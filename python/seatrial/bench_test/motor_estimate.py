@@ -119,7 +119,6 @@ def _number(value: float | None) -> float:
 
 
 _LEVEL = 0.05  # chance of a false difference
-
 _MANY = 1e9  # degrees of freedom from which Student's distribution is the normal one
 
 
@@ -221,9 +220,7 @@ def compare_actuators(
 
 
 _MISFIT = 10.0  # errors over the noise above which an interval means nothing
-
 _VISIBLE = 1e-4  # share of the motion that the errors must have for it
-
 _ROUGH = 1.5  # errors over the measurement's own noise above which something is left out
 
 

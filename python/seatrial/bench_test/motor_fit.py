@@ -40,9 +40,7 @@ from seatrial.statistics.uncertainty import covariance
 Loss = Literal["huber", "soft_l1", "none"]
 
 _STEP = 1e-4  # of a coordinate's natural size
-
 _COARSE, _END = 1e-5, 1e-9  # relative tolerances, to choose a start and of the result
-
 _SAME = 1e-3  # relative cost within which two starts found the same minimum
 
 

@@ -242,9 +242,7 @@ def _parameter(k: int, reduced: Reduced, kept: float | None, unit: str) -> Motor
 
 
 _UNKNOWN_LAG_S = 0.3  # where the records do not tell the lag
-
 _REST_S, _REST_SAMPLES = 1.5, 8.0  # length of a plateau, the longer of the two
-
 _STAGGER = 0.6180339887  # golden section: steps meet the samples at evenly spread phases
 
 

@@ -27,17 +27,11 @@ from seatrial.base.errors import TrialError
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
 
 _LEAST = 3  # samples of a plateau, which is the second half of a held command
-
 _AGREE = 0.005  # part of a level within which a gain agrees; noise adds to it
-
 _CALM, _CALM_SD = 0.8, 0.6616  # part of the bends that counts; standard deviation of a normal one cut there
-
 _CAUTION = 1.1  # makes up for the tails with the largest scatter, which are left out
-
 _STRAY = 0.1  # part of the plateaus that may turn against their command before the record is refused
-
 _EXACT = 1e-6  # of the largest value: the least noise
-
 _MOVING = 8.0  # standard deviations of the noise above which revolutions have moved
 
 
@@ -278,17 +272,11 @@ def _refuse(moving: Sequence[Plateau], plateau: Plateau) -> None:
 
 
 _CLEAR = 10.0  # standard deviations of the noise that a step must exceed
-
 _SETTLED = 0.15  # part of the step by which the revolutions may miss their level before it
-
 _LN4 = math.log(4.0)  # a lag goes from 20 to 80 % of a step in ln 4 of its time constants
-
 _PER_SAMPLE = 4  # points of the grid of dead times per sample
-
 _MOST_DELAYS = 48  # of the grid, so that long dead times cost no more than short ones
-
 _LAG_FACTORS = (0.4, 0.75, 1.0, 1.5)  # on the first estimate, of which a ramp may be a part
-
 _RAMP_FACTORS = (1.0, 0.75, 0.3)  # on the first estimate, of which a lag may be a part
 
 

@@ -46,13 +46,9 @@ _LEAST_SAMPLES = 5
 """Fewer steady samples of the load are too few for a mean."""
 
 _COMMAND_SHARE = 0.002  # of the range: a command that changes less is jitter of its logging
-
 _MEASURED_SHARE = 0.03  # of the largest revolutions: a controller lets them vary by less
-
 _NOISES = 6.0  # deviations of the noise: one sample in a billion leaves a plateau by chance
-
 _DRIFT_SHARE, _DRIFT_ERRORS = 0.02, 6.0  # as `Plateau.drifting` says
-
 _MOST_MEMORY = 0.95  # correlation of neighbours that a plateau of some ten samples can show
 
 
@@ -247,7 +243,6 @@ def _departures(signals: list[Array]) -> list[int]:
 
 
 _ALIKE = 0.1  # of the mean signal: actuators that run closer pull as one
-
 _LEAST_FACTOR = 0.05  # N on the cell per newton: below, errors of the geometry are as large
 
 

@@ -157,11 +157,8 @@ def repeated(rows: Sequence[Plateau]) -> list[str]:
 
 
 _ZERO_SHARE = 1e-6  # of the limit: rounding of a command
-
 _ZERO_MEASURED = 0.01  # of the limit: a resting motor's measured revolutions are noise
-
 _APART = 4.0  # standard errors of a difference: further apart it is no noise
-
 _NOTHING_N = 1e-9  # rounding of a load that never changes
 
 

@@ -260,11 +260,8 @@ def _student(dof: int, probability: float = 0.5 * (1.0 + _LEVEL)) -> float:
 
 
 _ALARM = 0.05  # chance that a test has a false outlier, as the head says
-
 _BIWEIGHT = 4.685  # deviations: 95 % efficiency for normal errors
-
 _ROUNDS = 50  # of reweighting, where it does not settle before
-
 _SUSPECT = 3.0  # robust deviations: every suspect is judged again
 
 

@@ -26,15 +26,10 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 
 _LEVEL_GAP = 0.1  # V between two levels of a supply: its ripple is smaller
-
 _MOST_LEVELS = 25  # more are a supply that drifts
-
 _TOLERANCE = 0.01  # of the largest thrust: what a load cell can tell
-
 _SILENT = 0.002  # of the largest thrust: less is none
-
 _AT_REST = 0.25  # of the tolerance, at zero thrust: weak points are known more exactly
-
 _STIFFNESS = 1e-3  # of a point's weight: bridges gaps and moves no point
 
 

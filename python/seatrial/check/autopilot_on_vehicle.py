@@ -147,9 +147,7 @@ def _weakness(rows: Sequence[MarginRow]) -> str:
 
 
 _RANK = 1e-2  # of the largest singular value: what cannot be used in practice
-
 _LOITER = 1.2  # of the tightest circle: room for control
-
 _SHORT = 1.2  # needed over given lookahead from which on a path nearly oscillates
 
 

@@ -27,7 +27,6 @@ USUAL_M_S = 0.3
 """Current of the check where none is given, m/s."""
 
 _LONGEST_S = 4.0 * 3600.0  # of the plan: its flights with their logs stay below a gigabyte
-
 _DEEPER_M = 1e-2  # below it a depth is the planned one
 
 Velocity = tuple[float, float, float]

@@ -169,7 +169,6 @@ def fence_sentences(mission: Mission) -> tuple[list[str], list[str]]:
 
 
 _LABEL = 22  # characters: the table of legs stays within 80 columns
-
 _MOST_LEGS = 60  # rows that fit two screens
 
 
@@ -205,9 +204,7 @@ def _level(row: LegRow) -> str:
 
 
 _TURNS = np.deg2rad(1.0)  # a smaller change of course is no corner
-
 _SEEN_M = 0.5  # a deviation that nobody needs to hear of
-
 _REVERSAL = np.pi - 1e-6  # rad: cos of half a turn would divide by zero
 
 

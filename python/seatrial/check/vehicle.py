@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 _GROWS = 1e-3  # 1/s; what grows more slowly than in ten minutes is as good as stable
-
 _SLENDER = 3.0  # length over the larger of diameter and height
 
 _LIFT = {"course": "N_uv, N_ur, Y_uv, Y_ur", "pitch": "M_uw, M_uq, Z_uw, Z_uq"}

@@ -24,19 +24,12 @@ TURBULENCE_TIMES_S = (60.0, 2.0)
 """Correlation time of a turbulent current, and the time in which eddies average out along the hull, s."""
 
 _LARGEST_SEED = 2**53  # whole numbers up to here are exact in JSON and in floating point
-
 _FASTEST_WATER_M_S = 15.0  # the fastest tidal streams run at 10 m/s
-
 _MOST_STEPS = 10_000  # of the integration in a control period
-
 _TIMES_PLANNED, _MARGIN_S = 3.0, 300.0  # of the planned time, and s: room for currents and for waiting
-
 _MOST_LOGGED, _MOST_FLOWN = 2_500_000, 100_000_000  # a row of a log and its table take 2.5 kB
-
 _LARGEST_SUPPLY_V = 1000.0  # a larger one was given in mV
-
 _MOST_EDDIES = 5.0  # m/s
-
 _LONGEST = 1e5  # s, of eddies
 
 

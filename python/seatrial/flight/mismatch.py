@@ -45,13 +45,9 @@ _SAID = re.compile(
 )
 
 _PERIODS = 1.5  # of the control period: sampling and hold
-
 _NO_PHASE = math.pi  # rad, of the delay at the crossover: twice the 90 deg of an integrator
-
 _WEAK = 0.2  # of what the actuators give together
-
 _ALIKE = 0.3  # relative difference of apparent masses up to which two vehicles are one
-
 _UNLIMITED = 1e6  # N or N m
 
 

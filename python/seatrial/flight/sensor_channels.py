@@ -60,7 +60,6 @@ CHANNELS_OF_GROUP = {
 """The channels of a group, by their places among those of the autopilot."""
 
 _TICK = 1e-6  # of an interval, or s: rounding of times is no deviation
-
 _MOST_LATE = 10_000  # control periods that the core keeps
 
 

@@ -353,7 +353,6 @@ _EVERY = 0.95
 """Share of the rows with a header's stamp above which it is that of the row, not of one of several topics."""
 
 _UNIX_S = 9e8  # s since 1970 in 1998: no time since a start is so long
-
 _ALONG = 0.999  # correlation of a column with its rows that makes it a time though steps fall
 
 

@@ -62,7 +62,6 @@ FORMATS: dict[str, Format] = {
 
 _BINARY = ("dataflash", "mavlink", "ulog", "rosbag", "mcap", "matlab", "imc", "parquet")
 _TEXT = frozenset(b"\t\n\r") | frozenset(range(32, 127))  # a binary log with another name is no such text
-
 _HEAD = 512  # bytes: signatures of all formats lie within them, the tag of a TAR file last
 _PART = 65_536  # bytes that are unpacked at a time
 _PACKED = 10.0  # times as long is what gzip packed

@@ -22,9 +22,7 @@ _VERTICAL = re.compile(
 """Fields of documented messages that hold the accelerometer's z."""
 
 _G = 9.81  # m/s^2
-
 _LEAST, _MOST = 0.7, 1.3  # of g: a mean beyond has another unit, or tells of no upright vehicle
-
 _STEADY = 0.5  # of the mean: with a larger deviation the vehicle tumbles
 
 _BODY = ("p_deg_s", "q_deg_s", "r_deg_s", "u_m_s", "v_m_s", "w_m_s")

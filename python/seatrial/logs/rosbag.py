@@ -119,9 +119,7 @@ def _missing(path: Path) -> str:
 _MAGIC = b"#ROSBAG V2.0\n"
 
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7  # opcodes of records, by the format
-
 _STAMPED = ("conn", "time")  # fields of a message, of four and eight bytes
-
 _LONGEST_HEADER, _LARGEST_CHUNK = 1 << 20, 1 << 28  # bytes: a recorder writes chunks of 768 KiB
 
 _NOTE = "has no index, as after a recorder that was cut off: read from the front, up to the damaged part"

@@ -16,19 +16,12 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask, runs
 
 _LONG, _SHORT = 0.85, 0.2  # quantiles of the intervals
-
 _IRREGULAR = 1.5  # ratio of the long to the short interval above which the median is no common interval
-
 _FINEST = 0.25  # of the median: shorter intervals are an accident of the stamps
-
 _TOGETHER = 0.1  # of the mean interval: stamps closer than this came in one burst
-
 _BURSTS = 0.3  # share of such intervals that makes a burst evident
-
 _STEADY = 1.6  # ratio of the time per sample among the bursts: a sensor that samples evenly
-
 _LONGEST = 1.5  # times the usual time per sample: a longer one is a gap before the burst
-
 _FEWEST = 20  # stamps that show bursts
 
 _BLOCK, _FAR, _SLACK_S = 50, 10.0, 1.0

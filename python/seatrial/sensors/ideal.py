@@ -156,6 +156,7 @@ class Ideal:
         if kind in ("dvl", "dvl_water"):
             velocity = self._velocity(r, t)
             if kind == "dvl_water":
+                # The velocity through the water is that over ground less the current, in the body's axes.
                 water = self._at(self._conditions.water(len(run.t)), t)
                 velocity -= np.einsum("nji,nj->ni", matrix(self._attitude(t)), water)
                 return _turned(velocity, sensor)

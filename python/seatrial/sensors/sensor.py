@@ -158,6 +158,7 @@ class Sensor:
         """
         if kind not in KINDS:
             raise TrialError(f'{where}: unknown sensor "{kind}"{nearest(kind, KINDS)}')
+        # Only keys that mean something for this kind are known; others are errors.
         keys = {f"{name}_{KINDS[kind].unit}": name for name in ("noise", "bias", "quantum")}
         keys |= {name: name for name in _TIMES}
         if KINDS[kind].has_lever_arm:

@@ -75,7 +75,6 @@ def variance_inflation(correlation: float) -> float:
 
 
 _LONGER = 1.25  # a quarter: Sun, Phillips and Jin, at the head
-
 _SHORTEST = 1.3  # times the root of the samples: Lazarus et al., at the head
 
 _SHIFTS = 4

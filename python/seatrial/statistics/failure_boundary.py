@@ -25,11 +25,8 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 
 _PER_AXIS = {1: 201, 2: 33}  # values by the number of variables: about 1,000 points in the plane
-
 _START = {1: 9, 2: 5}  # values of the first places along each axis
-
 _CONSTANT_SD = 2.0  # of the constant part of f: Phi(-2 .. 2) covers shares of 2 to 98 %
-
 _PRIOR = (math.log(1.0), math.log(3.0), math.log(0.3))  # of the process, of the slope, of a length
 _PRIOR_SD = 1.2
 
@@ -187,6 +184,7 @@ def _posterior(
     runs = np.array([place.runs for place in places], dtype=float)
     failures = np.array([place.failures for place in places], dtype=float)
     dimensions = x.shape[1]
+    # Sizes are logarithms, and their priors normal about the centre.
     centre = np.array([*_PRIOR[:2], *[_PRIOR[2]] * dimensions])
 
     def cost(sizes: Array) -> float:

@@ -29,7 +29,6 @@ _ALIKE = 1e-6
 """A candidate of which less than this is left after projection is collinear with the fitted columns."""
 
 _JITTER = 1e-12  # on the diagonal of a matrix of unit sizes: above rounding, below any information
-
 _FEWEST = 4  # blocks that a jackknife variance needs
 
 _SAMPLES = 3000

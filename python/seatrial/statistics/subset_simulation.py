@@ -42,21 +42,13 @@ Level = Callable[[Array, Array], Array]
 """Level (k,) of samples (k, d), standard normal, and seeds (k,) from 0 to 1: zero or less where they fail."""
 
 _SHARE = 0.1  # of a level that is below the next one
-
 _ACCEPTED, _FIRST_SPREAD = (0.44, 0.6)  # Papaioannou et al.; the spread is led to it from any start
-
 _NEW_SEED = 0.25  # share of the steps that draw the noise anew
-
 _MOST_LEVELS = 9  # 1e-9: no model of a vehicle is as sure
-
 _BETWEEN_LEVELS = 1.25  # on the standard deviation, for levels that depend on one another: at the head
-
 _CENTRES = 4  # most densities of the importance sampling
-
 _EFFECTIVE = 100.0  # samples below which the check is too uncertain to disagree
-
 _APART = 3.0  # deviations between centres below which two are one region
-
 _TRIES = 1000  # rounds of a first sample that must be possible
 
 _STILL = 0.5

@@ -38,9 +38,7 @@ _TURNS = (
 )
 
 _MAIN, _MINOR = 0.5, 0.05  # of the largest force: what an actuator mainly does, and what is not worth a word
-
 _DRIVEN = 0.02  # a row of the allocation matrix, of its largest entry, that counts as driven
-
 _LEVER_M = 0.02  # a force with a shorter lever counts as no turning moment
 
 

@@ -29,13 +29,9 @@ LOOPS = ("surge", "sway", "heave", "roll", "pitch", "heading")
 """The loop of each row of the wrench."""
 
 _PART = 0.1  # an actuator counts for a row when it gives this share of what the strongest gives
-
 _RAMP = 0.1  # share of the largest command that a small correction asks for
-
 _BUOYANT = 1e-4  # of the weight: less is neutral
-
 _NOTHING = 1e-3  # N or N m
-
 _WEAK = 0.02  # a singular value below this share of the largest commands nothing in practice
 
 
@@ -106,8 +102,10 @@ def reach(vehicle: Vehicle, speed_m_s: float, rows: str, *, voltage_v: float = N
     limits = thrusts(vehicle, speed_m_s, voltage_v=voltage_v)
     extremes = {}
     for row in rows:
+        # The other rows are kept at zero, all but surge, which is free.
         fixed = [ROWS.index(other) for other in rows if other not in (row, "X")]
         bounds = []
+        # linprog minimises: the largest value is the smallest one of the negative.
         for sign in (1.0, -1.0):
             answer = linprog(
                 sign * matrix[ROWS.index(row)],

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 _SMALL = 1e-5  # m/s or rad: quadratic terms vanish beside linear ones, and rounding does not show
-
 _LEVEL = (0.0, 0.0, 0.0)  # roll, pitch and yaw in rad
 
 

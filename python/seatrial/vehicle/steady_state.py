@@ -29,9 +29,7 @@ if TYPE_CHECKING:
 _PULL = "k_tether"
 
 _ROUND_S, _SAMPLE_S = 240.0, 0.25  # a vehicle settles within minutes; its last tenth is judged
-
 _ROUNDS = 10  # then a motion counts as not settling: 40 minutes
-
 _CHANGE = 1e-6  # m/s and rad/s over the last tenth of a round
 
 
@@ -86,6 +84,7 @@ def steady(
     """
     from seatrial._core import State
 
+    # A stretched tether would end every motion at its length.
     vehicle = without_pull(vehicle)
     t = np.arange(0.0, _ROUND_S, _SAMPLE_S)
     inputs: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
@@ -101,17 +100,17 @@ def steady(
         settled = bool(np.ptp(last, axis=0).max() < _CHANGE)
         if settled:
             break
+        # The next round goes on from here, back at the origin.
         state = State(attitude=run.attitude[-1], nu=last[-1], actuators=dict(signals))
     wrench = np.asarray(run.tau)[-len(last) :]
     if settled:
         return Steady(last[-1], wrench[-1], signals, settled)
+    # A motion that keeps swinging is shown by its mean.
     return Steady(last.mean(axis=0), wrench.mean(axis=0), signals, settled)
 
 
 KNOT_M_S = 1852.0 / 3600.0  # a nautical mile an hour, by definition
-
 _SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest command: the rows of a table of speeds
-
 TURN_SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest command: the rows of a table of turns
 
 TURN_KINDS = {
@@ -123,9 +122,7 @@ TURN_KINDS = {
 """Command of the inner side as a share of the outer side's."""
 
 _DRIVES = 0.3  # an actuator drives ahead if this share of its thrust points along x
-
 _STEPS_KN = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # round steps; the first one that gives fewer than eight rows
-
 _BALANCED = 1e-6  # of the drag: thrust that differs more was not reached by the bisection
 
 
@@ -276,10 +273,12 @@ def cruise(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) 
     low, high = 0.0, 1.0
     if held(high)[0] < drag:
         return None
+    # Thrust rises with the command, but jumps at a dead band: bisection needs no slope.
     while high - low > 1e-12:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if held(middle)[0] < drag else (low, middle)
     thrust, signals = held(high)
+    # The drag lies within a jump, as below the least revolutions: no command holds this speed.
     if abs(thrust - drag) > _BALANCED * max(abs(drag), 1e-9):
         return None
     return _row(vehicle, high, speed_m_s, thrust, signals)
@@ -333,6 +332,7 @@ def turns(
             commands = turn_commands(vehicle, share, ratio * share)
             turn = steady(vehicle, commands, free="XYN", voltage_v=voltage_v)
             speed, rate = float(np.hypot(turn.nu[0], turn.nu[1])), float(turn.nu[5])
+            # A turn that swings, or a straight course, has no radius.
             if not turn.settled or abs(rate) < 1e-4:
                 continue
             first = next(iter(driving))

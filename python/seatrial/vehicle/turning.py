@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 _SHARE = 0.5  # of the largest angle and thrust, as the head says
-
 _STEERS = 0.5  # a fin steers if this share of its moment is about z
 
 
@@ -78,6 +77,7 @@ def fin_turn(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> FinTurn | Non
     commands |= {name: command(facts[name], _SHARE * sense) for name, sense in steering.items()}
     turn = steady(vehicle, commands, free="XYN", voltage_v=voltage_v)
     speed, rate = float(np.hypot(turn.nu[0], turn.nu[1])), float(turn.nu[5])
+    # A turn that swings, or a straight course, has no radius.
     if not turn.settled or abs(rate) < 1e-4:
         return None
     first, fin = next(iter(driving)), next(iter(steering))
@@ -92,9 +92,7 @@ def fin_turn(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> FinTurn | Non
 
 
 _SETTLES_S, _SAMPLES = 120.0, 241  # a turn settles within two minutes; a sample each half second
-
 _STRAIGHT = 1e-6  # rad/s
-
 _STARTS = 1e-3  # rad/s, so that an exact balance of an unstable hull does not stay straight
 
 
@@ -130,6 +128,7 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     drag = -float(sum(np.asarray(force)[0] for force in vehicle.forces(nu, np.zeros(3)).values()))
     matrix = np.asarray(vehicle.allocation_matrix())
     limits = list(map(tuple, thrusts(vehicle, speed_m_s, voltage_v=voltage_v)))
+    # Rows that nothing commands cannot be asked for: the programme would have no solution.
     kept = [row for row in "XZKM" if row not in missing]
     demands = np.array([drag if row == "X" else 0.0 for row in kept])
     solution = linprog(
@@ -141,8 +140,10 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     hard_over = {
         name: np.full(len(t), command(facts[name], sense)) for name, sense in rudders(vehicle).items()
     }
+    # Fins push by the flow of the turn itself, thrusters as the programme says.
     thrusting = np.array([facts[name]["kind"] != "fin" for name in vehicle.actuators])
     wrench = matrix @ np.where(thrusting, solution.x, 0.0)
+    # Without a yaw rate the vehicle would stay on its straight course.
     nu[5] = _STARTS
     run = without_pull(vehicle).simulate(
         t,
