@@ -121,6 +121,7 @@ def axis_verdicts(
         identified.coefficients,
         {axis: mass for axis, (mass, _) in masses.items()},
     )
+    # Data that no coefficient has seen judge the axes, where there are any.
     hold_out = identified.scores.get("hold_out", {}).get("ahead", {})
     scores, baselines = hold_out.get("all"), identified.baselines
     verdicts = []
@@ -131,6 +132,7 @@ def axis_verdicts(
             for axis in axes
             if (reason := odd[axis] or _against(identified, axis, masses, scores, baselines))
         ]
+        # A mass that no vehicle has asks for another manoeuvre than noise does.
         implausible = any(odd.values())
         masses_in_words = ", ".join(f"apparent {mass_in_words(axis, *masses[axis])}" for axis in axes)
         trial = f"{_TRIALS[loop]}; {_INERTIA_TRIALS[axes[0] in 'KMN']}" if implausible else _TRIALS[loop]

@@ -253,6 +253,7 @@ class Comparison:
         rows = self.read(name, *columns)
         lacking = [column for column in columns if column not in self.log.fields.get(name, {})]
         count_of_all = 0 if rows is None else len(rows.t)
+        # Rows of other modes are another controller's.
         if rows is not None and control:
             works = ~self.modes.rests(rows.t, control)
             rows = Rows(rows.t[works], {column: rows[column][works] for column in columns})
@@ -260,8 +261,10 @@ class Comparison:
             count = 0 if rows is None else len(rows.t)
             what = "no rows" if rows is None and len(lacking) in (0, len(columns)) else f"{count} rows"
             why = f"the log has {what} of {name}"
+            # Some columns are there: an older firmware wrote the topic.
             if 0 < len(lacking) < len(columns):
                 why = f"{name} of the log has no {', '.join(lacking)}"
+            # A check counts as impossible only where some mode of the log would have needed it.
             if self.owes(control or "attitude"):
                 self.impossible += [Impossible(*check, why, name) for check in checks]
             elif checks and count_of_all:

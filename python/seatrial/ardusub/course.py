@@ -185,10 +185,12 @@ def logged_courses(
     rows = {name: present for name, present in read.items() if present is not None}
     step = rows_of(log, "ANG", "Dt")
     period = 0.005 if step is None else float(np.median(step.values["Dt"]))
+    # The controllers run a whole number of times in a row of the course.
     period = ROW_S / max(round(ROW_S / min(max(period, 0.001), 0.02)), 1)
     begins = [(event.t, event.text) for event in log.events() if event.kind == "mode"]
     last = float(rows["ANG"].t[-1])
     ends = [t for t, _ in begins[1:]] + [last] * bool(begins)
+    # The first rows after a change hold targets of the mode before.
     modes = [
         (t + 2.0 * ROW_S, end, name)
         for (t, name), end in zip(begins, ends, strict=True)
@@ -227,10 +229,12 @@ def _course(
     sticks = rows_of(log, "RCIN", *(f"C{k + 1}" for k in channels))
     if sticks is not None:
         for column, k in zip((14, 15), channels, strict=True):
+            # Pulses of 1100 to 1900 us about 1500 us are -1 to 1.
             targets[:, column] = sticks.at(f"C{k + 1}", t) / 400.0 - 3.75
     battery = rows_of(log, "BAT", "Volt")
     targets[:, 18] = 16.0 if battery is None else battery.at("Volt", t)
     measured = {
+        # The shorter way round.
         axis.lower(): (_angle(ang, f"Des{axis}", kept) - _angle(ang, axis, kept) + 180.0) % 360.0 - 180.0
         for axis in ("Roll", "Pitch", "Yaw")
     }
@@ -238,6 +242,7 @@ def _course(
     demands = np.stack(
         [rate.at(name, kept) for name in ("ROut", "POut", "YOut", "AOut")] + [np.full(n, np.nan)] * 2, 1
     )
+    # ArduPilot's throttle runs from 0 to 1, with rest in the middle.
     demands[:, 3] = 2.0 * demands[:, 3] - 1.0
     demands[:, 4:] = targets[::every, 14:16]
     for k, letter in enumerate("RPY"):
@@ -247,6 +252,7 @@ def _course(
         targets[:, 16] = 1.0
         p = parameters.get("PSC_D_POS_P", 0.0)
         targets[:, 6] = depth.at("TPD", t)
+        # The log has the sum that the rate controller aims at: what the position asks for is taken off again.
         targets[:, 9] = depth.at("TVD", t) - p * (depth.at("TPD", t) - depth.at("PD", t))
         targets[:, 12] = depth.at("DAD", t) + depth.at("AOT", t)
         position[2] = depth.at("PD", t[:1])[0]
@@ -262,6 +268,7 @@ def _course(
             targets[:, 7 + axis] = wants["TV"] - p * (wants["TP"] - wants["P"])
             targets[:, 10 + axis] = wants["DA"]
             position[axis] = wants["P"][0]
+            # What is left of the acceleration at the beginning is the integral that the flight starts with.
             left = (wants["TA"] - wants["DA"] - velocity_p * (wants["TV"] - wants["V"]))[: 3 * every]
             integrals[5 + axis] = float(np.mean(left))
             measured[channel] = (wants["TP"] - wants["P"])[::every]

@@ -184,6 +184,7 @@ class Replay(RunResult):
         """How many checks are met, the worst, what to do; tables."""
         worst = self.worst()
         against = self.against()
+        # A file that the vehicle does not fly with outweighs any check.
         apart = [(each, own) for each, own, agrees in against if not agrees]
         if apart:
             differ = ", ".join(f"{_value(each)} for {own:g}" for each, own in apart[:4])

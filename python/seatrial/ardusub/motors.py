@@ -294,12 +294,14 @@ def _fits(drive: _Drive, name: str, shares: Array, known: Mapping[str, float]) -
     count = len(shares)
     own, wanted = drive.own(count), drive.demands @ shares.T
     given = _given(known, (0.0,) * count)
+    # Motors without a horizontal share obey the first four demands alone.
     alone = ~shares[:, 4:].any(axis=1)
     wanted[:, alone] = drive.demands[:, :4] @ shares[alone, :4].T
     sign, miss = _signed(own, wanted, given)
     direct = miss <= _EXPLAINED_US
     outputs = drive.outputs[:count]
     fits = [_Fit(name, sign, tuple(direct.tolist()), int(direct.sum()), outputs)]
+    # Unlogged stick demands are solved for, each time without one motor, which may be the odd one out.
     horizontal = np.flatnonzero(~alone)
     base = drive.demands[:, :4] @ shares[:, :4].T
     turning = np.array(_signed(own, base, given)[0])
@@ -309,6 +311,7 @@ def _fits(drive: _Drive, name: str, shares: Array, known: Mapping[str, float]) -
         rank = int(np.linalg.matrix_rank(shares[use, 4:])) if use else 0
         left = own * turning - base
         sound = np.isfinite(left[:, use]).all(axis=1) if use else np.zeros(len(left), bool)
+        # As many motors as demands would explain any pulses.
         if len(use) <= rank or sound.sum() < FEWEST:
             continue
         drawn = np.linalg.lstsq(shares[use, 4:], left[sound][:, use].T, rcond=None)[0].T

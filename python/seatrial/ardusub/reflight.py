@@ -339,8 +339,10 @@ class _Calibration:
             for channel, errors in course.errors(flown).items():
                 if channel not in course.measured:
                     continue
+                # A flight that diverged counts as very far off.
                 values = np.where(np.isfinite(errors), errors, 1e6)
                 middle = values.mean(axis=0)
+                # Beside the mean flight: what gains and steady wrench explain is in it.
                 for own, signals in enumerate((course.measured[channel] - middle, values - middle)):
                     change = (signals[..., lag:] - signals[..., :-lag])[..., fit[lag:]]
                     row = sums.setdefault(channel, np.zeros((2, 2)))

@@ -200,6 +200,7 @@ def map_parameters(
     remarks: list[str] = []
     by_motor = _motor_channels(values, where, used)
     channels = []
+    # A channel that the user named outweighs the file's.
     for motor, channel in enumerate(base.channels, 1):
         number = (
             channel.number if channel.actuator in (numbers or {}) else by_motor.get(motor, channel.number)
@@ -209,6 +210,7 @@ def map_parameters(
     _refuse_twice(channels)
     turned = _turned(vehicle, values, where, used, remarks)
     remarks += _neutral_sentences(channels)
+    # Nothing is dropped silently: each parameter is used, named or counted.
     about = sorted(name for name in values if _ABOUT_MOTORS.fullmatch(name))
     left = [name for name in about if name not in used]
     if left:
@@ -341,6 +343,7 @@ def _turned(
             used.add(parameter)
         facts = info[name]
         push = np.asarray(facts["wrench"], float) * (-1.0 if facts["reversed"] else 1.0)
+        # Only along or against is a direction; anything between means another frame or order.
         fit = _cosine(push, direction * _push(factor), names, info)
         if abs(fit) < _FIT:
             remarks.append(

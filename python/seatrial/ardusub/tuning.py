@@ -289,6 +289,7 @@ def fly_missions(
     since = np.zeros(0)
     done = 0
     for c, (course, steps) in enumerate(courses):
+        # Dealt out in turn: every course meets the same spread of vehicles.
         mine = np.arange(c, len(cases), len(courses))
         for first in range(0, len(mine), chunk):
             own = mine[first : first + chunk]

@@ -200,6 +200,7 @@ def fit_unit(unit: Unit, pulls: Sequence[PullPoints], regression: Regression, *,
             f'{where}: kind = "quadratic" is thrust per n|n| of revolutions, but {unit.name} is commanded in'
             f' {unit.command}; use order = 2 or order = "points"'
         )
+    # A table needs no model of the curve; everything below fits one.
     if regression.order == "points":
         table = from_points(
             points.signal,
@@ -221,6 +222,7 @@ def fit_unit(unit: Unit, pulls: Sequence[PullPoints], regression: Regression, *,
         if len(own):
             directions[side] = _direction(side, own, points, regression, f"{where}, {side}")
     made = UnitFit(unit, regression, points, directions, None)
+    # The vehicle file has polynomials of second order in the signal alone; the rest becomes a table.
     wanted = regression.kind == "table" or regression.with_voltage or regression.order == 3
     return UnitFit(unit, regression, points, directions, _tabulated(made)) if wanted else made
 
@@ -246,9 +248,11 @@ def _direction(
         through_origin=bool(regression.through_origin),
         square=square,
     )
+    # Outliers are always named; the bench file decides whether they are left out.
     out = _outliers(inputs, thrust, terms)
     used = ~out if regression.outliers == "drop" else np.ones(len(own), bool)
     try:
+        # The scatter is needed to know the zero error of each cell, whose columns widen the second fit.
         sigma = least_squares(inputs[used], thrust[used], terms).sigma
         common = sign * points.zero_columns(sigma)[own][used]
         fit = least_squares(inputs[used], thrust[used], terms, common=common)
@@ -268,6 +272,7 @@ def _outliers(inputs: Array, thrust: Array, terms: tuple[Term, ...]) -> NDArray[
     flexible = terms_of(3, inputs.shape[1])
     if not out.any() or len(thrust) < _SPARE * len(flexible):
         return out
+    # Points that a stiff curve misses may be the curve's own shape: those of a cubic are wrong for both.
     beyond = outliers(inputs, thrust, flexible)
     rest = ~beyond
     stiff, cubic = (least_squares(inputs[rest], thrust[rest], t).sigma for t in (terms, flexible))
@@ -375,11 +380,13 @@ def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:
             warnings.append(
                 f"{where}: tested up to {tested.max():.4g} of {high:.4g} {unit}; beyond, the curve is a guess"
             )
+        # From the least to the largest signal of the motor, not only where it was tested.
         grid = np.linspace(low, high, _POINTS)
         for voltage_v in _voltages(fit):
             at = None if voltage_v is None else np.full(_POINTS, voltage_v)
             thrust = sign * fit.thrust(sign * grid, at)
             words = "" if voltage_v is None else f" at {voltage_v:.3g} V"
+            # A polynomial may bend back between its points.
             below = np.flatnonzero(thrust < np.maximum.accumulate(thrust) - _NOISE * np.abs(thrust).max())
             if len(below):
                 top = int(thrust[: below[0] + 1].argmax())
@@ -401,6 +408,7 @@ def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:
             f"{fit.unit.name}: no thrust from {silent[0]:+.4g} to {silent[1]:+.4g} {unit}, a dead band that a"
             ' polynomial smears; take order = "points"'
         )
+    # Revolutions say what the supply does to the thrust; pulses and shares do not.
     volts = fit.points.voltage_v
     if fit.unit.command != "rpm" and not fit.regression.with_voltage and np.isfinite(volts).all():
         low, high = float(volts.min()), float(volts.max())

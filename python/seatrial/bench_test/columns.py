@@ -240,5 +240,6 @@ def unit_of(vehicle: Vehicle, group: str | None, actuators: Sequence[str] | None
             f"{where}: {', '.join(members)} are commanded in different units ({', '.join(sorted(units))});"
             " test those of each unit on their own"
         )
+    # Actuators that make up a group bear its name, so that results of both kinds meet.
     whole = next((name for name, own in groups.items() if own == members), None)
     return Unit(whole or "+".join(members), tuple(members), units.pop())

@@ -72,6 +72,7 @@ def _read_steps(
         )
     records = []
     for name in both:
+        # Revolutions may have stamps of their own: empty cells between them are no samples.
         given = np.isfinite(table.measured[name])
         if not given.any():
             raise TrialError(

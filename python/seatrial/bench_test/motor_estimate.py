@@ -96,6 +96,7 @@ class MotorParameter(Plain, also="status"):
                 f"{label} = {self.value:.{digits}f}{unit} ± {self.sigma:.{digits}f}, 95 % interval {lower} to"
                 f" {upper}{unit}{self.remark and f'; {self.remark}'}."
             )
+        # A value without a deviation: the remark says why.
         if self.value is not None:
             return f"{label} = {self.value:.4g}{unit}, {self.remark}."
         text = f"{label} is not determined: {self.reason}"
@@ -431,6 +432,7 @@ class MotorEstimate(
             f"Mean absolute error {fit.absolute:.3g} {unit}, R\N{SUPERSCRIPT TWO} {fit.r2:.5f}, over"
             f" {fit.samples} samples."
         )
+        # Errors well above the noise of the measurement are the model's.
         own = max(self.noise.total, 1e-12)
         if fit.rms > _ROUGH * own:
             said.append(

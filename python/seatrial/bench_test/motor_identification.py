@@ -104,6 +104,7 @@ def identify_motor(
     several = (records,) if isinstance(records, StepRecord) else tuple(records)
     _refuse(several, robust)
     noise = noise_of(several)
+    # A motor that turns at the beginning has a past that the record does not hold.
     cut = [starts_in_motion(record, noise) for record in several]
     trimmed = tuple(old.name for old, new in zip(several, cut, strict=True) if new is not None)
     several = tuple(old if new is None else new for old, new in zip(several, cut, strict=True))
@@ -116,6 +117,7 @@ def identify_motor(
         )
     prior = None if start is None else MotorModel.from_table(start)
     shown = statics(settled, noise)
+    # Commands below the minimum can be read in two ways; the lower cost decides.
     read = readings(several, settled, shown, noise, robust)
     reduced = eliminated(read.better, noise, prior)
     return _estimate(reduced, several, noise, settled, shown, start or {}, read.ratio, trimmed, unit)
@@ -165,17 +167,20 @@ def _estimate(
         parameters = {
             name: _without_interval(parameter, fitness.misfit) for name, parameter in parameters.items()
         }
+    # Comparisons rest on intervals, which a chain that misses the motion does not have.
     clear = fitness.misfit is None
     determined = {name: parameter.determined for name, parameter in parameters.items()}
     smooth = {name: fitted and bool(problem.free[NAMES.index(name)]) for name, fitted in determined.items()}
     directions = compare_directions(best.x, known, smooth) if clear else ()
     below = None if ratio is None else ("zero" if problem.dead_band else "lift")
     actuators = tuple(dict.fromkeys(record.name for record in problem.records))
+    # Actuators of a group are fitted alone, from the common estimate on, to see which one differs.
     alone = {}
     for actuator in actuators if len(actuators) > 1 else ():
         mine = replace(problem, records=tuple(r for r in problem.records if r.name == actuator), base=best.x)
         x = fit(mine, [best.x]).x
         alone[actuator] = (x, uncertainty(mine, x, noise))
+    # Commands within the limits tell the gain; one magnitude alone may be a limit itself.
     followed = {
         round(abs(plateau.command), 6)
         for plateau in settled
@@ -283,11 +288,13 @@ def recommended_steps(
         raise VehicleError(f"a step test needs a sample time above zero, found sample_s = {sample_s:g} s")
     sides = [_sequence(known, side) for side in (0, 1)]
     ahead, astern = (known.n_max[side] for side in (0, 1))
+    # Full reversals take the longest way: they show the rate limits of both directions.
     reversals = [0.9 * ahead, -0.9 * astern, 0.9 * ahead, -0.9 * astern, 0.0]
     commands = np.array([0.0, *sides[0], *sides[1], *reversals])
     rest = max(_REST_S, _REST_SAMPLES * sample_s)
     holds = [_hold(known, commands[max(k - 1, 0)], commands[k]) + rest for k in range(len(commands))]
     t = np.concatenate([[0.0], np.cumsum(holds)[:-1]])
+    # Commands change at samples; the stagger moves them within, which tells the dead time to a part of one.
     t = np.ceil(t / sample_s) * sample_s
     if stagger:
         t[1:] += sample_s * ((_STAGGER * np.arange(1, len(t))) % 1.0)
@@ -353,6 +360,7 @@ def written_motor(
     rates: Keys = {f"{limit}_per_s": rate for limit, rate in limits.items() if rate is not None}
     choices: list[tuple[Keys, str | None]] = [(base | rates, None)]
     missing = [limit for limit, rate in limits.items() if rate is None]
+    # The file lets the absent rate follow its partner: several readings, judged by the records below.
     if len(missing) == 1:
         key, both = f"{missing[0]}_per_s", [parameters[f"{missing[0]}_{side}"] for side in SIDES]
         kept = both[0].kept
@@ -363,6 +371,7 @@ def written_motor(
         if least:
             choices.append((base | rates | {key: float(f"{max(least):.3g}")}, key))
     errors = [_rms(MotorModel.from_table(dict(start) | table), records) for table, _ in choices]
+    # The first that is about as good: choices are ordered by how little they claim.
     best = next(k for k, error in enumerate(errors) if error <= _AS_WELL * min(errors))
     scatter = float(np.std(np.concatenate([record.sampled[1] for record in records])))
     r2 = 1.0 - (errors[best] / scatter) ** 2 if scatter > 0.0 else math.nan

@@ -174,6 +174,7 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
             " steadily; check the column of the measurement, or hold commands for six samples and twice the"
             " transient"
         )
+    # Some plateaus against their command are strays; a whole side or many are a wrong sign.
     against = [plateau for plateau in moving if plateau.level * plateau.command < 0]
     whole = [
         plateau
@@ -185,6 +186,7 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
     moving = [plateau for plateau in moving if plateau.level * plateau.command > 0]
     gain = _agreed(moving, noise)
     low, high, dropped = [0.0, 0.0], [math.inf, math.inf], [0.0, 0.0]
+    # Small commands that share a level were lifted to the minimum, large ones cut at the maximum.
     for side, sign in enumerate((1.0, -1.0)):
         mine = [plateau for plateau in driven if sign * plateau.command > 0 and plateau not in against]
         turning = sorted(

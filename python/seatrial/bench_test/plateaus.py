@@ -312,6 +312,7 @@ def separate(
     _refuse_others(plateau, unit, geometry, zero, where)
     signals = np.array([plateau.signal[name] for name in running])
     total = np.sum([geometry[name] for name in running], axis=0)
+    # Thrust goes by the square of the signal: so does the mean.
     mean = float(np.sqrt(np.mean(signals**2)) * np.sign(signals[0]))
     if (np.abs(signals - mean) > _ALIKE * abs(mean)).any():
         raise TrialError(
@@ -324,6 +325,7 @@ def separate(
             f"{where}: {', '.join(running)} together give {length:.2g} N along the load cell per newton of"
             " each: their forces cancel or act across it; check axis and direction of the pull"
         )
+    # Least squares of one thrust over the axes of the cell: G / (G . G).
     weights = total / length**2
     thrust = float(weights @ plateau.load)
     return Separated(

@@ -260,10 +260,12 @@ def read_pull(
             " err alike, to one point"
         ]
         notes += [f"{left} plateaus too short to be steady left out"] if left else []
+    # Thrust is a function of what the motor settles at, not of the command.
     steady = _behind_motors(steady, vehicle, commanded)
     notes += repeated(steady) if table.t is None else []
     limit = max(largest(vehicle.actuator_info()[name], 1.0) for name in unit.actuators)
     zero = (_ZERO_MEASURED if pull.use == "measured" and table.t is not None else _ZERO_SHARE) * limit
+    # Plateaus at rest show the zero of the cell, by which the others are tared.
     resting = [p for p in steady if all(abs(x) <= zero for x in p.signal.values())]
     tare, tare_error, remarks = _tare(pull, resting, load.shape[1], where)
     notes += remarks
@@ -308,6 +310,7 @@ def _gathered(
             f"{file}: the load is the same at rest and under every command; expected a force that answers the"
             " commands, so check the load cell's column"
         )
+    # Across weak pulls noise alone makes a large share.
     strong = [p for p in separated if abs(p.thrust) > 0.3 * max(abs(q.thrust) for q in separated)]
     across = max(p.across / (abs(p.thrust) * p.factor) for p in strong)
     if across > 0.05:

@@ -191,6 +191,7 @@ def least_squares(
     n, p = len(values), len(terms)
     if n <= p:
         raise ValueError(f"{n} operating points for {p} coefficients; expected at least {p + 1}")
+    # Inputs of size one: the condition falls from 5e13 to some tens, as the head says.
     scale = np.abs(u).max(axis=0)
     scale[scale == 0.0] = 1.0
     matrix = design(u / scale, terms)
@@ -206,6 +207,7 @@ def least_squares(
     residual = values - matrix @ scaled
     dof = n - p
     sigma = float(np.sqrt(residual @ residual / dof))
+    # The factor's columns times themselves are the covariance: scatter, then the zero of each cell.
     columns = [sigma * inverse]
     if common is not None:
         columns.append(inverse @ (q.T @ np.asarray(common, dtype=float)))

@@ -175,6 +175,7 @@ def on_vehicle(
         notes, warnings = notes + beside, warnings + wrong
     margins = margins_on(autopilot, vehicle, voltage_v=voltage_v)
     beside, weak = margins.told()
+    # An autopilot of another vehicle explains most of what follows.
     warnings = [
         *([doubt] if doubt else []),
         *weak,
@@ -215,8 +216,10 @@ def _mode(
         not mode.actuators or name in mode.actuators or info[name]["group"] in mode.actuators
         for name in vehicle.actuators
     ]
+    # Where the mode works: at rest if it hovers, else at half of the top speed, where fins have a force.
     speed = max(mode.from_speed_m_s, 0.0 if mode.depth_by == "heave" else 0.5 * top)
     strength = np.abs(thrusts(vehicle, speed, voltage_v=voltage_v)).max(axis=1) * at_work
+    # By what each actuator can give: one without limit would hide all others.
     matrix = np.asarray(vehicle.allocation_matrix()) * np.minimum(strength, 1e6)
     rows = [ROWS[LOOPS.index(loop)] for loop in mode.loops]
     weak = _not_commanded(matrix, rows)
@@ -231,6 +234,7 @@ def _mode(
     for row, (low, high) in reach(vehicle, speed, "".join(rows), voltage_v=voltage_v).items():
         loop = LOOPS[ROWS.index(row)]
         asked = facts.loops.get(loop, {}).get("tau_max", 0.0)
+        # A loop needs both directions, surge only that ahead.
         least = high if row == "X" else min(high, -low)
         if asked > 1.05 * least:
             unit = "N" if row in "XYZ" else "N m"

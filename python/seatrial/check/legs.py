@@ -101,6 +101,7 @@ def leg_rows(mission: Mission, powers: dict[float, float | None]) -> tuple[LegRo
     numbers = np.array(mission.core.leg_numbers)
     rows = []
     for number, leg in enumerate(mission.core.legs, start=1):
+        # A pattern of the file is many waypoints of the core.
         chosen = np.flatnonzero(numbers == number)
         vertical = points["vertical"][chosen[0]]
         levels = np.asarray(points[f"{vertical}_m"])[chosen]
@@ -270,6 +271,7 @@ def turn_sentences(
     rate = None
     if autopilot is not None:
         rate = np.deg2rad(autopilot_facts(autopilot).guidance["turn_rate_max_deg_s"])
+    # The wider of two circles counts: what the vehicle can, and what its autopilot allows.
     radii: dict[float, tuple[float, str]] = {}
     for speed in map(float, np.unique(points["speed_m_s"])):
         known = [] if circles.get(speed) is None else [(circles[speed] or 0.0, "vehicle's circle")]
@@ -283,6 +285,7 @@ def turn_sentences(
         (beyond(radii[_speed(mission, c)][0], c.turn, float(points["acceptance_radius_m"][c.index])), c.index)
         for c in turns
     ]
+    # An autopilot that begins its turns before the corner does not run beyond the next leg.
     anticipated = autopilot is not None and autopilot_facts(autopilot).guidance["turn_radius_m"] > 0.0
     if over and max(over)[0] > _SEEN_M and not anticipated:
         widest, index = max(over)

@@ -38,6 +38,7 @@ def energy_sentences(
     """Notes and warnings about the energy of a mission."""
     if energy is None:
         return [f"Energy: unknown, as the file of {vehicle.name} gives neither power_w_s3 nor [power]"], []
+    # Speeds that the vehicle cannot keep have no power, and their legs are missing from the sum.
     silent = sorted({row.speed_m_s for row in rows if row.power_w is None and row.time_s > row.hold_s})
     parts = f"{energy.driving_wh:.1f} W h driving, {energy.hotel_wh:.1f} W h hotel load"
     notes = [f"Energy: {energy.total_wh:.1f} W h ({parts})"]
@@ -85,6 +86,7 @@ def vehicle_warnings(rows: Sequence[LegRow], vehicle: Vehicle, voltage_v: float)
             f" {top:.2f} m/s{_others(fast)}; fly slower"
         )
     held = [row for row in rows if row.hold_s]
+    # Station-keeping needs surge, heave and yaw at rest.
     lacking = [row for row in "XZN" if row in commandable(vehicle, 0.0, voltage_v=voltage_v)]
     if held and lacking:
         sentences.append(
@@ -446,6 +448,7 @@ def _notes(mission: Mission, rows: tuple[LegRow, ...]) -> list[str]:
         " the speeds of its legs, in still water"
     ]
     index, slope = mission.core.steepest
+    # Less is level for anybody.
     if abs(slope) >= np.deg2rad(0.5):
         way = "up" if slope > 0.0 else "down"
         label = mission.waypoints["label"][index]

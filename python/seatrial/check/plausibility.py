@@ -152,6 +152,7 @@ def _ranges(vehicle: Vehicle) -> list[str]:
             if 0.0 < limit < least or most < limit < np.inf:
                 what = f"maximum_{side} = {limit:g} is outside the {least:g} to {most:g} {unit}"
                 names_by_fault.setdefault(f"{what} of any such actuator; give it {how}", []).append(name)
+        # A lag in ms or a rate in deg/s is a hundred times too large: wide limits find both.
         lag = max(values.get(f"{name}.T_1", 0.0), values.get(f"{name}.T_t", 0.0))
         if lag > (_SERVO_LAG_S if fin else _MOTOR_LAG_S):
             names_by_fault.setdefault(
@@ -162,6 +163,7 @@ def _ranges(vehicle: Vehicle) -> list[str]:
             what = f"n_acc_per_s = {rate:g} rad/s is faster than any servo; give it in rad/s:"
             names_by_fault.setdefault(f"{what} {rate:g} deg/s are {np.deg2rad(rate):.2g}", []).append(name)
     tables = {str(fin["name"]): fin for fin in vehicle.to_dict().get("fins", [])}
+    # An area in cm2 is ten thousand times too large.
     for name, fin in tables.items():
         area = float(fin["area_m2"])
         if box and area > _FIN_SHARE * box["length"] * max(box["diameter"], box["height"]):

@@ -283,6 +283,7 @@ def excesses(
         )
     )
     energy = np.asarray(metrics.get("energy_wh", np.zeros_like(clear)), dtype=float)
+    # What came nearest to being broken may be an obstacle without a promise: then zero is the limit.
     promised = np.where(beyond < clear - _ROUNDING_M, np.asarray(promised_m, dtype=float), 0.0)
     down = touched(metrics)
     # By kind: which flights, the value that is told, what is smallest in the worst flight, and the limit.

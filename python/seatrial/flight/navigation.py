@@ -444,11 +444,13 @@ def filter_of(
         "exact_model": exact,
         "landmarks": {str(mark["name"]): _landmark(mark) for mark in landmarks},
     }
+    # Perfect sensors know where the flight begins.
     if sensors is None:
         return NavigationFilter(model, start_deviation_m=0.02, **shared)
     gps = sensors.get("gps")
     aboard = {kind: _in_step(kind, sensor, period_s) for kind, sensor in sensors.items() if kind in _READ}
     tilt = {kind: sensor.tilt for kind, sensor in aboard.items() if KINDS[kind].aboard and any(sensor.tilt)}
+    # The start is as uncertain as a fix: its offset, and at least 5 cm.
     deviation = max(0.05, 0.0 if gps is None else gps.bias)
     return NavigationFilter(model, aboard, start_deviation_m=deviation, tilt=tilt, **shared)
 
@@ -494,6 +496,7 @@ def _instruments(
                 raise SimulationError(f"sensors: {kind}: expected a Sensor, found {sensor!r}")
             degrees = kind in KINDS and KINDS[kind].unit.startswith("deg")
             scale = math.pi / 180.0 if degrees else 1.0
+            # Rounding to a quantum errs uniformly, with a deviation of quantum / sqrt(12).
             noise = scale * math.hypot(sensor.noise, sensor.quantum / math.sqrt(12.0))
             floor = _PERFECT.get(kind, 0.01) * 0.05
             rows[kind] = (max(noise, floor), scale * sensor.bias, sensor.latency_s, *sensor.position)

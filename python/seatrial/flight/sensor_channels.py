@@ -155,11 +155,13 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
         for channel in CHANNELS_OF_GROUP[group]:
             errors[channel] = scale * np.array([sensor.noise, sensor.bias, 0.0, sensor.quantum])
         timing[groups.index(group)] = _timing(kind, sensor, period_s, notes)
+    # A DVL that sees the bottom measures its distance, too.
     if "dvl" in sensors:
         timing[groups.index("altitude")] = timing[groups.index("velocity")]
     if "position" not in sensors:
         notes += _dead_reckoning(sensors, errors, timing, groups)
     notes += _left_out(sensors)
+    # A group with an interval of zero has no samples at all.
     measured = {groups[k] for k in np.flatnonzero(timing[:, 0])}
     blind = [
         group for group in ("position", "depth", "attitude", "velocity", "rates") if group not in measured

@@ -82,6 +82,7 @@ def legs_table(legs: Sequence[Leg]) -> Table:
     """A row per leg; of many legs those that were missed and those with the largest errors."""
     shown = list(legs)
     title = "Legs"
+    # The worst legs, yet in the order of the mission.
     if len(shown) > _MOST_LEGS:
         kept = {id(leg) for leg in sorted(legs, key=_importance, reverse=True)[:_MOST_LEGS]}
         shown = [leg for leg in legs if id(leg) in kept]

@@ -270,6 +270,7 @@ def seconds(cells: pl.Series) -> tuple[Array, bool] | None:
     import polars as pl
 
     table = cells.cast(pl.String).str.strip_chars().alias("text").to_frame()
+    # Zones are taken off first: one file may mix them, as about a change of summer time.
     zone = pl.col("text").str.extract_groups(_ZONE).struct.rename_fields(["time", "hours", "minutes"])
     table = table.with_columns(zone.struct.unnest())
     hours = pl.col("hours").cast(pl.Float64, strict=False).fill_null(0.0)
@@ -284,6 +285,7 @@ def seconds(cells: pl.Series) -> tuple[Array, bool] | None:
     clock = text.str.extract_groups(_CLOCK).struct.unnest()
     if clock.to_series(0).is_not_null().sum() > 0.9 * some:
         h, m, s = (clock.to_series(k).cast(pl.Float64, strict=False).to_numpy() for k in range(3))
+        # 12 AM is 0 h, 12 PM is 12 h.
         half = clock.to_series(3).str.to_lowercase()
         h = np.where(half.is_not_null(), h % 12.0 + 12.0 * (half == "p").fill_null(value=False), h)
         return _over_midnight((h * 3600.0 + m * 60.0 + s - ahead) % _DAY_S), False
@@ -307,6 +309,7 @@ def unfit(name: str, numbers: Array, cells: Sequence[str | None], row: int) -> s
     known = np.flatnonzero(np.isfinite(numbers))
     if not given:
         return f"{called} is empty; expected times that rise: write the time of each row"
+    # Half: a single damaged cell is no reason against a column.
     if len(known) <= 0.5 * len(given):
         k, cell = next((k, cell) for k, cell in given if not np.isfinite(numbers[k]))
         return (
@@ -400,6 +403,7 @@ def time_column(
                 return bool(near and np.isfinite(stamps).mean() >= _EVERY * np.isfinite(t).mean())
         return True
 
+    # Seconds and nanoseconds of one stamp in two columns, as ROS writes them.
     if (pair := joined_names(units)) is not None:
         stamps = numbers(head[pair[0]]) + 1e-9 * numbers(head[pair[1]])
         finite = stamps[np.isfinite(stamps)]

@@ -397,6 +397,7 @@ class _BinaryLog(Log):
             stamped[number] = (kind.layout.names or ("",))[0] == "TimeUS" and kind.codes[0] == "Q"
         counted = stamped[numbers]
         where = begins[counted]
+        # Medians of blocks: damaged stamps in a block do not move them.
         parts = len(where) // _AROUND
         if parts < 2:
             return np.ones(len(begins), bool)
@@ -409,6 +410,7 @@ class _BinaryLog(Log):
         slices = range(0, len(where), _FEW)
         whole = (t[: len(t) - len(t) % _AROUND].reshape(-1, _AROUND) for t in map(stamps, slices))
         middle = np.concatenate([np.median(t, axis=1) for t in whole])
+        # Each block beside the one before and after: time goes on within a block, too.
         around = np.stack([np.r_[middle[0], middle[:-1]], middle, np.r_[middle[1:], middle[-1]]])
         least, most = around.min(axis=0), around.max(axis=0)
         slack = 1.0 + most - least

@@ -143,6 +143,7 @@ class Table(Log):
         cut = short = 0
         with unpacked(self.path) as raw:
             rest = ""
+            # Lines are cut at block ends: the rest waits for the next block.
             for block in self._blocks(raw, _BLOCK_BYTES if rows is None else 64 * 1024):
                 end = block.rfind("\n")
                 if end < 0:

@@ -108,6 +108,7 @@ def join(
     import polars as pl
 
     notes: list[str] = []
+    # Logs with dates meet on that clock, logs without on their own zero.
     epoch = _epoch(logs, notes)
     topics: dict[str, tuple[Log, list[Wanted]]] = {}
     for column in wanted:
@@ -131,10 +132,12 @@ def join(
             share((count + 1) / len(logs))
     _together(parts, notes)
     start = min(t[0] for _, t, _ in parts)
+    # Seconds since 1970 leave floating point too few digits for microseconds of a trial.
     origin = float(np.floor(start)) if epoch is not None else 0.0
     frame: pl.DataFrame | None = None
     for _, t, cells in parts:
         stamps = np.round((t - origin) / _MEET_S) * _MEET_S
+        # A full join keeps every sample at its own stamp; the resampling comes later.
         part = pl.DataFrame({"t_s": stamps, **cells}, nan_to_null=True).unique(
             "t_s", keep="last", maintain_order=True
         )
@@ -202,6 +205,7 @@ def _ordered(
         raise TrialError(f"{log.path}: topic {topic}: no row has a time; {why}")
     if not known.all():
         notes.append(f"{topic}: {int((~known).sum())} rows without a time left out")
+    # Single damaged stamps first: each would look like a restart of the clock.
     rows = np.flatnonzero(known)[strays(t[known])]
     if len(rows):
         known[rows] = False
@@ -219,6 +223,7 @@ def _ordered(
             f" taken: the longest, rows {rows[begin] + 1:,} to {rows[end - 1] + 1:,}; {SPLIT}"
         )
         known[: rows[begin]] = known[rows[end - 1] + 1 :] = False
+    # Rows of one recording may be written out of order, as by several threads.
     order = np.flatnonzero(known)[np.argsort(t[known], kind="stable")]
     moved = int((np.diff(t[known]) < 0.0).sum())
     if moved:
@@ -230,6 +235,7 @@ def _ordered(
             f"{topic}: samples came in {spread.bursts} bursts with nearly one stamp each; spread evenly,"
             f" {spread.step_s:.3g} s apart"
         )
+    # Of rows with one stamp the last one is the newest.
     last = np.append(np.diff(stamps) > _MEET_S / 2.0, True)
     if not last.all():
         notes.append(f"{topic}: {int((~last).sum())} rows with the stamp of the next one left out")

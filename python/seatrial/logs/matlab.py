@@ -86,6 +86,7 @@ class _Matlab(Log):
         count = 0
         for structure, name, values in arrays:
             matrix = values[:, None] if values.ndim == 1 else values
+            # Signals in rows: MATLAB users write both ways.
             if matrix.shape[0] < matrix.shape[1] and matrix.shape[0] <= LONGEST_ARRAY:
                 matrix = matrix.T
             if matrix.ndim != 2 or len(matrix) < _FEWEST or matrix.shape[1] > LONGEST_ARRAY:
@@ -96,6 +97,7 @@ class _Matlab(Log):
                 count += 1
             if count > MOST_FIELDS:
                 raise TrialError(f"{self.path}: more than {MOST_FIELDS} signals; the file is damaged")
+        # Times at the top of the file serve the structures of their length.
         top = {len(c[n]): c[n] for (s, _), c in groups.items() if not s for n in time_fields(list(c))[:1]}
         for (structure, length), columns in groups.items():
             several = sum(other == structure for other, _ in groups) > 1
@@ -204,6 +206,7 @@ def arrays(path: Path, log: Log) -> Iterator[tuple[str, str, Array]]:
                 f"cut off within its last variable, {len(data) - at:,} bytes before the end of the file; what"
                 " is whole was read; save or copy the file again"
             )
+            # The rest of the file as an element: arrays of a structure that are whole are read.
             kind = int.from_bytes(data[at : at + 4], "little" if order == "<" else "big")
             element = _Element(kind, whole[at + 8 :], len(data))
         try:
@@ -285,6 +288,7 @@ def _matrix(
         code = _NUMBERS.get(values.kind)
         if code is None or len(values.content) != sizes[0] * sizes[1] * np.dtype(code).itemsize:
             raise _Damaged("the numbers do not fill the shape")
+        # The numbers as floats, twice: before and after they are put in order.
         claim(16 * sizes[0] * sizes[1])
         cells = np.frombuffer(values.content, np.dtype(order + code)).astype(float)
         matrix = cells.reshape(sizes, order="F")

@@ -211,6 +211,7 @@ class _Telemetry(Log):
             whole += _STAMP_BYTES + len(message.get_msgbuf())
             values = dict(_flat(message))
             system, component = sender = _sender(message)
+            # Of several systems the vehicle is the one whose autopilot speaks most.
             spoken[system] += component == _AUTOPILOT
             known = units.setdefault(sender, {}).setdefault(_kind(message), {})
             if sum(map(len, units.values())) > MOST_TOPICS:

@@ -497,10 +497,12 @@ def _unit(
     """
     if (stated := _told_unit(field)) and fits(canonical, stated[0]):
         return *stated, True
+    # The log does not say: the range decides where two units cannot be mistaken.
     largest = max(abs(field.minimum), abs(field.maximum))
     if canonical.startswith(("cmd.", "meas.")):
         return _actuator_unit(field, largest)
     if canonical.endswith("_deg_s"):
+        # All rates of a message share a unit: the fastest one tells it.
         fastest = max((max(abs(r.minimum), abs(r.maximum)) for r in rates), default=largest)
         unit = "deg/s" if max(fastest, largest) > 6.0 else "rad/s"
         return unit, f"unit {unit} by the range of the rates", False

@@ -86,6 +86,7 @@ class _ULog(Log):
             )
         if walk.cut:
             self.note(f"cut off within its last message: its {walk.cut} bytes are left out")
+        # pyulog stops at the first damage: it reads a copy of the whole messages.
         self._copy = walk.copy()
         for group in self._groups(self._sizes):
             whole = self._parse(group)

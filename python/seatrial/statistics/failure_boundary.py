@@ -197,6 +197,7 @@ def _posterior(
     axis = np.linspace(0.0, 1.0, _PER_AXIS[dimensions])
     grid = _grid(axis, dimensions)
     cross = _kernel(x, grid, best.x)
+    # Rasmussen and Williams, algorithm 3.2: B = I + W^1/2 K W^1/2 is well conditioned whatever K is.
     root = np.sqrt(weight)
     inner = np.eye(len(x)) + root[:, None] * own * root
     spread = np.linalg.solve(np.linalg.cholesky(inner), root[:, None] * cross)
@@ -241,6 +242,7 @@ def _mode(kernel: Array, failures: Array, runs: Array) -> tuple[Array, Array, fl
         inner = np.eye(len(f)) + root[:, None] * kernel * root
         b = weight * f + slope
         target = b - root * np.linalg.solve(inner, root * (kernel @ b))
+        # A full Newton step may overshoot where failures are rare: it is halved until it gains.
         share, value = 1.0, gain(target)
         while value < best and share > 1e-3:
             share *= 0.5
@@ -248,6 +250,7 @@ def _mode(kernel: Array, failures: Array, runs: Array) -> tuple[Array, Array, fl
         if value <= best + _ENOUGH:
             break
         alpha, best = alpha + share * (target - alpha), value
+    # Laplace's evidence: the likelihood at the mode less half the log determinant there.
     f = kernel @ alpha
     weight = _curvature(f, failures / runs, runs)
     root = np.sqrt(weight)

@@ -153,6 +153,7 @@ def information_criteria(lin: Linearisation, *, effective: ArrayLike | None = No
     CampaignError
         No sample counts.
     """
+    # Correlated samples count by their effective number.
     length = block_length(lin)
     samples = length.effective if effective is None else np.asarray(effective, dtype=float)
     counts = np.maximum(np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0), 1)
@@ -163,6 +164,7 @@ def information_criteria(lin: Linearisation, *, effective: ArrayLike | None = No
     twice = float(samples @ np.log(np.where(samples > 0, np.maximum(size, 1e-300), 1.0)))
     information = information_of(lin)
     transform, _ = determined(information + np.diag([unknown.prior_sd**-2.0 for unknown in lin.unknowns]))
+    # A parameter that its prior determines counts in part, as the share of its information from data.
     parameters = float(np.trace(transform.T @ information @ transform))
     return InformationCriteria(
         aic=twice + 2.0 * parameters,

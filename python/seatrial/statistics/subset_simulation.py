@@ -121,17 +121,20 @@ def population(
     thresholds: list[float] = []
     for number in range(_MOST_LEVELS):
         ordered = np.argsort(y, kind="stable")
+        # Half way to the next sample, so that no sample lies on the level itself.
         edge = 0.5 * (y[ordered[chains - 1]] + y[ordered[chains]])
         if edge == np.inf:
             return Population(0.0, math.inf, evaluations, tuple(thresholds), x[:0], seeds[:0], True)
         threshold = float(max(edge, 0.0))
         below = y <= threshold
         share = float(below.mean())
+        # Most samples have one level: none separates them any more.
         if threshold > 0.0 and share > _STILL:
             return Population(0.0, math.inf, evaluations, tuple(thresholds), x[:0], seeds[:0], True)
         correlated = 1.0 if number == 0 else 1.0 + _correlation(below.reshape(steps, chains))
         logarithm += math.log(share)
         variance += (1.0 - share) / (share * size) * correlated
+        # The failures themselves are likely enough: the last factor of the product.
         if threshold == 0.0:
             return Population(
                 math.exp(logarithm), variance, evaluations, tuple(thresholds), x[below], seeds[below]
@@ -139,6 +142,7 @@ def population(
         thresholds.append(threshold)
         if watch is not None:
             watch(number + 1, threshold)
+        # Seeds of the chains follow the distribution inside the level already: no burn-in.
         chosen = generator.permutation(np.flatnonzero(below))[:chains]
         here, noise, value = x[chosen], seeds[chosen], y[chosen]
         parts = [(here, noise, value)]
@@ -154,6 +158,7 @@ def population(
             here = np.where(taken[:, None], moved, here)
             noise, value = np.where(taken, drawn, noise), np.where(taken, tried, value)
             parts.append((here, noise, value))
+            # Robbins and Monro: corrections shrink, so that the chains' distribution settles.
             spread *= math.exp((float(taken.mean()) - _ACCEPTED) / math.sqrt(step))
             spread = min(max(spread, 0.01), 1.0)
         x, seeds, y = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -274,6 +279,7 @@ def rare_event(
     ]
     within = _BETWEEN_LEVELS * math.sqrt(sum(own)) / len(values) / estimate
     between = float(values.std(ddof=1)) / math.sqrt(len(values)) / estimate if len(values) > 1 else 0.0
+    # Of both the larger one: few populations scatter too little by chance.
     relative = max(within, between)
     width = _width(relative, confidence)
     interval = (estimate * math.exp(-width), min(estimate * math.exp(width), 1.0))
