@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.pulls import PullPoints
 
 
-_MOST = 4  # outliers named in a sentence
+_MOST = 4
 
 
 def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> list[str]:
@@ -34,13 +34,16 @@ def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> li
     for side, direction in fit.directions.items():
         lines.append(f"{unit} {side}: {_largest(fit, side)}; {_goodness(direction)}")
         if fit.kind == "quadratic":
-            p1, sd = (PER_MINUTE * float(x[0]) for x in (one.fit.coefficients, one.fit.standard_deviations))
-            said.append(f"{unit} {side}: p1 = {p1:.5g} ± {sd:.2g} N s², thrust per n|n| with n in rev/s")
-        if np.isfinite(one.exponent[0]) and not fit.regression.with_voltage:
-            said.append(f"{unit} {side}: {exponent_text(one)}")
-        if one.judgement:
-            said.append(f"{unit} {side}: {one.judgement}")
-        said += [f"{unit} {side}: {text}" for text in _outliers(fit, one)]
+            p1, sd = (
+                PER_MINUTE * float(x[0])
+                for x in (direction.fit.coefficients, direction.fit.standard_deviations)
+            )
+            lines.append(f"{unit} {side}: p1 = {p1:.5g} ± {sd:.2g} N s², thrust per n|n| with n in rev/s")
+        if np.isfinite(direction.exponent[0]) and not fit.regression.with_voltage:
+            lines.append(f"{unit} {side}: {exponent_text(direction)}")
+        if direction.judgement:
+            lines.append(f"{unit} {side}: {direction.judgement}")
+        lines += [f"{unit} {side}: {text}" for text in _outliers(fit, direction)]
     if fit.table is not None:
         lines += [f"{unit}: {text}" for text in _table(fit)]
     ratios = [
@@ -109,9 +112,9 @@ def exponent_text(one: DirectionFit) -> str:
         f" {high:.2f}"
     )
     if low <= 2.0 <= high:
-        return f"{words}: n|n| (2) lies in it"
+        return f"{said}: n|n| (2) lies in it"
     return (
-        f'{words}: it differs from n|n| (2); compare order = 2 and order = "points" (a dead band or an offset'
+        f'{said}: it differs from n|n| (2); compare order = 2 and order = "points" (a dead band or an offset'
         " of the load cell bends weak points most)"
     )
 

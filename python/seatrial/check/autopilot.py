@@ -92,7 +92,6 @@ def safety_sentences(safety: Mapping[str, Any], *, hovers: bool, loiter_radius_m
         f"The speed {speed['off_m_s']:g} m/s off for {speed['after_s']:g} s: {words[speed['reaction']]}"
     )
     lines.append(f"An unused channel or the battery silent: told, and {words['continue']}")
-    # A vehicle that does not rise has no better reaction left than that to a lost depth.
     aborts = safety["stale_depth"]["reaction"] == "abort"
     lines.append(
         f"No higher after {safety['ascent_after_s']:g} s of surfacing:"

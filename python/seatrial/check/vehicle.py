@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 _GROWS = 1e-3  # 1/s; what grows more slowly than in ten minutes is as good as stable
+
 _SLENDER = 3.0  # length over the larger of diameter and height
 
 _LIFT = {"course": "N_uv, N_ur, Y_uv, Y_ur", "pitch": "M_uw, M_uq, Z_uw, Z_uq"}
@@ -63,7 +64,6 @@ def stability_sentences(
     middle, top = running[len(running) // 2], running[-1]
     notes, warnings = [], []
     for plane in _LIFT:
-        # Instability grows with speed as a rule, but pitch may be stable only beyond some speed.
         worst, rate = max(((s, growth(vehicle, s, plane)) for s in (middle, top)), key=lambda pair: pair[1])
         held = ", fins at neutral" if _fins(vehicle, plane) else ""
         if rate <= _GROWS:
@@ -74,7 +74,6 @@ def stability_sentences(
         else:
             doubles = f"unstable at {worst:.2f} m/s{held}: without control a disturbance doubles in"
             doubles += f" {_time(np.log(2.0) / rate)}"
-            # A hull like a box is unstable and thrusters hold it: that is no fault of the file.
             if _MOMENT[plane][0] in able and not _slender(vehicle) and not held:
                 notes.append(
                     f"{plane.capitalize()} {doubles}; usual for a hull that is not slender, and its actuators"
@@ -245,7 +244,6 @@ def check_vehicle(
     if running:
         motion, unstable = stability_sentences(vehicle, running, able)
         notes, warnings = notes + motion, warnings + unstable
-    # Ahead and astern: a lift term with a wrong sign may add energy one way only.
     gain = damping_gain(vehicle, [s for speed in (running or [1.0]) for s in (speed, -speed)])
     if gain is not None:
         warnings.append(
