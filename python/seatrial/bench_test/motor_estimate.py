@@ -202,20 +202,20 @@ def compare_actuators(
     for k in kept:
         values = np.array([alone[name][0][k] for name in names])
         sigma = np.array([alone[name][1].sigma[k] for name in names])
-        told = np.isfinite(sigma) & (sigma > 0)
-        if told.sum() < 2:
+        known = np.isfinite(sigma) & (sigma > 0)
+        if known.sum() < 2:
             continue
-        median = float(np.median(values[told]))
+        median = float(np.median(values[known]))
         # The median of m values scatters by sqrt(pi/2m) of one.
-        shared = math.sqrt(math.pi / (2.0 * told.sum()) * float(np.mean(sigma[told] ** 2)))
-        for i in np.flatnonzero(told):
+        shared = math.sqrt(math.pi / (2.0 * known.sum()) * float(np.mean(sigma[known] ** 2)))
+        for i in np.flatnonzero(known):
             dof = min(max(float(alone[names[i]][1].dof[k]), 1.0), _MANY)
             z = abs(values[i] - median) / math.hypot(sigma[i], shared)
             p = 2.0 * float(stdtr(dof, -z))
             if p < level:
                 value, middle = float(values[i]), median
                 if RECIPROCAL[k]:
-                    value, middle = (math.inf if one <= 0 else 1.0 / one for one in (value, middle))
+                    value, middle = (math.inf if size <= 0 else 1.0 / size for size in (value, middle))
                 differences.append(ActuatorDifference(names[i], NAMES[k], value, middle, p))
     return tuple(differences)
 
@@ -298,19 +298,19 @@ class WrittenMotor:
 
     def sentences(self, fitted_r2: float) -> list[str]:
         """What is written though it is not determined, and whether the file's motor is worse than the fit."""
-        said = []
+        lines = []
         if self.least is not None:
-            said.append(
+            lines.append(
                 f"{self.least} is written as {self.table[self.least]:g}, the least that the records allow:"
                 " without it the vehicle file would reuse the other rate limit, which the records exclude."
             )
         if fitted_r2 - self.r2 > _WORSE:
-            said.append(
+            lines.append(
                 f"The motor as written to the vehicle file follows the records with R\N{SUPERSCRIPT TWO}"
                 f" {self.r2:.4f}, the fit with {fitted_r2:.4f}: a limit that the file keeps, or shares"
                 " between directions, is wrong; compare its keys with the sentences above."
             )
-        return said
+        return lines
 
 
 @dataclass(frozen=True)
@@ -396,15 +396,15 @@ class MotorEstimate(
     def sentences(self) -> tuple[str, ...]:
         """What is known of each parameter, what differs, how well it fits; one sentence each."""
         fit, unit = self.fitness, self.unit
-        said = [one.sentence() for one in self.parameters.values()]
+        lines = [parameter.sentence() for parameter in self.parameters.values()]
         if self.below_minimum is not None and self.below_minimum_ratio is not None:
             what = "lifted to it" if self.below_minimum == "lift" else "dropped to zero"
-            said.append(
+            lines.append(
                 f"Commands below the minimum are {what}: the opposite assumption gives"
                 f" {self.below_minimum_ratio:.3g} times the cost."
             )
         if self.distinct_commands == 1:
-            said.append(
+            lines.append(
                 "K_V rests on commands of one magnitude; a limit there would look the same, and commands of"
                 " other magnitudes would decide."
             )
@@ -412,36 +412,36 @@ class MotorEstimate(
             if pair.differ:
                 shared = pair.name in ("n_acc", "n_dec")
                 pooled = f"; the vehicle file has one for both: {pair.pooled:.4g}" if shared else ""
-                said.append(
+                lines.append(
                     f"{pair.name} differs between the directions: {pair.ahead:.4g} ahead, {pair.astern:.4g}"
                     f" astern (p = {pair.p:.2g}){pooled}."
                 )
-        said += self.written.sentences(fit.r2)
-        said += [one.sentence() for one in self.differing]
+        lines += self.written.sentences(fit.r2)
+        lines += [difference.sentence() for difference in self.differing]
         if self.left_out:
-            said.append(
+            lines.append(
                 f"{self.left_out} of {self.left_out + fit.samples} measurements are gross errors and are left"
                 " out."
             )
         for name in self.trimmed:
-            said.append(
+            lines.append(
                 f"Record {name} starts in motion under a constant command: its first transient is left out;"
                 " give the command that was held before."
             )
-        said.append(
+        lines.append(
             f"Mean absolute error {fit.absolute:.3g} {unit}, R\N{SUPERSCRIPT TWO} {fit.r2:.5f}, over"
             f" {fit.samples} samples."
         )
         # Errors well above the noise of the measurement are the model's.
         own = max(self.noise.total, 1e-12)
         if fit.rms > _ROUGH * own:
-            said.append(
+            lines.append(
                 f"The errors ({fit.rms:.3g} {unit} rms) are {fit.rms / own:.1f} times the measurement's own"
                 " noise: the motor does something that the chain leaves out, or single values are wrong; look"
                 " at the figure."
             )
         if not self.converged or self.agreeing < 2:
-            said.append(
+            lines.append(
                 f"Of {self.starts} starts {self.agreeing} found this minimum: compare the figure before use."
             )
-        return tuple(said)
+        return tuple(lines)

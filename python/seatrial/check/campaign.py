@@ -98,26 +98,30 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
             warnings = (*ready.sentences, *ready.no_joint)
             stages = tuple(
                 StageOutline(
-                    name=one.stage.name,
-                    trials=one.stage.trials,
-                    free=one.stage.axes.free,
-                    coefficients=tuple(parameter.name for parameter in one.parameters),
-                    segments=len(one.data.segments),
-                    samples=one.data.samples,
-                    step_s=one.data.dt / one.step.substeps,
+                    name=plan.stage.name,
+                    trials=plan.stage.trials,
+                    free=plan.stage.axes.free,
+                    coefficients=tuple(parameter.name for parameter in plan.parameters),
+                    segments=len(plan.data.segments),
+                    samples=plan.data.samples,
+                    step_s=plan.data.dt / plan.step.substeps,
                 )
-                for one in ready.plans
+                for plan in ready.plans
             )
         except SeatrialError as error:
             problems.append(str(error))
     kinds: dict[str, KindOfData] = {}
-    told: dict[str, Consistency] = {}
+    consistencies: dict[str, Consistency] = {}
     if not problems:
         kinds = {name: kind_of_data(campaign.trials[name], campaign.vehicle) for name in reports}
         for name in reports:
-            if (one := consistency_of_trial(asked, name)) is not None:
-                told[name] = one.without_motion() if kinds[name].still else one
-    unlike = [f"WARNING: trial {name}: {said}" for name, one in told.items() for said in one.contradictions]
+            if (consistency := consistency_of_trial(asked, name)) is not None:
+                consistencies[name] = consistency.without_motion() if kinds[name].still else consistency
+    unlike = [
+        f"WARNING: trial {name}: {sentence}"
+        for name, consistency in consistencies.items()
+        for sentence in consistency.contradictions
+    ]
     return CampaignCheck(
         campaign.name,
         campaign.vehicle.name,
@@ -129,8 +133,8 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
         (*unlike, *warnings),
         kinds,
         _data(campaign, kinds) if kinds else (),
-        told,
-        proposals(told, reports, clocks_proposed(campaign.folder)),
+        consistencies,
+        proposals(consistencies, reports, clocks_proposed(campaign.folder)),
     )
 
 
@@ -138,17 +142,19 @@ def _data(campaign: Campaign, kinds: Mapping[str, KindOfData]) -> tuple[str, ...
     """What kind of data the trials are, the worst first; then hold-outs for trials that have none."""
     stages = campaign.problem().stages
     fitted = {name for stage in stages for name in stage.trials}
-    said = [f"trial {name}: {sentence}" for name, kind in kinds.items() for sentence in kind.warnings]
+    lines = [f"trial {name}: {sentence}" for name, kind in kinds.items() for sentence in kind.warnings]
     for stage in stages:
         for axis in stage.axes.free:
-            seen = [one for name in stage.trials for one in kinds[name].excitation if one.axis == axis]
-            if seen and all(one.weak for one in seen):
-                most = max(seen, key=lambda one: one.over_noise)
-                said.append(
+            seen = [
+                excited for name in stage.trials for excited in kinds[name].excitation if excited.axis == axis
+            ]
+            if seen and all(excited.weak for excited in seen):
+                most = max(seen, key=lambda excited: excited.over_noise)
+                lines.append(
                     f"stage {stage.name}: {most.channel} hardly moves in {', '.join(stage.trials)}"
                     f" ({most.over_noise:.1f} times its noise): record a manoeuvre, or leave axis {axis} out"
                 )
-    said += [f"trial {name}: {UNTOLD}" for name, kind in kinds.items() if kind.still]
-    said += [f"trial {name}: {kind.done}" for name, kind in kinds.items()]
+    lines += [f"trial {name}: {UNTOLD}" for name, kind in kinds.items() if kind.still]
+    lines += [f"trial {name}: {kind.done}" for name, kind in kinds.items()]
     split = [name for name in kinds if not campaign.source_of(name).hold_out_s and name in fitted]
-    return (*said, *(f"trial {name}: {kinds[name].windows.sentence}" for name in split))
+    return (*lines, *(f"trial {name}: {kinds[name].windows.sentence}" for name in split))
