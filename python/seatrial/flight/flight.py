@@ -25,7 +25,6 @@ from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
     DIVERGED,
-    OFF_M,
     ActuatorUse,
     Leg,
     Loop,
