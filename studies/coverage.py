@@ -37,10 +37,10 @@ from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, polish
 from seatrial.problem.problem import Problem
+from seatrial.scoring.score import score
 from seatrial.sensors.log import biases
 from seatrial.statistics.uncertainty import covariance
 from seatrial.trial.generated import Recipe
-from seatrial.trial.score import score
 from seatrial.trial.truth import Truth
 
 if TYPE_CHECKING:

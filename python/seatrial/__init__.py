@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from seatrial.problem.problem import Problem
     from seatrial.problem.settings import Anchor, JointSettings, Stage, TrialUse
     from seatrial.realtime.ardupilot_link import SitlSession, sitl
-    from seatrial.trial.comparison import Comparison, compare
-    from seatrial.trial.score import Score, score
+    from seatrial.scoring.comparison import Comparison, compare
+    from seatrial.scoring.score import Score, score
     from seatrial.trial.trial import Trial
     from seatrial.tuning.control_problem import ControlProblem
     from seatrial.tuning.result import Tuning
@@ -67,7 +67,7 @@ _HOME = {
     "CExport": "seatrial.export.c_code",
     "Campaign": "seatrial.campaign.campaign",
     "CampaignError": "seatrial.base.errors",
-    "Comparison": "seatrial.trial.comparison",
+    "Comparison": "seatrial.scoring.comparison",
     "Conditions": "seatrial.flight.conditions",
     "ControlProblem": "seatrial.tuning.control_problem",
     "Falsification": "seatrial.verification.falsify",
@@ -91,7 +91,7 @@ _HOME = {
     "RareFailures": "seatrial.verification.rare_result",
     "Requirement": "seatrial.verification.requirement",
     "Run": "seatrial._core",
-    "Score": "seatrial.trial.score",
+    "Score": "seatrial.scoring.score",
     "SeaState": "seatrial.flight.sea",
     "SeatrialError": "seatrial.base.errors",
     "SimulationError": "seatrial.base.errors",
@@ -107,7 +107,7 @@ _HOME = {
     "Verification": "seatrial.verification.verification",
     "Water": "seatrial.flight.conditions",
     "bench": "seatrial.bench_test.evaluate",
-    "compare": "seatrial.trial.comparison",
+    "compare": "seatrial.scoring.comparison",
     "export_c": "seatrial.export.c_code",
     "export_fmu": "seatrial.export.fmu",
     "falsify": "seatrial.verification.falsify",
@@ -119,7 +119,7 @@ _HOME = {
     "leave_one_out": "seatrial.identification.leave_one_out",
     "plan": "seatrial.experiment.plan",
     "rare_failures": "seatrial.verification.rare",
-    "score": "seatrial.trial.score",
+    "score": "seatrial.scoring.score",
     "simulate_batch": "seatrial._core",
     "sitl": "seatrial.realtime.ardupilot_link",
     "start_autopilot": "seatrial.control_design.start_autopilot",

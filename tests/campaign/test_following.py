@@ -21,7 +21,8 @@ from seatrial.campaign.suggestion import follow, followed_text, hold_out_change,
 from seatrial.diagnosis.missing_terms import Suggestion
 from seatrial.diagnosis.refitting import suggested_bounds
 from seatrial.identification.identification import Identification
-from seatrial.trial.score import ChannelScore, Score
+from seatrial.scoring.score import Score
+from seatrial.scoring.windows import ChannelScore
 
 HEAD = """# The campaign of a summer.
 format = 1

@@ -24,8 +24,8 @@ from seatrial.estimation.one_step import Motion, OneStep
 from seatrial.estimation.specification import Horizon, LogAlone
 from seatrial.identification import damping
 from seatrial.identification.damping import quadratic_or_strips
+from seatrial.scoring.windows import channel_errors, predict
 from seatrial.trial import Recipe
-from seatrial.trial.windows import channel_errors, predict
 
 TRUTH = {"N_rdot": -75.0, "N_r": -60.0}
 STEP_S, INNER = 0.1, 10

@@ -20,7 +20,7 @@ from seatrial.check.campaign import check_campaign
 from seatrial.estimation.dependence import dependence
 from seatrial.estimation.homogeneity import homogeneity
 from seatrial.estimation.inputs import judge_inputs, trained
-from seatrial.intake.wiring import thrusts
+from seatrial.inspect.wiring import thrusts
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"

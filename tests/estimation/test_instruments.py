@@ -10,7 +10,7 @@ from seatrial.base.arrays import Array
 from seatrial.estimation.instruments import driven, drivers, instrumented, lag_s
 from seatrial.estimation.one_step import Span
 from seatrial.estimation.prediction_errors import Errors
-from seatrial.trial.record import Record
+from seatrial.scoring.record import Record
 from seatrial.trial.trial import Trial
 
 A, B, HORIZON = 0.95, 0.1, 15

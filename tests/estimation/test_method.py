@@ -11,7 +11,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.method import method_of
 from seatrial.identification.choice import choose
-from tests.trial.test_verdict import sailed
+from tests.inspect.test_verdict import sailed
 
 TEXT = """
 format = 1

@@ -12,10 +12,10 @@ import seatrial as st
 from seatrial._core import Vehicle
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.experiment.dither import Dither, dithers
+from seatrial.inspect.verdict import Verdict, judge_trial
 from seatrial.trial.generated import Recipe, files_of
-from seatrial.trial.sailed import DITHER, read_dither
 from seatrial.trial.trial import Trial
-from seatrial.trial.verdict import Verdict, judge_trial
+from seatrial.trial.truth import DITHER, read_dither
 
 VEHICLE = st.Vehicle.load("remus100")
 
@@ -169,7 +169,7 @@ def test_a_table_that_cannot_be_added_is_refused(
 def test_an_axis_that_feedback_dominates_without_waves_gets_a_dither_by_its_own_motion(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("seatrial.trial.verdict.waves", lambda trial: None)
+    monkeypatch.setattr("seatrial.inspect.verdict.waves", lambda trial: None)
     plain = Trial.read(Recipe.load(mission(tmp_path)).table(), align=False, name="plain")
     verdicts = judge_trial(plain, VEHICLE)
     assert verdicts["N"].dominated

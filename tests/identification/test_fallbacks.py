@@ -17,7 +17,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.stage import run_stage
 from seatrial.identification.conclusion import Conclusion, scored
 from seatrial.identification.noise_of_filter import residual_noise
-from seatrial.trial.record import Record
+from seatrial.scoring.record import Record
 
 CONCLUSION = "seatrial.identification.conclusion."
 

@@ -14,7 +14,7 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.identification.held import SHARE, Held, conditional, hold_untold
 from seatrial.identification.identification import Identification
 from seatrial.trial.trial import Trial
-from tests.trial.test_verdict import sailed
+from tests.inspect.test_verdict import sailed
 
 TEXT = """
 format = 1

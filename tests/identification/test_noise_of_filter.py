@@ -13,7 +13,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import to_euler
 from seatrial.identification.noise_of_filter import residual_noise
-from seatrial.trial.record import Record
+from seatrial.scoring.record import Record
 
 SIGMA = np.array([1.0, 1.5, 0.0, 0.0, 0.0, 0.08])
 TIME_S = 4.0

@@ -11,8 +11,8 @@ import tomlkit
 
 import seatrial as st
 from seatrial.campaign.file import parse
+from seatrial.inspect.consistency_result import Correction, SlowCurrent
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text
-from seatrial.intake.consistency_result import Correction, SlowCurrent
 from seatrial.problem.parameter import parameters
 from tests.trial import motion
 

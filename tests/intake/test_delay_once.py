@@ -12,7 +12,7 @@ import pytest
 import seatrial as st
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from tests.intake.logs import Motion
+from tests.inspect.logs import Motion
 
 LATE_S = 0.5
 

@@ -12,7 +12,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.frames import LocalFrame
-from seatrial.intake.consistency_result import Correction
+from seatrial.inspect.consistency_result import Correction
 from seatrial.intake.map_file import MapClock, MapFile, MapTrial, load_map, parse_map
 from tests.docs.pages import ROOT
 

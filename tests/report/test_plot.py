@@ -30,7 +30,7 @@ from seatrial.report.plot.performance import characteristic, thrust
 from seatrial.report.plot.style import DPI, WIDTH_IN, save, side_by_side, tidy
 from seatrial.report.plot.trials import measured_against_simulated
 from seatrial.report.plot.vehicle import three_views
-from seatrial.trial.score import Score, score
+from seatrial.scoring.score import Score, score
 from seatrial.trial.trial import Trial
 
 CWOLF = Vehicle.load("cwolf")

@@ -11,12 +11,12 @@ import pytest
 from seatrial.base.arrays import Array
 from seatrial.base.frames import attitude_to_ned
 from seatrial.base.rotation import conjugate, from_euler, product, to_euler
-from seatrial.intake.consistency import consistency, convention_of
-from seatrial.intake.consistency_result import Consistency
+from seatrial.inspect.consistency import consistency, convention_of
+from seatrial.inspect.consistency_result import Consistency
 from seatrial.intake.import_logs import import_logs
-from seatrial.trial.kinematic_series import Series
+from seatrial.trial.signals import Series
 from seatrial.trial.trial import Trial
-from tests.intake.logs import log
+from tests.inspect.logs import log
 from tests.trial import motion
 
 ENU = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])

@@ -11,12 +11,12 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import from_euler, matrix, to_euler
 from seatrial.base.rotation import product as turned
-from seatrial.intake.consistency import consistency
-from seatrial.intake.consistency_result import Consistency
+from seatrial.inspect.consistency import consistency
+from seatrial.inspect.consistency_result import Consistency
 from seatrial.trial.kinematic_axes import at_end, implausible_side, pressure_of
-from seatrial.trial.kinematic_series import Series
+from seatrial.trial.signals import Series
 from seatrial.trial.trial import Trial
-from tests.intake.logs import Errors, log
+from tests.inspect.logs import Errors, log
 from tests.trial import motion
 
 T = np.arange(0.0, 60.0, 0.1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from seatrial._core import Vehicle
 from seatrial.base.errors import VehicleError
-from seatrial.trial.sentinels import sentinels
+from seatrial.trial.misread import sentinels
 from seatrial.trial.trial import Trial
 
 Array = NDArray[np.float64]

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from seatrial._core import State, Vehicle
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError
+from seatrial.scoring.score import score
 from seatrial.sensors.log import held, measure, times
 from seatrial.sensors.sensor import parse_sensors
 from seatrial.trial.generated import write_generated
-from seatrial.trial.score import score
 from seatrial.trial.trial import Trial
 from tests.sensors.sailing import turning_dive
 from tests.trial import motion

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.trial.record import cut_spans
+from seatrial.scoring.record import cut_spans
 from seatrial.trial.trial import Trial
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seatrial.trial.smoothing import smooth, spline
+from seatrial.trial.assembly import smooth, spline
 
 H = 0.1
 T = np.linspace(0.0, 399 * H, 400)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.base.rotation import angle_between, conjugate, from_euler, matrix, product
-from seatrial.trial.tilt import LARGEST, tilt
+from seatrial.trial.attitude import LARGEST, tilt
 from seatrial.trial.trial import Trial
 from tests.trial import motion
 

@@ -12,7 +12,7 @@ from seatrial.base.channels import DEGREE
 from seatrial.trial.recording import recording
 from seatrial.trial.signals import Finding
 from seatrial.trial.trial import Trial
-from tests.intake.logs import Motion
+from tests.inspect.logs import Motion
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 The mean of an angle is that of its direction, ``arg mean(exp(i phi))``, and its differences are taken the
 shorter way round (Mardia and Jupp, *Directional Statistics*, 2000, section 2.2). Held by
-``tests/trial/test_score.py`` and ``tests/estimation/test_segment_scale.py``.
+``tests/scoring/test_score.py`` and ``tests/estimation/test_segment_scale.py``.
 """
 
 from __future__ import annotations

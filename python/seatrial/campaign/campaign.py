@@ -19,8 +19,7 @@ from seatrial.campaign.file import CampaignFile, Environment, LockedAxes, TrialS
 from seatrial.problem.by_name import ByName
 from seatrial.problem.problem import Problem
 from seatrial.problem.settings import TrialUse
-from seatrial.trial.corrections import merged
-from seatrial.trial.sensor_position import refuse_far
+from seatrial.trial.corrections import merged, refuse_far
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle

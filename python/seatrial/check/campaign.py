@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 from seatrial.base.errors import SeatrialError
 from seatrial.base.plain import Plain
 from seatrial.base.report import Report, report_of
-from seatrial.intake.consistency_result import UNTOLD
-from seatrial.intake.consistency_trials import Proposal, consistency_of_trial, proposals
-from seatrial.intake.kind_of_data import KindOfData, kind_of_data
+from seatrial.inspect.consistency_result import UNTOLD
+from seatrial.inspect.consistency_trials import Proposal, consistency_of_recording, proposals
+from seatrial.inspect.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.project import clocks_proposed
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.estimation.inputs import InputJudgement
     from seatrial.estimation.scale import ScaleReport
-    from seatrial.intake.consistency_result import Consistency
+    from seatrial.inspect.consistency_result import Consistency
     from seatrial.trial.signals import RecordingReport
 
 
@@ -115,7 +115,8 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
     if not problems:
         kinds = {name: kind_of_data(campaign.trials[name], campaign.vehicle) for name in reports}
         for name in reports:
-            if (consistency := consistency_of_trial(asked, name)) is not None:
+            if (recording := asked.recordings[name]) is not None:  # a trial that was given has none
+                consistency = consistency_of_recording(recording)
                 consistencies[name] = consistency.without_motion() if kinds[name].still else consistency
     unlike = [
         f"WARNING: trial {name}: {sentence}"

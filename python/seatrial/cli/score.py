@@ -14,8 +14,8 @@ from seatrial.cli.console import Json, Pdf, Verbose
 if TYPE_CHECKING:
     from seatrial.base.report import Report
     from seatrial.campaign.campaign import Campaign
-    from seatrial.trial.comparison import Comparison
-    from seatrial.trial.score import Score
+    from seatrial.scoring.comparison import Comparison
+    from seatrial.scoring.score import Score
     from seatrial.trial.trial import Trial
 
 
@@ -75,9 +75,9 @@ def score(
     from seatrial.cli.console import answer, check_axes, formats, print_json
     from seatrial.cli.streams import BAD_INPUT, complain
     from seatrial.identification.hold_out import freed
-    from seatrial.trial.comparison import compare
-    from seatrial.trial.predictions import Predictions, is_table
-    from seatrial.trial.score import score as scored
+    from seatrial.scoring.comparison import compare
+    from seatrial.scoring.score import score as scored
+    from seatrial.scoring.windows import Predictions, is_table
 
     if free is not None:
         check_axes(free, "--free")
@@ -150,7 +150,7 @@ def _seen(campaign: Campaign, trials: Sequence[Trial], file: Path) -> tuple[str,
 def _labels(names: list[str]) -> dict[str, str]:
     """Vehicles by what tells them apart: of a run directory's vehicle files, the directory."""
     from seatrial.base.errors import VehicleError
-    from seatrial.trial.predictions import is_table
+    from seatrial.scoring.windows import is_table
 
     found: dict[str, str] = {}
     for name in names:

@@ -39,8 +39,8 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.one_step import OneStep, Path, Span
 from seatrial.estimation.prediction_errors import BLOCK_S, Errors, PredictionErrorCriterion
+from seatrial.scoring.baselines import predicted_from_past
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
-from seatrial.trial.linear_predictor import foretold
 from seatrial.trial.trial import Trial
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
@@ -310,7 +310,7 @@ class Innovations:
         steps, data = self.samples(ahead_s), self.joint.data
         errors = self.errors(self.settled(values), steps)
         learnt = [~self.joint.problem.held_out(name) for name in data.names]
-        linear = foretold(data.trials, learnt, self.steps.channels, steps)
+        linear = predicted_from_past(data.trials, learnt, self.steps.channels, steps)
         for column, channel in enumerate(self.steps.channels):
             rows = [np.zeros((0, 4))]
             for part in errors:

@@ -29,7 +29,7 @@ from seatrial.base.errors import SimulationError, TrialError
 from seatrial.base.plain import Plain
 from seatrial.base.report import listed
 from seatrial.estimation.dependence import Dependence, dependence
-from seatrial.intake.wiring import each_wrench, thrusts
+from seatrial.inspect.wiring import each_wrench, thrusts
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.estimation.prediction_errors import Errors
-from seatrial.trial.record import Record
+from seatrial.scoring.record import Record
 
 _LAGS = 4
 """Samples back that instruments are made of."""

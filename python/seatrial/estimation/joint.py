@@ -30,8 +30,8 @@ from seatrial.estimation.segment_model import SegmentModel, cut, unfit_trials
 from seatrial.estimation.step import stage_step
 from seatrial.problem.parameter import Parameter, coefficients, parameters
 from seatrial.problem.settings import Axes, Coefficient, JointSettings, Stage
+from seatrial.scoring.record import Segment, restarted
 from seatrial.statistics.linearisation import Unknown
-from seatrial.trial.record import Segment, restarted
 from seatrial.trial.trial import Trial
 
 if TYPE_CHECKING:

@@ -44,7 +44,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.one_step import Motion, Span
-from seatrial.trial.unexplained import BROAD, peak, spectra
+from seatrial.inspect.waves import BROAD, peak, spectra
 
 if TYPE_CHECKING:
     from seatrial._core import LinearModel

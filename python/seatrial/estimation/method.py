@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from seatrial.inspect.feedback import runs_away
+from seatrial.inspect.verdict import REPLAYED, Verdict, best
+from seatrial.inspect.waves import waves
 from seatrial.problem.problem import Problem
 from seatrial.problem.settings import JointSettings
-from seatrial.trial.instability import runs_away
-from seatrial.trial.verdict import REPLAYED, Verdict, best
-from seatrial.trial.waves import waves
 
 Method = Literal["output", "innovations"]
 

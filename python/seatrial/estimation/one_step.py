@@ -27,7 +27,7 @@ from seatrial.base.rotation import from_euler, matrix, shorter, to_euler
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.step import RATE_LIMIT
 from seatrial.problem.parameter import coefficient_names, expansion_matrix
-from seatrial.trial.record import Record, Replay
+from seatrial.scoring.record import Record, Replay
 
 _ANGLES = ("roll", "pitch", "yaw")
 _SLOWER = 1.5

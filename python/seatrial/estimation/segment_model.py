@@ -22,7 +22,7 @@ from seatrial.base.channels import AXES, CHANNELS, deviations
 from seatrial.base.errors import CampaignError
 from seatrial.problem.parameter import Parameter, coefficient_names, expansion_matrix
 from seatrial.problem.settings import Stage
-from seatrial.trial.record import Record, Replay, Segment, cut_spans, restarted
+from seatrial.scoring.record import Record, Replay, Segment, cut_spans, restarted
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -243,7 +243,7 @@ class SegmentModel:
         ----------
         values : ndarray, shape (m,)
         nuisance, initial : ndarray, optional
-            As for `seatrial.trial.record.Replay`.
+            As for `seatrial.scoring.record.Replay`.
         """
         return self._replay().residuals(values @ self._spread, nuisance=nuisance, initial=initial)
 
@@ -260,7 +260,7 @@ class SegmentModel:
         held : bool
             Whether to leave out the derivatives by the parameters, which are most of the work.
         options
-            Nuisances, initials and channels of `seatrial.trial.record.Replay.sensitivities`.
+            Nuisances, initials and channels of `seatrial.scoring.record.Replay.sensitivities`.
         """
         inside, width = 0 if held else len(self.parameters), self._spread.shape[1]
         directions = np.zeros((inside + len(extra), width + len(extra)))

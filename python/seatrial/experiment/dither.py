@@ -1,6 +1,6 @@
 """The trial that tells a gain which feedback hides: a dither on top of the autopilot.
 
-Where a log's verdict calls an axis dominated by feedback (`seatrial.trial.verdict`), a sequence of known
+Where a log's verdict calls an axis dominated by feedback (`seatrial.inspect.verdict`), a sequence of known
 steps is added to the commands that push it. With the vehicle ``y = G c + d``, the autopilot ``c = e - K y``
 and its sensitivity ``S = 1 / (1 + G K)``, dither and waves reach the motion by the same S: ``y = S (G e +
 d)``. What tells the gain is therefore ``|G|^2 S_ee / S_dd``, whatever the autopilot does; S only sets how
@@ -36,16 +36,16 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, DEGREE, MOTIONS, VELOCITIES
 from seatrial.base.errors import CampaignError
 from seatrial.base.plain import Plain
-from seatrial.trial.sailed import DITHER
-from seatrial.trial.verdict import TOLD, judge_trial, pushed_by
+from seatrial.inspect.verdict import TOLD, judge_trial, pushed_by
+from seatrial.trial.truth import DITHER
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
 if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Vehicle
+    from seatrial.inspect.verdict import Verdict
     from seatrial.trial.trial import Trial
-    from seatrial.trial.verdict import Verdict
 
 DEVIATION = 0.05
 """Relative standard deviation of the gain that a dither is to reach."""
@@ -183,7 +183,7 @@ def dithers(
     vehicle
         The model as it is.
     verdicts
-        Of `seatrial.trial.verdict.judge`.
+        Of `seatrial.inspect.verdict.judge`.
     deviation
         Wanted relative standard deviation of the gain.
     voltage_v

@@ -33,10 +33,10 @@ from seatrial.experiment.fisher import Instruments, information
 from seatrial.experiment.forecast import Limits, Proposal, forecast, proposals, uneven
 from seatrial.experiment.manoeuvre import Manoeuvre
 from seatrial.experiment.plan_result import IDENTIFIED, START, VEHICLE, Change, Plan, Ranked
+from seatrial.inspect.verdict import judge
 from seatrial.problem.parameter import Parameter
 from seatrial.problem.problem import Problem
 from seatrial.statistics.information import covariance
-from seatrial.trial.verdict import judge
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:

@@ -45,7 +45,7 @@ from seatrial.problem.problem import Problem
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.trial.score import Score
+    from seatrial.scoring.score import Score
 
 _SHARE = 0.2
 """Part of every trial, at its end, that judges where the campaign holds nothing out."""

@@ -1,6 +1,6 @@
 """Coefficients that an identification leaves as they are, because feedback hides them in all of its trials.
 
-Where an autopilot answers waves, a fit finds the controller's inverse (`seatrial.trial.verdict`). What only
+Where an autopilot answers waves, a fit finds the controller's inverse (`seatrial.inspect.verdict`). What only
 such an axis could tell is not estimated: gains of its actuators, its damping, lift and added mass. One trial
 that tells the axis frees them again. Coefficients that are tied to one that is told follow it.
 
@@ -22,8 +22,8 @@ import numpy as np
 
 from seatrial.estimation.joint import Joint, joint_stage
 from seatrial.estimation.joint_estimate import Polished, linearise
+from seatrial.inspect.verdict import Verdict, best, untold
 from seatrial.problem.parameter import Parameter, parameters
-from seatrial.trial.verdict import Verdict, best, untold
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

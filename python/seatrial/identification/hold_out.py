@@ -18,14 +18,14 @@ from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import TrialError
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
+from seatrial.inspect.feedback import judged_s
+from seatrial.inspect.verdict import blind
 from seatrial.problem.problem import Problem
-from seatrial.trial.baseline_fit import fit_baselines
-from seatrial.trial.baselines import Baselines
-from seatrial.trial.ceiling import Unpredictable
-from seatrial.trial.instability import judged_s
-from seatrial.trial.score import Score, pooled, score
+from seatrial.scoring.baseline_fit import fit_baselines
+from seatrial.scoring.baselines import Baselines
+from seatrial.scoring.noise_limit import Unpredictable
+from seatrial.scoring.score import Score, pooled, score
 from seatrial.trial.trial import Trial
-from seatrial.trial.verdict import blind
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

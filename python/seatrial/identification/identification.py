@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.identifiability import Identifiability
     from seatrial.estimation.scale import ScaleReport
     from seatrial.problem.problem import Problem
-    from seatrial.trial.score import Score
+    from seatrial.scoring.score import Score
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class Identification(RunResult):
         """R2 by baseline and velocity channel, ``restarts.ahead_s`` ahead on what is held out.
 
         On the windows of the model's own score, after a fit of the baselines to the same training part
-        (`seatrial.trial.baselines`); on the training part itself where nothing is held out.
+        (`seatrial.scoring.baselines`); on the training part itself where nothing is held out.
         """
         score = judged_score(self)
         return {} if score is None else {name: dict(row) for name, row in score.baselines.items()}

@@ -35,7 +35,7 @@ from seatrial.identification.estimate import estimates
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.identification import Identification
 from seatrial.identification.preparation import prepare
-from seatrial.intake.consistency_trials import late_velocity
+from seatrial.inspect.consistency_trials import late_velocity
 from seatrial.problem.by_hand import Bounds, Trials
 from seatrial.problem.problem import Problem
 
@@ -404,7 +404,9 @@ def run_identification(
         ready = prepare(problem, threads=threads)  # refuses a bad campaign before a search
         problem, plans, before, notes = ready.problem, ready.plans, ready.sentences, ready.no_joint
         fitted = dict.fromkeys(name for plan in plans for name in plan.stage.trials)
-        late = late_velocity(problem, tuple(fitted))
+        late = late_velocity(
+            {name: problem.trials[name] for name in fitted}, problem.recordings, problem=str(problem.source)
+        )
         before = (*(() if late is None else (late.sentence,)), *before)
         order = StageOrder(problem, plans, run, progress=progress, threads=threads, fleet=fleet)
         if progress is not None and before:

@@ -42,8 +42,8 @@ from seatrial.identification.hold_out import left_out_score
 from seatrial.identification.identify import StageOrder
 from seatrial.identification.preparation import identifiable
 from seatrial.problem.problem import stated
-from seatrial.trial.baselines import not_beaten
-from seatrial.trial.score import score_text
+from seatrial.scoring.baselines import not_beaten
+from seatrial.scoring.windows import score_text
 
 if TYPE_CHECKING:
     from seatrial.problem.problem import Asks, Problem

@@ -22,7 +22,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES
 from seatrial.base.errors import NumericalError, TrialError
 from seatrial.estimation.step import SEARCH_RATE_LIMIT, stage_step
-from seatrial.trial.record import Record, Replay, Segment
+from seatrial.scoring.record import Record, Replay, Segment
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

@@ -28,7 +28,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, frozen_sentences, plan, start_cost, step_sentences
 from seatrial.identification.held import Held, hold_untold, sentences
-from seatrial.intake.wiring import wiring
+from seatrial.inspect.wiring import wiring
 from seatrial.vehicle.actuators import actuator_groups, drivers
 
 if TYPE_CHECKING:

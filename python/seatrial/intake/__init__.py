@@ -1,3 +1,3 @@
-"""What a log needs before it is a trial: whether its channels tell one motion, and what to correct."""
+"""From logs to a project: fields surveyed and mapped, vehicle and campaign drafted, trials written."""
 
 from __future__ import annotations

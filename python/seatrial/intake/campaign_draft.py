@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.channels import AXES, CHANNELS, MOTIONS, VELOCITIES
-from seatrial.intake.consistency_trials import common, mean
-from seatrial.trial.instability import runs_away
+from seatrial.inspect.consistency_trials import common, mean
+from seatrial.inspect.feedback import runs_away
 from seatrial.vehicle.actuators import drivers
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.intake.consistency_result import Correction, SlowCurrent
+    from seatrial.inspect.consistency_result import Correction, SlowCurrent
     from seatrial.trial.trial import Trial
 
 _SEEN = 0.5  # share of valid samples that a channel needs

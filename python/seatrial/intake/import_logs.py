@@ -18,11 +18,12 @@ from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import TrialError, printable
 from seatrial.base.folder_lock import only_user
 from seatrial.base.progress import callers_errors_pass
-from seatrial.intake.consistency import consistency, convention_of
-from seatrial.intake.consistency_result import Consistency
-from seatrial.intake.consistency_trials import series_of
+from seatrial.inspect.consistency import consistency, convention_of
+from seatrial.inspect.consistency_result import Consistency
+from seatrial.inspect.consistency_trials import series_of
+from seatrial.inspect.kind_of_data import KindOfData, kind_of_data
+from seatrial.inspect.trial_windows import moved, moves
 from seatrial.intake.imported import Imported, ImportedTrial
-from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.map_file import Column, ImportMap, load_map
 from seatrial.intake.project import delays_given, edited, map_text, refuse_foreign, write_project
 from seatrial.intake.recordings import (
@@ -35,12 +36,11 @@ from seatrial.intake.recordings import (
     table_of,
 )
 from seatrial.intake.survey import Survey, importing, survey
-from seatrial.intake.trial_windows import moved, moves
 from seatrial.intake.vehicle_draft import VehicleDraft, draft_vehicle, matched, thruster_signs, turned
 from seatrial.trial.columns import GROUPS
-from seatrial.trial.kinematic_series import Series
 from seatrial.trial.readers import Recording as ReadTable
 from seatrial.trial.recording import recording
+from seatrial.trial.signals import Series
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

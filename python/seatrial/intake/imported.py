@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.report import Report, report_of
-from seatrial.intake.consistency_result import Consistency
-from seatrial.intake.kind_of_data import KindOfData
+from seatrial.inspect.consistency_result import Consistency
+from seatrial.inspect.kind_of_data import KindOfData
 from seatrial.intake.map_file import Column
 from seatrial.intake.survey import Survey
 

@@ -19,8 +19,8 @@ import numpy as np
 from seatrial.base.atomic_write import whole_folder, write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError, printable, reason
 from seatrial.base.run import from_json
+from seatrial.inspect.consistency_trials import accepted
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, line
-from seatrial.intake.consistency_trials import accepted
 from seatrial.intake.map_file import Column
 from seatrial.intake.recordings import rate_of_long
 

@@ -29,7 +29,7 @@ from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import TrialError
 from seatrial.base.file_names import file_name
 from seatrial.base.toml_file import VEHICLE, is_path, loaded, text_of
-from seatrial.intake.manoeuvres import drives
+from seatrial.inspect.manoeuvres import drives
 from seatrial.intake.survey import SurveyedLog
 from seatrial.trial.mixer import FRAME_NAMES
 from seatrial.vehicle.actuators import actuator_groups

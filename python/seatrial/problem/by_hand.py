@@ -195,7 +195,7 @@ def _axes(names: Sequence[str]) -> str:
 
 def own_input(vehicle: Vehicle, trial: Trial) -> Input:
     """What drives the model where nobody says it: the first of commands, revolutions and forces recorded."""
-    from seatrial.trial.windows import default_input
+    from seatrial.scoring.windows import default_input
 
     return default_input(vehicle, trial)
 

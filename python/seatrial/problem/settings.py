@@ -20,7 +20,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.toml_file import Count, Interval, Name, Number, Positive, Section, twice
-from seatrial.trial.instability import SEGMENT_S
+from seatrial.inspect.feedback import SEGMENT_S
 from seatrial.trial.trial import Input
 
 

@@ -1,4 +1,4 @@
-"""Trials: recordings read, corrected, scored and compared."""
+"""Trials: recordings read, corrected and put on one time base; and such that were generated."""
 
 from __future__ import annotations
 

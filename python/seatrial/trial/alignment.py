@@ -22,7 +22,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import ANGLES
 from seatrial.base.units import factor
-from seatrial.trial.attitude_convention import AttitudeConvention, attitude_convention
+from seatrial.trial.attitude import AttitudeConvention, attitude_convention
 from seatrial.trial.columns import GROUPS, Group, Source
 from seatrial.trial.corrections import Corrections
 from seatrial.trial.kinematic_axes import (
@@ -37,12 +37,10 @@ from seatrial.trial.kinematic_axes import (
     rivals,
     shifted,
 )
-from seatrial.trial.kinematic_fit import Curve, Grid, Parameter, fitted
-from seatrial.trial.kinematic_series import Series
-from seatrial.trial.kinematics import Channels, attitude_rates, earth_velocity, pose_velocity
-from seatrial.trial.own_samples import most_moving, own_samples
-from seatrial.trial.resampling import linear
-from seatrial.trial.signals import RecordingReport, Signal
+from seatrial.trial.kinematic_fit import Parameter, fitted
+from seatrial.trial.kinematics import Channels, Curve, Grid, attitude_rates, earth_velocity, pose_velocity
+from seatrial.trial.resampling import linear, most_moving, own_samples
+from seatrial.trial.signals import RecordingReport, Series, Signal
 
 _LARGEST_S = 1.0
 """Latencies are searched within plus and minus this."""
@@ -116,24 +114,24 @@ def align(
                 "info", name, f"latency not estimated: a position every {step:.2g} s is too slow for it"
             )
             continue
-        found = gyro if name == "rates" else _compared(signals, name)
+        compared = gyro if name == "rates" else _compared(signals, name)
         automatic = given.automatic and convention is None
         fixed = {*given.signs, *given.axes, *(() if automatic else signals[name].channels)}
         sensor = signals[name]
-        if found is not None:
-            sensor = _correct_signs(sensor, found, report, sources, fixed=fixed)
+        if compared is not None:
+            sensor = _correct_signs(sensor, compared, report, sources, fixed=fixed)
         if name == "velocity" and "water velocity" in signals:
             water = _same_signs(signals["water velocity"], signals[name], sensor, report, sources)
             aligned["water velocity"] = water
-        if found is not None:
-            _report_scale(sensor, found, report, sources)
+        if compared is not None:
+            _report_scale(sensor, compared, report, sources)
         aligned[name] = sensor
         if not remove or name in given.delay:
             continue
-        delay = None if found is None else _latency(found, float(t[1] - t[0]))
+        delay = None if compared is None else _latency(compared, float(t[1] - t[0]))
         if delay is None:
             why = "too little motion or too few valid samples"
-            if found is not None and found.at_end and any(one.moves for one in found.follows):
+            if compared is not None and compared.at_end and any(axis.moves for axis in compared.follows):
                 why = f"what fits best lies at the end of the range of +/- {_LARGEST_S:g} s that is searched"
             report.add("info", name, f"latency not estimated: {why}")
         elif delay.trusted:
@@ -212,15 +210,15 @@ class _Compared:
         motion = band(self.motion, both, self.grid, cut=False)[first]
         channels = band(y, both, self.grid, cut=False)[second]
         sides = band(self.reference, both, self.grid), band(y, both, self.grid)
-        found = []
+        axes = []
         for k, column in enumerate(self.columns):
-            one = follows(
+            axis = follows(
                 motion, column, channels[:, k], both[first] & both[second],
                 step=step, kind=self.group, lag=self.rough,
             )  # fmt: skip
             other = rivals(sides[0][:, k], sides[1][:, k], step, _LARGEST_S)
-            found.append(replace(one, rival=other[one.gain < 0.0]))
-        return tuple(found)
+            axes.append(replace(axis, rival=other[axis.gain < 0.0]))
+        return tuple(axes)
 
 
 def _compared(signals: Mapping[str, Signal], name: str) -> _Compared | None:
@@ -248,7 +246,7 @@ def _convention(
     gyro: _Compared | None, signals: Mapping[str, Signal], sources: Mapping[str, Source]
 ) -> AttitudeConvention | None:
     """Another convention of the attitude that the gyro tells where it does not follow the one read."""
-    if gyro is None or not any(one.moves and (one.gain < 0.0 or one.weak) for one in gyro.follows):
+    if gyro is None or not any(axis.moves and (axis.gain < 0.0 or axis.weak) for axis in gyro.follows):
         return None
     curves = _curves(signals, ("position", "depth", "attitude", "velocity", "rates"))
     return attitude_convention(curves, quaternion="q_w" in sources)
@@ -264,26 +262,26 @@ def _curves(signals: Mapping[str, Signal], names: Sequence[str]) -> Channels:
     })
 
 
-def _latency(found: _Compared, step: float) -> Latency | None:
+def _latency(compared: _Compared, step: float) -> Latency | None:
     """Delay of a sensor against the pose's motion; None if unclear. `step`: interval of the time base, s."""
 
     def residual(values: Mapping[str, float]) -> tuple[Array, Mask]:
-        y, known = found.shown(values[key])
-        return found.reference - y, known & found.known
+        y, known = compared.shown(values[key])
+        return compared.reference - y, known & compared.known
 
-    key = f"delay.{found.group}"
-    if found.at_end:
+    key = f"delay.{compared.group}"
+    if compared.at_end:
         return None
     parameter = Parameter(key, _STEP_S, 0.0, always=True, shift=True)
-    starts = [{key: delay} for delay in sorted({0.0, found.rough}, key=abs)]
-    fit = fitted(residual, [parameter], found.grid, starts)
+    starts = [{key: delay} for delay in sorted({0.0, compared.rough}, key=abs)]
+    fit = fitted(residual, [parameter], compared.grid, starts)
     # Without a value the sensor never moves.
-    if fit is None or at_end(fit.values.get(key, np.inf), _LARGEST_S, found.grid.step):
+    if fit is None or at_end(fit.values.get(key, np.inf), _LARGEST_S, compared.grid.step):
         return None
     seconds, deviation = fit.values[key], fit.sd[key]
-    y, known = found.shown(seconds)
-    use = known & found.known
-    correlation = _correlation(y[use], found.reference[use])
+    y, known = compared.shown(seconds)
+    use = known & compared.known
+    correlation = _correlation(y[use], compared.reference[use])
     certain = abs(seconds) > max(3.0 * deviation, 0.05 * step) and deviation < 0.5 * step
     return Latency(seconds, deviation, correlation, certain and correlation > _FOLLOWS)
 

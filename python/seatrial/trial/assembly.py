@@ -6,24 +6,35 @@ both velocities come from the same instrument. A steady current is the median ov
 medians of parts of it differ clearly, the current runs linearly between them. The model takes it as known
 input of a trial (Fossen 2011, section 8.3); without it drag would be fitted to the speed over ground. Held by
 ``tests/trial/test_trial.py`` and ``tests/trial/test_water_current.py``.
+
+Values and derivatives for restarts come from a smoothing spline of the samples that are not masked:
+penalised least squares on the uniform base, ``min sum w (y - f)^2 + lambda sum (third difference of f)^2``
+(Whittaker 1923; Eilers, Anal. Chem. 75 (2003) 3631), then the cubic spline through f. Without masks its
+gain is ``1 / (1 + lambda (2 sin(omega h / 2))^6)``: a zero-phase low-pass. lambda is chosen by generalised
+cross-validation with the effective degrees of freedom counted 1.4-fold, which guards against
+under-smoothing (Kim and Gu, J. R. Stat. Soc. B 66 (2004) 337). Held by the ``test_law_`` functions of
+``tests/trial/test_smoothing.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.rotation import body_rates, matrix, to_euler
 from seatrial.trial.resampling import GAP, angles, held, linear, silences
 from seatrial.trial.signals import RecordingReport, Signal
-from seatrial.trial.smoothing import spline
 
-_PART_S = 60.0
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+_PART_S = 60.0  # of a record, whose median currents are compared
 
 _FEWEST = 50  # samples that know both velocities
 
@@ -79,10 +90,10 @@ def _add_current(
         for name, value, sd in zip(_NAMES, mean, derived.deviation, strict=True)
     )
     manner = "steady" if derived.steady else "changing, its mean"
-    said = f"{manner} {numbers} m/s, from velocity over ground less that through water"
+    sentence = f"{manner} {numbers} m/s, from velocity over ground less that through water"
     if derived.deviation.max() > _DOUBTFUL:
-        said += "; the velocities do not agree on one current: check sign, unit and frame of both"
-    report.add("warning" if derived.deviation.max() > _DOUBTFUL else "info", "current", said)
+        sentence += "; the velocities do not agree on one current: check sign, unit and frame of both"
+    report.add("warning" if derived.deviation.max() > _DOUBTFUL else "info", "current", sentence)
 
 
 def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> WaterCurrent | None:
@@ -244,12 +255,10 @@ def _cause(channel: str, report: RecordingReport) -> str:
     own |= {"depth"} if channel == "z" else set()
     # Of derived channels the pose is masked.
     own |= {"attitude", "position", "depth"} if group in ("velocity", "rates") else set()
-    found = [
-        f for f in report.findings if f.severity != "info" and f.channel in own and "masked" in f.message
-    ]
-    if not found:
+    gaps = [f for f in report.findings if f.severity != "info" and f.channel in own and "masked" in f.message]
+    if not gaps:
         return "missing samples"
-    most = max(found, key=lambda f: f.count or 0)
+    most = max(gaps, key=lambda f: f.count or 0)
     return f"{most.count or ''} {most.message.partition(';')[0]} ({most.channel})".strip()
 
 
@@ -367,13 +376,13 @@ def _silent(signals: Mapping[str, Signal], t: Array, report: RecordingReport) ->
             first = start if start <= t[0] else start + usual
             silent |= (t >= first) & ((t < end) | (end >= t[-1]))
         longest = sorted(sorted(spans, key=lambda span: span[0] - span[1])[:_MOST_SPANS])
-        said = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in longest)
+        listed = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in longest)
         more = f" and {len(spans) - len(longest)} shorter ones" if len(spans) > len(longest) else ""
         names = ", ".join(signal.name.removeprefix("cmd.") for signal in stream)
         report.add(
             "warning",
             "commands",
-            f"{names}: {UNCOMMANDED} {said}{more}, otherwise one every {usual:.2g} s; all channels are"
+            f"{names}: {UNCOMMANDED} {listed}{more}, otherwise one every {usual:.2g} s; all channels are"
             " masked there. If a command was held there, add rows with its value to the log",
         )
     return silent
@@ -419,3 +428,69 @@ def _wrench(signals: Mapping[str, Signal], t: Array) -> Array | None:
         known = Signal(signal.name, signal.channels, signal.t[good], signal.y[good], signal.bad[good])
         tau[:, ["XYZKMN".index(channel) for channel in signal.channels]] = held(known, t)
     return tau
+
+
+_CAUTION = 1.4  # factor on the effective degrees of freedom
+
+_FILL_WEIGHT = 1e-3  # weight of a straight bridge over masked samples: it bounds the swing over a long gap
+
+# Cut-off periods searched, in samples; the equations of longer ones are ill-conditioned.
+_SHORTEST, _LONGEST = 2.5, 200.0
+
+
+def smooth(y: Array, valid: Mask) -> Array:
+    """Smoothed columns, shape (n, k), of uniform samples `y` (n, k) of one smoothness, `valid` (n,).
+
+    Columns are one vector (a velocity, a quaternion): they get the same low-pass, scaled by their common
+    noise.
+    """
+    from scipy.linalg import solveh_banded
+
+    n = len(y)
+    good = np.flatnonzero(valid)
+    if len(good) < 5 or np.ptp(y[good], axis=0).max() == 0.0:
+        return _bridged(y, good)
+    # Masked samples get a weak straight bridge, so that the spline does not swing over a gap.
+    filled = _bridged(y, good)
+    weight = np.where(valid, 1.0, _FILL_WEIGHT)
+    penalty = _penalty_bands(n)
+    frequency = (2.0 * np.sin(0.5 * np.pi * np.arange(n) / n)) ** 6
+
+    def solve(strength: float) -> tuple[float, Array]:
+        bands = strength * penalty
+        bands[-1] += weight
+        f: Array = solveh_banded(bands, weight[:, None] * filled, check_finite=False)
+        # Trace of the smoother from its gain at the frequencies of the uniform base, instead of an inverse.
+        freedom = _CAUTION * np.sum(1.0 / (1.0 + strength * frequency)) / n
+        residual = np.mean((y[good] - f[good]) ** 2)
+        return (float(residual / (1.0 - freedom) ** 2) if freedom < 1.0 else np.inf), f
+
+    periods = np.geomspace(_SHORTEST, _LONGEST, 24)
+    strengths = (2.0 * np.sin(np.pi / periods)) ** -6.0
+    return min((solve(strength) for strength in strengths), key=lambda result: result[0])[1]
+
+
+def spline(t: Array, y: Array, valid: Mask) -> CubicSpline:
+    """Cubic spline through the smoothed columns of `y` (n, k) over the uniform times `t` (n,)."""
+    from scipy.interpolate import CubicSpline
+
+    return CubicSpline(t, smooth(y, valid), axis=0)
+
+
+def _bridged(y: Array, good: NDArray[np.intp]) -> Array:
+    """Samples with straight bridges over what is not good, constant at the ends, zero where nothing is."""
+    if len(good) == 0:
+        return np.zeros_like(y)
+    index = np.arange(len(y))
+    return np.stack([np.interp(index, good, y[good, k]) for k in range(y.shape[1])], axis=1)
+
+
+def _penalty_bands(n: int) -> Array:
+    """Upper bands (4, n) of D'D, D the third difference, as `scipy.linalg.solveh_banded` wants them."""
+    difference = np.array([-1.0, 3.0, -3.0, 1.0])
+    bands = np.zeros((4, n))
+    for i in range(4):
+        for j in range(i, 4):
+            # D'D[r + i, r + j] collects the product of the two entries from each row r of D.
+            bands[3 - (j - i), j : n - 3 + j] += difference[i] * difference[j]
+    return bands

@@ -68,7 +68,7 @@ CANONICAL = ("t_s", *(column for group in GROUPS for column in group.columns))
 
 _KEYS = ("from", "unit", "sign", "frame")
 
-_MOST, _LONGEST = 20, 40
+_MOST, _LONGEST = 20, 40  # names in a message, and letters of one
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,12 @@
 They are applied to the samples on their own stamps, before anything is put on one time base, in this order:
 scale of a sensor, axes, signs, bias (less), scale of a channel, mounting, heading, frame, delay. What is
 given here wins over what `Trial.read` finds by itself; with ``automatic`` false nothing else is corrected.
-What to give is proposed by `seatrial.intake.consistency`. Held by ``tests/trial/test_corrections.py``.
+What to give is proposed by `seatrial.inspect.consistency`. Held by ``tests/trial/test_corrections.py``.
+
+Lever arms: a velocity sensor at p_bs (body frame, from O) shows ``v_S = v_O + omega x p_bs``; a positioning
+antenna or pressure cell there shows ``p_S = p_O + R p_bs`` (Fossen 2011, section 2.2). Without p_bs a turn
+looks like sway and a trim like depth; `to_origin` brings both to O. Held by
+``tests/trial/test_sensor_position.py``.
 """
 
 from __future__ import annotations
@@ -17,10 +22,11 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
-from seatrial.base.errors import TrialError, nearest
+from seatrial.base.errors import CampaignError, TrialError, nearest
 from seatrial.base.rotation import from_euler, matrix, product
+from seatrial.trial.attitude import Tilt, turned_upright
+from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal
-from seatrial.trial.tilt import Tilt, turned_upright
 
 CHANNELS_OF = {
     "velocity": ("u", "v", "w"),
@@ -40,7 +46,7 @@ _UNITS = {"_deg_s": DEGREE, "_m_s": 1.0, "_m": 1.0}  # longer ones first
 KEYS = ("automatic", "signs", "axes", "delay_s", "tilt_deg", "scale", "bias", "heading_deg", "current")
 """Keys of the table."""
 
-_LARGEST_DELAY_S, _LARGEST_SCALE, _LARGEST_ANGLE_DEG = 1e3, 1e6, 360.0
+_LARGEST_DELAY_S, _LARGEST_SCALE, _LARGEST_ANGLE_DEG = 1e3, 1e6, 360.0  # beyond is another unit
 
 
 @dataclass(frozen=True)
@@ -214,7 +220,7 @@ class _Reader:
 
     def axes(self) -> dict[str, tuple[str, float]]:
         """Recorded channel and sign by true channel, both of one sensor."""
-        found = {}
+        exchanged = {}
         for channel, entry in self.table("axes", _CHANNELS).items():
             group = next(channels for channels in CHANNELS_OF.values() if channel in channels)
             recorded = entry.lstrip("-") if isinstance(entry, str) else ""
@@ -223,8 +229,8 @@ class _Reader:
                     f"{self.where}, axes.{channel}: expected the recorded channel, one of"
                     f" {', '.join(group)}, with a minus in front if it is reversed, found {entry!r}"
                 )
-            found[channel] = (recorded, -1.0 if entry.startswith("-") else 1.0)
-        return found
+            exchanged[channel] = (recorded, -1.0 if entry.startswith("-") else 1.0)
+        return exchanged
 
     def current(self) -> Array | None:
         """Time in s, north and east in m/s of the knots, (k, 3); None where absent."""
@@ -241,7 +247,7 @@ class _Reader:
                     f" {entry!r}"
                 )
             most, remedy = (1e11, "give it in s") if name == "t_s" else (100.0, "give it in m/s")
-            columns.append([self.number(one, f"current.{name}", most, remedy) for one in entry])
+            columns.append([self.number(cell, f"current.{name}", most, remedy) for cell in entry])
         if np.any(np.diff(columns[0]) <= 0.0):
             raise TrialError(f"{self.where}, current.t_s: expected rising times, found {list(table['t_s'])}")
         return np.array(columns).T
@@ -257,7 +263,9 @@ class _Reader:
                 f" {value!r}"
             )
         most = _LARGEST_ANGLE_DEG if count == 3 else 45.0
-        return np.array([self.number(one, f"tilt_deg.{key}", most, "give it in degrees") for one in value])
+        return np.array([
+            self.number(angle, f"tilt_deg.{key}", most, "give it in degrees") for angle in value
+        ])
 
 
 def corrected(
@@ -294,8 +302,8 @@ def corrected(
     for key, value in corrections.given.items():
         name = key.partition(".")[2] or "attitude"
         here = key == "current" or _present(name, present, signals)
-        said = "as given under corrections" if here else "given under corrections, but not recorded"
-        report.add("info", key, f"{value}, {said}")
+        origin = "as given under corrections" if here else "given under corrections, but not recorded"
+        report.add("info", key, f"{value}, {origin}")
         if here:
             report.corrections[key] = value
     return work.signals
@@ -368,3 +376,104 @@ class _Work:
                 key = "position"
             if key in self.signals:
                 self.signals[key] = self.signals[key].earlier(seconds)
+
+
+_FAR = 2.0  # of the hull's length; nothing is carried that far out
+
+_SENSORS = ("velocity", "position", "depth")
+"""Sensors that may sit elsewhere than in O: velocity (over ground and through water), position, depth."""
+
+
+def parse_positions(positions: Mapping[str, Sequence[float]] | None, file: str) -> dict[str, Array]:
+    """Positions (3,) in m, body axes from O, by sensor.
+
+    Raises
+    ------
+    TrialError
+        An unknown sensor, or a position that is not three finite numbers.
+    """
+    parsed: dict[str, Array] = {}
+    for sensor, position in (positions or {}).items():
+        if sensor not in _SENSORS:
+            raise TrialError(
+                f'{file}: sensor positions: unknown sensor "{sensor}"{nearest(sensor, _SENSORS)}'
+            )
+        try:
+            vector = np.asarray(position, float)
+        except (TypeError, ValueError):
+            vector = np.zeros(0)
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise TrialError(
+                f"{file}: sensor positions, {sensor}: expected three numbers, m forward, starboard and down"
+                f" of O, found {position!r}"
+            )
+        parsed[sensor] = vector
+    return parsed
+
+
+def refuse_far(positions: Mapping[str, Sequence[float]], length: float | None, where: str) -> None:
+    """Refuse positions far outside a hull of this length, m: they are in another unit.
+
+    Raises
+    ------
+    CampaignError
+        The message begins with `where`.
+    """
+    for sensor, position in positions.items():
+        if length is not None and max(map(abs, position)) > _FAR * length:
+            raise CampaignError(
+                f"{where}, key {sensor}_m: expected a position in m, found {list(position)},"
+                f" far outside the hull of {length:g} m; check the unit"
+            )
+
+
+def to_origin(
+    signals: Mapping[str, Signal], positions: Mapping[str, Array], report: RecordingReport
+) -> dict[str, Signal]:
+    """The same signals as sensors in O would have shown them; what cannot be brought there is reported."""
+    moved = dict(signals)
+    for sensor, arm in positions.items():
+        names = ("velocity", "water velocity") if sensor == "velocity" else ("position",)
+        if sensor == "depth" and "depth" in signals:
+            names = ("depth",)  # it has stamps of its own
+        needed = "rates" if sensor == "velocity" else "attitude"
+        for name in names:
+            if name not in signals or not arm.any():
+                continue
+            if needed not in signals:
+                report.add(
+                    "warning",
+                    name,
+                    f"lever arm ignored: moving the sensor to O needs the {needed}, not recorded",
+                )
+                continue
+            if sensor == "velocity":
+                moved[name] = _velocity(moved[name], signals[needed], arm)
+            else:
+                own = "z" if sensor == "depth" else "xy" if "depth" in positions else "xyz"
+                moved[name] = _position(moved[name], signals[needed], arm, own)
+            where = ", ".join(f"{x:g}" for x in arm)
+            report.add("info", name, f"moved to O from the {sensor} sensor at ({where}) m")
+    return moved
+
+
+def _velocity(signal: Signal, rates: Signal, arm: Array) -> Signal:
+    """A velocity signal less omega x p; a rate that was not recorded counts as zero."""
+    known, valid = linear(rates, signal.t)
+    omega = np.zeros((len(signal.t), 3))
+    omega[:, ["pqr".index(channel) for channel in rates.channels]] = known
+    extra = np.cross(omega, arm)[:, ["uvw".index(channel[0]) for channel in signal.channels]]
+    unknown = ~np.logical_and.reduce(valid, axis=1)
+    return replace(signal.masked(np.asarray(unknown)), y=signal.y - extra)
+
+
+def _position(signal: Signal, attitude: Signal, arm: Array, own: str) -> Signal:
+    """A position signal less R p in the coordinates `own` of its sensor."""
+    q, valid = linear(attitude, signal.t)
+    shift = matrix(q) @ arm
+    y, bad = signal.y.copy(), signal.bad.copy()
+    for k, channel in enumerate(signal.channels):
+        if channel in own:
+            y[:, k] -= shift[:, "xyz".index(channel)]
+            bad[:, k] |= ~valid[:, 0]
+    return replace(signal, y=y, bad=bad)

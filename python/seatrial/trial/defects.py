@@ -514,7 +514,7 @@ def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> 
 def _report_commands(signals: Mapping[str, Signal], report: RecordingReport) -> None:
     """Actuators that never move, and commands that stay at the extremes of what was commanded."""
     still, limited = [], []
-    inputs = {n.removeprefix("cmd."): one.y[:, 0] for n, one in signals.items() if n.startswith("cmd.")}
+    inputs = {n.removeprefix("cmd."): signal.y[:, 0] for n, signal in signals.items() if n.startswith("cmd.")}
     for group in (group for group in GROUPS if group.name in ("force", "moment") and group.name in signals):
         for channel, y in zip(signals[group.name].channels, signals[group.name].y.T, strict=True):
             inputs[group.columns[group.channels.index(channel)]] = y

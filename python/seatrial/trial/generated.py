@@ -1,7 +1,7 @@
 """Generated trials: recordings that no vehicle made, simulated from a recipe.
 
 A recipe is a TOML file: a truth vehicle with its sensors (a second file, shared by the recipes of a
-campaign), the commands over time or an autopilot with a mission (`seatrial.trial.sailed`), a seed. The same
+campaign), the commands over time or an autopilot with a mission (`seatrial.trial.truth`), a seed. The same
 recipe gives the same table. The reader "generated" turns it into a table like that of any log, so that a
 campaign can name a recipe instead of a recording. The models here are the only owner of the format; unknown
 keys are refused with the nearest known name. Held by ``tests/sensors/test_sensors.py``.
@@ -26,8 +26,7 @@ from seatrial.flight.flight import Flight
 from seatrial.sensors.ideal import ON_THE_TETHER, Surroundings, at_sea
 from seatrial.sensors.log import finer, held, measure, times
 from seatrial.sensors.sensor import Sensor, read_as
-from seatrial.trial.sailed import DITHER, Current, Sailed, SailedTable, WavesTable
-from seatrial.trial.truth import Truth, TruthFile
+from seatrial.trial.truth import DITHER, Current, Sailed, SailedTable, Truth, TruthFile, WavesTable
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
@@ -35,9 +34,9 @@ if TYPE_CHECKING:
 
     from seatrial._core import Run, State, Vehicle
 
-_STEP_S = 0.01
+_STEP_S = 0.01  # longest step of the simulation
 
-_MOST_ROWS = 1e7
+_MOST_ROWS = 1e7  # of a log: a wrong duration or rate must not fill the memory
 
 
 class _Initial(Section):

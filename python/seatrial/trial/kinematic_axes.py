@@ -19,7 +19,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
-from seatrial.trial.kinematic_fit import Grid
+from seatrial.trial.kinematics import Grid
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "velocity": {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6, "knot": 1852.0 / 3600.0, "ft/s": 0.3048},
@@ -179,8 +179,8 @@ class Assignment:
         """Axes that move clearly and that no channel follows, whatever is exchanged and reversed."""
         return tuple(
             name
-            for name, one in self.follows.items()
-            if one.moves and one.share < _WEAK and one.whole < _WEAK
+            for name, axis in self.follows.items()
+            if axis.moves and axis.share < _WEAK and axis.whole < _WEAK
         )
 
     @property
@@ -224,11 +224,11 @@ def lagged(reference: Array, shown: Array, step: float, most: float) -> tuple[fl
     a, b = rfft(reference, size, axis=0), rfft(shown, size, axis=0)
     energy = np.sqrt(np.outer(np.sum(reference**2, axis=0), np.sum(shown**2, axis=0))) + 1e-300
     lags = np.concatenate([np.arange(reach + 1), np.arange(-reach, 0)])
-    found = np.empty((len(lags), *energy.shape))
+    correlation = np.empty((len(lags), *energy.shape))
     for k, j in np.ndindex(*energy.shape):  # pair by pair: all at once take nine times the memory
-        found[:, k, j] = irfft(np.conj(a[:, k]) * b[:, j], size)[lags] / energy[k, j]
-    best = int(np.argmax(np.sum(found**2, axis=(1, 2))))
-    return float(lags[best] * step), found[best]
+        correlation[:, k, j] = irfft(np.conj(a[:, k]) * b[:, j], size)[lags] / energy[k, j]
+    best = int(np.argmax(np.sum(correlation**2, axis=(1, 2))))
+    return float(lags[best] * step), correlation[best]
 
 
 def alone(reference: Array, shown: Array, step: float, delay: float, most: float) -> float | None:
@@ -384,8 +384,8 @@ def assigned(
 
     def judged(k: int, j: int, factor: float) -> Follows:
         other = rivals(a[:, k], b[:, j], grid.step, most)
-        one = follows(motion, k, factor * channels[:, j], both, step=grid.step, kind=kind, lag=delay)
-        return replace(one, rival=other[one.gain < 0.0])
+        axis = follows(motion, k, factor * channels[:, j], both, step=grid.step, kind=kind, lag=delay)
+        return replace(axis, rival=other[axis.gain < 0.0])
 
     order, signs = _candidate(rho, excited)
     places = range(len(names))
@@ -399,7 +399,9 @@ def assigned(
     exchanged = any(order[k] != k for k in changed)
     fits = [signs[k] * rho[k, order[k]] for k in moved]
     believed = bool(moved) and all(
-        (one := given[k]).stands and one.gain * signs[k] > 0.0 and (exchanged or one.reversed or one.doubtful)
+        (axis := given[k]).stands
+        and axis.gain * signs[k] > 0.0
+        and (exchanged or axis.reversed or axis.doubtful)
         for k in moved
     )
     if not (believed and max(fails) < min(_FAILS, min(fits) - 0.5)):
@@ -426,7 +428,7 @@ def _candidate(rho: Array, excited: Mask) -> tuple[tuple[int, ...], tuple[float,
     best: tuple[float, tuple[int, ...], tuple[float, ...]] = (-np.inf, (), ())
     every = sorted(
         ((order, signs) for order in permutations(places) for signs in product((1.0, -1.0), repeat=len(rho))),
-        key=lambda one: sum((one[0][k] != k) + (one[1][k] < 0.0) for k in places),
+        key=lambda axes: sum((axes[0][k] != k) + (axes[1][k] < 0.0) for k in places),
     )
     for order, signs in every:
         fit = float(np.sum(np.where(excited, np.array(signs) * rho[places, order], 0.0)))
@@ -500,5 +502,5 @@ def pressure_of(ratio: float) -> str | None:
     >>> pressure_of(1.02e5)
     'bar'
     """
-    name, size = min(_PRESSURES.items(), key=lambda one: abs(np.log(max(ratio, 1e-300) / one[1])))
+    name, size = min(_PRESSURES.items(), key=lambda entry: abs(np.log(max(ratio, 1e-300) / entry[1])))
     return name if abs(ratio / size - 1.0) < _WIDE else None

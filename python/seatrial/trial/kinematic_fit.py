@@ -6,7 +6,7 @@ by an autoregression before the fit (Cochrane and Orcutt 1949), outliers count a
 and the deviations come from sums of the scores over blocks of time (White 1980, clustered), which hold for
 waves and other errors that remember; those of delays and factors from blocks that are drawn again. A
 parameter enters the fit only if it is certain and reduces the residual; the one that reduces it most enters
-first. Held by ``tests/intake/test_consistency.py``.
+first. Held by ``tests/inspect/test_consistency.py``.
 """
 
 from __future__ import annotations
@@ -17,9 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.trial.kinematic_series import Series
-
-_GAP = 4.5  # median intervals: a longer distance between samples is not bridged
+from seatrial.trial.kinematics import Grid
 
 _ORDER = 6  # of the autoregression that takes out the residual's memory
 
@@ -27,9 +25,9 @@ _HUBER = 2.5  # standard deviations from which a sample counts linearly
 
 _CERTAIN = 5.0  # deviations from which a parameter is believed
 
-_BLOCK_S, _MOST_BLOCKS, _FEWEST_BLOCKS = 20.0, 60, 8
+_BLOCK_S, _MOST_BLOCKS, _FEWEST_BLOCKS = 20.0, 60, 8  # blocks of time, and how many of them
 
-_ROUNDS = 20
+_ROUNDS = 20  # of the descent, which ends by itself where nothing moves
 
 _FURTHEST, _FARTHEST = 5.0, 100.0  # steps of a shift's difference quotient in one round, and in all
 
@@ -44,77 +42,6 @@ _LEAST_FACTOR = 1e-3  # deviation of a factor: noise of the attitude and the low
 _LEAST_WIDTHS = 50.0  # of the low-pass: less cannot be compared
 
 _ROUNDING = 1e-9  # m/s, rad/s or m/s^2: what no instrument resolves
-
-
-class Curve:
-    """A series between its samples: cubic spline of the values, and where it is known."""
-
-    def __init__(self, series: Series, *, angle: bool = False) -> None:
-        from scipy.interpolate import CubicSpline
-
-        value = np.unwrap(series.value) if angle else series.value
-        self.t, self.step = series.t, float(np.median(np.diff(series.t)))
-        self.clock, self.values = series.clock, value
-        self._spline = CubicSpline(series.t, value)
-
-    def __call__(self, t: Array) -> Array:
-        """Values (n,) at times (n,), held beyond the ends."""
-        return np.asarray(self._spline(np.clip(t, self.t[0], self.t[-1])))
-
-    def known(self, t: Array) -> Mask:
-        """Where samples on both sides are near enough, (n,)."""
-        after = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
-        near = self.t[after] - self.t[after - 1] <= _GAP * self.step
-        return np.asarray(near & (t >= self.t[0]) & (t <= self.t[-1]))
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Uniform times (n,) in s and the width in s of the low-pass that both sides of a comparison pass."""
-
-    t: Array
-    width: float
-
-    @classmethod
-    def of(cls, curves: Sequence[Curve], margin: float = 0.0) -> Grid | None:
-        """Grid for these channels, fine enough for the slowest; None where they hardly overlap."""
-        step = max(curve.step for curve in curves)
-        start, stop = max(c.t[0] for c in curves) + margin, min(c.t[-1] for c in curves) - margin
-        h = 0.5 * step
-        if not stop - start > 100.0 * h:
-            return None
-        return cls(np.arange(start, stop, h), 2.0 * step)
-
-    @property
-    def step(self) -> float:
-        """Interval, s."""
-        return float(self.t[1] - self.t[0])
-
-    def low(self, y: Array, *, differenced: bool = False) -> Array:
-        """The low-passed values (n, ...); `differenced`: they are means over two intervals already.
-
-        Such a mean has the variance of a box two intervals wide, a third of the interval's square, by which
-        the Gaussian is narrower then, so that both sides of a comparison are low-passed alike.
-        """
-        from scipy.ndimage import gaussian_filter1d
-
-        wide = self.width / self.step
-        wide = float(np.sqrt(wide**2 - 1.0 / 3.0)) if differenced else wide
-        return np.asarray(gaussian_filter1d(y, wide, axis=0, mode="nearest"))
-
-    def slope(self, y: Array) -> Array:
-        """Derivative of the low-passed values (n, ...), per s."""
-        from scipy.ndimage import gaussian_filter1d
-
-        filtered = gaussian_filter1d(y, self.width / self.step, axis=0, order=1, mode="nearest")
-        return np.asarray(filtered) / self.step
-
-    def inside(self, known: Mask) -> Mask:
-        """Where all samples that the low-pass takes are known, (n,)."""
-        from scipy.ndimage import minimum_filter1d
-
-        reach = 2 * int(np.ceil(2.5 * self.width / self.step)) + 1
-        return np.asarray(minimum_filter1d(known.astype(np.uint8), reach, mode="constant")).astype(bool)
 
 
 @dataclass(frozen=True)
@@ -192,11 +119,11 @@ def fitted(
         Values to begin with, the likeliest first; what is absent is zero. A later one counts if it leads to
         a clearly smaller residual: one of many minima of noise is no finding.
     """
-    told = _without_nuisances(residual, parameters)
-    values = dict.fromkeys((one.name for one in parameters), 0.0)
-    parameters = [one for one in parameters if _tells(residual, values, one)]
-    active = [one for one in parameters if one.always]
-    candidates = [one for one in parameters if not one.always]
+    bare = _without_nuisances(residual, parameters)
+    values = dict.fromkeys((parameter.name for parameter in parameters), 0.0)
+    parameters = [parameter for parameter in parameters if _tells(residual, values, parameter)]
+    active = [parameter for parameter in parameters if parameter.always]
+    candidates = [parameter for parameter in parameters if not parameter.always]
     y, good = residual(values)
     if good.sum() * grid.step < _LEAST_WIDTHS * grid.width:
         return None
@@ -208,49 +135,61 @@ def fitted(
         if robust_rms(_used(residual(other))) < _BETTER * robust_rms(_used(residual(values))):
             values = other
     while candidates:
-        chosen = _next(problem, told, values, active, candidates)
+        chosen = _next(problem, bare, values, active, candidates)
         if chosen is None:
             break
-        active, candidates = [*active, chosen], [one for one in candidates if one is not chosen]
+        active, candidates = (
+            [*active, chosen],
+            [parameter for parameter in candidates if parameter is not chosen],
+        )
         values = problem.descend(values, active)
     # What entered early may have been explained by what entered later; the costly deviations come last.
     for spread in (problem.spread, problem.drawn):
         while True:
             values, covariance = spread(values, active)
-            sd = dict(zip((one.name for one in active), np.sqrt(np.diag(covariance)), strict=True))
-            size = robust_rms(_used(told(values)))
-            weak = [one for one in active if not one.always and not _counts(one, values, sd, told, size)]
+            sd = dict(
+                zip((parameter.name for parameter in active), np.sqrt(np.diag(covariance)), strict=True)
+            )
+            size = robust_rms(_used(bare(values)))
+            weak = [
+                parameter
+                for parameter in active
+                if not parameter.always and not _counts(parameter, values, sd, bare, size)
+            ]
             if not weak:
                 break
-            worst = min(weak, key=lambda one: abs(values[one.name]) / sd[one.name])
-            active = [one for one in active if one is not worst]
+            worst = min(weak, key=lambda parameter: abs(values[parameter.name]) / sd[parameter.name])
+            active = [parameter for parameter in active if parameter is not worst]
             values = problem.descend(values | {worst.name: 0.0}, active)
-    y, good = told(values)
+    y, good = bare(values)
     return Fit(
-        {one.name: values[one.name] for one in active},
+        {parameter.name: values[parameter.name] for parameter in active},
         {name: float(x) for name, x in sd.items()},
         before,
         robust_rms(y[good]),
-        {one.name: robust_rms(_used(told(values | {one.name: 0.0}))) for one in active},
+        {parameter.name: robust_rms(_used(bare(values | {parameter.name: 0.0}))) for parameter in active},
         covariance,
-        tuple(one.name for one in active),
+        tuple(parameter.name for parameter in active),
     )
 
 
-def _tells(residual: Residual, values: Mapping[str, float], one: Parameter) -> bool:
+def _tells(residual: Residual, values: Mapping[str, float], parameter: Parameter) -> bool:
     """Whether the residual at `values` depends on a parameter, so that it can be told."""
-    (y, good), (there, also) = residual(values), residual({**values, one.name: values[one.name] + one.step})
+    (y, good), (there, also) = (
+        residual(values),
+        residual({**values, parameter.name: values[parameter.name] + parameter.step}),
+    )
     return bool(np.abs(there - y)[good & also].max(initial=0.0) > _ROUNDING)
 
 
 def _without_nuisances(residual: Residual, parameters: Sequence[Parameter]) -> Residual:
     """The residual with the parameters at zero that are only known to be small: they explain nothing."""
-    zero = {one.name: 0.0 for one in parameters if np.isfinite(one.prior)}
+    zero = {parameter.name: 0.0 for parameter in parameters if np.isfinite(parameter.prior)}
     return lambda values: residual({**values, **zero})
 
 
-def _used(found: tuple[Array, Mask]) -> Array:
-    return found[0][found[1]]
+def _used(compared: tuple[Array, Mask]) -> Array:
+    return compared[0][compared[1]]
 
 
 def robust_rms(y: Array) -> float:
@@ -262,13 +201,17 @@ def robust_rms(y: Array) -> float:
 
 
 def _counts(
-    one: Parameter, values: Mapping[str, float], sd: Mapping[str, float], residual: Residual, size: float
+    parameter: Parameter,
+    values: Mapping[str, float],
+    sd: Mapping[str, float],
+    residual: Residual,
+    size: float,
 ) -> bool:
     """Whether a fitted parameter is certain, not small, and reduces the residual's `size`."""
-    value = abs(values[one.name])
-    if value < max(_CERTAIN * sd[one.name], one.least):
+    value = abs(values[parameter.name])
+    if value < max(_CERTAIN * sd[parameter.name], parameter.least):
         return False
-    return size < robust_rms(_used(residual({**values, one.name: 0.0}))) * (1.0 - one.material)
+    return size < robust_rms(_used(residual({**values, parameter.name: 0.0}))) * (1.0 - parameter.material)
 
 
 def _next(
@@ -282,16 +225,16 @@ def _next(
     linear = problem.linear(values, [*active, *candidates])
     size = robust_rms(_used(residual(values)))
     gains = []
-    for k, one in enumerate(candidates):
+    for k, parameter in enumerate(candidates):
         columns = [*range(len(active)), len(active) + k]
         value, sd, gain = linear.solve(columns)
-        if abs(value) > max(_CERTAIN * sd, one.least):
-            gains.append((gain, one, columns))
-    for _, one, columns in sorted(gains, key=lambda entry: -entry[0]):
-        change = dict(zip((p.name for p in (*active, one)), linear.step(columns), strict=True))
+        if abs(value) > max(_CERTAIN * sd, parameter.least):
+            gains.append((gain, parameter, columns))
+    for _, parameter, columns in sorted(gains, key=lambda entry: -entry[0]):
+        change = dict(zip((p.name for p in (*active, parameter)), linear.step(columns), strict=True))
         there = {name: x + float(change.get(name, 0.0)) for name, x in values.items()}
-        if robust_rms(_used(residual(there))) < size * (1.0 - one.material):
-            return one
+        if robust_rms(_used(residual(there))) < size * (1.0 - parameter.material):
+            return parameter
     return None
 
 
@@ -373,30 +316,34 @@ class _Problem:
     def linear(self, values: Mapping[str, float], parameters: Sequence[Parameter]) -> _Linear:
         """The problem about `values`."""
         y, good = self.residual(values)
-        derivatives, shifts = [], [one for one in parameters if one.shift]
+        derivatives, shifts = [], [parameter for parameter in parameters if parameter.shift]
         second: dict[tuple[int, int], Array] = {}
         ahead: dict[str, Array] = {}
-        for k, one in enumerate(parameters):
-            there, also = self.residual({**values, one.name: values[one.name] + one.step})
+        for k, parameter in enumerate(parameters):
+            there, also = self.residual({**values, parameter.name: values[parameter.name] + parameter.step})
             good = good & also
-            if not one.shift:
-                derivatives.append((there - y) / one.step)
+            if not parameter.shift:
+                derivatives.append((there - y) / parameter.step)
                 continue
-            back, also = self.residual({**values, one.name: values[one.name] - one.step})
+            back, also = self.residual({**values, parameter.name: values[parameter.name] - parameter.step})
             good = good & also
-            derivatives.append((there - back) / (2.0 * one.step))
-            second[k, k] = (there - 2.0 * y + back) / one.step**2
-            ahead[one.name] = there
-        for i, one in enumerate(parameters):
+            derivatives.append((there - back) / (2.0 * parameter.step))
+            second[k, k] = (there - 2.0 * y + back) / parameter.step**2
+            ahead[parameter.name] = there
+        for i, parameter in enumerate(parameters):
             for j in range(i):
                 other = parameters[j]
                 # Delay and drift of one sensor; those of different sensors move different noise.
-                if one in shifts and other in shifts and one.name.split(".")[1] == other.name.split(".")[1]:
-                    steps = {p.name: values[p.name] + p.step for p in (one, other)}
+                if (
+                    parameter in shifts
+                    and other in shifts
+                    and parameter.name.split(".")[1] == other.name.split(".")[1]
+                ):
+                    steps = {p.name: values[p.name] + p.step for p in (parameter, other)}
                     both, also = self.residual({**values, **steps})
                     good = good & also
-                    across = both - ahead[one.name] - ahead[other.name] + y
-                    second[i, j] = across / (one.step * other.step)
+                    across = both - ahead[parameter.name] - ahead[other.name] + y
+                    second[i, j] = across / (parameter.step * other.step)
         thin = slice(None, None, self.stride)
         y, good, t = y[thin], good[thin], self.grid.t[thin]
         p = len(parameters)
@@ -408,8 +355,8 @@ class _Problem:
         for (i, j), column in zip(second, white[:, p:].T, strict=True):
             curvature[i, j] = curvature[j, i] = float(np.sum(weight * y * column))
         linear = _Linear(y, white[:, :p], weight, blocks, curvature)
-        linear.prior = np.array([one.prior for one in parameters])
-        linear.at = np.array([values[one.name] for one in parameters])
+        linear.prior = np.array([parameter.prior for parameter in parameters])
+        linear.at = np.array([values[parameter.name] for parameter in parameters])
         return linear
 
     def _white(self, y: Array, columns: Array, good: Mask, t: Array) -> tuple[Array, Array, Array, Array]:
@@ -442,14 +389,18 @@ class _Problem:
         for _ in range(_ROUNDS):
             linear = self.linear(values, active)
             # A shift goes no further at once than the low-pass lets see, and never far from its start.
-            most = np.array([_FURTHEST * one.step if one.shift else np.inf for one in active])
+            most = np.array([
+                _FURTHEST * parameter.step if parameter.shift else np.inf for parameter in active
+            ])
             change = np.clip(linear.step(columns), -most, most)
-            for one, x in zip(active, change, strict=True):
-                away = np.inf if not one.shift else _FARTHEST * one.step
-                values[one.name] = float(
-                    np.clip(values[one.name] + x, begin[one.name] - away, begin[one.name] + away)
+            for parameter, x in zip(active, change, strict=True):
+                away = np.inf if not parameter.shift else _FARTHEST * parameter.step
+                values[parameter.name] = float(
+                    np.clip(
+                        values[parameter.name] + x, begin[parameter.name] - away, begin[parameter.name] + away
+                    )
                 )
-            if all(abs(x) < 0.02 * one.step for one, x in zip(active, change, strict=True)):
+            if all(abs(x) < 0.02 * parameter.step for parameter, x in zip(active, change, strict=True)):
                 break
         return values
 
@@ -466,54 +417,54 @@ class _Problem:
         a factor of the noisy channel too small.
         """
         values, covariance = self.spread(dict(values), active)
-        for k, one in enumerate(active):
-            kind, _, sensor = one.name.partition(".")
-            if kind != "delay" and not one.factor:
+        for k, parameter in enumerate(active):
+            kind, _, sensor = parameter.name.partition(".")
+            if kind != "delay" and not parameter.factor:
                 continue
             sd = float(np.sqrt(covariance[k, k]))
-            values[one.name], resampled = self._resampled(values, one, sd)
+            values[parameter.name], resampled = self._resampled(values, parameter, sd)
             wider = max(resampled / sd, 1.0)
             for j, other in enumerate(active):
-                if other is one or (kind == "delay" and other.name == f"drift.{sensor}"):
+                if other is parameter or (kind == "delay" and other.name == f"drift.{sensor}"):
                     covariance[j, :] *= wider
                     covariance[:, j] *= wider
         return values, covariance
 
-    def _resampled(self, values: Mapping[str, float], one: Parameter, sd: float) -> tuple[float, float]:
+    def _resampled(self, values: Mapping[str, float], parameter: Parameter, sd: float) -> tuple[float, float]:
         """A parameter and its deviation by drawing blocks of time with replacement (Künsch 1989).
 
         The cost is that of the residual without its memory, or of the residual itself, whichever tells more:
         noise of a sensor is no memory, and taking it out would weigh what the motion does not have.
         """
-        reach = float(np.clip(5.0 * sd, 4.0 * one.step, _REACH))
-        places = values[one.name] + np.linspace(-reach, reach, 2 * _PLACES + 1)
-        found = [self.residual({**values, one.name: float(place)}) for place in places]
+        reach = float(np.clip(5.0 * sd, 4.0 * parameter.step, _REACH))
+        places = values[parameter.name] + np.linspace(-reach, reach, 2 * _PLACES + 1)
+        shifted = [self.residual({**values, parameter.name: float(place)}) for place in places]
         thin = slice(None, None, self.stride)
-        good = np.logical_and.reduce([known for _, known in found])[thin]
-        y = np.stack([each[thin] for each, _ in found])  # (places, n, k)
+        good = np.logical_and.reduce([known for _, known in shifted])[thin]
+        y = np.stack([each[thin] for each, _ in shifted])  # (places, n, k)
         if good.sum() < _FEWEST_BLOCKS:
-            return values[one.name], sd
+            return values[parameter.name], sd
         blocks = _blocks(self.grid.t[thin])
         count = int(blocks.max()) + 1
         draws = np.random.default_rng(1).multinomial(count, np.full(count, 1.0 / count), size=_DRAWS)
         # Of few blocks a normal deviation is too narrow: as Student's with one degree less.
         wider = np.sqrt(count / (count - 1.0)) * (1.0 + 1.0 / count)
-        told = []
+        results = []
         for whiten in (True, False):
             parts = [self._costs(y[:, :, k], good, blocks, count, whiten=whiten) for k in range(y.shape[2])]
             cost = np.sum([part for part, _, _ in parts], axis=0)
             drawn = np.array([_lowest(places, cost @ draw) for draw in draws])
             own = wider * float(np.sqrt(np.mean((drawn - np.median(drawn)) ** 2)))
-            if one.factor:
+            if parameter.factor:
                 # The channel's own noise makes its factor too small by its share of the size, the
                 # reference's noise by nothing: uniform between the two.
                 size = max(sum(slope for _, _, slope in parts) / (2.0 * reach) ** 2, 1e-300)
                 share = sum(left for _, left, _ in parts) / size / np.sqrt(3.0)
                 own = float(np.sqrt(own**2 + share**2 + _LEAST_FACTOR**2))
-            told.append((own, _lowest(places, cost.sum(axis=1))))
-        (own, value), (_, other) = sorted(told)
+            results.append((own, _lowest(places, cost.sum(axis=1))))
+        (own, value), (_, other) = sorted(results)
         # What depends on the choice is uncertain; a factor without its slow part is known not to hold.
-        return value, own if one.factor else float(np.hypot(own, 0.5 * (value - other)))
+        return value, own if parameter.factor else float(np.hypot(own, 0.5 * (value - other)))
 
     def _costs(
         self, y: Array, good: Mask, blocks: Array, count: int, *, whiten: bool
@@ -535,7 +486,7 @@ class _Problem:
         squares = float(np.sum(y[len(y) // 2] ** 2)), float(np.sum((y[-1] - y[0]) ** 2))
         size = np.abs(y) / (1.4826 * float(np.median(np.abs(y[len(y) // 2]))) + _ROUNDING)
         cost = np.where(size < _HUBER, 0.5 * size**2, _HUBER * (size - 0.5 * _HUBER))
-        return np.stack([np.bincount(blocks[use], one, count) for one in cost]), *squares
+        return np.stack([np.bincount(blocks[use], row, count) for row in cost]), *squares
 
 
 def _blocks(t: Array) -> Array:

@@ -5,26 +5,98 @@ sensor, and omega the increment of R over time (Fossen 2011, equations 2.18 and 
 third row. Every sensor has a delay and, on another clock than the attitude, a drift; the attitude is the
 reference. The attitude is a rotation throughout, interpolated as one: a vehicle that tumbles passes pitch 90
 deg, where roll and yaw jump by half a turn and no angle can be interpolated or differentiated by itself. Held
-by ``tests/intake/test_consistency.py``.
+by ``tests/inspect/test_consistency.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.rotation import conjugate, continuous, from_euler, matrix, product
-from seatrial.trial.kinematic_fit import Curve, Grid
-from seatrial.trial.kinematic_series import CHANNEL_GROUPS, INPUTS
+from seatrial.trial.signals import CHANNEL_GROUPS, INPUTS, Series
 
 Values = Mapping[str, float]
+
+_GAP = 4.5  # median intervals: a longer distance between samples is not bridged
 
 _ANGLES = CHANNEL_GROUPS["attitude"]
 
 _ONE_SENSOR = 0.9  # share of stamps that angles of one attitude have in common, lost samples aside
+
+
+class Curve:
+    """A series between its samples: cubic spline of the values, and where it is known."""
+
+    def __init__(self, series: Series, *, angle: bool = False) -> None:
+        from scipy.interpolate import CubicSpline
+
+        value = np.unwrap(series.value) if angle else series.value
+        self.t, self.step = series.t, float(np.median(np.diff(series.t)))
+        self.clock, self.values = series.clock, value
+        self._spline = CubicSpline(series.t, value)
+
+    def __call__(self, t: Array) -> Array:
+        """Values (n,) at times (n,), held beyond the ends."""
+        return np.asarray(self._spline(np.clip(t, self.t[0], self.t[-1])))
+
+    def known(self, t: Array) -> Mask:
+        """Where samples on both sides are near enough, (n,)."""
+        after = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
+        near = self.t[after] - self.t[after - 1] <= _GAP * self.step
+        return np.asarray(near & (t >= self.t[0]) & (t <= self.t[-1]))
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Uniform times (n,) in s and the width in s of the low-pass that both sides of a comparison pass."""
+
+    t: Array
+    width: float
+
+    @classmethod
+    def of(cls, curves: Sequence[Curve], margin: float = 0.0) -> Grid | None:
+        """Grid for these channels, fine enough for the slowest; None where they hardly overlap."""
+        step = max(curve.step for curve in curves)
+        start, stop = max(c.t[0] for c in curves) + margin, min(c.t[-1] for c in curves) - margin
+        h = 0.5 * step
+        if not stop - start > 100.0 * h:
+            return None
+        return cls(np.arange(start, stop, h), 2.0 * step)
+
+    @property
+    def step(self) -> float:
+        """Interval, s."""
+        return float(self.t[1] - self.t[0])
+
+    def low(self, y: Array, *, differenced: bool = False) -> Array:
+        """The low-passed values (n, ...); `differenced`: they are means over two intervals already.
+
+        Such a mean has the variance of a box two intervals wide, a third of the interval's square, by which
+        the Gaussian is narrower then, so that both sides of a comparison are low-passed alike.
+        """
+        from scipy.ndimage import gaussian_filter1d
+
+        wide = self.width / self.step
+        wide = float(np.sqrt(wide**2 - 1.0 / 3.0)) if differenced else wide
+        return np.asarray(gaussian_filter1d(y, wide, axis=0, mode="nearest"))
+
+    def slope(self, y: Array) -> Array:
+        """Derivative of the low-passed values (n, ...), per s."""
+        from scipy.ndimage import gaussian_filter1d
+
+        filtered = gaussian_filter1d(y, self.width / self.step, axis=0, order=1, mode="nearest")
+        return np.asarray(filtered) / self.step
+
+    def inside(self, known: Mask) -> Mask:
+        """Where all samples that the low-pass takes are known, (n,)."""
+        from scipy.ndimage import minimum_filter1d
+
+        reach = 2 * int(np.ceil(2.5 * self.width / self.step)) + 1
+        return np.asarray(minimum_filter1d(known.astype(np.uint8), reach, mode="constant")).astype(bool)
 
 
 @dataclass
@@ -207,11 +279,11 @@ class VelocityResidual:
         v, known = self.velocities[key]
         v = _mounted(v, values) * (1.0 + values.get("scale.velocity", 0.0))
         v = v - np.array([0.0, 0.0, values.get("bias.w", 0.0)])
-        told = grid.low(np.einsum("nij,nj->ni", self.turns, v))
-        told = told - self.arms @ np.array([values.get(f"arm.{axis}", 0.0) for axis in "xyz"])
+        velocity = grid.low(np.einsum("nij,nj->ni", self.turns, v))
+        velocity = velocity - self.arms @ np.array([values.get(f"arm.{axis}", 0.0) for axis in "xyz"])
         if heading := values.get("heading", 0.0):
-            told = told @ matrix(from_euler([0.0, 0.0, heading])).T
-        return rate - told[:, list(self.rows)], seen & known & self.known
+            velocity = velocity @ matrix(from_euler([0.0, 0.0, heading])).T
+        return rate - velocity[:, list(self.rows)], seen & known & self.known
 
     def rate(self, values: Values) -> tuple[Array, Mask]:
         """Low-passed rates (n, k) of position and depth, m/s, and where they are known (n,)."""

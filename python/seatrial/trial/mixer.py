@@ -208,7 +208,7 @@ class Mixer:
 
     def all_outputs(self) -> dict[str, Output]:
         """Outputs with those of the frame's motors."""
-        found: dict[str, Output] = {}
+        outputs: dict[str, Output] = {}
         if self.frame is not None:
             for name, factors in zip(self.names, FRAMES[self.frame].values(), strict=True):
                 sign = -1.0 if name in self.reversed else 1.0
@@ -217,8 +217,8 @@ class Mixer:
                     for stick, factor in zip(_STICKS, factors, strict=True)
                     if factor != 0.0 and stick in self.inputs
                 }
-                found[name] = Output(mix, _FULL_US, _NEUTRAL_US, "us")
-        return found | dict(self.outputs)
+                outputs[name] = Output(mix, _FULL_US, _NEUTRAL_US, "us")
+        return outputs | dict(self.outputs)
 
     def mixed(
         self, table: pl.DataFrame, file: str, given: Mapping[str, object] | None = None

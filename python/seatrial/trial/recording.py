@@ -11,12 +11,11 @@ from seatrial.logs.clock import scale_of
 from seatrial.logs.units import misfit_of
 from seatrial.trial import defects, resampling, table
 from seatrial.trial.columns import Source, columns_of, parse
-from seatrial.trial.corrections import Corrections, corrected, parse_corrections
+from seatrial.trial.corrections import Corrections, corrected, parse_corrections, parse_positions
+from seatrial.trial.misread import report_unit_changes
 from seatrial.trial.mixer import Mixer
 from seatrial.trial.readers import Reader, read_table
-from seatrial.trial.sensor_position import parse_positions
 from seatrial.trial.signals import RecordingReport, Signal
-from seatrial.trial.unit_changes import report_unit_changes
 
 _TELLING_ROWS = 2000
 """Rows whose times tell their unit."""

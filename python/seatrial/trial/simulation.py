@@ -121,16 +121,16 @@ class SimulatedTrial:
     def report(self, title: str, next_step: str) -> Report:
         """Three lines and a table of a simulated run."""
         summary = self.summary()
-        found = _clipped(self.vehicle, self.trial)
+        problems = _clipped(self.vehicle, self.trial)
         rise = -summary["smallest depth, m"]
         if rise > _RISE_M and self.trial.surface is None:
-            found.append(
+            problems.append(
                 f"the vehicle rises {rise:.2f} m above the surface, of which the run knows nothing; state it"
                 " (--surface 0), or start deeper, with a column z_m"
             )
         if self.held and self.sensors and "load_cell" not in self.sensors:
-            found.append("the pull of the tied vehicle is not in the log: these sensors have no load_cell")
-        worst = "; ".join(found) or "nothing stands out: the run is finite and stays below the surface"
+            problems.append("the pull of the tied vehicle is not in the log: these sensors have no load_cell")
+        worst = "; ".join(problems) or "nothing stands out: the run is finite and stays below the surface"
         rows = [(name, _cell(name, value)) for name, value in summary.items()]
         return Report(
             title=title,
@@ -174,7 +174,7 @@ def _check(vehicle: Vehicle, trial: Trial, held: bool, current: tuple[float, flo
 def _clipped(vehicle: Vehicle, trial: Trial) -> list[str]:
     """That commands are beyond what their actuators take, of the worst one; empty where all are within."""
     facts = vehicle.actuator_info()
-    found = []
+    excesses = []
     for name, commands in trial.commands.items():
         fact = facts[name]
         away = np.asarray(commands) - float(fact["neutral"])
@@ -183,11 +183,11 @@ def _clipped(vehicle: Vehicle, trial: Trial) -> list[str]:
         over = np.abs(away) > _OVER * limit
         if over.any():
             row = int(np.argmax(np.where(over, np.abs(away), 0.0)))
-            found.append((float(np.mean(over)), name, float(away[row]), float(limit[row])))
-    if not found:
+            excesses.append((float(np.mean(over)), name, float(away[row]), float(limit[row])))
+    if not excesses:
         return []
-    share, name, largest, limit_there = max(found)
-    unit, others = str(facts[name]["unit"]), [other for _, other, *_ in found if other != name]
+    share, name, largest, limit_there = max(excesses)
+    unit, others = str(facts[name]["unit"]), [other for _, other, *_ in excesses if other != name]
     neutral = float(facts[name]["neutral"])
     at = f" about {neutral:g}" if neutral else ""
     words = (

@@ -13,8 +13,8 @@ from seatrial.base.errors import TrialError
 from seatrial.base.rotation import continuous, from_euler
 from seatrial.logs.clock import Counter32, clock_times, scale_of
 from seatrial.trial.columns import GROUPS, Group, Source
+from seatrial.trial.misread import NO_SAMPLE, NO_SAMPLE_WORDS, sentinels
 from seatrial.trial.resampling import instruments, together
-from seatrial.trial.sentinels import NO_SAMPLE, NO_SAMPLE_WORDS, sentinels
 from seatrial.trial.signals import RecordingReport, Signal
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MINIMUM_ROWS = 10
 """Fewer samples are too short for derivatives."""
 
-_LEAST_NORM, _NORM_TOLERANCE = 1e-3, 1e-2
+_LEAST_NORM, _NORM_TOLERANCE = 1e-3, 1e-2  # of a quaternion: none at all, and rounded to two decimals
 
 _MOST_PITCH, _MOST_YAW = 1.75, 12.6
 """Angles in rad that no pitch and, counted over turns, not all of a yaw have: a right angle, two turns."""
@@ -292,13 +292,13 @@ def _note_degrees(y: Array, given: Mapping[str, Source], report: RecordingReport
     if not (largest[1] > _MOST_PITCH or wraps or far > _MOST_YAW):
         return
     named = [(k, name) for k, name in enumerate(("roll_deg", "pitch_deg", "yaw_deg")) if name in given]
-    said = ", ".join(f"{name.removesuffix('_deg')} {largest[k]:.3g} rad" for k, name in named)
+    extremes = ", ".join(f"{name.removesuffix('_deg')} {largest[k]:.3g} rad" for k, name in named)
     entries = ", ".join(f'{name} = {{ from = "{given[name].column}", unit = "deg" }}' for _, name in named)
     report.add(
         "error",
         "attitude",
-        f"angles reach {said}, more than any vehicle's: they look like degrees; state the unit in the column"
-        f" map: {entries}",
+        f"angles reach {extremes}, more than any vehicle's: they look like degrees; state the unit in the"
+        f" column map: {entries}",
     )
 
 
@@ -428,16 +428,16 @@ def _without_sentinels(
     y: Array, group: Group | None, name: str, report: RecordingReport
 ) -> tuple[Array, Mask]:
     """Cells (m,) without numbers that stand for no sample, and where these were (m,); reports them."""
-    found = sentinels(y, jumps=group is None or group.name in _JUMPING)
+    codes = sentinels(y, jumps=group is None or group.name in _JUMPING)
     at = np.zeros(len(y), bool)
-    for one in found:
-        at |= one.at
-    if not found:
+    for code in codes:
+        at |= code.at
+    if not codes:
         return y, at
-    codes = ", ".join(f"{one.value:.10g}" for one in found[:_NAMED])
-    codes += f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    numbers = ", ".join(f"{code.value:.10g}" for code in codes[:_NAMED])
+    numbers += f" and {len(codes) - _NAMED} more" if len(codes) > _NAMED else ""
     after = "the value before is held" if name.startswith("cmd.") else "masked"
-    report.add("warning", name, f"samples of {codes} {NO_SAMPLE}; {after}", int(at.sum()))
+    report.add("warning", name, f"samples of {numbers} {NO_SAMPLE}; {after}", int(at.sum()))
     return np.where(at, np.nan, y), at
 
 

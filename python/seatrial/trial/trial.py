@@ -2,9 +2,9 @@
 
 `Trial.read` is the way of a log into the library, step by step in the files of this room: a reader makes a
 table, the column map turns it into signals (`table`), defects are masked (`defects`), the corrections that
-are given applied (`corrections`), sensors brought to O (`sensor_position`), signs and latencies corrected
-against the pose (`alignment`), the pose's frame levelled (`tilt`), and everything put on one time base
-(`resampling`, `assembly`). `Trial.report` says what was done.
+are given applied (`corrections`), sensors brought to O (`corrections.to_origin`), signs and latencies
+corrected against the pose (`alignment`), the pose's frame levelled (`attitude.level`), and everything put on
+one time base (`resampling`, `assembly`). `Trial.report` says what was done.
 Held by ``tests/trial/test_trial.py``.
 """
 
@@ -24,16 +24,15 @@ from seatrial.base.atomic_write import write_table
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.progress import Clock, Progress, callers_errors_pass
-from seatrial.trial import alignment, resampling, table, tilt
-from seatrial.trial.assembly import assemble
+from seatrial.trial import alignment, attitude, resampling, table
+from seatrial.trial.assembly import assemble, smooth, spline
 from seatrial.trial.columns import GROUPS
+from seatrial.trial.corrections import to_origin
 from seatrial.trial.mixer import Mixer
-from seatrial.trial.own_samples import own_samples
 from seatrial.trial.readers import Reader
 from seatrial.trial.recording import recording
-from seatrial.trial.sensor_position import to_origin
+from seatrial.trial.resampling import own_samples
 from seatrial.trial.signals import RecordingReport
-from seatrial.trial.smoothing import smooth, spline
 
 if TYPE_CHECKING:
     import polars as pl
@@ -210,7 +209,7 @@ class Trial:
         0.5
         """
         reading = _Reading(name or "the recording", progress)
-        found = recording(
+        recorded = recording(
             source,
             reader,
             columns=columns,
@@ -219,9 +218,9 @@ class Trial:
             mixer=mixer,
             begin=reading.begin,
         )
-        file, signals, time, report = found.file, found.signals, found.time, found.report
-        given, sources, positions = found.corrections, found.sources, found.positions
-        del found  # its signals of a long log, beside those that follow
+        file, signals, time, report = recorded.file, recorded.signals, recorded.time, recorded.report
+        given, sources, positions = recorded.corrections, recorded.sources, recorded.positions
+        del recorded  # its signals of a long log, beside those that follow
         if name is None:
             name = Path(file).stem
         for key, value in (("rate_hz", rate_hz), ("rho", rho), ("g", g)):
@@ -251,7 +250,7 @@ class Trial:
         signals = alignment.align(signals, t, report, sources, remove=remove, given=given, names=sensors)
         reading.begin("time base")
         if given.frame is None:
-            signals = tilt.level(signals, report, remove=level and given.automatic)
+            signals = attitude.level(signals, report, remove=level and given.automatic)
         parts = assemble(signals, t, report)
         samples = own_samples(signals, t, parts["silent"])
         return cls(

@@ -1,24 +1,38 @@
-"""Truth vehicles: what sails generated trials, with other coefficients than the model, and its sensors.
+"""Truth vehicles, and the missions that they sail: what makes generated trials.
 
 A truth file names a vehicle, factors on its coefficients or values instead of them, and the sensors that it
 carries. Held by ``tests/sensors/test_sensors.py`` and ``tests/trial/test_truth.py``.
+
+The table ``[sailed]`` of a recipe names autopilot and mission; the truth vehicle flies it in closed loop
+(`seatrial.flight`), through waves and a current that changes. What its instruments would have logged of the
+flight is then sampled as for any generated trial. The autopilot steers by instruments of the same kinds,
+whose errors are sampled apart from those of the log. Held by ``tests/trial/test_sailed.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
-from seatrial.base.errors import TrialError, VehicleError, nearest
-from seatrial.base.toml_file import Name, Number
-from seatrial.sensors.sensor import Sensor, SensorFile, parse_sensors, read_as
+from seatrial.base.arrays import Array
+from seatrial.base.errors import SeatrialError, TrialError, VehicleError, nearest
+from seatrial.base.toml_file import Name, NotNegative, Number, Positive, Section
+from seatrial.flight.conditions import Conditions, Water
+from seatrial.flight.fly import fly
+from seatrial.flight.mission import Mission
+from seatrial.flight.sea import SeaState
+from seatrial.sensors.ideal import at_sea
+from seatrial.sensors.sensor import TYPICAL, Sensor, SensorFile, parse_sensors, read_as
 
 if TYPE_CHECKING:
-    from seatrial._core import Vehicle
+    from seatrial._core import Autopilot, State, Vehicle
+    from seatrial.flight.flight import Flight
 
 
 class TruthFile(SensorFile):
@@ -109,3 +123,270 @@ def _overlaid(vehicle: Vehicle, tables: Mapping[str, Any], where: str) -> Vehicl
                 )
     text = tomlkit.dumps(over(below, tables))
     return Vehicle.from_toml(text, f"{where}: vehicle_file")
+
+
+DITHER = "dither."
+"""Columns of a dither, before the actuator's name."""
+
+OWN, PERFECT = "truth", "perfect"
+"""Sensors that the autopilot steers by: those of the truth file, or such without error."""
+
+_HOUR_S = 3600.0  # in which a mission counts the change of its current
+
+_TICK = 1e-6  # s, and share of a ratio: rounding of times
+
+
+class SailedTable(Section):
+    """What sails the trial: an autopilot on a mission, by file or built-in name, and what it steers by."""
+
+    autopilot: Name
+    mission: Name
+    sensors: Name = OWN
+    dither: Name | None = None
+
+
+class WavesTable(Section):
+    """The sea that the vehicle meets."""
+
+    height_m: NotNegative
+    period_s: Positive
+    toward_deg: Number = 0.0
+    spreading_deg: NotNegative = 0.0
+    peakedness: Positive = 3.3
+
+
+class Current(Section):
+    """Current over ground, NED: where the trial begins; the rest needs an autopilot.
+
+    ``end_…`` is what it has grown to at the end of ``duration_s``, steadily; ``walk_m_s`` the standard
+    deviation after an hour of a random walk, ``turbulence_m_s`` that of turbulence, both north and east.
+    """
+
+    north_m_s: Number = 0.0
+    east_m_s: Number = 0.0
+    down_m_s: Number = 0.0
+    end_north_m_s: Number | None = None
+    end_east_m_s: Number | None = None
+    end_down_m_s: Number | None = None
+    walk_m_s: NotNegative = 0.0
+    turbulence_m_s: NotNegative = 0.0
+    turbulence_times_s: Annotated[tuple[Positive, Positive], Field()] = (60.0, 2.0)
+
+    @property
+    def at_start(self) -> Array:
+        """Velocity at the beginning (3,), m/s."""
+        return np.array([self.north_m_s, self.east_m_s, self.down_m_s])
+
+    @property
+    def change(self) -> Array:
+        """Steady change until the end (3,), m/s."""
+        ends = (self.end_north_m_s, self.end_east_m_s, self.end_down_m_s)
+        start = self.at_start
+        return np.array([0.0 if end is None else end - start[axis] for axis, end in enumerate(ends)])
+
+    @property
+    def varies(self) -> bool:
+        """Whether it is anything but steady."""
+        return bool(self.change.any()) or self.walk_m_s > 0.0 or self.turbulence_m_s > 0.0
+
+
+@dataclass(frozen=True)
+class Sailed:
+    """How a trial is sailed.
+
+    Attributes
+    ----------
+    where
+        The recipe, for messages.
+    truth
+        The vehicle that sails; the autopilot believes in the one that the truth file starts from.
+    autopilot, mission
+        What steers, and where to.
+    sensors
+        What it steers by: {kind: sensor}, "typical", a path, or None for perfect ones.
+    current, waves
+        The water.
+    initial
+        Where it begins; None: at rest at the mission's start.
+    duration_s, rate_hz
+        Longest duration and rate of the log.
+    bottom_depth_m, voltage_v
+        As of any recipe.
+    dither
+        ``times``, s, and what is added to the commands from each of them on; None: nothing.
+    """
+
+    where: str
+    truth: Truth
+    autopilot: Autopilot
+    mission: Mission
+    sensors: Mapping[str, Sensor] | str | Path | None
+    current: Current
+    waves: SeaState | None
+    initial: State | None
+    duration_s: float
+    rate_hz: float
+    bottom_depth_m: float | None
+    voltage_v: float | None
+    dither: Mapping[str, Array] | None = None
+
+    @classmethod
+    def of(
+        cls, table: SailedTable, path: Path, truth: Truth, *, waves: WavesTable | None, **rest: Any
+    ) -> Sailed:
+        """Sailed trial of a recipe; files are relative to it.
+
+        Raises
+        ------
+        TrialError
+            Autopilot, mission, waves or dither are not usable.
+        """
+        from seatrial._core import Autopilot
+
+        def beside(name: str) -> str | Path:
+            return path.parent / name if name.endswith(".toml") else name
+
+        with _said(f"{path}: sailed, key autopilot"):
+            autopilot = Autopilot.load(beside(table.autopilot))
+        with _said(f"{path}: sailed, key mission"):
+            mission = Mission.load(beside(table.mission))
+        with _said(f"{path}: waves"):
+            sea = None if waves is None else SeaState(**waves.model_dump())
+        sensors: Mapping[str, Sensor] | str | Path | None = at_sea(truth.sensors)
+        if table.sensors != OWN:
+            sensors = None if table.sensors == PERFECT else beside(table.sensors)
+        if isinstance(sensors, str) and sensors != TYPICAL:
+            raise TrialError(
+                f'{path}: sailed, key sensors: expected "{OWN}", "{PERFECT}", "{TYPICAL}" or a file that ends'
+                f" in .toml, found {sensors!r}"
+            )
+        dither = None
+        if table.dither is not None:
+            dither = read_dither(path.parent / table.dither, truth.vehicle, f"{path}: sailed, key dither")
+        return cls(str(path), truth, autopilot, mission, sensors, waves=sea, dither=dither, **rest)
+
+    def fly(self, seed: int) -> Flight:
+        """Flight of the truth vehicle with this seed of waves, current and sensors' errors.
+
+        Raises
+        ------
+        TrialError
+            The flight cannot be flown, or diverges.
+        """
+        water = self.current
+        with _said(self.where):
+            flight = fly(
+                self.truth.vehicle,
+                self.autopilot,
+                self.mission,
+                conditions=Conditions(
+                    model=self.truth.base,
+                    sensors=self.sensors,
+                    initial=self.initial,
+                    voltage_v=self.voltage_v,
+                    max_time_s=self.duration_s,
+                    dither=self.dither,
+                ),
+                water=Water(
+                    current=water.at_start,
+                    current_trend=water.change * (_HOUR_S / self.duration_s),
+                    current_walk=water.walk_m_s,
+                    turbulence=water.turbulence_m_s,
+                    turbulence_times_s=water.turbulence_times_s,
+                    waves=self.waves,
+                    seabed=self.bottom_depth_m,
+                ),
+                seed=seed,
+            )
+        if flight.diverged:
+            raise TrialError(
+                f"{self.where}: the flight diverges after {flight.t[-1]:.0f} s; check autopilot, sensors,"
+                " waves and the truth's coefficients with seatrial fly"
+            )
+        return flight
+
+    def added(self, t: Array) -> dict[str, Array]:
+        """Dither by actuator at times (n,), s, in the unit of its command; empty without one."""
+        if self.dither is None:
+            return {}
+        begun = np.searchsorted(self.dither["times"], t + _TICK, side="right")
+        return {
+            name: np.concatenate([[0.0], values])[begun]
+            for name, values in self.dither.items()
+            if name != "times"
+        }
+
+    def every(self, flight: Flight) -> int:
+        """Control periods per row of the log.
+
+        Raises
+        ------
+        TrialError
+            They do not fit together.
+        """
+        ratio = 1.0 / (self.rate_hz * flight.period_s)
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > _TICK * ratio:
+            raise TrialError(
+                f"{self.where}: key rate_hz: expected that of the autopilot, {1.0 / flight.period_s:g} Hz, or"
+                f" a whole fraction of it, found {self.rate_hz:g}"
+            )
+        return round(ratio)
+
+
+def read_dither(path: Path, vehicle: Vehicle, where: str) -> dict[str, Array]:
+    """Dither from its table: ``times`` (s,) in s, and by actuator what is added to its command, in its unit.
+
+    The columns are ``t_s`` and ``dither.ACTUATOR``, as `seatrial plan` writes them.
+
+    Raises
+    ------
+    TrialError
+        The table cannot be read, has other columns or gaps, or goes beyond an actuator's range.
+    """
+    import polars as pl
+
+    try:
+        table = pl.read_csv(path, comment_prefix="#", infer_schema_length=None)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise TrialError(
+            f"{where}: {path} cannot be read ({str(error).splitlines()[0]}); name a table (CSV) of t_s and"
+            f" {DITHER}ACTUATOR, as seatrial plan writes it"
+        ) from None
+    facts = vehicle.actuator_info()
+    known = ["t_s", *(DITHER + name for name in facts)]
+    for column in table.columns:
+        if column not in known:
+            raise TrialError(f'{where}: {path}: unknown column "{column}"{nearest(column, known)}')
+    if "t_s" not in table.columns or table.width < 2 or table.height == 0:
+        raise TrialError(
+            f"{where}: {path}: expected columns t_s and {DITHER}ACTUATOR with at least one row, found"
+            f" {', '.join(table.columns) or 'none'}"
+        )
+    columns: dict[str, Array] = {}
+    for column in table.columns:
+        cells = table[column]
+        if not cells.dtype.is_numeric() or cells.is_null().any() or not np.isfinite(cells.to_numpy()).all():
+            raise TrialError(f"{where}: {path}, column {column}: expected finite numbers; fill the gaps")
+        columns[column.removeprefix(DITHER)] = cells.to_numpy().astype(float)
+    times = columns.pop("t_s")
+    if np.any(np.diff(times) <= 0.0):
+        row = int(np.argmax(np.diff(times) <= 0.0)) + 2
+        raise TrialError(f"{where}: {path}, row {row}: expected a t_s above that of the row before")
+    for name, values in columns.items():
+        most = max(facts[name]["maximum_ahead"], facts[name]["maximum_astern"])
+        largest = float(np.abs(values).max())
+        if largest > most:
+            raise TrialError(
+                f"{where}: {path}, column {DITHER}{name}: expected at most {most:g}"
+                f" {facts[name]['unit']}, the actuator's range, found {largest:g}"
+            )
+    return {"times": times, **columns}
+
+
+@contextmanager
+def _said(where: str) -> Iterator[None]:
+    """Errors inside, as one of the trial, begun with where it was."""
+    try:
+        yield
+    except SeatrialError as error:
+        raise TrialError(f"{where}: {error}") from None

@@ -21,7 +21,7 @@ from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import SeatrialError, TrialError, reason
 from seatrial.base.file_names import content_inside
 from seatrial.base.run import belongs_to_run, from_json, to_json
-from seatrial.intake.manoeuvres import manoeuvres
+from seatrial.inspect.manoeuvres import manoeuvres
 from seatrial.report.page.run_folder import RunFolder
 from seatrial.report.plot.identification import predicted
 from seatrial.report.plot.trials import ANGLES, IN_DEGREES, NAMES, beside

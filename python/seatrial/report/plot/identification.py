@@ -38,7 +38,7 @@ from seatrial.report.plot.style import (
 )
 from seatrial.report.plot.trials import measured_against_simulated
 from seatrial.report.plot.vehicle import three_views
-from seatrial.trial.score import score
+from seatrial.scoring.score import score
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.residual_autocorrelation import Autocorrelation
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.identification import Identification
+    from seatrial.scoring.windows import Window
     from seatrial.trial.trial import Trial
-    from seatrial.trial.windows import Window
 
 _COLOURS = {"identifiable": SIMULATED, "weak": SECOND, "not identifiable": RESIDUAL}
 

@@ -34,7 +34,7 @@ from seatrial.report.plot.style import (
     panel_title,
 )
 from seatrial.report.plot.trials import ANGLES, IN_DEGREES, NAMES, beside, few_ticks, residual_limits
-from seatrial.trial.windows import Window, predict
+from seatrial.scoring.windows import Window, predict
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:

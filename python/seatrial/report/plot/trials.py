@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.ticker import Locator
 
-    from seatrial.trial.score import Score
+    from seatrial.scoring.score import Score
+    from seatrial.scoring.windows import Window
     from seatrial.trial.trial import Trial
-    from seatrial.trial.windows import Window
 
 NAMES = dict(
     zip(
@@ -72,7 +72,7 @@ def measured_against_simulated(
     ----------
     trial : Trial
     windows : sequence of Window
-        What was simulated, for example `seatrial.trial.score.Score.windows`; each restarts from the
+        What was simulated, for example `seatrial.scoring.score.Score.windows`; each restarts from the
         measurement.
     channels : sequence of str
         Those to show, from top to bottom.

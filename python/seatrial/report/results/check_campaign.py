@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 from seatrial.base.report import Report, Section, Table
 from seatrial.check.campaign import CampaignCheck
-from seatrial.intake.consistency_result import current_sentence
-from seatrial.intake.consistency_trials import accepted
-from seatrial.intake.wiring import WIRED
+from seatrial.inspect.consistency_result import current_sentence
+from seatrial.inspect.consistency_trials import accepted
+from seatrial.inspect.wiring import WIRED
 from seatrial.trial.assembly import MOSTLY_MASKED, UNCOMMANDED
 
 if TYPE_CHECKING:
-    from seatrial.intake.consistency_result import Consistency
+    from seatrial.inspect.consistency_result import Consistency
 
 
 _MOST_PROPOSALS = 6  # more are among the details

@@ -14,10 +14,11 @@ from seatrial.identification.estimate import derived, distinct, plus_minus
 from seatrial.identification.held import SHARE, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
-from seatrial.intake.consistency_trials import LATE
-from seatrial.intake.wiring import WIRED
-from seatrial.trial.baselines import not_beaten
-from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
+from seatrial.inspect.consistency_trials import LATE
+from seatrial.inspect.wiring import WIRED
+from seatrial.scoring.baselines import not_beaten
+from seatrial.scoring.score import LIMITS, baseline_table, limit_text
+from seatrial.scoring.windows import score_text
 
 if TYPE_CHECKING:
     from seatrial.diagnosis.missing_terms import Suggestion

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import printable
 from seatrial.base.report import Report, Section, Table
-from seatrial.intake.consistency_trials import proposals
+from seatrial.inspect.consistency_trials import proposals
 from seatrial.intake.imported import Imported, ImportedTrial
 from seatrial.intake.vehicle_draft import opposed
 from seatrial.logs.join import SPLIT

@@ -23,8 +23,8 @@ from seatrial.base.arrays import runs
 from seatrial.base.errors import CampaignError, SeatrialError, TrialError, nearest
 from seatrial.base.file_names import no_file
 from seatrial.identification.fitted import Fitted
+from seatrial.scoring.windows import default_input
 from seatrial.sensors.sensor import TYPICAL
-from seatrial.trial.windows import default_input
 from seatrial.verification.campaign import requirement_of, sensors_of_table
 from seatrial.verification.mission_log.judge_log import judge_log
 from seatrial.verification.mission_log.log import MissionLog, thinned

@@ -22,8 +22,8 @@ from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import SimulationError
 from seatrial.base.progress import Clock
 from seatrial.identification.fitted import Fitted
+from seatrial.inspect.verdict import blind, judge_trial
 from seatrial.trial.trial import Trial
-from seatrial.trial.verdict import blind, judge_trial
 from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
 from seatrial.verification.mission_log.contradiction import Contradiction, contradictions
 from seatrial.verification.mission_log.log import MissionLog, offsets_of

@@ -24,9 +24,9 @@ from seatrial._core import initial_names
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import TrialError
-from seatrial.trial.record import Record, Replay, restarted
+from seatrial.scoring.record import Record, Replay, restarted
+from seatrial.scoring.windows import default_input, predict, windows
 from seatrial.trial.trial import Input
-from seatrial.trial.windows import default_input, predict, windows
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

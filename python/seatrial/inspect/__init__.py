@@ -1,0 +1,3 @@
+"""What a log can tell: consistency, manoeuvres, kind of data, feedback, waves, wiring, verdict per axis."""
+
+from __future__ import annotations

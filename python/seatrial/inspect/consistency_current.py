@@ -1,0 +1,343 @@
+"""A slow current from velocity over ground, as a random walk of its north and east components.
+
+With the velocity through the water ``R (v_ground - v_water) = c`` is measured directly. Without it legs and
+turns over several headings tell it: under a held propeller command, or a held thrust (by its root), the
+hull's motion through the water follows the yaw rate alone,
+``u = a n + f(r^2) + (1 - k) cos theta (cos psi c_n + sin psi c_e)`` and
+``v = b + g(r) - sin psi c_n + cos psi c_e``, with n the propeller's command (one where none is logged), b
+the sensor's own sway, and f and g sums of the yaw rate through first-order lags. The share k of the current
+that the speed over ground does not follow is zero for a propeller alone and towards one under a speed
+control over ground. Current and coefficients are linear least squares with a random walk between knots; its
+intensity, k and the noises of straight and turning parts are those of the greatest marginal likelihood.
+Parts without way or where it is gained are left out: there a hull is slower than its thrust says.
+Held by ``tests/inspect/test_consistency.py``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import DEGREE
+from seatrial.inspect.consistency_result import SlowCurrent
+from seatrial.statistics.blocks import lag_one_correlation, variance_inflation
+from seatrial.trial.kinematics import Channels, earth_velocity
+
+_PART_S, _MOST_PARTS = 2.0, 10_000  # samples are averaged over so long, longer in a log of many hours
+
+_KNOT_S, _MOST_KNOTS = 60.0, 120  # the current runs linearly between knots, further apart in such a log
+
+_SETTLED_S = 15.0  # a leg is straight so long after a turn
+
+_STRAIGHT = 1.0 * DEGREE  # per s: faster is a turn
+
+_WAVES_S = 3.0  # the yaw rate is averaged over, lest waves count as turns
+
+_STEADY = 0.02  # relative change of the propeller's command within the time to settle
+
+_NO_WAY, _UNDER_WAY, _AHEAD_S = 0.5, 0.95, 60.0
+"""Below the first part of the median speed a hull has no way. It is under way once it reaches the second part
+of the median speed of the seconds that follow."""
+
+_LAGS_S = (0.0, 2.0, 6.0)  # of the hull behind its yaw rate
+
+_WIDEST = 0.10  # m/s: a current that is less certain on average is not told
+
+_FEWEST = 50  # parts
+
+_START, _WALK = 1.0, 3e-3  # m/s: prior deviations of the current, and of its change in a minute
+
+_SWAY = 0.05  # m/s: prior deviation of the sensor's own sway, a degree at three m/s
+
+_HELD_S, _FOLDS = 60.0, 5  # blocks of time that are predicted from the others, by turns
+
+_HULL_S = 6.0  # by which the speed of a hull follows its propeller
+
+_SHARE = 0.3  # prior deviation of the share k
+
+
+def slow_current(channels: Channels) -> SlowCurrent | str:
+    """Current over time, or the reason why the log does not tell it."""
+    have = set(channels.curves)
+    if "yaw" not in have or not {"u", "v"} <= have:
+        return "the current needs heading and both horizontal velocities over ground"
+    names = ("u", "v", "w", "roll", "pitch", "yaw")
+    water = {"u_water", "v_water"} <= have
+    used = (*names, *(("u_water", "v_water", "w_water") if water else ()))
+    grid = channels.grid(used, 2.0)
+    if grid is None:
+        return "the current needs velocity and heading at the same times"
+    t = grid.t
+    known = channels.known(used, t, {})
+    pitch, yaw = (channels.at(name, t, {}) for name in ("pitch", "yaw"))
+    ground = np.stack([channels.at(name, t, {}) for name in "uvw"], axis=1)
+    design = np.zeros((len(t), 2, 2))
+    if water:
+        through = np.stack([channels.at(f"{name}_water", t, {}) for name in "uvw"], axis=1)
+        if "w_water" not in have:
+            through[:, 2] = ground[:, 2]
+        measured = earth_velocity(channels.rotation(t), ground - through)[:, :2]
+        design[:, 0, 0] = design[:, 1, 1] = 1.0
+        legs = _Legs(t, known, np.zeros(len(t), bool), measured, design, np.zeros((len(t), 2, 0)), False)
+        return _told(legs, "velocity over ground less that through the water")
+    rate, course_rate = _rate(t, yaw, 0.5), _rate(t, yaw, _WAVES_S)
+    held, n, source = _held(channels, t)
+    known &= held & ~_gains_way(np.hypot(ground[:, 0], ground[:, 1]), known, t)
+    turning = _recently(np.abs(course_rate) > _STRAIGHT, t)
+    if (known & ~turning).sum() * grid.step < 2.0 * _SETTLED_S:
+        return "no straight leg under a held command: the current stays unknown"
+    if 1.0 - np.abs(np.mean(np.exp(1j * yaw[known]))) < 0.3:
+        return "legs in one heading only: a current cannot be told from the speed through the water"
+    design[:, 0, 0], design[:, 0, 1] = np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw)
+    design[:, 1, 0], design[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
+    turns = [_lagged(rate, lag, grid.step) for lag in _LAGS_S]
+    slowed = [_lagged(rate**2, lag, grid.step) for lag in _LAGS_S]
+    own = np.zeros((len(t), 2, 2 + 2 * len(_LAGS_S)))
+    own[:, 0, 0], own[:, 1, 1] = n, _SWAY
+    for k, (turn, slow) in enumerate(zip(turns, slowed, strict=True)):
+        own[:, 1, 2 + 2 * k], own[:, 0, 3 + 2 * k] = turn, slow
+    return _told(_Legs(t, known, turning, ground[:, :2], design, own, True), source)
+
+
+def _rate(t: Array, yaw: Array, over_s: float) -> Array:
+    """Yaw rate (n,), smoothed by a Gaussian of this deviation."""
+    from scipy.ndimage import gaussian_filter1d
+
+    step = float(t[1] - t[0])
+    return np.asarray(gaussian_filter1d(yaw, over_s / step, order=1) / step)
+
+
+def _gains_way(speed: Array, known: Mask, t: Array) -> Mask:
+    """Where the hull lies still, or gains way and does not yet move as its thrust says, (n,)."""
+    from scipy.ndimage import uniform_filter1d
+
+    step = float(t[1] - t[0])
+    speed = uniform_filter1d(speed, max(1, round(10.0 / step)))
+    still = known & (speed < _NO_WAY * np.median(speed[known])) if known.any() else ~known
+    settled, ahead = still.copy(), round(_AHEAD_S / step)
+    for end in np.flatnonzero(still[:-1] & ~still[1:]) + 1:
+        later = speed[end:] >= _UNDER_WAY * np.median(speed[end : end + ahead])
+        settled[end : end + int(np.argmax(later))] = True
+    return _recently(settled, t)
+
+
+def _recently(here: Mask, t: Array) -> Mask:
+    """Where it was so within the last seconds of settling, (n,)."""
+    from scipy.ndimage import maximum_filter1d
+
+    length = max(1, round(_SETTLED_S / float(t[1] - t[0])))
+    return np.asarray(maximum_filter1d(here.astype(np.uint8), length, origin=(length - 1) // 2)).astype(bool)
+
+
+def _lagged(x: Array, lag: float, step: float) -> Array:
+    """Signal (n,) behind a first-order lag of so many seconds."""
+    from scipy.signal import lfilter
+
+    if lag == 0.0:
+        return x
+    keep = np.exp(-step / lag)
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], x))
+
+
+def _held(channels: Channels, t: Array) -> tuple[Mask, Array, str]:
+    """Where the propeller's command is held (n,), the command with median one (n,), and the source."""
+    # A thrust holds the square of a speed, a revolution the speed itself.
+    inputs = {
+        name.removeprefix("cmd."): (c, 1.0) for name, c in channels.curves.items() if name[:4] == "cmd."
+    }
+    if "tau.X_n" in channels.curves:
+        inputs["thrust"] = (channels.curves["tau.X_n"], 0.5)
+    step, everywhere = float(t[1] - t[0]), np.ones(len(t), bool)
+    candidates: list[tuple[float, str, Array]] = []
+    for name, (curve, power) in inputs.items():
+        index = np.clip(np.searchsorted(curve.t, t, side="right") - 1, 0, len(curve.t) - 1)
+        values = np.abs(curve.values[index]) ** power
+        level = float(np.median(values))
+        # A propeller is never near zero for long; a rudder is.
+        if level > 0.0 and np.std(values) < 0.5 * level:
+            candidates.append((level, name, values / level))
+    # Revolutions and pulses are larger numbers than angles of a plane that is held up or down.
+    candidates.sort(key=lambda candidate: -candidate[0])
+    for _, name, n in candidates:
+        still = ~_recently(np.abs(np.gradient(n, t)) * _SETTLED_S > _STEADY, t)
+        if np.mean(still) > 0.5:
+            return still, n, f"legs and turns at held {name}"
+    if candidates:
+        _, name, n = candidates[0]
+        return everywhere, _lagged(n, _HULL_S, step), f"legs, turns and the command of {name}"
+    return everywhere, np.ones(len(t)), "legs and turns at an assumed constant thrust"
+
+
+@dataclass(frozen=True)
+class _Legs:
+    """Velocities (n, 2) as `design` (n, 2, 2) times the current plus `own` (n, 2, k) times constants."""
+
+    t: Array
+    known: Mask
+    turning: Mask
+    measured: Array
+    design: Array
+    own: Array
+    shared: bool
+
+
+def _told(legs: _Legs, source: str) -> SlowCurrent | str:
+    """Current of the greatest marginal likelihood, or why it is not told."""
+    from scipy.optimize import minimize
+
+    parts = _averaged(legs)
+    if parts is None:
+        return "too few samples of legs under a held command: the current stays unknown"
+    start = np.array([np.log(_WALK), *np.log([0.02, 0.02, 0.05, 0.05]), 0.0])
+    used = start.size if legs.shared else 3
+    options = {"xatol": 0.02, "fatol": 0.05, "maxfev": 400}
+    best, least = start, np.inf
+    # The likelihood may have one maximum where the propeller explains the speed and one where k does.
+    for share in (0.0, 0.5) if legs.shared else (0.0,):
+        first = np.append(start[:-1], share)
+        simplex = np.vstack([first[:used], first[:used] + np.diag([1.0, 0.5, 0.5, 0.5, 0.5, 0.2][:used])])
+        result = minimize(
+            lambda x: parts.solve(np.append(x, start[used:]))[0],
+            first[:used],
+            method="Nelder-Mead",
+            options=options | {"initial_simplex": simplex},
+        )
+        if result.fun < least:
+            best, least = np.append(result.x, start[used:]), float(result.fun)
+    _, current, sd = parts.solve(best)
+    if legs.shared:
+        sd = np.hypot(sd, parts.by_share(best))
+    wide = float(np.sqrt(np.mean(sd**2)))
+    if wide > _WIDEST:
+        return f"the current stays unknown: {source} leave it uncertain by {wide:.2f} m/s"
+    return SlowCurrent(
+        parts.knots,
+        current,
+        sd,
+        source,
+        parts.predicted(best, current=False),
+        parts.predicted(best, current=True),
+    )
+
+
+def _averaged(legs: _Legs) -> _Parts | None:
+    """Means over parts of time that are known for the most part."""
+    part_s = max(_PART_S, float(legs.t[-1] - legs.t[0]) / _MOST_PARTS)
+    part = ((legs.t - legs.t[0]) / part_s).astype(int)
+    count = int(part.max()) + 1
+    number = np.bincount(part[legs.known], minlength=count)
+    whole = number >= 0.5 * part_s / (legs.t[1] - legs.t[0])
+    if whole.sum() < _FEWEST:
+        return None
+
+    def mean(y: Array) -> Array:
+        flat = y[legs.known].reshape(int(legs.known.sum()), -1)
+        sums = np.zeros((count, flat.shape[1]))
+        for k, column in enumerate(flat.T):
+            sums[:, k] = np.bincount(part[legs.known], column, count)
+        return np.asarray(
+            (sums / np.maximum(number, 1)[:, None])[whole].reshape(int(whole.sum()), *y.shape[1:])
+        )
+
+    t = mean(legs.t[:, None])[:, 0]
+    places = min(round((t[-1] - t[0]) / _KNOT_S) + 1, _MOST_KNOTS)
+    knots = np.linspace(t[0], t[-1], max(2, places))
+    turning = mean(legs.turning[:, None].astype(float))[:, 0] > 0.5
+    return _Parts(t, knots, turning, mean(legs.measured), mean(legs.design), mean(legs.own))
+
+
+class _Parts:
+    """Averaged measurements and their linear model in the current's knots and the constants."""
+
+    def __init__(self, t: Array, knots: Array, turning: Mask, y: Array, design: Array, own: Array) -> None:
+        from scipy.sparse import csr_array
+
+        self.t, self.knots, self.turning, self.y = t, knots, turning, y
+        place = np.interp(t, knots, np.arange(len(knots)))
+        before = np.minimum(place.astype(int), len(knots) - 2)
+        hat = np.zeros((len(t), len(knots)))
+        hat[np.arange(len(t)), before] = 1.0 - (place - before)
+        hat[np.arange(len(t)), before + 1] = place - before
+        # Columns: north at the knots, east at the knots, constants; rows: both velocities of a part.
+        self.current = np.concatenate([design[:, :, i, None] * hat[:, None, :] for i in range(2)], axis=2)
+        self.own = own
+        # A part is tied to two knots and the constants: the rows of both are mostly zeros.
+        self._rows = csr_array(np.concatenate([self.current, own], axis=2).reshape(2 * len(t), -1))
+
+    def solve(self, x: Array) -> tuple[float, Array, Array]:
+        """Negative log marginal likelihood, current (m, 2) and deviations (m, 2) for the hyperparameters.
+
+        `x`: logarithms of the walk per minute and of the noise of both velocities on legs and in turns, m/s,
+        and the share k.
+        """
+        walk = np.exp(np.clip(x[0], -12.0, 0.0))
+        noise = np.exp(np.clip(x[1:5], -9.0, 1.0)).reshape(2, 2)
+        y, m = self.y, len(self.knots)
+        flat, target = self._rows.copy(), y.ravel()
+        along = np.repeat(np.arange(flat.shape[0]) % 2 == 0, np.diff(flat.indptr))
+        flat.data *= 1.0 - x[5] * (along & (flat.indices < 2 * m))
+        sigma = np.where(self.turning[:, None], noise[1], noise[0]).ravel()
+        prior = self._prior(walk, flat.shape[1])
+        weight = 1.0 / sigma**2
+        solution = np.zeros(flat.shape[1])
+        for _ in range(3):  # Huber's weights: a part with a jerk counts as one three deviations off
+            weighted = flat.multiply(weight[:, None]).T
+            normal = (weighted @ flat).toarray() + prior
+            solution = np.linalg.solve(normal, weighted @ target)
+            error = np.abs(target - flat @ solution) / sigma
+            weight = 1.0 / sigma**2 / np.maximum(error / 3.0, 1.0)
+        loss = float(np.sum(np.where(error < 3.0, 0.5 * error**2, 3.0 * error - 4.5)))
+        cost = loss + float(np.sum(np.log(sigma))) + 0.5 * float(solution @ prior @ solution)
+        cost += 0.5 * float(np.linalg.slogdet(normal)[1] - np.linalg.slogdet(prior)[1])
+        # A current walks slowly: half of the intensities are below 3 mm/s a minute (log-normal prior).
+        cost += 0.5 * ((x[0] - np.log(_WALK)) / 1.0) ** 2 + 0.5 * (x[5] / _SHARE) ** 2
+        # Neighbouring parts share waves and what the hull's model misses.
+        residual = (target - flat @ solution).reshape(y.shape) / sigma.reshape(y.shape)
+        memory = max(lag_one_correlation(residual[:, i], most=0.95) for i in range(2))
+        variance = np.diag(np.linalg.inv(normal))[: 2 * m] * variance_inflation(memory)
+        return cost, solution[: 2 * m].reshape(2, m).T, np.sqrt(variance).reshape(2, m).T
+
+    def predicted(self, x: Array, *, current: bool) -> tuple[float, float]:
+        """Root mean square error of both velocities, m/s, each block of time predicted from the others."""
+        own, m = self.own, len(self.knots)
+        walk = np.exp(np.clip(x[0], -12.0, 0.0))
+        sigma = np.exp(np.clip(x[1:5], -9.0, 1.0)).reshape(2, 2)[self.turning.astype(int)]
+        design = own
+        if current:
+            design = np.concatenate([self.current, own], axis=2)
+            design[:, 0, : 2 * m] *= 1.0 - x[5]
+        prior = self._prior(walk, 2 * m + own.shape[2])
+        prior = prior if current else prior[2 * m :, 2 * m :]
+        block = ((self.t - self.t[0]) // _HELD_S).astype(int)
+        error = self.y.copy()  # as it is where nothing predicts it
+        for fold in range(_FOLDS if design.shape[2] else 0):
+            held = block % _FOLDS == fold
+            a = (design / sigma[:, :, None])[~held].reshape(-1, design.shape[2])
+            b = (self.y / sigma)[~held].ravel()
+            error[held] = self.y[held] - design[held] @ np.linalg.solve(a.T @ a + prior, a.T @ b)
+        north, east = np.sqrt(np.mean(error**2, axis=0))
+        return float(north), float(east)
+
+    def by_share(self, x: Array) -> Array:
+        """What the uncertainty of the share k adds to the current's deviations, (m, 2)."""
+        step = np.zeros_like(x)
+        step[5] = 0.1
+        (more, above, _), (cost, _, _), (less, below, _) = (self.solve(y) for y in (x + step, x, x - step))
+        curvature = (more - 2.0 * cost + less) / step[5] ** 2
+        sd = 1.0 / np.sqrt(max(curvature, 1.0 / _SHARE**2))
+        return np.asarray(np.abs(above - below) / (2.0 * step[5]) * sd)
+
+    def _prior(self, walk: float, size: int) -> Array:
+        """Information of the random walk from a wide start, and of constants that are hardly known."""
+        m = len(self.knots)
+        steps = np.diff(np.eye(m), axis=0)
+        interval = float(self.knots[1] - self.knots[0])
+        steady = steps.T @ steps / (walk**2 * interval / 60.0)
+        steady[0, 0] += 1.0 / _START**2
+        prior = np.eye(size) * 1e-4
+        prior[:m, :m], prior[m : 2 * m, m : 2 * m] = steady, steady
+        if size > 2 * m:
+            prior[2 * m + 1, 2 * m + 1] = 1.0  # sway in units of its prior deviation
+        return prior

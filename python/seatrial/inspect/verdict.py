@@ -1,0 +1,365 @@
+"""Whether a recording can tell how the vehicle answers its commands, axis by axis.
+
+An autopilot in waves moves its actuators because the vehicle moves. Cause and effect are then exchanged: a
+fit finds the controller's inverse in place of the vehicle (Soderstrom and Ljung 1989, section 10). What tells
+the vehicle is the part of the command that no measurement foretells: steps of set points, a dither, limits.
+
+The commands that push an axis are one signal ``c = sum_i (dtau / dcommand_i) command_i`` from the vehicle's
+wrench; where no command is recorded, its component of the recorded wrench. Two regressions follow (the
+two-stage method of Van den Hof and Schrama, *Automatica* 29 (1993) 1523):
+
+1. each change of c from its own past changes and those of all measurements; what is left, e, is exogenous;
+2. the axis' velocity from the past 30 s of e.
+
+The part of the velocity's variance that the second explains, on blocks of time outside both fits, is
+the share that the exogenous command drives. Below `TOLD` of a closed loop in waves the axis is dominated by
+feedback. Regressions are robust: a set point's step is an outlier of the first and must not bend it.
+
+An axis without a command or with an open loop is never dominated. Where no waves are seen the share is less
+sure, for answers to steps of a set point are less linear than those to waves: there only a share below
+`NOTHING` counts, in a log that is long enough. Held by ``tests/inspect/test_verdict.py``; derivation and
+limits: ``docs/theory/feedback.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
+from seatrial.inspect.feedback import explained, prediction_errors
+from seatrial.inspect.waves import waves
+from seatrial.trial.mixer import WRENCH
+from seatrial.vehicle.actuators import actuator_groups, pushes
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+
+TOLD = 0.45
+"""Share of the velocity's variance from which the exogenous command tells the vehicle.
+
+Straight missions in waves of 5 to 14 s show 0.28 at most. Dithers that drove 0.6 and more and depth steps
+that drove 0.4 to 0.7 told the planes' gain within 3 %, small dithers of 0.4 were up to 15 % wrong.
+"""
+
+REPLAYED = 0.7
+"""Share from which a replay of commands that answer waves, without the waves, judges a model."""
+
+NOTHING = 0.05
+"""Share below which it does not, whether or not waves were seen, in a log of five minutes and more."""
+
+_PARTLY, _IN_WAVES = 0.1, 0.3
+"""Part of a command that measurements foretell, and its share of power at wave frequencies, from which an
+axis that passes as open answers waves all the same: preset commands have neither together."""
+
+_DRAG = ("X_u", "X_uu", "Y_v", "Y_vv", "Z_w", "Z_ww")
+_TRIAL = (
+    "run seatrial plan with the campaign of this log: it proposes a dither on top of the autopilot that makes"
+    " the axis identifiable"
+)
+_LONG_S = 300.0  # shorter logs do not tell so small a share from chance
+_WAY = 3.0  # robust deviations of the velocity
+
+_MAIN = 0.1  # of the actuator's largest force or moment
+_LEAST_LEVER_M = 0.03
+
+_RATE_HZ = 5.0  # of the regressions
+_OWN, _SEEN = 16, 10  # past samples of the command and of each measurement
+_ANSWER_S, _FINE = 30.0, 20  # how long the velocity may answer, and how many lags of it are single samples
+_COARSE = 4
+_SETTLED = 100  # samples at the start that are left out
+_OUTLIER, _TALL = 3.0, 5.0  # robust deviations of the command's change, deviations of a regressor
+_BAND = 1.35
+_SEEN_CHANNELS = ("yaw", "pitch", "roll", "z", "u", "v", "w", "p", "q", "r")
+
+Kind = Literal["open", "closed and informative", "feedback-dominated"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a recording tells how an axis answers its commands.
+
+    Attributes
+    ----------
+    axis
+        Letter among ``XYZKMN``.
+    kind
+        "open", "closed and informative" or "feedback-dominated".
+    commands
+        Actuators that push the axis, or the column of the wrench.
+    explained
+        Part of the command's unpredicted variance that past measurements foretell.
+    told
+        Share of the velocity's variance that the exogenous part of the command drives; NaN in an open loop.
+    wave_share
+        Share of the command's variance at wave frequencies; NaN without waves.
+    wave_period_s
+        Of the waves; NaN without.
+    under_way
+        Whether the vehicle keeps its way along the axis: the mean thrust then tells the drag.
+    """
+
+    axis: str
+    kind: Kind
+    commands: tuple[str, ...]
+    explained: float
+    told: float
+    wave_share: float
+    wave_period_s: float
+    under_way: bool = False
+
+    @property
+    def dominated(self) -> bool:
+        """Whether no gain of this axis can be told from the recording."""
+        return self.kind == "feedback-dominated"
+
+    @property
+    def answers_waves(self) -> bool:
+        """Whether the commands of an axis that passes as open answer waves in part."""
+        return self.kind == "open" and self.explained > _PARTLY and self.wave_share > _IN_WAVES
+
+    @property
+    def trial(self) -> str:
+        """The trial that tells a dominated axis; empty where none is needed."""
+        return _TRIAL if self.dominated else ""
+
+    @property
+    def sentence(self) -> str:
+        """The verdict with its evidence, and the remedy where there is one."""
+        return f"{self.why}. {self.trial[0].upper()}{self.trial[1:]}" if self.dominated else self.why
+
+    @property
+    def why(self) -> str:
+        """The verdict with its evidence."""
+        who = f"{MOTIONS[self.axis]} ({self.axis})"
+        if self.kind == "open":
+            return f"{who} is in open loop: no feedback was detected in its commands"
+        share = f"{100.0 * max(self.told, 0.0):.0f} % of the motion"
+        if self.kind == "closed and informative":
+            waves = "" if math.isfinite(self.wave_period_s) else ", and no waves were seen"
+            return (
+                f"{who} is in closed loop but informative: commands independent of feedback drive"
+                f" {share}{waves}"
+            )
+        by = f" in waves of {self.wave_period_s:.1f} s" if math.isfinite(self.wave_period_s) else ""
+        verb = "follows" if len(self.commands) == 1 else "follow"
+        return (
+            f"{who} is dominated by feedback: {', '.join(self.commands)} {verb} the motion{by}, and"
+            f" commands independent of feedback drive only {share}; this log does not determine how the axis"
+            " responds"
+        )
+
+
+def judge(trials: Sequence[Trial], vehicle: Vehicle) -> dict[str, Verdict]:
+    """Verdict per axis on several trials, the worst first: the best trial decides for an axis.
+
+    Parameters
+    ----------
+    trials
+        Each on its uniform time base.
+    vehicle
+        Says which axis an actuator pushes, and with which sign.
+    """
+    return best([judge_trial(trial, vehicle) for trial in trials])
+
+
+def best(judged: Iterable[Mapping[str, Verdict]]) -> dict[str, Verdict]:
+    """The best verdict per axis of several trials, the worst axis first."""
+    best_of: dict[str, Verdict] = {}
+    for verdicts in judged:
+        for axis, verdict in verdicts.items():
+            kept = best_of.get(axis)
+            if kept is None or _order(verdict) > _order(kept):
+                best_of[axis] = verdict
+    return {
+        axis: best_of[axis]
+        for axis in sorted(best_of, key=lambda axis: (_order(best_of[axis]), AXES.index(axis)))
+    }
+
+
+def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
+    """Verdict per axis that recorded inputs push and whose velocity was recorded, the worst first."""
+    stride = max(1, math.ceil(1.0 / (_RATE_HZ * trial.dt) - 0.01))
+    seen = {
+        c: _mean(y, stride) for c in _SEEN_CHANNELS if (y := trial.filled(c)) is not None and y.std() > 0.0
+    }
+    swell = waves(trial)
+    verdicts = {}
+    pushed = pushed_by(vehicle)
+    recorded = any(name in trial.commands for name in vehicle.actuators)
+    for index, axis in enumerate(AXES):
+        channel, slopes = VELOCITIES[index], pushed.get(axis, {})
+        used = {name: slope for name, slope in slopes.items() if name in trial.commands}
+        moving = tuple(name for name in used if np.ptp(trial.commands[name]) > 0.0)
+        command = sum((used[name] * trial.commands[name] for name in moving), np.zeros(len(trial)))
+        if trial.tau is not None and not recorded:
+            moving, command = (WRENCH[index],), trial.tau[:, index]
+        if channel not in seen or np.ptp(command) <= 1e-9 * np.abs(command).max(initial=0.0):
+            continue
+        follows = explained(trial, command)
+        closed = follows.closed
+        independent = wave_share = period = math.nan
+        if swell is not None:
+            period = swell.period_s
+            wave_share = _share(command, trial.dt, period)
+        kind: Kind = "closed and informative" if closed else "open"
+        if closed:
+            independent = _told(_mean(command, stride), seen, channel, stride * trial.dt)
+            unseen = NOTHING if len(trial) * trial.dt >= _LONG_S else -math.inf
+            if independent < (unseen if swell is None else TOLD):
+                kind = "feedback-dominated"
+        way = axis in AXES[:3] and _under_way(seen[channel])
+        verdicts[axis] = Verdict(axis, kind, moving, follows.explained, independent, wave_share, period, way)
+    return {a: verdicts[a] for a in sorted(verdicts, key=lambda a: (_order(verdicts[a]), AXES.index(a)))}
+
+
+def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
+    """Letters of the axes on which a replay of a trial's commands judges no model, for they answer waves.
+
+    In waves those that feedback dominates and those that are informative by less than `REPLAYED`: a gain can
+    be found there, by a method that knows of the loop, and the true vehicle fails a replay. So it does where
+    a loop passes as open because it uses what was not logged. Sway and heave that no command pushes ride on
+    yaw and pitch, and are blind where these are.
+
+    Parameters
+    ----------
+    verdicts
+        Of `judge_trial`.
+    waves
+        Whether waves were found otherwise, where the spectra show none.
+    """
+    axes = {
+        axis
+        for axis, verdict in verdicts.items()
+        if (waves or math.isfinite(verdict.wave_period_s))
+        and (verdict.dominated or verdict.told < REPLAYED or verdict.answers_waves)
+    }
+    axes |= {axis for axis, on in (("Y", "N"), ("Z", "M")) if on in axes and axis not in verdicts}
+    return "".join(axis for axis in AXES if axis in axes)
+
+
+def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehicle) -> dict[str, list[str]]:
+    """By dominated axis: those coefficients that only this axis and others like it could tell.
+
+    With a gain held at its true value the damping and lift of the axis come out wrong by factors all the
+    same, for the loop shapes the motion that would tell them. Drag along an axis on which the vehicle keeps
+    its way is told: the mean thrust, with the vehicle file's gain, balances it. It would tell the buoyancy
+    ``B``, too, but in waves that of two generated logs of an ROV was 2 N off, six of its standard deviations:
+    the hidden motion of heave through the water tells it, by Munk moments of roll and pitch.
+
+    Parameters
+    ----------
+    names
+        Of coefficients: ``M_q``, ``planes.C_La``, by actuator or group.
+    verdicts
+        Of `judge`.
+    """
+    dominated = [axis for axis, verdict in verdicts.items() if verdict.dominated]
+    actuators = {member: group for group, own in actuator_groups(vehicle).items() for member in own}
+    lost: dict[str, list[str]] = {}
+    for name in names if dominated else ():
+        owner, dot, _ = name.partition(".")
+        if dot:
+            # An actuator that drives any other axis can be told there.
+            drives = {
+                axis
+                for axis, verdict in verdicts.items()
+                for actuator in verdict.commands
+                if owner in (actuator, actuators[actuator])
+            }
+        else:
+            drives = {"Z"} if name == "B" and _in_waves(verdicts.get("Z")) else {name[0]}
+            if name in _DRAG and name[0] in verdicts and verdicts[name[0]].under_way:
+                continue
+        if drives and drives <= set(dominated):
+            # Fins and propellers that turn the vehicle roll it, too, and roll is no reason to name them.
+            axis = min(drives, key=lambda driven: (driven == "K", dominated.index(driven)))
+            lost.setdefault(axis, []).append(name)
+    return lost
+
+
+def pushed_by(vehicle: Vehicle) -> dict[str, dict[str, float]]:
+    """By axis: actuators that push it and their force or moment per unit of command, N or N m.
+
+    Forces below a tenth of the actuator's largest count as none, moments with a lever below 3 cm too. A fin
+    serves by its moment: its side force drives a motion that waves and turns drive far more.
+    """
+    slopes: dict[str, dict[str, list[float]]] = {}
+    facts = vehicle.actuator_info()
+    for push in pushes(vehicle):
+        first = 3 if facts[push.actuator]["kind"] == "fin" else 0
+        wrench = np.asarray(push.wrench)
+        force, moment = float(np.abs(wrench[:3]).max()), float(np.abs(wrench[3:]).max())
+        for index, axis in enumerate(AXES):
+            size, largest = abs(wrench[index]), force if index < 3 else moment
+            if index >= first and size > _MAIN * largest and (index < 3 or size > _LEAST_LEVER_M * force):
+                slopes.setdefault(axis, {}).setdefault(push.actuator, []).append(
+                    float(wrench[index]) / push.step
+                )
+    return {a: {name: float(np.mean(s)) for name, s in slopes[a].items()} for a in AXES if a in slopes}
+
+
+def _in_waves(verdict: Verdict | None) -> bool:
+    return verdict is not None and math.isfinite(verdict.wave_period_s)
+
+
+def _order(verdict: Verdict) -> int:
+    return ("feedback-dominated", "closed and informative", "open").index(verdict.kind)
+
+
+def _under_way(velocity: Array) -> bool:
+    """Whether the vehicle moves one way all along."""
+    middle = float(np.median(velocity))
+    return abs(middle) > _WAY * 1.4826 * float(np.median(np.abs(velocity - middle)))
+
+
+def _mean(y: Array, stride: int) -> Array:
+    """Means of `stride` samples each."""
+    count = len(y) // stride
+    return np.asarray(y[: count * stride].reshape(count, stride).mean(axis=1))
+
+
+def _share(command: Array, dt: float, period_s: float) -> float:
+    """Share of a command's variance at wave frequencies."""
+    from scipy.signal import welch
+
+    f, power = welch(command, 1.0 / dt, nperseg=min(len(command), round(100.0 / dt)), detrend="linear")
+    inside = (f > 1.0 / (period_s * _BAND)) & (f < _BAND / period_s)
+    return float(power[inside].sum() / power[1:].sum())
+
+
+def _told(command: Array, seen: dict[str, Array], channel: str, dt: float) -> float:
+    """Share of a velocity's variance that the exogenous part of its command drives."""
+    usable = np.arange(len(command)) >= _SETTLED
+    if usable.sum() < 2 * _SETTLED:
+        return math.nan
+    velocity = seen[channel]
+    change = np.diff(command, prepend=command[0])
+    past = [_lags(change, range(1, _OWN))]
+    past += [_lags(np.diff(m, prepend=m[0]), range(_SEEN)) for m in seen.values()]
+    regressors = np.hstack(past)
+    limit = _OUTLIER * 1.4826 * float(np.median(np.abs(change)))
+    if limit > 0.0:
+        tall = _TALL * regressors.std(axis=0)
+        clipped = np.clip(change, -limit, limit)
+        # The part that was clipped is a step of a set point: exogenous as a whole.
+        exogenous = prediction_errors(np.clip(regressors, -tall, tall), clipped, usable) + change - clipped
+    else:
+        exogenous = prediction_errors(regressors, change, usable)
+    coarse = np.convolve(exogenous, np.ones(_COARSE) / _COARSE)[: len(exogenous)]
+    late = range(_FINE, round(_ANSWER_S / dt), _COARSE)
+    answer = np.hstack([_lags(exogenous, range(_FINE)), _lags(coarse, late)])
+    error = prediction_errors(answer, velocity, usable)
+    whole = float(np.var(velocity[usable]))
+    return 1.0 - float(np.var(error[usable])) / whole if whole > 0.0 else math.nan
+
+
+def _lags(y: Array, lags: range) -> Array:
+    """Earlier samples (n, k)."""
+    return np.column_stack([np.concatenate([np.zeros(k), y[: len(y) - k]]) for k in lags])

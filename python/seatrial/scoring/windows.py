@@ -1,0 +1,405 @@
+"""Windows: parts of a trial that a model is simulated in from the measured state, and its errors there.
+
+A window starts at the smoothed measured state; its first sample and masked ones do not count. Angles are
+compared along the shorter way round. The step is halved until the simulated velocities no longer change: an
+error is the model's, not the step's. Held by ``tests/scoring/test_score.py``.
+
+A model from elsewhere is a table of times and channels (`Predictions`), to be scored beside ours. The table
+has stamps of its own. At the samples of a trial a channel is read off linearly, angles the shorter way
+round, and only between stamps that are no gap apart. Units come from the header: canonical names
+(``u_m_s``, ``yaw_deg``), or a channel's name with its unit (``u [knot]``, ``yaw [rad]``). A column
+``trial`` tells the trials apart. Held by ``tests/scoring/test_predictions.py``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial._core import nuisance_names
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import ANGLES, CHANNELS, deviations, difference
+from seatrial.base.errors import TrialError, nearest
+from seatrial.logs.stamps import usual_interval
+from seatrial.scoring.record import Record, Replay, cut_spans, restarted
+from seatrial.trial.columns import GROUPS, columns_of, parse
+from seatrial.trial.readers import FORMATS, Recording, read_table
+from seatrial.trial.resampling import own_samples
+from seatrial.trial.signals import RecordingReport
+from seatrial.trial.table import signals, time_base
+from seatrial.trial.trial import Input, Trial
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+
+REPLAYED = "replayed"
+"""What a table shows in place of the R2 of a channel whose axis follows the recording."""
+
+BLIND = "feedback"
+"""What a table shows in place of the R2 of a channel on whose axis commands answer waves."""
+
+
+_CONVERGED = 5e-3  # change by halving the step, in standard deviations of the simulated velocity
+
+_MOST_SUBSTEPS = 64  # per sample, within which the simulation must have converged
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Samples `start` to `stop` (exclusive) of a trial and the channels simulated there (n, 12), SI.
+
+    With ``own_stamps`` it is compared at the stamps of each sensor instead of the trial's time base.
+    """
+
+    trial: Trial
+    start: int
+    stop: int
+    simulated: Array
+    own_stamps: bool = False
+
+    def compared(self, channel: str) -> tuple[Array, Array]:
+        """Simulated and measured samples (m,) of a channel that count, SI: not the first, no masked one."""
+        k = CHANNELS.index(channel)
+        if self.own_stamps and channel in self.trial.samples:
+            times = self.trial.t[self.start : self.stop]
+            t, y = self.trial.samples[channel]
+            inside = (t > times[0]) & (t <= times[-1])
+            track = self.simulated[:, k]
+            with np.errstate(invalid="ignore"):  # a simulation that diverged
+                path = np.unwrap(track) if channel in ANGLES else track
+            return np.interp(t[inside], times, path), y[inside]
+        samples = slice(self.start + 1, self.stop)
+        counted = self.trial.valid[samples, k]
+        return self.simulated[1:, k][counted], self.trial.observed[samples, k][counted]
+
+
+@dataclass(frozen=True)
+class ChannelScore:
+    """Score of one channel: R2, mean absolute and root mean square error in SI, number of samples.
+
+    Of a ``replayed`` channel they say nothing of the vehicle: its axis follows the recording. A ``blind``
+    channel has none (NaN, no samples): in all of the trials the commands of its axis answer waves.
+    """
+
+    r2: float
+    mae: float
+    rmse: float
+    n: int
+    replayed: bool = False
+    blind: bool = False
+
+    @property
+    def text(self) -> str:
+        """R2 in three decimals, or why there is none."""
+        return BLIND if self.blind else REPLAYED if self.replayed else score_text(self.r2)
+
+
+def windows(
+    trial: Trial, ahead_s: float, *, start_s: float | None = None, stop_s: float | None = None
+) -> tuple[list[tuple[int, int]], int, int]:
+    """Windows (start, stop) in samples, one following the other, and how many start late or are left out.
+
+    A window starts at a sample where it may (`Trial.startable`), the next one where the last one ended.
+
+    Raises
+    ------
+    TrialError
+        If none can start, or the start is not before the stop.
+    """
+    if start_s is not None and stop_s is not None and not start_s < stop_s:
+        raise TrialError(
+            f"{trial.name}: start_s, stop_s: expected a start before the stop, found {start_s:g} s and"
+            f" {stop_s:g} s; exchange them"
+        )
+    first = 0 if start_s is None else int(np.searchsorted(trial.t, start_s - 1e-9))
+    last = len(trial) if stop_s is None else int(np.searchsorted(trial.t, stop_s - 1e-9))
+    length = last if np.isinf(ahead_s) else max(1, round(ahead_s / trial.dt))
+    spans = cut_spans(trial, first, last, length + 1)
+    planned = [first, *(stop - 1 for _, stop in spans)]
+    late = sum(start > plan for (start, _), plan in zip(spans, planned, strict=False))
+    starts = [*(start for start, _ in spans), last - 1]
+    left_out = sum((start - plan) // length for start, plan in zip(starts, planned, strict=True))
+    if not spans:
+        raise TrialError(
+            f"{trial.name}: no window can start from {trial.t[0] if start_s is None else start_s:g} s "
+            f"to {trial.t[-1] if stop_s is None else stop_s:g} s: every sample there is masked or outside "
+            f"the record; see the trial's report{''.join(f': {error}' for error in trial.report.errors[:1])}"
+        )
+    return spans, late, left_out
+
+
+def default_input(vehicle: Vehicle, trial: Trial) -> Input:
+    """What drives the vehicle in this trial: its commands, else measured signals, else the recorded wrench.
+
+    Raises
+    ------
+    TrialError
+        If none is recorded for this vehicle's actuators.
+    """
+    for name, recorded in (("commands", trial.commands), ("measured", trial.measured)):
+        if vehicle.actuators and all(actuator in recorded for actuator in vehicle.actuators):
+            return "commands" if name == "commands" else "measured"
+    if trial.tau is not None:
+        return "tau"
+    missing = [actuator for actuator in vehicle.actuators if actuator not in trial.commands]
+    raise TrialError(
+        f"{trial.name}: nothing drives the vehicle {vehicle.name}: expected commands of all its "
+        f"actuators, their measured signals or a wrench; no column cmd.{', cmd.'.join(missing)}"
+    )
+
+
+def predict(
+    vehicle: Vehicle,
+    trial: Trial,
+    spans: Sequence[tuple[int, int]],
+    *,
+    input: Input | None = None,
+    free: str = "XYZKMN",
+    measured: str = "",
+    nuisance: Mapping[str, float] | None = None,
+) -> list[Window]:
+    """Windows of a trial simulated from the smoothed state at their start, channels in SI.
+
+    The step of the record is halved until no velocity changes by more than 0.5 % of its standard deviation.
+    Nuisance parameters by name say what the record's sensors and the water add to the motion.
+
+    Raises
+    ------
+    TrialError
+        If the input or the supply voltage that the vehicle needs is not recorded.
+    """
+    chosen = input or default_input(vehicle, trial)
+    _check_inputs(vehicle, trial, chosen)
+    record = Record(trial, chosen, trial.valid)
+    replay = Replay(vehicle, (record,), tuple(restarted(trial, spans)), free=free, measured=measured)
+    row = np.array([[(nuisance or {}).get(name, 0.0) for name in nuisance_names()]])
+    result: list[Window] = []
+    substeps = 1
+    while substeps <= _MOST_SUBSTEPS:
+        tracks = replace(replay, substeps=substeps).simulated(nuisance=row)
+        coarser = result
+        result = [
+            Window(trial, start, stop, track) for (start, stop), track in zip(spans, tracks, strict=True)
+        ]
+        if coarser and _converged(coarser, result):
+            break
+        substeps *= 2
+    return result
+
+
+def _check_inputs(vehicle: Vehicle, trial: Trial, chosen: Input) -> None:
+    if chosen == "tau":
+        return
+    recorded = trial.commands if chosen == "commands" else trial.measured
+    column = "cmd" if chosen == "commands" else "meas"
+    missing = [actuator for actuator in vehicle.actuators if actuator not in recorded]
+    if missing:
+        raise TrialError(
+            f"{trial.name}: the vehicle {vehicle.name} has actuators without a recorded signal: "
+            f"{', '.join(missing)}; map the columns {column}.{missing[0]} ..."
+        )
+    tables = any(facts["needs_voltage"] for facts in vehicle.actuator_info().values())
+    if trial.voltage_v is None and tables:
+        raise TrialError(
+            f"{trial.name}: the thrust tables of the vehicle {vehicle.name} depend on the supply voltage, "
+            'which is not recorded; map the column voltage_v, or use input="tau"'
+        )
+
+
+def _converged(coarser: Sequence[Window], finer: Sequence[Window]) -> bool:
+    """Whether no simulated velocity changed noticeably; what diverges with every step counts as converged."""
+    a = np.concatenate([window.simulated[:, :6] for window in coarser])
+    b = np.concatenate([window.simulated[:, :6] for window in finer])
+    known = np.isfinite(a) & np.isfinite(b)
+    if not np.array_equal(np.isfinite(a), np.isfinite(b)):
+        return False
+    with np.errstate(over="ignore", invalid="ignore"):  # a simulation that is about to diverge
+        change = np.where(known, a - b, 0.0).std(axis=0)
+        return bool(np.all(change <= _CONVERGED * np.where(known, b, 0.0).std(axis=0) + 1e-12))
+
+
+def channel_errors(name: str, simulated: Sequence[Window]) -> tuple[list[Array], list[Array]]:
+    """Simulated minus measured, and measured minus the mean of all, (n,) per window and both in SI.
+
+    Only samples that count are among them: not the first one of a window, no masked one.
+    """
+    errors, measured = [], []
+    for window in simulated:
+        predicted, seen = window.compared(name)
+        measured.append(seen)
+        with np.errstate(invalid="ignore"):  # a simulation that diverged
+            errors.append(difference(predicted, seen, name))
+    if not any(len(part) for part in measured):
+        return errors, measured
+    ends = np.cumsum([len(part) for part in measured])
+    return errors, np.split(deviations(np.concatenate(measured), name), ends[:-1])
+
+
+def covered(simulated: Sequence[Window], channels: Sequence[str]) -> Mask:
+    """Windows (windows,) in which every sample that counts is predicted, in all of the channels."""
+    return np.array([
+        all(np.isfinite(window.compared(name)[0]).all() for name in channels) for window in simulated
+    ])
+
+
+def score_text(value: float) -> str:
+    """An R2 in three decimals, in short where it is far below zero, in words where there is none."""
+    if not math.isfinite(value):
+        return "none" if math.isnan(value) else "diverged"
+    return f"{value:.3f}" if value > -10.0 else f"{value:.0f}" if value > -1e5 else "diverged"
+
+
+_TIMES = ("t", "time", "timestamp")
+_GAP = 1.5  # times the usual interval
+_TRIAL = "trial"
+_BRACKETS = re.compile(r"\s*(.*?)\s*[\[(]([^\])]*)[\])]\s*$")
+
+Samples = Mapping[str, tuple[Array, Array]]
+"""Stamps in s (m,) and values in SI (m,) by channel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """What another model predicts, made by `read`.
+
+    Attributes
+    ----------
+    name, source
+        What to call it, and the file.
+    samples
+        By trial, "" for any, what is predicted: stamps in s and values in SI by channel.
+    """
+
+    name: str
+    source: str
+    samples: Mapping[str, Samples]
+
+    @classmethod
+    def read(
+        cls, source: Any, *, columns: Mapping[str, Any] | None = None, name: str | None = None
+    ) -> Predictions:
+        """Predictions from a table of text, a Parquet file or a frame.
+
+        Parameters
+        ----------
+        source
+            Path or frame. Time in s from the same start as the trial's, a column per channel.
+        columns
+            As for `Trial.read`, where the header does not say it.
+        name
+            What to call it; the file's stem when omitted.
+
+        Raises
+        ------
+        TrialError
+            The table cannot be read, a channel has no unit, or none is there.
+
+        Examples
+        --------
+        >>> t = np.arange(0.0, 2.0, 0.1)
+        >>> found = Predictions.read({"time": t, "u_m_s": t, "yaw_deg": 10.0 * t})
+        >>> list(found.samples[""])
+        ['u', 'yaw']
+        """
+        recording = read_table(source, columns=columns_of(columns))
+        table, file = recording.table, recording.file
+        parts: dict[str, pl.DataFrame] = {"": table}
+        if _TRIAL in table.columns:
+            parts = {
+                str(key[0]): part.drop(_TRIAL)
+                for key, part in table.partition_by(_TRIAL, as_dict=True, maintain_order=True).items()
+            }
+        read = {trial: _samples(recording._replace(table=part), columns) for trial, part in parts.items()}
+        return cls(name or Path(file).stem, file, read)
+
+    @property
+    def channels(self) -> list[str]:
+        """Channels that are predicted, in the order of `CHANNELS`."""
+        return [name for name in CHANNELS if any(name in samples for samples in self.samples.values())]
+
+    def on(self, trial: Trial) -> Array:
+        """Predictions at the samples of a trial, (n, 12) in SI; NaN where nothing is predicted.
+
+        Raises
+        ------
+        TrialError
+            The table is for other trials.
+        """
+        own = self.samples.get(trial.name, self.samples.get(""))
+        if own is None:
+            raise TrialError(
+                f'{self.source}: column {_TRIAL}: expected rows of the trial "{trial.name}", found those of'
+                f" {', '.join(self.samples)}{nearest(trial.name, self.samples)}"
+            )
+        track = np.full((len(trial), len(CHANNELS)), np.nan)
+        for channel, (t, y) in own.items():
+            track[:, CHANNELS.index(channel)] = _between(trial.t, t, y, channel)
+        return track
+
+
+def is_table(path: str) -> bool:
+    """Whether a name is that of a table of predictions, and not of a vehicle."""
+    return path.lower().endswith((*FORMATS["csv"], *FORMATS["parquet"]))
+
+
+def _samples(recording: Recording, columns: Mapping[str, Any] | None) -> Samples:
+    table, file, units, _ = recording
+    entries = _short_names(table.columns, units, file) | dict(columns or {})
+    sources = parse(entries, table.columns, file, units)
+    recording.refuse_twice(source.column for source in sources.values())
+    kept = {name: source for name, source in sources.items() if not name.startswith(("cmd.", "meas."))}
+    t = time_base(table, kept["t_s"], file)
+    known = signals(table, t, kept, file, RecordingReport(file)) if len(kept) > 1 else {}
+    samples = own_samples(known)
+    if not samples:
+        raise TrialError(
+            f"{file}: no channel is predicted; expected a column such as u_m_s, yaw_deg or u [m/s]"
+        )
+    return samples
+
+
+def _short_names(present: list[str], units: Mapping[str, str], file: str) -> dict[str, Any]:
+    """Column map of a header with plain names: a time, and channels with their units."""
+    canonical = {
+        channel: column
+        for group in GROUPS
+        for column, channel in zip(group.columns, group.channels, strict=True)
+        if channel in CHANNELS
+    }
+    entries: dict[str, Any] = {}
+    for column in present:
+        brackets = _BRACKETS.match(column)
+        name, unit = brackets.groups() if brackets else (column, units.get(column, ""))
+        if name.lower() in _TIMES and "t_s" not in present:
+            entries["t_s"] = {"from": column} | ({"unit": unit} if unit else {})
+        elif name in canonical and canonical[name] not in present:
+            if not unit:
+                raise TrialError(
+                    f'{file}: column "{column}": expected its unit in the header, "{name} [...]", or the'
+                    f" name {canonical[name]}"
+                )
+            entries[canonical[name]] = {"from": column, "unit": unit}
+    return entries
+
+
+def _between(at: Array, t: Array, y: Array, channel: str) -> Array:
+    """Values between stamps (m,) at other times (n,); NaN outside and in gaps."""
+    if len(t) < 2:
+        return np.full(len(at), np.nan)
+    rounding = 1e-6 * max(1.0, abs(float(t[-1])) * 1e-3)
+    path = np.unwrap(y) if channel in ANGLES else y
+    values = np.interp(at, t, path)
+    after = np.clip(np.searchsorted(t, at - rounding), 0, len(t) - 1)
+    before = np.clip(np.searchsorted(t, at + rounding, side="right") - 1, 0, len(t) - 1)
+    gap = t[after] - t[before] > _GAP * usual_interval(t)
+    outside = (at < t[0] - rounding) | (at > t[-1] + rounding)
+    return np.where(gap | outside, np.nan, values)
