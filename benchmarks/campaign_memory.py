@@ -19,7 +19,7 @@ ASKED = [
     st.Requirement("is complete", 'ending == "complete"', probability=0.99),
 ]
 
-WATER = {"current": {"speed_m_s": [0.0, 0.3]}, "coefficients": {"*_uu": 10.0, "stern.gain": 5.0}}
+WATER = {"current": {"speed_m_s": [0.0, 0.3]}}
 
 
 def verified(runs: int) -> None:
@@ -31,9 +31,10 @@ def verified(runs: int) -> None:
             "cwolf",
             [st.Mission.from_toml(MISSION)],
             requirements=ASKED,
-            settings=WATER,
+            water=WATER,
+            coefficients={"*_uu": 10.0, "stern.gain": 5.0},
             runs=runs,
-            run_dir=f"{folder}/run",
+            work=st.Work(run_dir=f"{folder}/run"),
         )
         print(found.report().good)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -19,8 +19,7 @@ from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.fleet import Fleet, fleet_of
 from seatrial.base.run import RunDirectory
 from seatrial.identification.fitted import Fitted
-from seatrial.verification.campaign import campaign_of, verified_campaign
-from seatrial.verification.missions import CHUNK, CampaignFlights, fly_series
+from seatrial.verification.missions import CHUNK, CampaignFlights, Flyer, fly_series
 
 MISSION = """
 format = 1
@@ -54,15 +53,14 @@ def flights() -> CampaignFlights:
     fitted = Fitted.of("cwolf", percent={"*_uu": 10.0, "stern.gain": 5.0})
     mission = st.Mission.from_toml(MISSION)
     water = {"current": {"speed_m_s": [0.0, 0.3]}}
-    asked = campaign_of(fitted.vehicle, [mission], requirements=(), settings=water, name=None, seed=1)
-    return verified_campaign(asked, fitted, "cwolf", runs=_RUNS, missions=[mission]).flights
+    return st.Scenario(fitted, "cwolf", [mission], water=water, seed=1, runs=_RUNS).flights
 
 
 def flown_s(asked: CampaignFlights, fleet: Fleet | None) -> float:
     """Wall time of the missions, s."""
     began = time.monotonic()
     with RunDirectory(None) as run:
-        fly_series(asked, _RUNS, run=run, threads=1, fleet=fleet)
+        fly_series(asked, _RUNS, Flyer(run, threads=1, fleet=fleet))
     return time.monotonic() - began
 
 
@@ -87,7 +85,7 @@ def main() -> None:
         with TemporaryDirectory() as folder:
             began, busy = time.monotonic(), time.process_time()
             with RunDirectory(f"{folder}/run") as run:
-                fly_series(asked, _RUNS, run=run, threads=1, fleet=two)
+                fly_series(asked, _RUNS, Flyer(run, threads=1, fleet=two))
             busy, took = time.process_time() - busy, time.monotonic() - began
         print(
             f"with a run directory {took:.2f} s; the client works {1e3 * busy * CHUNK / _RUNS:.1f} ms per"

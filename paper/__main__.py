@@ -76,12 +76,13 @@ def _identified(
     """Identification of a campaign, that campaign, its run directory inside the folder of the figures."""
     from seatrial.campaign.campaign import Campaign
     from seatrial.cli.identify import run_identification as identified
+    from seatrial.cli.options import Computing
 
     campaign = Campaign.load(target)
     folder = out or Path("runs") / f"gallery-{campaign.name}"
     own = folder / "run"
     _bring(campaign, earlier or Path("runs") / campaign.name, own)
-    fit = identified(campaign, own, threads=threads, quiet=quiet)
+    fit = identified(campaign, own, computing=Computing(threads=threads), quiet=quiet)
     if fit.interrupted:
         raise typer.Exit(130)
     return fit, campaign, folder

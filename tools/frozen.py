@@ -21,32 +21,32 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 
-VERIFY = "verify {examples}/cwolf/campaign.toml --run identified --autopilot tuned"
+TUNED = "{examples}/cwolf/campaign.toml --run identified --autopilot tuned"
 
 RECIPES = {
     "starter": (
         "new mine",
-        "bench mine/bench.toml --out bench --no-figures",
-        "identify mine/campaign.toml --out identified --no-figures",
+        "bench mine/bench.toml --out bench --figures none",
+        "identify mine/campaign.toml --out identified --figures none",
         "autopilot mine/vehicle.toml --out autopilot.toml",
         "fly mine/vehicle.toml autopilot.toml mine/mission.toml --current 0 0.2 0 --sensors typical",
     ),
     "cwolf": (
-        "identify {examples}/cwolf/campaign.toml --out identified --no-figures",
-        "tune {examples}/cwolf/campaign.toml --run identified --out tuned --no-figures",
-        f"{VERIFY} --runs 1000 --out verified",
-        f"{VERIFY} --rare --population 200 --out rare",
+        "identify {examples}/cwolf/campaign.toml --out identified --figures none",
+        "tune {examples}/cwolf/campaign.toml --run identified --out tuned --figures none",
+        f"verify {TUNED} --runs 1000 --out verified",
+        f"rare {TUNED} --population 200 --out rare",
         "export c identified tuned/autopilot.toml --mission {examples}/missions/lawnmower.toml --out c",
         "export fmu identified tuned/autopilot.toml --mission {examples}/missions/lawnmower.toml --out fmu",
     ),
-    "beluga": ("identify {examples}/beluga/campaign.toml --out identified --no-figures",),
+    "beluga": ("identify {examples}/beluga/campaign.toml --out identified --figures none",),
     "ardusub": (
         "import {data}/ardusub_small/*.BIN --out pier",
-        "identify pier/campaign.toml --out identified --no-figures",
+        "identify pier/campaign.toml --out identified --figures none",
     ),
     "torpedo": (
         "import {data}/field_torpedo/*.csv --vehicle {data}/field_torpedo/vehicle.toml --out log",
-        "identify log/campaign.toml --out identified --no-figures",
+        "identify log/campaign.toml --out identified --figures none",
     ),
 }
 """Commands of `seatrial` of each recipe in their order; {examples} and {data} are folders."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle as Vehicle
     from seatrial._core import simulate_batch as simulate_batch
     from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, TrialError, VehicleError
+    from seatrial.base.work import Work
     from seatrial.bench_test.evaluate import bench
     from seatrial.bench_test.result import BenchTest
     from seatrial.campaign.campaign import Campaign
@@ -49,14 +50,15 @@ if TYPE_CHECKING:
     from seatrial.tuning.control_problem import ControlProblem
     from seatrial.tuning.result import Tuning
     from seatrial.tuning.tune import tune
-    from seatrial.verification.boundary import FailureBoundary, failure_boundary
-    from seatrial.verification.falsify import Falsification, falsify
+    from seatrial.verification.boundary import Boundary, FailureBoundary
+    from seatrial.verification.falsify import Falsification, Falsify
+    from seatrial.verification.mission_log.judge_log import LogSettings, verify_log
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.verdict import LogVerdict
-    from seatrial.verification.mission_log.verify_log import verify_log
-    from seatrial.verification.rare import rare_failures
+    from seatrial.verification.rare import Rare
     from seatrial.verification.rare_result import RareFailures
     from seatrial.verification.requirement import Requirement
+    from seatrial.verification.scenario import Scenario
     from seatrial.verification.verification import Verification
     from seatrial.verification.verify import verify
 
@@ -64,14 +66,16 @@ _HOME = {
     "Anchor": "seatrial.problem.settings",
     "Autopilot": "seatrial._core",
     "BenchTest": "seatrial.bench_test.result",
+    "Boundary": "seatrial.verification.boundary",
     "CExport": "seatrial.export.c_code",
     "Campaign": "seatrial.campaign.campaign",
     "CampaignError": "seatrial.base.errors",
     "Comparison": "seatrial.scoring.comparison",
     "Conditions": "seatrial.flight.conditions",
     "ControlProblem": "seatrial.tuning.control_problem",
-    "Falsification": "seatrial.verification.falsify",
     "FailureBoundary": "seatrial.verification.boundary",
+    "Falsification": "seatrial.verification.falsify",
+    "Falsify": "seatrial.verification.falsify",
     "Fault": "seatrial.flight.failures",
     "Fitted": "seatrial.identification.fitted",
     "Flight": "seatrial.flight.flight",
@@ -81,6 +85,7 @@ _HOME = {
     "Imported": "seatrial.intake.imported",
     "JointSettings": "seatrial.problem.settings",
     "LeaveOneOut": "seatrial.identification.leave_one_out",
+    "LogSettings": "seatrial.verification.mission_log.judge_log",
     "LogVerdict": "seatrial.verification.mission_log.verdict",
     "Mission": "seatrial.flight.mission",
     "MissionLog": "seatrial.verification.mission_log.log",
@@ -88,9 +93,11 @@ _HOME = {
     "Outage": "seatrial.flight.failures",
     "Plan": "seatrial.experiment.plan_result",
     "Problem": "seatrial.problem.problem",
+    "Rare": "seatrial.verification.rare",
     "RareFailures": "seatrial.verification.rare_result",
     "Requirement": "seatrial.verification.requirement",
     "Run": "seatrial._core",
+    "Scenario": "seatrial.verification.scenario",
     "Score": "seatrial.scoring.score",
     "SeaState": "seatrial.flight.sea",
     "SeatrialError": "seatrial.base.errors",
@@ -106,32 +113,31 @@ _HOME = {
     "VehicleError": "seatrial.base.errors",
     "Verification": "seatrial.verification.verification",
     "Water": "seatrial.flight.conditions",
+    "Work": "seatrial.base.work",
     "bench": "seatrial.bench_test.evaluate",
     "compare": "seatrial.scoring.comparison",
     "export_c": "seatrial.export.c_code",
     "export_fmu": "seatrial.export.fmu",
-    "falsify": "seatrial.verification.falsify",
-    "failure_boundary": "seatrial.verification.boundary",
     "fly": "seatrial.flight.fly",
     "fly_batch": "seatrial.flight.fly",
     "identify": "seatrial.identification.identify",
     "import_logs": "seatrial.intake.import_logs",
     "leave_one_out": "seatrial.identification.leave_one_out",
     "plan": "seatrial.experiment.plan",
-    "rare_failures": "seatrial.verification.rare",
     "score": "seatrial.scoring.score",
     "simulate_batch": "seatrial._core",
     "sitl": "seatrial.realtime.ardupilot_link",
     "start_autopilot": "seatrial.control_design.start_autopilot",
     "tune": "seatrial.tuning.tune",
     "verify": "seatrial.verification.verify",
-    "verify_log": "seatrial.verification.mission_log.verify_log",
+    "verify_log": "seatrial.verification.mission_log.judge_log",
 }
 
 __all__ = [
     "Anchor",
     "Autopilot",
     "BenchTest",
+    "Boundary",
     "CExport",
     "Campaign",
     "CampaignError",
@@ -140,6 +146,7 @@ __all__ = [
     "ControlProblem",
     "FailureBoundary",
     "Falsification",
+    "Falsify",
     "Fault",
     "Fitted",
     "Flight",
@@ -149,6 +156,7 @@ __all__ = [
     "Imported",
     "JointSettings",
     "LeaveOneOut",
+    "LogSettings",
     "LogVerdict",
     "Mission",
     "MissionLog",
@@ -156,9 +164,11 @@ __all__ = [
     "Outage",
     "Plan",
     "Problem",
+    "Rare",
     "RareFailures",
     "Requirement",
     "Run",
+    "Scenario",
     "Score",
     "SeaState",
     "SeatrialError",
@@ -174,19 +184,17 @@ __all__ = [
     "VehicleError",
     "Verification",
     "Water",
+    "Work",
     "bench",
     "compare",
     "export_c",
     "export_fmu",
-    "failure_boundary",
-    "falsify",
     "fly",
     "fly_batch",
     "identify",
     "import_logs",
     "leave_one_out",
     "plan",
-    "rare_failures",
     "score",
     "simulate_batch",
     "sitl",

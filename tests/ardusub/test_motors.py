@@ -281,7 +281,7 @@ def test_a_recorded_log_in_manual_is_replayed(tmp_path: Path) -> None:
     assert found.held, found.summary()
     assert found.checks == (10, 10)
     answer = CliRunner().invoke(
-        app, ["ardusub", str(SMALL), "--replay-only", "--no-figures", "--out", str(tmp_path / "run")]
+        app, ["ardusub", str(SMALL), "--replay-only", "--figures", "none", "--out", str(tmp_path / "run")]
     )
     assert answer.exit_code == 0, answer.output
 

@@ -156,7 +156,7 @@ def test_the_verb_writes_its_run_and_says_by_its_code_what_came_out(tmp_path: Pa
     assert read["ATC_RAT_RLL_P"] == pytest.approx(0.11)
     odd = text_log.write(tmp_path / "odd.log", p_term=1.05)
     answer = cli.invoke(
-        app, ["ardusub", str(odd), "--replay-only", "--out", str(tmp_path / "odd"), "--no-figures"]
+        app, ["ardusub", str(odd), "--replay-only", "--out", str(tmp_path / "odd"), "--figures", "none"]
     )
     assert answer.exit_code == 1
     answer = cli.invoke(app, ["ardusub", str(tmp_path / "none.BIN"), "--out", str(tmp_path / "none")])

@@ -132,7 +132,7 @@ def refused(here: Path, arguments: list[str], words: str) -> None:
 )
 def test_a_bench_file_is_answered_in_words(here: Path, old: str, new: str, words: str) -> None:
     (here / "bench.toml").write_text(BENCH.replace(old, new))
-    refused(here, ["bench", "bench.toml", "--no-figures"], words)
+    refused(here, ["bench", "bench.toml", "--figures", "none"], words)
 
 
 @pytest.mark.parametrize(
@@ -145,19 +145,23 @@ def test_a_bench_file_is_answered_in_words(here: Path, old: str, new: str, words
 def test_a_record_that_tells_nothing_is_refused(here: Path, name: str, text: str, words: str) -> None:
     (here / "bench.toml").write_text(BENCH + STEPS)
     (here / name).write_text(text)
-    refused(here, ["bench", "bench.toml", "--no-figures"], words)
+    refused(here, ["bench", "bench.toml", "--figures", "none"], words)
 
 
 def test_a_load_that_never_changes_is_refused(here: Path) -> None:
     (here / "pull.csv").write_text("cmd.stern,load.X_n\n" + "".join(f"{500 * k},1.0\n" for k in range(5)))
     refused(
-        here, ["bench", "bench.toml", "--no-figures"], "the load is the same at rest and under every command"
+        here,
+        ["bench", "bench.toml", "--figures", "none"],
+        "the load is the same at rest and under every command",
     )
 
 
 def test_where_to_write_is_known_before_anything_is_written(here: Path) -> None:
     refused(
-        here, ["bench", "bench.toml", "--write", "no/v.toml", "--no-figures"], "--write no/v.toml: there is"
+        here,
+        ["bench", "bench.toml", "--write", "no/v.toml", "--figures", "none"],
+        "--write no/v.toml: there is",
     )
 
 
@@ -182,7 +186,7 @@ def test_a_file_that_cannot_be_read_is_said_without_its_number(here: Path, what:
 def test_new_keys_of_a_campaign_are_answered_in_words(here: Path, line: str, words: str) -> None:
     (here / "lauv.toml").write_text(BENCH.replace('"cwolf"', '"lauv"'))
     (here / "ahead.toml").write_text(CAMPAIGN.replace("format = 1\n", f"format = 1\n{line}\n"))
-    refused(here, ["identify", "ahead.toml", "--no-figures"], words)
+    refused(here, ["identify", "ahead.toml", "--figures", "none"], words)
 
 
 @pytest.mark.parametrize(
@@ -202,9 +206,9 @@ def test_identify_refuses_before_it_searches(here: Path, arguments: list[str], w
 @pytest.mark.parametrize(
     ("verb", "files"),
     [
-        (["identify", "ahead.toml", "--no-figures"], "runs/o"),
-        (["identify", "ahead.toml", "--leave-one-out", "--no-figures"], "runs/o-leave-one-out"),
-        (["bench", "bench.toml", "--no-figures"], "runs/o"),
+        (["identify", "ahead.toml", "--figures", "none"], "runs/o"),
+        (["identify", "ahead.toml", "--leave-one-out", "--figures", "none"], "runs/o-leave-one-out"),
+        (["bench", "bench.toml", "--figures", "none"], "runs/o"),
         (["fly", "cwolf", "cwolf", "nowhere.toml"], "runs/o"),
     ],
 )
@@ -218,7 +222,7 @@ def test_a_run_directory_in_use_is_refused(here: Path, verb: list[str], files: s
 
 def test_a_refused_stage_leaves_no_folder(here: Path) -> None:
     (here / "ahead.toml").write_text(CAMPAIGN.replace("{ X_uu", '{ I_x = "default", X_uu'))
-    refused(here, ["identify", "ahead.toml", "--no-figures"], "coefficient 'I_x' changes nothing")
+    refused(here, ["identify", "ahead.toml", "--figures", "none"], "coefficient 'I_x' changes nothing")
 
 
 @pytest.mark.parametrize(
@@ -330,8 +334,8 @@ def test_check_names_what_it_was_given(here: Path, arguments: list[str], words: 
 @pytest.mark.parametrize("verb", ["bench", "check", "simulate"])
 def test_json_holds_no_number_that_json_does_not_know(here: Path, verb: str) -> None:
     arguments = {
-        "bench": ["bench", "bench.toml", "--no-figures"],
-        "check": ["check", "remus100", "--no-figures"],
+        "bench": ["bench", "bench.toml", "--figures", "none"],
+        "check": ["check", "remus100", "--figures", "none"],
         "simulate": ["simulate", "cwolf", "c.csv"],
     }[verb]
     result = call(*arguments, "--json")

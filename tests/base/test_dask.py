@@ -99,12 +99,12 @@ def test_a_verification_on_workers_of_other_simd_levels_is_the_local_one(
         cluster.worker(SEATRIAL_SIMD=level)
     monkeypatch.setattr(missions, "CHUNK", 4)
     asked = campaign(tmp_path)
-    local = st.verify(asked, runs=18, run_dir=tmp_path / "local")
+    local = asked.verify(runs=18, work=st.Work(run_dir=tmp_path / "local"))
     told: list[str] = []
     with fleet_of(cluster.address, tell=told.append) as fleet:
         assert fleet is not None
         until(lambda: fleet.alive() and fleet.slots == len(levels), "workers")
-        found = st.verify(asked, runs=18, run_dir=tmp_path / "dask", executor=fleet)
+        found = asked.verify(runs=18, work=st.Work(run_dir=tmp_path / "dask", executor=fleet))
     assert found.requirements[0].to_dict() == local.requirements[0].to_dict()
     for path in [tmp_path / "local" / "missions.parquet", *(tmp_path / "local" / "stages").glob("*.parquet")]:
         assert (tmp_path / "dask" / path.relative_to(tmp_path / "local")).read_bytes() == path.read_bytes()

@@ -152,9 +152,9 @@ def test_names_inside_files_lead_nowhere_else(tmp_path: Path, monkeypatch: pytes
     for arguments in (
         ["check", "v.toml"],
         ["check", "m.toml"],
-        ["fly", "v.toml", "cwolf", "m.toml", "--no-figures"],
+        ["fly", "v.toml", "cwolf", "m.toml", "--figures", "none"],
         ["score", "v.toml", out, "--columns-from", "c.toml", "--free", "X", "--out", "runs/scores"],
-        ["plan", "v.toml", "--no-figures", "--count", "1", "--coefficients", "X_uu", "--duration", "30"],
+        ["plan", "v.toml", "--figures", "none", "--count", "1", "--coefficients", "X_uu", "--duration", "30"],
     ):
         said = CliRunner().invoke(app, arguments)
         assert said.exit_code in (0, 1), (arguments, said.output)

@@ -492,7 +492,7 @@ def test_a_file_that_cannot_be_finished_leaves_the_former_one(
     "arguments",
     [
         ["new", "p/q"],
-        ["import", "log.csv", "--out", "p/q", "--no-figures"],
+        ["import", "log.csv", "--out", "p/q", "--figures", "none"],
         ["export", "c", "cwolf", "--out", "p/q"],
     ],
     ids=lambda arguments: arguments[0],
@@ -582,7 +582,7 @@ CAGE = str(EXAMPLES / "missions" / "cage_survey.toml")
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["fly", "cwolf", "cwolf", CAGE, "--no-figures"],
+        ["fly", "cwolf", "cwolf", CAGE, "--figures", "none"],
         ["check", "cwolf"],
         ["check", CAGE],
         ["plan", "cwolf"],
@@ -590,7 +590,7 @@ CAGE = str(EXAMPLES / "missions" / "cage_survey.toml")
         ["identify", CWOLF],
         ["tune", CWOLF],
         ["verify", CWOLF],
-        ["bench", str(EXAMPLES / "t200" / "bench.toml"), "--no-figures"],
+        ["bench", str(EXAMPLES / "t200" / "bench.toml"), "--figures", "none"],
     ],
     ids=lambda arguments: " ".join(Path(word).name for word in arguments),
 )
@@ -613,15 +613,15 @@ def test_every_verb_that_writes_is_refused_a_folder_in_use(
     "arguments",
     [
         ["fly", "cwolf", "cwolf", CAGE],
-        ["fly", "cwolf", "cwolf", CAGE, "--realtime", "--speed", "1000"],
+        ["realtime", "cwolf", "cwolf", CAGE, "--speed", "1000"],
         ["identify", CWOLF],
         ["tune", CWOLF],
         ["verify", CWOLF],
-        ["verify", CWOLF, "--rare"],
-        ["verify", CWOLF, "--falsify"],
-        ["verify", CWOLF, "--boundary", "current_speed_m_s=0:1"],
-        ["verify", CWOLF, "--log", CWOLF],
-        ["bench", str(EXAMPLES / "t200" / "bench.toml"), "--no-figures"],
+        ["rare", CWOLF],
+        ["falsify", CWOLF],
+        ["boundary", CWOLF, "current_speed_m_s=0:1"],
+        ["verify-log", CWOLF, CWOLF],
+        ["bench", str(EXAMPLES / "t200" / "bench.toml"), "--figures", "none"],
         ["ardusub", CWOLF],
         ["ardusub", CWOLF, "--replay-only"],
     ],

@@ -185,7 +185,7 @@ def test_the_verb_prints_tables_and_writes_only_what_it_is_told_to(
     ):
         assert words in result.output
     assert (tmp_path / "runs" / "bench-basin" / "bollard_test.png").is_file()
-    result = call("bench", path, "--write", "new.toml", "--no-figures", "--json")
+    result = call("bench", path, "--write", "new.toml", "--figures", "none", "--json")
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)
     assert data["vehicle_file"] == "new.toml"
@@ -196,8 +196,8 @@ def test_the_verb_prints_tables_and_writes_only_what_it_is_told_to(
 def test_what_was_written_is_not_asked_for_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = both_ways(tmp_path)
     monkeypatch.chdir(tmp_path)
-    before = call("bench", path, "--no-figures").output
-    after = call("bench", path, "--write", "new.toml", "--no-figures").output
+    before = call("bench", path, "--figures", "none").output
+    after = call("bench", path, "--write", "new.toml", "--figures", "none").output
     assert "the results into the vehicle file" in " ".join(before.split()).lower()
     assert "the results into the vehicle file" not in " ".join(after.split()).lower()
     assert "seatrial check new.toml" in after
@@ -208,7 +208,7 @@ def test_in_place_replaces_the_vehicle_s_file(tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
     mine.write_text(COMMENTED.read_text())
     path.write_text(path.read_text().replace('"cwolf"', '"mine.toml"'))
-    result = call("bench", path, "--in-place", "--no-figures", "--out", tmp_path / "run")
+    result = call("bench", path, "--in-place", "--figures", "none", "--out", tmp_path / "run")
     assert result.exit_code == 0, result.output
     assert 'kind = "polynomial" # bench test basin' in mine.read_text()
     assert "# [P] Taubert" in mine.read_text()

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError
+from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.suggestion import follow, followed_text, hold_out_change, try_suggestion
 from seatrial.diagnosis.missing_terms import Suggestion
@@ -169,11 +170,11 @@ def test_a_suggestion_that_is_true_is_kept(tmp_path: Path) -> None:
     budget = "[budget]\npopulation = 8\ngenerations = 10\nsimplex_rounds = 1\n"
     head = HEAD.replace('"cwolf"', '"model.toml"').replace("[[60.0, 80.0]]", "[[80.0, 120.0]]")
     made = Campaign.from_toml(head + budget + SURGE + POLISH, folder=tmp_path, trials={"run": frame})
-    first = made.identify(threads=1)
+    first = made.identify(work=Work(threads=1))
     assert first.assessment is not None
     best = first.assessment.residual_analysis.suggestions[0]
     assert "X_u" in (best.name, *best.alternatives)
-    second, change = try_suggestion(made, best, before=first, threads=1)
+    second, change = try_suggestion(made, best, before=first, work=Work(threads=1))
     assert change.verdict == "keep"
     # Noise of 0.004 m/s on speeds of 0.3 m/s leaves 2e-4; the suggestion is of first order, so it leads by an
     # alternative that looks alike.

@@ -14,9 +14,9 @@ import pytest
 from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.bench_test.file import parse as parse_bench
 from seatrial.campaign.file import CampaignFile, parse
-from seatrial.campaign.verification_table import parse_verification
 from seatrial.flight.mission import Mission
 from seatrial.problem.settings import in_order
+from seatrial.verification.table import parse_verification
 
 HEAD = 'format = 1\nname = "long"\nvehicle = "cwolf"\n'
 STAGE = (

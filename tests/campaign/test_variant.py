@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from seatrial._core import Vehicle
 from seatrial.base.errors import CampaignError
+from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.estimation.stage import frozen_motion, frozen_sentences, plan
@@ -114,10 +115,10 @@ def test_unknown_mode_is_refused(campaign: Campaign) -> None:
 
 @pytest.mark.long
 def test_variants_do_not_share_kept_stages(campaign: Campaign, tmp_path: Path) -> None:
-    campaign.identify(run_dir=tmp_path / "run", threads=1)
-    other = campaign.with_locked_axes("frozen").identify(run_dir=tmp_path / "run", threads=1)
+    campaign.identify(work=Work(run_dir=tmp_path / "run", threads=1))
+    other = campaign.with_locked_axes("frozen").identify(work=Work(run_dir=tmp_path / "run", threads=1))
     assert [stage.reused for stage in other.stages] == [False, False]
-    again = campaign.with_locked_axes("frozen").identify(run_dir=tmp_path / "run", threads=1)
+    again = campaign.with_locked_axes("frozen").identify(work=Work(run_dir=tmp_path / "run", threads=1))
     assert [stage.reused for stage in again.stages] == [True, True]
 
 
@@ -138,7 +139,8 @@ def test_frozen_axis_that_moves_is_named(campaign: Campaign) -> None:
 @pytest.mark.long
 def test_replayed_axes_fit_better_than_frozen_ones_that_move(campaign: Campaign) -> None:
     frozen, measured = (
-        campaign.with_locked_axes(mode).identify(threads=1).stages[0] for mode in ("frozen", "measured")
+        campaign.with_locked_axes(mode).identify(work=Work(threads=1)).stages[0]
+        for mode in ("frozen", "measured")
     )
     assert measured.cost < 0.5 * frozen.cost
     # The truth is -150; noise of 0.06 deg/s leaves a few per cent.
@@ -152,7 +154,7 @@ def test_option_of_the_command_line(
     monkeypatch.chdir(tmp_path)
     turn.write_parquet(tmp_path / "turn.parquet")
     (tmp_path / "campaign.toml").write_text(TEXT)
-    arguments = ["identify", "campaign.toml", "--no-figures", "--threads", "1", "--json"]
+    arguments = ["identify", "campaign.toml", "--figures", "none", "--threads", "1", "--json"]
     result = CliRunner().invoke(app, [*arguments, "--locked-axes", "frozen"])
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)

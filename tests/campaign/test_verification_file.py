@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from seatrial.base.errors import CampaignError
-from seatrial.campaign.verification_table import DistributionTable, VerificationTable, parse_verification
+from seatrial.verification.table import DistributionTable, VerificationTable, parse_verification
 
 
 def parsed(text: str, *, missions: str = '"farm.toml"') -> VerificationTable:
@@ -164,7 +164,7 @@ def test_speeds_and_times_are_cut_at_zero() -> None:
 
 def test_the_format_imports_no_heavy_library() -> None:
     code = (
-        "import sys; before = set(sys.modules); import seatrial.campaign.verification_table;"
+        "import sys; before = set(sys.modules); import seatrial.verification.table;"
         "print([name for name in ('scipy', 'polars', 'matplotlib', 'control') if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -338,7 +338,7 @@ def test_the_verb_prints_legs_in_80_columns_and_sentences(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     result = call(
-        "check", EXAMPLES / "farm.toml", "--vehicle", "cwolf", "--autopilot", "cwolf", "--no-figures"
+        "check", EXAMPLES / "farm.toml", "--vehicle", "cwolf", "--autopilot", "cwolf", "--figures", "none"
     )
     assert result.exit_code == 0, result.output
     assert list(tmp_path.iterdir()) == []
@@ -350,7 +350,7 @@ def test_the_verb_prints_legs_in_80_columns_and_sentences(
 
 
 def test_the_verb_prints_json() -> None:
-    result = call("check", EXAMPLES / "farm.toml", "--vehicle", "cwolf", "--no-figures", "--json")
+    result = call("check", EXAMPLES / "farm.toml", "--vehicle", "cwolf", "--figures", "none", "--json")
     data = json.loads(result.stdout)
     assert data["legs"][1]["kind"] == "perimeter"
     assert data["energy"]["total_wh"] == pytest.approx(31.8, abs=0.1)

@@ -103,7 +103,7 @@ def test_check_says_what_actuators_do_and_draws_three_views(here: Path) -> None:
 
 
 def test_check_as_json(here: Path) -> None:
-    found = json.loads(call("check", "beluga", "--json", "--no-figures", "--voltage", "12").stdout)
+    found = json.loads(call("check", "beluga", "--json", "--figures", "none", "--voltage", "12").stdout)
     assert found["name"] == "beluga"
     assert len(found["pushes"]) == 16
     assert found["figures"] == []
@@ -177,7 +177,7 @@ def test_new_refuses_a_folder_that_holds_files(starter: Path) -> None:
 
 
 def test_the_bench_test_of_a_new_project_finds_the_truth_behind_its_records(starter: Path) -> None:
-    found = json.loads(call("bench", starter / "bench.toml", "--no-figures", "--json").stdout)
+    found = json.loads(call("bench", starter / "bench.toml", "--figures", "none", "--json").stdout)
     truth = Recipe.load(EXAMPLES / "starter" / "logs" / "straight.toml").truth.vehicle.coefficients()
     written = bench(starter / "bench.toml").vehicle.coefficients()
     # Stated standard deviations: 0.2 to 1.4 % of the thrust, below 0.3 % of the motor; twice the largest.
@@ -190,7 +190,7 @@ def test_the_bench_test_of_a_new_project_finds_the_truth_behind_its_records(star
 
 @pytest.mark.long
 def test_new_then_identify_then_score(starter: Path, here: Path) -> None:
-    result = call("identify", starter / "campaign.toml", "--out", "run", "--no-figures")
+    result = call("identify", starter / "campaign.toml", "--out", "run", "--figures", "none")
     assert result.exit_code == 0, result.output
     for words in (
         "X_uu",
@@ -236,7 +236,7 @@ def test_a_score_says_how_much_of_the_trial_the_campaign_fits(starter: Path) -> 
 @pytest.mark.long
 def test_identify_reuses_finished_stages_and_prints_json(starter: Path, here: Path) -> None:
     arguments: list[str | Path] = ["identify", starter / "campaign.toml", "--out", "run", "--json"]
-    first = json.loads(call(*arguments, "--no-figures").stdout)
+    first = json.loads(call(*arguments, "--figures", "none").stdout)
     again = json.loads(call(*arguments).stdout)
     assert [stage["reused"] for stage in again["stages"]] == [True, True, True]
     assert again["coefficients"] == first["coefficients"]
@@ -249,7 +249,7 @@ def test_identify_reuses_finished_stages_and_prints_json(starter: Path, here: Pa
 @pytest.mark.long
 def test_identify_with_another_recording(starter: Path, here: Path) -> None:
     shutil.copy(starter / "logs" / "straight.csv", here / "other.csv")
-    arguments = ["--trial", "straight=other.csv", "--out", "run", "--no-figures", "--json"]
+    arguments = ["--trial", "straight=other.csv", "--out", "run", "--figures", "none", "--json"]
     result = call("identify", starter / "campaign.toml", *arguments)
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["stages"]
@@ -387,7 +387,7 @@ def test_interrupted_identification_keeps_the_best_so_far(tmp_path: Path) -> Non
     """Ctrl-C once the first stage is finished: exit code 130, the best so far, and then it goes on."""
     assert call("new", tmp_path / "mine").exit_code == 0
     command = [sys.executable, "-c", MAIN, "identify", str(tmp_path / "mine" / "campaign.toml")]
-    command += ["--out", str(tmp_path / "run"), "--no-figures"]
+    command += ["--out", str(tmp_path / "run"), "--figures", "none"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     first = tmp_path / "run.partial" / "stages"
     deadline = time.monotonic() + 120.0

@@ -44,7 +44,7 @@ def test_the_file_of_the_verb_is_that_of_the_function_and_flies() -> None:
     assert text == st.start_autopilot(st.Vehicle.load("cwolf"))
     assert text.startswith("# Start values for cwolf")
     Path("out.toml").write_text(OUT)
-    flown = CliRunner().invoke(app, ["fly", "cwolf", "mine.toml", "out.toml", "--no-figures"])
+    flown = CliRunner().invoke(app, ["fly", "cwolf", "mine.toml", "out.toml", "--figures", "none"])
     assert flown.exit_code == 0, flown.output
 
 
@@ -103,7 +103,7 @@ def test_the_starter_project_flies_its_mission() -> None:
     run = CliRunner().invoke
     assert run(app, ["new", "mine"]).exit_code == 0
     assert call("mine/vehicle.toml", "--out", "mine/autopilot.toml").exit_code == 0
-    fly = ["fly", "mine/vehicle.toml", "mine/autopilot.toml", "mine/mission.toml", "--no-figures"]
+    fly = ["fly", "mine/vehicle.toml", "mine/autopilot.toml", "mine/mission.toml", "--figures", "none"]
     flown = run(app, [*fly, "--current", "0", "0.15", "0"])
     assert flown.exit_code == 0, flown.output
     assert "3 of 3 waypoints reached" in flown.stdout

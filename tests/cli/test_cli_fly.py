@@ -33,7 +33,7 @@ def call(*arguments: object) -> Result:
 
 
 def quick(*arguments: object) -> Result:
-    return call("cwolf", "cwolf", "out.toml", "--no-figures", *arguments)
+    return call("cwolf", "cwolf", "out.toml", "--figures", "none", *arguments)
 
 
 @pytest.mark.usefixtures("here")
@@ -64,7 +64,7 @@ def test_the_inputs_of_a_run_directory_fly_the_same_flight_again() -> None:
     assert quick("--out", "first", "--current", 0, 0.3, 0).exit_code == 0
     again = call(
         "first/vehicle.toml", "first/autopilot.toml", "first/mission.toml", "--current", 0, 0.3, 0,
-        "--no-figures", "--out", "second",
+        "--figures", "none", "--out", "second",
     )  # fmt: skip
     assert again.exit_code == 0, again.output
     one, two = (pl.read_parquet(f"{name}/flight.parquet") for name in ("first", "second"))
@@ -83,7 +83,7 @@ def test_the_log_is_a_trial_of_the_vehicle() -> None:
 def test_tables_fit_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("seatrial.cli.console._PIPED_WIDTH", 80)
     Path("long.toml").write_text(BOX.replace("north_m = 0.0", 'label = "the last one of all"\nnorth_m = 0.0'))
-    result = call("cwolf", "cwolf", "long.toml", "--no-figures")
+    result = call("cwolf", "cwolf", "long.toml", "--figures", "none")
     tables = [line for line in result.stdout.splitlines() if line.startswith(" ") and line.strip()]
     assert len(tables) > 20
     assert max(len(line.rstrip()) for line in tables) <= 80
@@ -111,7 +111,7 @@ def test_the_exit_code_is_the_verdict() -> None:
     assert blind.exit_code == 1
     assert "Reaction at" in blind.stdout
     Path("sharp.toml").write_text(BOX.replace("acceptance_radius_m = 5.0", "acceptance_radius_m = 0.05"))
-    missed = call("cwolf", "cwolf", "sharp.toml", "--no-figures")
+    missed = call("cwolf", "cwolf", "sharp.toml", "--figures", "none")
     assert missed.exit_code == 1
     assert "not reached: the autopilot perceived it at" in missed.stdout
 
@@ -169,7 +169,7 @@ def test_many_seeds_tell_how_the_figures_spread() -> None:
 def test_another_model_is_kept_with_the_inputs() -> None:
     heavy = st.Vehicle.load("cwolf").with_coefficients({"X_uu": -60.0})
     Path("heavy.toml").write_text(heavy.to_toml())
-    result = call("heavy.toml", "cwolf", "out.toml", "--model", "cwolf", "--no-figures", "--out", "run")
+    result = call("heavy.toml", "cwolf", "out.toml", "--model", "cwolf", "--figures", "none", "--out", "run")
     assert result.exit_code == 0, result.output
     assert st.Vehicle.load("run/model.toml").coefficients() == st.Vehicle.load("cwolf").coefficients()
     assert st.Vehicle.load("run/vehicle.toml").coefficients()["X_uu"] == -60.0
@@ -177,7 +177,7 @@ def test_another_model_is_kept_with_the_inputs() -> None:
 
 @pytest.mark.usefixtures("here")
 def test_the_flight_of_the_verb_is_that_of_the_function() -> None:
-    result = call("cwolf", "cwolf", "box.toml", "--current", 0, 0.3, 0, "--no-figures", "--json")
+    result = call("cwolf", "cwolf", "box.toml", "--current", 0, 0.3, 0, "--figures", "none", "--json")
     found = json.loads(result.stdout)["metrics"]
     for name, value in flown().metrics.items():
         if math.isfinite(value):  # JSON has no infinity: no bottom, no obstacle
@@ -204,14 +204,16 @@ def test_the_flight_of_the_verb_is_that_of_the_function() -> None:
         (["cwolf", "cwolf", "out.toml", "--turbulence", "7"], "turbulence: expected a standard deviation"),
         (["cwolf", "cwolf", "out.toml", "--seabed", "1"], "seabed: expected the start"),
         (["cwolf", "cwolf", "out.toml", "--sensors", "none.toml"], "none.toml"),
-        (["cwolf", "cwolf", "out.toml", "--speed", "0"], "--speed: needs --realtime; add it"),
-        (["cwolf", "cwolf", "out.toml", "--watchdog", "2"], "--watchdog: needs --realtime; add it"),
+        (
+            ["cwolf", "cwolf", "out.toml", "--speed", "0"],
+            "use `seatrial realtime VEHICLE AUTOPILOT MISSION --speed`",
+        ),
         (["cwolf", "cwolf", "out.toml", "--out", "out.toml"], "expected a folder, found a file"),
     ],
 )
 @pytest.mark.usefixtures("here")
 def test_bad_input_is_one_sentence_and_leaves_nothing(arguments: list[str], message: str) -> None:
-    result = call(*arguments, "--no-figures")
+    result = call(*arguments, "--figures", "none")
     assert result.exit_code == 2, result.output
     assert message in result.output
     assert not Path("runs").exists()

@@ -1,4 +1,4 @@
-"""`verify --rare` and `verify --falsify`: what is printed, written and refused."""
+"""`rare` and `falsify`: what is printed, written and refused."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ def campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run(*arguments: str) -> tuple[int, str]:
-    result = CliRunner().invoke(app, ["verify", *arguments])
+    result = CliRunner().invoke(app, list(arguments))
     return result.exit_code, result.output
 
 
 def test_a_failure_is_found_flown_and_kept_as_a_case(campaign: Path) -> None:
-    code, text = run(str(campaign), "--falsify", "--no-figures")
+    code, text = run("falsify", str(campaign), "--figures", "none")
     assert code == 1, text
     assert "short: falsified." in text
     assert (campaign.parent / "runs" / "short-falsified-keeps-its-path" / "flight.json").is_file()
     case = (campaign.parent / "runs" / "short-falsified" / "cases.toml").read_text()
     campaign.write_text(CAMPAIGN + case)
-    code, text = run(str(campaign), "--runs", "64", "--no-figures")
+    code, text = run("verify", str(campaign), "--runs", "64", "--figures", "none")
     assert code == 1, text
     assert "regression case falsified: keeps its path" in text.lower()
 
 
 def test_rare_failures_say_probability_and_interval(campaign: Path) -> None:
-    code, text = run(str(campaign), "--rare", "--population", "100", "--json")
+    code, text = run("rare", str(campaign), "--population", "100", "--json")
     found = json.loads(text)
     event = found["requirements"][0]["event"]
     assert event["interval"][0] < event["estimate"] < event["interval"][1]
@@ -65,17 +65,20 @@ def test_rare_failures_say_probability_and_interval(campaign: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--rare", "--falsify"), "expected one of them"),
-        (("--requirement", "x"), "belongs to a search"),
-        (("--population", "200"), "give it with --rare"),
-        (("--within", "2"), "give it with --falsify"),
-        (("--rare", "--replay", "3"), "--replay: not with --rare"),
-        (("--rare", "--requirement", "keeps its pat"), "unknown"),
-        (("--falsify", "--within", "20"), "0.1 to 8"),
+        (("verify", "--rare"), "use `seatrial rare CAMPAIGN`"),
+        (("verify", "--population", "200"), "use `seatrial rare CAMPAIGN --population`"),
+        (("verify", "--falsify"), "use `seatrial falsify CAMPAIGN`"),
+        (("verify", "--boundary", "payload_kg=0:1"), "use `seatrial boundary CAMPAIGN NAME=FROM:TO`"),
+        (("verify", "--log", "box"), "use `seatrial verify-log CAMPAIGN LOG`"),
+        (("verify", "--no-figures"), "use --figures none"),
+        (("verify", "--pdf"), "use --figures pdf"),
+        (("rare", "--requirement", "keeps its pat"), "unknown"),
+        (("rare", "--population", "205"), "multiple of ten"),
+        (("falsify", "--within", "20"), "0.1 to 8"),
     ],
 )
-def test_what_does_not_go_together_is_refused(campaign: Path, arguments: tuple[str, ...], words: str) -> None:
-    result = CliRunner().invoke(app, ["verify", str(campaign), *arguments])
+def test_what_moved_or_cannot_be_is_refused(campaign: Path, arguments: tuple[str, ...], words: str) -> None:
+    result = CliRunner().invoke(app, [arguments[0], str(campaign), *arguments[1:]])
     assert result.exit_code == 2
     assert words in " ".join(result.output.split())
     assert not (campaign.parent / "runs").exists()

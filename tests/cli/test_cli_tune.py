@@ -79,7 +79,7 @@ def test_tables_verdict_files_and_figures_of_a_tuning() -> None:
 
 def test_margins_that_fall_short_are_exit_code_1_though_the_corridors_are_held() -> None:
     # The loop at 3 m/s is tuned; astern, where nobody asked, the start gains leave the hull unstable.
-    result = call(HEADING, "--no-figures")
+    result = call(HEADING, "--figures", "none")
     assert result.exit_code == 1, result.output
     said = words(result.stdout)
     assert "1 of 1 responses of the vehicle stay within their corridors" in said
@@ -87,7 +87,7 @@ def test_margins_that_fall_short_are_exit_code_1_though_the_corridors_are_held()
 
 
 def test_json_is_all_that_is_printed_and_a_violation_is_exit_code_1() -> None:
-    result = call(HARD, "--json", "--no-figures", "--out", "there")
+    result = call(HARD, "--json", "--figures", "none", "--out", "there")
     assert result.exit_code == 1, result.output
     plain = json.loads(result.stdout)
     assert plain["feasible"] is False

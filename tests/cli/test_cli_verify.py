@@ -17,10 +17,8 @@ from seatrial.cli import app
 from seatrial.report.plot.style import save
 from seatrial.report.plot.verification import verification_figures
 from seatrial.report.terminal import show
-from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.verification import Verification
-from seatrial.verification.verify import verify
 from tests.flight.flying import OUT
 from tests.verification.verifying import SHORT, campaign, text
 
@@ -62,7 +60,7 @@ def test_a_held_verdict_is_exit_code_0_and_leaves_a_run_directory(monkeypatch: p
     assert good.startswith("short: held. 2 of 2 requirements held by cwolf on cwolf; ")
     assert "of 24 missions (out, seed 7) hold all of them." in good
     assert worst.startswith("Worst: ")
-    assert "seatrial verify campaign.toml --log LOG" in after
+    assert "seatrial verify-log campaign.toml LOG" in after
     for name in ("keeps its path", "is complete", "Worst missions"):
         assert name in result.stdout
     assert "times real time" in (run / "summary.txt").read_text()
@@ -73,7 +71,7 @@ def test_a_held_verdict_is_exit_code_0_and_leaves_a_run_directory(monkeypatch: p
 def test_failed_and_undecided_are_exit_code_1(holds: str) -> None:
     further = f'[[verification.requirements]]\nname = "lasts"\nholds = "{holds}"\nprobability = 0.99\n'
     Path("campaign.toml").write_text(text(SHORT + further))
-    result = call("--no-figures", "--json", "--runs", 8)
+    result = call("--figures", "none", "--json", "--runs", 8)
     assert result.exit_code == 1, result.output
     found = json.loads(result.stdout)
     assert found["outcome"] == {"<": "failed", ">": "undecided"}[holds.split()[1]]
@@ -103,11 +101,11 @@ def test_bad_input_is_exit_code_2_and_leaves_nothing(arguments: list[str], words
 
 @pytest.mark.usefixtures("here")
 def test_a_mission_flies_again_by_its_number(here: Path) -> None:
-    result = call("--replay", 17, "--no-figures")
+    result = call("--replay", 17, "--figures", "none")
     assert result.exit_code == 0, result.output
     run = Path("runs/short-mission-17")
     flown = json.loads((run / "flight.json").read_text())
-    flight = verified_campaign(st.Campaign.load("campaign.toml")).flights.replay(17)
+    flight = st.Campaign.load("campaign.toml").scenario().flights.replay(17)
     assert flown["metrics"]["distance_m"] == flight.metrics["distance_m"]
     assert {"vehicle.toml", "model.toml", "flight.parquet"} <= {path.name for path in run.iterdir()}
     assert "- keeps its path: cross_track_p95_m <= 1.0: " in result.stdout
@@ -120,7 +118,7 @@ def test_the_tuned_autopilot_is_taken_where_there_is_one_and_compared() -> None:
     tuned.mkdir(parents=True)
     lazy = st.Autopilot.load("cwolf").with_gains({"guidance.integral_gain_m_s": 0.0})
     (tuned / "autopilot.toml").write_text(lazy.to_toml())
-    result = call("--no-figures", "--compare", "--runs", 10)
+    result = call("--figures", "none", "--compare", "--runs", 10)
     assert result.exit_code in (0, 1), result.output
     assert "Autopilot: runs/short-tuned/autopilot.toml." in result.stderr
     assert "Against start, on the same 10 draws (McNemar's exact test, Holm)" in result.stdout
@@ -129,7 +127,7 @@ def test_the_tuned_autopilot_is_taken_where_there_is_one_and_compared() -> None:
 
 def test_tables_read_at_80_columns(here: Path) -> None:
     lazy = st.Autopilot.load("cwolf").with_gains({"guidance.integral_gain_m_s": 0.0})
-    found = verify(campaign(here), gains="cwolf", runs=4, compare={"start": lazy, "tuned by hand": lazy})
+    found = campaign(here).verify(gains="cwolf", runs=4, compare={"start": lazy, "tuned by hand": lazy})
     console = Console(width=80, file=io.StringIO())
     show(found.report(), console)
     lines = console.file.getvalue().splitlines()[3:]  # type: ignore[attr-defined]
@@ -165,6 +163,6 @@ def test_ctrl_c_is_exit_code_130_and_keeps_what_was_flown(monkeypatch: pytest.Mo
 @pytest.mark.usefixtures("here")
 def test_missions_may_be_given_instead_of_the_campaigns() -> None:
     Path("home.toml").write_text(OUT.replace("60.0", "-60.0"))
-    result = call("--mission", "home.toml", "--no-figures", "--runs", 8, "--json")
+    result = call("--mission", "home.toml", "--figures", "none", "--runs", 8, "--json")
     assert result.exit_code in (0, 1), result.output
     assert json.loads(result.stdout)["missions"]["of"] == ["home"]

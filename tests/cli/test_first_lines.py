@@ -12,17 +12,17 @@ from seatrial.cli import app
 
 CALLS = {
     "new": ["new", "other"],
-    "check vehicle": ["check", "cwolf", "--no-figures"],
+    "check vehicle": ["check", "cwolf", "--figures", "none"],
     "check campaign": ["check", "p/campaign.toml"],
-    "check mission": ["check", "p/mission.toml", "--vehicle", "p/vehicle.toml", "--no-figures"],
+    "check mission": ["check", "p/mission.toml", "--vehicle", "p/vehicle.toml", "--figures", "none"],
     "check autopilot": ["check", "auto.toml", "--vehicle", "p/vehicle.toml"],
     "autopilot": ["autopilot", "p/vehicle.toml", "--out", "made.toml"],
-    "bench": ["bench", "p/bench.toml", "--no-figures"],
-    "identify": ["identify", "p/campaign.toml", "--no-figures"],
-    "plan": ["plan", "p/vehicle.toml", "--duration", "20", "--count", "1", "--no-figures"],
+    "bench": ["bench", "p/bench.toml", "--figures", "none"],
+    "identify": ["identify", "p/campaign.toml", "--figures", "none"],
+    "plan": ["plan", "p/vehicle.toml", "--duration", "20", "--count", "1", "--figures", "none"],
     "score": ["score", "p/vehicle.toml", "zigzag", "--columns-from", "p/campaign.toml"],
     "simulate": ["simulate", "p/vehicle.toml", "p/logs/straight.csv"],
-    "fly": ["fly", "p/vehicle.toml", "auto.toml", "p/mission.toml", "--no-figures"],
+    "fly": ["fly", "p/vehicle.toml", "auto.toml", "p/mission.toml", "--figures", "none"],
 }
 """Calls in a starter project; tune and verify have theirs in the tests of these verbs."""
 

@@ -11,8 +11,8 @@ import pytest
 
 from seatrial.cli.streams import BROKEN_PIPE
 
-CHECK = "check cwolf --no-figures"
-MISSED = "fly cwolf cwolf m.toml --no-figures --max-time 20"  # ends with exit code 1
+CHECK = "check cwolf --figures none"
+MISSED = "fly cwolf cwolf m.toml --figures none --max-time 20"  # ends with exit code 1
 MISSION = """
 format = 1
 name = "ahead"

@@ -90,10 +90,10 @@ CALLS: dict[str, Callable[[object], object]] = {
         SEATRIAL.Vehicle.load("cwolf"), {"X_uu": np.ones(2)}, np.arange(3) * 0.1, threads=n
     ),
     "fly_batch": lambda n: SEATRIAL.fly_batch("cwolf", "cwolf", "none.toml", threads=n),
-    "identify": lambda n: SEATRIAL.identify("none.toml", threads=n),
+    "identify": lambda n: SEATRIAL.identify("none.toml", work=SEATRIAL.Work(threads=n)),
     "leave_one_out": lambda n: SEATRIAL.leave_one_out("none.toml", threads=n),
-    "tune": lambda n: SEATRIAL.tune("none.toml", threads=n),
-    "verify": lambda n: SEATRIAL.verify("none.toml", threads=n),
+    "tune": lambda n: SEATRIAL.tune("none.toml", work=SEATRIAL.Work(threads=n)),
+    "verify": lambda n: SEATRIAL.verify("none.toml", work=SEATRIAL.Work(threads=n)),
     "plan": lambda n: SEATRIAL.plan("cwolf", threads=n),
 }
 

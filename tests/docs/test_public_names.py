@@ -19,13 +19,13 @@ from seatrial import _core
 from seatrial.base.channels import CHANNELS
 from seatrial.base.toml_file import Section
 from seatrial.campaign import file as campaign_file
-from seatrial.campaign import verification_table as verification_file
 from seatrial.cli import app
 from seatrial.control_design import tuning_table as tuning_file
 from seatrial.flight import mission
 from seatrial.problem import settings
 from seatrial.trial.columns import CANONICAL
 from seatrial.trial.corrections import KEYS as CORRECTION_KEYS
+from seatrial.verification import table as verification_file
 from tests.docs.pages import NAMES, ROOT, blocks, text
 
 ASKED = (settings,)

@@ -34,6 +34,7 @@ from paper.plates import (
 from paper.tuning import tuning_plates, without_tuning
 from seatrial._core import State
 from seatrial.base.errors import SeatrialError
+from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.identification.identification import Identification
@@ -123,7 +124,7 @@ def refused(result: Result, *words: str) -> None:
 @pytest.fixture(scope="module")
 def fit() -> Identification:
     frames = {"run": record(1), "dive": record(2), "unseen": record(3)}
-    return Campaign.from_toml(CAMPAIGN, source="made.toml", trials=frames).identify(threads=1)
+    return Campaign.from_toml(CAMPAIGN, source="made.toml", trials=frames).identify(work=Work(threads=1))
 
 
 @given(st.lists(st.integers(0, 2**8 - 1), min_size=1, max_size=8))
@@ -252,7 +253,7 @@ def _drawn(folder: Path) -> str:
         record(seed).write_parquet(folder / f"{name}.parquet")
     campaign, earlier = folder / "campaign.toml", folder / "earlier"
     campaign.write_text(CAMPAIGN, encoding="utf-8")
-    result = call("identify", campaign, "--out", earlier, "--no-figures", "--threads", "1")
+    result = call("identify", campaign, "--out", earlier, "--figures", "none", "--threads", "1")
     assert result.exit_code == 0, result.output
     before = (earlier / "identification.json").read_bytes()
     options = ("--out", folder / "figures", "--run", earlier, "--formats", "pdf", "--threads", "1", "--json")

@@ -18,6 +18,7 @@ from typer.testing import CliRunner, Result
 from seatrial import Campaign, CampaignError, Identification, State, Trial, TrialError, Vehicle, identify
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.progress import Progress
+from seatrial.base.work import Work
 from seatrial.cli import app
 from seatrial.experiment.combinations import Thrusters
 from seatrial.experiment.fisher import (
@@ -500,7 +501,7 @@ def test_a_campaign_is_planned_at_what_it_identified(tmp_path: Path, monkeypatch
     (folder / "vehicle.toml").write_text(better.to_toml())
     (folder / "identification.json").write_text('{"covariance": null}')
     shutil.copytree(folder, tmp_path / "elsewhere")
-    verb = ("plan", path, "--duration", "20", "--count", "1", "--no-figures", "--json")
+    verb = ("plan", path, "--duration", "20", "--count", "1", "--figures", "none", "--json")
     for more in ((), ("--run", tmp_path / "elsewhere")):
         result = call(*verb, *more, "--out", tmp_path / "next.csv")
         assert result.exit_code == 0, result.output
@@ -526,7 +527,8 @@ def test_the_verb_prints_the_plan_and_writes_it(tmp_path: Path, monkeypatch: pyt
         "2",
         "--max-depth",
         "15",
-        "--no-figures",
+        "--figures",
+        "none",
         "--verbose",
     )
     assert result.exit_code == 0, result.output
@@ -577,7 +579,7 @@ def test_the_verb_as_json_with_sensors_of_its_own(tmp_path: Path) -> None:
         "--json",
     ]
     arguments += ["--sensors", "gyro=0.05,attitude,depth", "--coefficients", "N_rr,N_rdot", "--area", "80x40"]
-    result = call(*arguments, "--no-figures", "--out", tmp_path / "next.csv")
+    result = call(*arguments, "--figures", "none", "--out", tmp_path / "next.csv")
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)
     assert [change["name"] for change in data["coefficients"]] == ["N_rdot", "N_rr"]
@@ -617,10 +619,10 @@ def test_a_campaign_without_recordings_says_how_to_plan_without_them(tmp_path: P
     assert call("new", tmp_path / "mine").exit_code == 0
     for log in (tmp_path / "mine" / "logs").iterdir():
         log.unlink()
-    result = call("plan", tmp_path / "mine" / "campaign.toml", "--duration", "20", "--no-figures")
+    result = call("plan", tmp_path / "mine" / "campaign.toml", "--duration", "20", "--figures", "none")
     assert result.exit_code == 2
     assert "--no-recorded" in result.stderr
-    arguments = ["--duration", "20", "--count", "1", "--no-recorded", "--no-figures", "--json"]
+    arguments = ["--duration", "20", "--count", "1", "--no-recorded", "--figures", "none", "--json"]
     result = call("plan", tmp_path / "mine" / "campaign.toml", *arguments, "--out", tmp_path / "next.csv")
     assert result.exit_code == 0, result.output
     assert not json.loads(result.stdout)["recorded"]
@@ -642,7 +644,7 @@ def test_the_forecast_of_white_sensors_is_what_an_identification_then_gives() ->
         free: dict[str, tuple[float, float] | None]
         free = {"X_udot": (-40.0, -1.0), "X_u": (-15.0, 0.0), "X_uu": (-40.0, -1.0)}
         named = {trial.name: trial for trial in trials}
-        return identify(CWOLF, named, free=free, axes="X", hold_out=0.0, segment_s=20.0, threads=1)
+        return identify(CWOLF, named, free=free, axes="X", hold_out=0.0, segment_s=20.0, work=Work(threads=1))
 
     fit = identified(logged(past, 1))
     found = plan(fit, budget_s=120.0, count=1, candidates=[following])

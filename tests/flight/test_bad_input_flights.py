@@ -99,7 +99,7 @@ def refused(here: Path, arguments: list[str], words: str) -> None:
 def test_a_file_in_the_wrong_place_is_called_by_its_kind(
     here: Path, vehicle: str, autopilot: str, mission: str, words: str
 ) -> None:
-    refused(here, ["fly", vehicle, autopilot, mission, "--no-figures"], words)
+    refused(here, ["fly", vehicle, autopilot, mission, "--figures", "none"], words)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_a_file_in_the_wrong_place_is_called_by_its_kind(
 )
 def test_an_option_is_answered_in_a_sentence(here: Path, options: list[str], words: str) -> None:
     (here / "late.toml").write_text(SENSORS + "latency_s = 1e9\n")
-    refused(here, ["fly", "cwolf", "cwolf", "out.toml", "--no-figures", *options], words)
+    refused(here, ["fly", "cwolf", "cwolf", "out.toml", "--figures", "none", *options], words)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_an_option_is_answered_in_a_sentence(here: Path, options: list[str], wor
     ],
 )
 def test_check_is_answered_in_a_sentence(here: Path, arguments: list[str], words: str) -> None:
-    refused(here, ["check", *arguments, "--no-figures"], words)
+    refused(here, ["check", *arguments, "--figures", "none"], words)
 
 
 FLY: list[tuple[dict[str, Any], str]] = [
@@ -222,14 +222,14 @@ def test_a_byte_order_mark_changes_nothing(here: Path, name: str) -> None:
     (here / "marked.toml").write_bytes(b"\xef\xbb\xbf" + text.encode())
     assert st.Mission.load("marked.toml").to_toml() == st.Mission.from_toml(text).to_toml()
     assert file_kind("marked.toml") == "a mission"
-    assert call("check", "marked.toml", "--no-figures").exit_code == 0
+    assert call("check", "marked.toml", "--figures", "none").exit_code == 0
 
 
 @pytest.mark.usefixtures("here")
 def test_a_vehicle_without_actuators_is_checked_for_a_mission(here: Path) -> None:
     text = (here / "vehicle.toml").read_text()
     (here / "hull.toml").write_text(text[: text.index("[motors")])
-    result = call("check", "out.toml", "--vehicle", "hull.toml", "--no-figures")
+    result = call("check", "out.toml", "--vehicle", "hull.toml", "--figures", "none")
     assert result.exit_code == 0, result.output
     assert "no actuator of cwolf drives ahead" in result.stdout
 
@@ -237,7 +237,7 @@ def test_a_vehicle_without_actuators_is_checked_for_a_mission(here: Path) -> Non
 @pytest.mark.usefixtures("here")
 def test_a_long_name_of_a_mission_becomes_a_short_folder(here: Path) -> None:
     (here / "long.toml").write_text(OUT.replace('"out"', f'"{"x" * 200}"'))
-    assert call("fly", "cwolf", "cwolf", "long.toml", "--no-figures").exit_code == 0
+    assert call("fly", "cwolf", "cwolf", "long.toml", "--figures", "none").exit_code == 0
     assert [len(path.name) for path in (here / "runs").iterdir()] == [80]
 
 
@@ -267,7 +267,7 @@ def test_ctrl_c_while_a_flight_is_written_leaves_nothing(
         write(path, content)
 
     monkeypatch.setattr(run_directory, "write_atomic", interrupted)
-    result = call("fly", "cwolf", "cwolf", "out.toml", "--no-figures")
+    result = call("fly", "cwolf", "cwolf", "out.toml", "--figures", "none")
     assert result.exit_code == 130
     assert "interrupted" in result.stderr
     assert not list((here / "runs").rglob("*"))
@@ -278,6 +278,6 @@ def test_ctrl_c_while_the_log_is_packed_leaves_nothing(here: Path, monkeypatch: 
         raise KeyboardInterrupt
 
     monkeypatch.setattr(st.Flight, "table", interrupted)
-    assert call("fly", "cwolf", "cwolf", "out.toml", "--no-figures", "--out", "run").exit_code == 130
+    assert call("fly", "cwolf", "cwolf", "out.toml", "--figures", "none", "--out", "run").exit_code == 130
     assert not (here / "run.partial").exists()
     assert not (here / "run").exists()

@@ -9,6 +9,7 @@ import polars as pl
 import pytest
 
 from seatrial._core import State, Vehicle
+from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
@@ -79,7 +80,9 @@ def recordings(*, waves: bool) -> dict[str, pl.DataFrame]:
 
 @cache
 def identified(text: str, *, waves: bool) -> Identification:
-    return Campaign.from_toml(text, source="made.toml", trials=recordings(waves=waves)).identify(threads=2)
+    return Campaign.from_toml(text, source="made.toml", trials=recordings(waves=waves)).identify(
+        work=Work(threads=2)
+    )
 
 
 @pytest.mark.long
@@ -174,7 +177,7 @@ def test_gains_with_a_prior_leave_a_joint_estimate_that_predicts_worse_with_them
 
     monkeypatch.setattr("seatrial.identification.choice._outside", outside)
     campaign = Campaign.from_toml(HELD_OUT + GAINS, source="made.toml", trials=recordings(waves=False))
-    fit = campaign.identify(threads=2)
+    fit = campaign.identify(work=Work(threads=2))
     assert not [row.name for row in fit.coefficients if row.name.endswith(".gain")]
     assert any(note.startswith("SbU.gain, SbL.gain, PU.gain, PL.gain stay at") for note in fit.notes)
     assert any("(R2 r 0.90 to 0.80 when freed)" in note for note in fit.notes)

@@ -12,6 +12,7 @@ import pytest
 from seatrial import Campaign, Identification, Problem, SimulationError, Trial, Vehicle
 from seatrial.base.errors import CampaignError, NumericalError, SeatrialError
 from seatrial.base.fallback import Fallback, Fallbacks, is_numerical
+from seatrial.base.work import Work
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.stage import run_stage
@@ -93,7 +94,7 @@ def test_a_step_that_fails_leaves_what_was_there(
     step: str, name: str, trial: Trial, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(CONCLUSION + step, failing(SINGULAR))
-    fit = campaign(trial).identify(threads=1)
+    fit = campaign(trial).identify(work=Work(threads=1))
     whole(fit)
     first = fit.fallbacks[0]
     assert (first.step, first.kind, first.cause) == (name, "numerical", "Singular matrix")
@@ -109,7 +110,7 @@ def test_a_programming_error_is_not_swallowed(
 ) -> None:
     monkeypatch.setattr(CONCLUSION + "assess", failing(error))
     with pytest.raises(type(error)):
-        campaign(trial).identify(threads=1)
+        campaign(trial).identify(work=Work(threads=1))
 
 
 def test_what_counts_as_a_failure_of_numbers() -> None:
@@ -143,7 +144,7 @@ def test_a_stage_that_fails_costs_no_other_stage(trial: Trial, monkeypatch: pyte
 
     monkeypatch.setattr("seatrial.identification.identify.run_stage", fails_first)
     first = STAGES[STAGES.index("[[stages]]") :].replace("surge", "first").replace("X_uu", "X_udot")
-    fit = campaign(trial, first.replace("[-30.0, -4.0]", "[-30.0, -1.0]")).identify(threads=1)
+    fit = campaign(trial, first.replace("[-30.0, -4.0]", "[-30.0, -1.0]")).identify(work=Work(threads=1))
     whole(fit)
     assert [one.step for one in fit.fallbacks] == ["stage 'first'"]
     assert [stage.name for stage in fit.stages] == ["surge"]

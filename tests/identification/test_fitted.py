@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError, SimulationError
+from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.identification import Identification
@@ -55,7 +56,9 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Identification
     run = vehicle.simulate(t, commands, State(), free="X")
     u = np.asarray(run.nu)[:, 0] + rng.normal(0.0, 0.02, len(t))
     frame = pl.DataFrame({"t_s": t, "u_m_s": u, **{f"cmd.{name}": c for name, c in commands.items()}})
-    found = Campaign.from_toml(CAMPAIGN, source="made.toml", trials={"run": frame}).identify(threads=1)
+    found = Campaign.from_toml(CAMPAIGN, source="made.toml", trials={"run": frame}).identify(
+        work=Work(threads=1)
+    )
     return found, found.save(tmp_path_factory.mktemp("run") / "made")
 
 

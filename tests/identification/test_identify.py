@@ -16,6 +16,7 @@ import pytest
 from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError
 from seatrial.base.progress import Progress
+from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.estimation.criterion import Criterion
@@ -131,11 +132,11 @@ def test_the_vehicle_file_says_what_the_model_leaves_unexplained(campaign: Calla
 def test_same_seed_same_result_whatever_the_threads_and_the_company(
     campaign: Callable[..., Campaign],
 ) -> None:
-    first = outcome(campaign(SURGE, HEAVE).identify(threads=1))
-    assert outcome(campaign(SURGE, HEAVE).identify(threads=2)) == first
+    first = outcome(campaign(SURGE, HEAVE).identify(work=Work(threads=1)))
+    assert outcome(campaign(SURGE, HEAVE).identify(work=Work(threads=2))) == first
     with ThreadPoolExecutor(2) as pool:  # as workers do it
-        assert outcome(campaign(SURGE, HEAVE).identify(executor=pool)) == first
-    assert outcome(campaign(HEAVE).identify(threads=2)) == first[1:]
+        assert outcome(campaign(SURGE, HEAVE).identify(work=Work(executor=pool))) == first
+    assert outcome(campaign(HEAVE).identify(work=Work(threads=2))) == first[1:]
 
 
 @pytest.mark.long
@@ -173,7 +174,7 @@ def test_bound_that_was_hit_is_said(campaign: Callable[..., Campaign]) -> None:
 
 
 def test_run_directory_holds_the_results(campaign: Callable[..., Campaign], tmp_path: Path) -> None:
-    fit = campaign(SURGE).identify(run_dir=tmp_path / "run")
+    fit = campaign(SURGE).identify(work=Work(run_dir=tmp_path / "run"))
     folder = tmp_path / "run"
     assert Vehicle.load(str(folder / "vehicle.toml")).coefficients() == fit.vehicle.coefficients()
     table = pl.read_parquet(folder / "coefficients.parquet")
@@ -188,13 +189,13 @@ def test_run_directory_holds_the_results(campaign: Callable[..., Campaign], tmp_
 def test_finished_stages_are_reused_and_changed_ones_run_again(
     campaign: Callable[..., Campaign], tmp_path: Path
 ) -> None:
-    first = campaign(SURGE, HEAVE).identify(run_dir=tmp_path / "run")
-    again = campaign(SURGE, HEAVE).identify(run_dir=tmp_path / "run")
+    first = campaign(SURGE, HEAVE).identify(work=Work(run_dir=tmp_path / "run"))
+    again = campaign(SURGE, HEAVE).identify(work=Work(run_dir=tmp_path / "run"))
     assert [stage.reused for stage in again.stages] == [True, True]
     assert outcome(again) == outcome(first)
-    changed = campaign(SURGE, HEAVE.replace("-900.0", "-800.0")).identify(run_dir=tmp_path / "run")
+    changed = campaign(SURGE, HEAVE.replace("-900.0", "-800.0")).identify(work=Work(run_dir=tmp_path / "run"))
     assert [stage.reused for stage in changed.stages] == [True, False]
-    afresh = campaign(SURGE, HEAVE).identify(run_dir=tmp_path / "run", resume=False)
+    afresh = campaign(SURGE, HEAVE).identify(work=Work(run_dir=tmp_path / "run", resume=False))
     assert [stage.reused for stage in afresh.stages] == [False, False]
 
 
@@ -209,13 +210,13 @@ def test_interrupt_keeps_the_best_so_far_and_the_run_goes_on_later(
         if progress.what == "heave":
             raise KeyboardInterrupt
 
-    fit = campaign(SURGE, later).identify(run_dir=tmp_path / "run", progress=interrupt)
+    fit = campaign(SURGE, later).identify(work=Work(run_dir=tmp_path / "run", progress=interrupt))
     assert fit.interrupted
     assert [stage.interrupted for stage in fit.stages] == [False, True]
     assert fit.stages[1].cost <= fit.stages[1].start_cost
     assert "Interrupted" in fit.summary()
     assert all(0.0 <= p.fraction <= 1.0 and not p.left_s < 0.0 for p in seen)
-    resumed = campaign(SURGE, later).identify(run_dir=tmp_path / "run")
+    resumed = campaign(SURGE, later).identify(work=Work(run_dir=tmp_path / "run"))
     assert [stage.reused for stage in resumed.stages] == [True, False]
     assert outcome(resumed) == outcome(campaign(SURGE, later).identify())
 
@@ -230,13 +231,13 @@ def test_interrupt_of_the_joint_estimate_keeps_the_stages(
             raise KeyboardInterrupt
 
         patch.setattr("seatrial.identification.conclusion.joint_estimate_of", interrupted)
-        fit = asked.identify(run_dir=tmp_path / "run")
+        fit = asked.identify(work=Work(run_dir=tmp_path / "run"))
     assert fit.interrupted
     assert fit.assessment is None
     assert fit.not_run == ()
     assert fit.vehicle.coefficients()["X_uu"] == fit.stages[0].coefficients["X_uu"]
     assert (tmp_path / "run" / "vehicle.toml").is_file()
-    again = asked.identify(run_dir=tmp_path / "run")
+    again = asked.identify(work=Work(run_dir=tmp_path / "run"))
     assert not again.interrupted
     assert again.assessment is not None
     assert again.stages[0].reused
@@ -264,7 +265,7 @@ def test_a_killed_identification_goes_on_and_equals_an_undisturbed_one(
     )
     assert not (tmp_path / "run").exists()
     made = Campaign.load(tmp_path / "made.toml")
-    resumed = made.identify(run_dir=tmp_path / "run")
+    resumed = made.identify(work=Work(run_dir=tmp_path / "run"))
     assert [stage.reused for stage in resumed.stages] == [True, False]
     undisturbed = campaign(SURGE, later).identify()
     assert outcome(resumed) == outcome(undisturbed)
@@ -279,7 +280,9 @@ def test_stage_that_waits_for_an_interrupted_one_is_named(campaign: Callable[...
     def interrupt(progress: Progress) -> None:
         raise KeyboardInterrupt
 
-    fit = campaign(SURGE, HEAVE.replace("axes", 'after = ["surge"]\naxes')).identify(progress=interrupt)
+    fit = campaign(SURGE, HEAVE.replace("axes", 'after = ["surge"]\naxes')).identify(
+        work=Work(progress=interrupt)
+    )
     assert fit.not_run == ("heave",)
 
 
@@ -288,7 +291,7 @@ def test_error_of_a_display_ends_the_run(campaign: Callable[..., Campaign]) -> N
         raise ZeroDivisionError("in the display")
 
     with pytest.raises(ZeroDivisionError, match="in the display"):
-        campaign(SURGE, HEAVE).identify(progress=broken)
+        campaign(SURGE, HEAVE).identify(work=Work(progress=broken))
 
 
 def test_coefficient_without_influence_is_refused(campaign: Callable[..., Campaign]) -> None:
@@ -302,7 +305,7 @@ def test_directory_that_cannot_be_written_is_refused_before_the_search(
     (tmp_path / "file").write_text("")
     seen: list[Progress] = []
     with pytest.raises(SeatrialError, match="cannot be written"):
-        campaign(SURGE).identify(run_dir=tmp_path / "file" / "run", progress=seen.append)
+        campaign(SURGE).identify(work=Work(run_dir=tmp_path / "file" / "run", progress=seen.append))
     assert not seen
 
 

@@ -148,7 +148,7 @@ def test_option_of_the_command_line(
     Path("made.toml").write_text(HEAD + TRIALS + SURGE)
     for name, trial in campaign.trials.items():
         trial.save(f"{name}.parquet")
-    arguments = ["identify", "made.toml", "--out", "run", "--no-figures", "--leave-one-out"]
+    arguments = ["identify", "made.toml", "--out", "run", "--figures", "none", "--leave-one-out"]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     assert asked["run_dir"] == Path("run-leave-one-out")

@@ -20,6 +20,7 @@ from seatrial._core import State, Vehicle
 from seatrial.base.channels import AXES
 from seatrial.base.errors import SeatrialError
 from seatrial.base.progress import Progress
+from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 
 VEHICLES = ("cwolf", "remus100", "bluerov2-heavy")
@@ -264,7 +265,7 @@ def ends_well(number: int) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # overflows of vehicles that diverge
         try:
-            fit = mutated(number).campaign.identify(progress=progress, threads=1)
+            fit = mutated(number).campaign.identify(work=Work(progress=progress, threads=1))
         except SeatrialError:
             if searched:
                 raise

@@ -91,7 +91,7 @@ def test_a_trial_that_tells_hardly_anything_is_called_so(
         "run.parquet"
     )
     Path("campaign.toml").write_text(CAMPAIGN)
-    result = CliRunner().invoke(app, ["identify", "campaign.toml", "--out", "run", "--no-figures"])
+    result = CliRunner().invoke(app, ["identify", "campaign.toml", "--out", "run", "--figures", "none"])
     assert result.exit_code == 0, result.output
     first = " ".join(result.stdout.split("Worst:")[0].split())
     assert first.startswith("ahead-only: mostly not identified. The trials determine 1 of 7 coefficients; ")

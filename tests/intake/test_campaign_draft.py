@@ -144,7 +144,7 @@ def test_a_vehicle_without_actuators_that_a_logged_wrench_drives_is_imported_and
     assert campaign.problem().input_of(next(iter(campaign.trials))) == "tau"
     # The axes that the wrench drives, and no other.
     assert {letter for stage in campaign.problem().stages for letter in stage.axes.free} == {"X", "N"}
-    fit = campaign.identify(threads=1)
+    fit = campaign.identify(work=st.Work(threads=1))
     assert not fit.fallbacks
     # 1 % of noise over 60 s; X_uu and X_u share the drag, which is told at the speeds that were sailed.
     found, true = fit.vehicle.coefficients(), bare.coefficients()

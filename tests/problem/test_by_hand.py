@@ -35,7 +35,7 @@ def trial(name: str = "straight", level: float = 500.0, *, samples: int = len(T)
 
 @pytest.fixture(scope="module")
 def fit() -> st.Identification:
-    return st.identify(START, [trial()], free={"X_uu": (-40.0, -1.0)}, seed=3, threads=1)
+    return st.identify(START, [trial()], free={"X_uu": (-40.0, -1.0)}, seed=3, work=st.Work(threads=1))
 
 
 def test_truth_is_found_and_the_end_of_every_trial_judges(fit: st.Identification) -> None:
@@ -77,7 +77,7 @@ axes = { free = "X", measured = "YZKMN" }
 coefficients = { X_uu = [-40.0, -1.0] }
 """
     campaign = st.Campaign.from_toml(text, trials={"straight": trial()}, vehicle=START)
-    other = campaign.identify(threads=1)
+    other = campaign.identify(work=st.Work(threads=1))
     assert other.vehicle.coefficients() == fit.vehicle.coefficients()
     assert other.sigma == fit.sigma
     again = st.Campaign.from_toml(fit.problem.text, trials={"straight": trial()}, vehicle=START)
@@ -152,7 +152,9 @@ def early() -> st.Identification:
     noisy = trial()
     noise = 1e-3 * np.random.default_rng(1).standard_normal(noisy.observed.shape)
     noisy = replace(noisy, observed=noisy.observed + noise)
-    return st.identify(start, noisy, free={"X_uu": (-40.0, -1.0), "X_udot": (-40.0, -1.0)}, threads=1)
+    return st.identify(
+        start, noisy, free={"X_uu": (-40.0, -1.0), "X_udot": (-40.0, -1.0)}, work=st.Work(threads=1)
+    )
 
 
 def test_a_missed_dead_time_of_a_group_with_unequal_values_is_named(early: st.Identification) -> None:
@@ -194,7 +196,7 @@ def test_a_nuisance_far_from_its_prior_heads_the_summary() -> None:
     late[3:, 0] = late[:-3, 0]  # 0.3 s, fifteen deviations of the prior
     fit = st.Campaign.from_toml(
         NUISANCE, trials={"straight": replace(shifted, observed=late)}, vehicle=START
-    ).identify(threads=1)
+    ).identify(work=st.Work(threads=1))
     assert fit.assessment is not None
     (row,) = fit.assessment.nuisances()
     assert row["prior_sd"] == 0.02
@@ -250,7 +252,7 @@ coefficients = { Z_ww = [-900.0, -100.0] }
 def test_one_short_trial_costs_only_its_own_standard_deviations() -> None:
     # 15 s, and the joint estimate cuts into 20 s.
     trials = {"straight": trial(), "short": trial("short", samples=150)}
-    fit = st.Campaign.from_toml(SHORT, trials=trials, vehicle=START).identify(threads=1)
+    fit = st.Campaign.from_toml(SHORT, trials=trials, vehicle=START).identify(work=st.Work(threads=1))
     assert fit.sigma["X_uu"] > 0.0
     assert "Z_ww" not in fit.sigma
     (said,) = (note for note in fit.notes if "left out" in note)
@@ -273,7 +275,7 @@ def test_a_problem_of_a_table_in_three_lines(fit: st.Identification) -> None:
         problem = st.Problem(START, frame, free={"X_uu": (-40.0, -1.0)}, seed=3)
         assert list(problem.trials) == ["trial"]
         assert problem.stages[0].axes.free == "X"
-    again = problem.identify(threads=1)
+    again = problem.identify(work=st.Work(threads=1))
     assert again.vehicle.coefficients()["X_uu"] == pytest.approx(TRUE.coefficients()["X_uu"], rel=1e-2)
     two = st.Problem(START, [pl.DataFrame(table), pl.DataFrame(table)], free="X_uu")
     assert list(two.trials) == ["trial 1", "trial 2"]

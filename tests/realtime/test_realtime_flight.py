@@ -32,7 +32,7 @@ FAST = 1000.0  # times real time: the tests do not wait for the clock
 
 def test_law_with_perfect_sensors_it_is_the_flight_of_fly() -> None:
     flight = st.fly("cwolf", "cwolf", MISSION, water=st.Water(current=(0.0, 0.2, 0.0)))
-    paced = fly_realtime("cwolf", "cwolf", MISSION, current=(0.0, 0.2, 0.0), speed=FAST)
+    paced = fly_realtime("cwolf", "cwolf", MISSION, water=st.Water(current=(0.0, 0.2, 0.0)), speed=FAST)
     assert paced.outcome == flight.outcome == "complete"
     table = paced.table()
     np.testing.assert_allclose(table["x_m"], flight.position[:, 0], rtol=0, atol=1e-9)
@@ -42,7 +42,9 @@ def test_law_with_perfect_sensors_it_is_the_flight_of_fly() -> None:
 
 
 def test_time_that_is_up_and_bad_numbers_are_said(tmp_path: Path) -> None:
-    paced = fly_realtime("cwolf", "cwolf", MISSION, max_time_s=2.0, speed=FAST, sensors="typical")
+    paced = fly_realtime(
+        "cwolf", "cwolf", MISSION, conditions=st.Conditions(max_time_s=2.0, sensors="typical"), speed=FAST
+    )
     assert (paced.outcome, paced.complete) == ("time is up", False)
     good, _, _ = paced.report().lines()
     assert "21 ticks" in good
@@ -116,7 +118,7 @@ def test_hardware_steers_over_a_link_with_loss_and_delay(loss: float, delay: int
             "cwolf",
             MISSION,
             hardware=hardware.link.getsockname(),
-            max_time_s=12.0,
+            conditions=st.Conditions(max_time_s=12.0),
             speed=20.0,
             watchdog_s=2.0,
         )
@@ -135,7 +137,13 @@ def test_hardware_steers_over_a_link_with_loss_and_delay(loss: float, delay: int
 
 def test_without_hardware_at_the_address_the_actuators_rest() -> None:
     paced = fly_realtime(
-        "cwolf", "cwolf", MISSION, hardware=("127.0.0.1", 9), max_time_s=1.0, speed=FAST, watchdog_s=0.1
+        "cwolf",
+        "cwolf",
+        MISSION,
+        hardware=("127.0.0.1", 9),
+        conditions=st.Conditions(max_time_s=1.0),
+        speed=FAST,
+        watchdog_s=0.1,
     )
     assert paced.hardware is not None
     assert paced.hardware.taken == 0
@@ -151,11 +159,13 @@ def test_the_verb_says_how_it_kept_time_and_refuses_what_it_has_not(tmp_path: Pa
     mission = tmp_path / "out.toml"
     mission.write_text(MISSION.to_toml(), encoding="utf-8")
     run = CliRunner()
-    command = ["fly", "cwolf", "cwolf", str(mission), "--realtime", "--speed", "1000", "--max-time", "5"]
+    command = ["realtime", "cwolf", "cwolf", str(mission), "--speed", "1000", "--max-time", "5"]
     made = run.invoke(app, [*command, "--out", str(tmp_path / "run")])
     assert made.exit_code == 1  # not complete in five seconds
     assert made.stdout.startswith("cwolf: time is up.")
     assert "ticks of 0.1 ms" in made.stdout
     assert run.invoke(app, [*command, "--waves", "1", "6", "0"]).exit_code == 2
     assert run.invoke(app, [*command, "--hardware", "nowhere"]).exit_code == 2
-    assert run.invoke(app, ["fly", "cwolf", "cwolf", str(mission), "--live", "0"]).exit_code == 2
+    moved = run.invoke(app, ["fly", "cwolf", "cwolf", str(mission), "--live", "0"])
+    assert moved.exit_code == 2
+    assert "use `seatrial realtime VEHICLE AUTOPILOT MISSION --live`" in moved.output

@@ -314,7 +314,7 @@ def torpedo(folder: Path) -> Path:
 
 def judged_log(folder: Path) -> Path:
     mission, page = EXAMPLES / "missions" / "cage_survey.toml", folder / "log.html"
-    flown = ("--sensors", "typical", "--no-figures", "--out", folder / "flown")
+    flown = ("--sensors", "typical", "--figures", "none", "--out", folder / "flown")
     run("fly", "cwolf", "cwolf", mission, *flown)
     judged = ("--log", folder / "flown", "--out", folder / "judged", "--report", page)
     run("verify", EXAMPLES / "cwolf" / "campaign.toml", "--run", "cwolf", "--autopilot", "cwolf", *judged)

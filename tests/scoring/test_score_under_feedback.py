@@ -11,7 +11,7 @@ from seatrial.inspect.verdict import Verdict, blind, judge_trial
 from seatrial.scoring.comparison import compare
 from seatrial.scoring.score import score
 from seatrial.trial.trial import Trial
-from seatrial.verification.mission_log.verify_log import verify_log
+from seatrial.verification.mission_log.judge_log import LogSettings, verify_log
 from tests.inspect.test_verdict import VEHICLE, sailed
 
 CHANNELS = ["v", "r", "yaw"]
@@ -74,7 +74,7 @@ def test_vehicles_are_compared_on_the_trials_that_judge() -> None:
 
 
 def test_a_log_does_not_refute_a_model_by_channels_that_feedback_dominates() -> None:
-    found = verify_log(VEHICLE, trials()[0], draws=1200, stop_s=150.0)
+    found = verify_log(VEHICLE, trials()[0], settings=LogSettings(draws=1200, stop_s=150.0))
     assert found.model != "re-identify"
     assert found.validity is not None
     assert not {"v", "r", "yaw"} & set(found.validity.channels)

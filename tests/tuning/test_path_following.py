@@ -97,7 +97,7 @@ def test_a_tuning_writes_the_lookahead_and_a_leg_is_joined_sooner() -> None:
     none = {"phase_deg": 0.0, "gain_db": 0.0, "delay_s": 0.0}
     budget = {"population": 8, "generations": 1, "simplex_rounds": 1}
     settings = {"samples": 0, "settle_s": 6.0, "budget": budget, "margins": none}
-    found = tune("cwolf", start, loops=loops, settings=settings, threads=1)
+    found = tune("cwolf", start, loops=loops, settings=settings, work=st.Work(threads=1))
     assert [group.name for group in found.groups][-1] == "guidance"
     tuned = found.autopilot.gains()["guidance.lookahead_m"]
     assert tuned < 0.6 * FAR_M

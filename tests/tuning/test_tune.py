@@ -107,9 +107,9 @@ def test_the_autopilot_flies_as_it_was_assessed_and_only_searched_gains_differ()
 
 
 def test_law_neither_threads_nor_workers_nor_a_second_run_change_the_result() -> None:
-    one, two = (quick().tune(threads=threads) for threads in (1, 2))
+    one, two = (quick().tune(work=st.Work(threads=threads)) for threads in (1, 2))
     with ThreadPoolExecutor(2) as pool:
-        other = quick().tune(executor=pool)
+        other = quick().tune(work=st.Work(executor=pool))
     assert one.autopilot.gains() == two.autopilot.gains() == other.autopilot.gains()
     assert [trial for performance in one.performance for trial in performance.trials] == [
         trial for performance in two.performance for trial in performance.trials
@@ -131,8 +131,8 @@ def test_a_killed_tuning_goes_on_and_equals_an_undisturbed_one(tmp_path: Path) -
         tmp_path,
     )
     assert not (tmp_path / "run").exists()
-    whole, seen = quick(TWO).tune(threads=1), Watch()
-    resumed = quick(TWO).tune(run_dir=tmp_path / "run", progress=seen, threads=1)
+    whole, seen = quick(TWO).tune(work=st.Work(threads=1)), Watch()
+    resumed = quick(TWO).tune(work=st.Work(run_dir=tmp_path / "run", progress=seen, threads=1))
     assert "heading" not in seen.stages
     assert resumed.autopilot.gains() == whole.autopilot.gains()
     assert resumed.performance[-1].trials == whole.performance[-1].trials
@@ -141,8 +141,8 @@ def test_a_killed_tuning_goes_on_and_equals_an_undisturbed_one(tmp_path: Path) -
 
 @pytest.mark.long
 def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) -> None:
-    whole = quick(TWO).tune(threads=1)
-    first = quick(TWO).tune(run_dir=tmp_path / "run", progress=Watch(stop="surge"), threads=1)
+    whole = quick(TWO).tune(work=st.Work(threads=1))
+    first = quick(TWO).tune(work=st.Work(run_dir=tmp_path / "run", progress=Watch(stop="surge"), threads=1))
     assert first.interrupted
     assert first.performance == ()
     assert not first.feasible
@@ -160,24 +160,24 @@ def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) 
     assert last.after["violation"] <= last.before["violation"]
 
     seen = Watch()
-    second = quick(TWO).tune(run_dir=tmp_path / "run", progress=seen, threads=1)
+    second = quick(TWO).tune(work=st.Work(run_dir=tmp_path / "run", progress=seen, threads=1))
     assert not second.interrupted
     assert {state.what for state in seen.seen[:1]} == {"surge"}
     assert second.autopilot.gains() == whole.autopilot.gains()
     assert (tmp_path / "run" / "tuning.json").is_file()
 
     third = Watch()
-    quick(TWO).tune(run_dir=tmp_path / "run", progress=third, threads=1)
+    quick(TWO).tune(work=st.Work(run_dir=tmp_path / "run", progress=third, threads=1))
     assert third.seen == []  # all of it is there
 
     fresh = Watch(stop="heading")
-    quick(TWO).tune(run_dir=tmp_path / "run", progress=fresh, resume=False, threads=1)
+    quick(TWO).tune(work=st.Work(run_dir=tmp_path / "run", progress=fresh, resume=False, threads=1))
     assert fresh.stages == {"heading"}
 
 
 def test_progress_grows_from_search_to_search() -> None:
     seen = Watch()
-    quick(TWO).tune(progress=seen, threads=1)
+    quick(TWO).tune(work=st.Work(progress=seen, threads=1))
     # A search that has to be done again was planned from the beginning.
     shares = [state.fraction for state in seen.seen]
     assert shares == sorted(shares)
@@ -192,7 +192,7 @@ def test_ctrl_c_while_start_gains_are_tried_again_keeps_what_was_found(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(tuning_run, "revert_gains", stopped)
-    one = quick().tune(run_dir=tmp_path / "run", threads=1)
+    one = quick().tune(work=st.Work(run_dir=tmp_path / "run", threads=1))
     assert one.interrupted
     assert one.performance == ()
     assert one.kept is not None
@@ -302,7 +302,7 @@ def test_summary_and_tables_tell_verdict_gains_and_margins() -> None:
 
 def test_a_response_outside_its_corridor_is_named() -> None:
     hard = HEADING.replace("rise_s = 7.0", "rise_s = 1.2")
-    one = quick(hard).tune(threads=1)
+    one = quick(hard).tune(work=st.Work(threads=1))
     vars(one)["margins"] = found().margins  # taking them takes seconds
     assert not one.feasible
     said = " ".join(sentences(one))
@@ -346,9 +346,9 @@ def test_results_are_plain_data_and_files(tmp_path: Path) -> None:
 def test_a_refused_tuning_leaves_nothing_behind(tmp_path: Path) -> None:
     lost = HEADING.replace("samples = 1", 'samples = 1\nsensors = "lost.toml"')
     with pytest.raises(SeatrialError, match=r"lost\.toml"):
-        campaign(lost, folder=tmp_path).tune(run_dir=tmp_path / "run", threads=1)
+        campaign(lost, folder=tmp_path).tune(work=st.Work(run_dir=tmp_path / "run", threads=1))
     with pytest.raises(SeatrialError, match="expected a fit of cwolf, found one of lauv"):
-        campaign().tune("lauv", run_dir=tmp_path / "run", threads=1)
+        campaign().tune("lauv", work=st.Work(run_dir=tmp_path / "run", threads=1))
     assert not list(tmp_path.iterdir())
 
 
@@ -371,7 +371,7 @@ SHORT = {
 def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(tmp_path: Path) -> None:
     text = tomlkit.dumps({"format": 1, "name": "small", "seed": 5, "vehicle": "cwolf", "autopilot": "cwolf"})
     text += tomlkit.dumps({"tuning": {"loops": LOOPS} | SHORT})
-    by_file = st.Campaign.from_toml(text).tune(threads=1)
+    by_file = st.Campaign.from_toml(text).tune(work=st.Work(threads=1))
     given = st.tune(
         "cwolf",
         "cwolf",
@@ -379,8 +379,7 @@ def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(
         settings=SHORT,
         name="small",
         seed=5,
-        run_dir=tmp_path / "run",
-        threads=1,
+        work=st.Work(run_dir=tmp_path / "run", threads=1),
     )
     assert given.plan.given_text is None
     assert given.autopilot.gains() == by_file.autopilot.gains()

@@ -8,12 +8,12 @@ from itertools import combinations
 import pytest
 
 import seatrial as st
-from seatrial.campaign.verification_table import parse_verification
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning import tuning_run
 from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.step_trial import Samples
 from seatrial.verification.draws import draw_missions
+from seatrial.verification.table import parse_verification
 from tests.flight.flying import OUT, mission
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan
 from tests.tuning.tuning_runs import Told, values

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from seatrial.base.progress import Progress
+from seatrial.base.work import Work
 from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.margin_report import ReportedMargins
 from seatrial.identification.fitted import Fitted
@@ -67,7 +68,7 @@ def test_a_campaign_without_a_table_is_told_that_defaults_are_searched() -> None
         if state.step is not None and state.step.generation > 1:
             raise KeyboardInterrupt
 
-    one = campaign("").tune(progress=stop, threads=1)
+    one = campaign("").tune(work=Work(progress=stop, threads=1))
     assert one.interrupted
     notes = [note for state in seen for note in state.notes]
     assert len(notes) == 1  # once, and at once

@@ -99,4 +99,4 @@ def trials(
 @cache
 def tuned() -> Tuning:
     """The tuning of `HEADING`."""
-    return campaign().tune(threads=1)
+    return campaign().tune(work=st.Work(threads=1))

@@ -303,17 +303,17 @@ def call(*arguments: str) -> Any:
 
 
 def test_check_tells_the_speeds_asked_for() -> None:
-    data = json.loads(call("cwolf", "--json", "--no-figures", "--speed-kn", "3", "--speed-kn", "9"))
+    data = json.loads(call("cwolf", "--json", "--figures", "none", "--speed-kn", "3", "--speed-kn", "9"))
     assert [round(row["speed_kn"], 9) for row in data["cruises"]] == [3.0]
     assert data["cruises"][0]["endurance_h"] == pytest.approx(3.22, abs=5e-3)
     assert "Speed: 9 kn is more than its top speed of 6.2 kn" in data["notes"]
-    page = call("cwolf", "--no-figures", "--speed-kn", "0.1")
+    page = call("cwolf", "--figures", "none", "--speed-kn", "0.1")
     assert "0.1 kn is less than the slowest that its motors hold" in page
     assert "Steady turns: radius and rate" in page
 
 
 def test_what_is_not_known_has_no_column() -> None:
-    page = call("beluga", "--no-figures")
+    page = call("beluga", "--figures", "none")
     assert "What a speed takes" in page
     assert "power, W" not in page
     assert "a table of thrust says nothing about power" in page

@@ -1,4 +1,4 @@
-"""The law of `verify --log`: vehicles with one changed group of coefficients, judged by the unchanged.
+"""The law of `verify-log`: vehicles with one changed group of coefficients, judged by the unchanged.
 
 ``python -m tests.verification.power_law [VEHICLE ...]`` prints the table of docs/validation.md: per vehicle,
 axis and group the verdict for the group times 1/4, 1/2, 2 and 4 and the error of the model over that of the

@@ -11,24 +11,23 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial.base.errors import CampaignError
+from seatrial.base.work import Work
 from seatrial.cli import app
-from seatrial.verification.boundary import FailureBoundary, run_boundary
-from seatrial.verification.campaign import VerifiedCampaign
+from seatrial.verification.boundary import Boundary, FailureBoundary
+from seatrial.verification.scenario import Scenario
 from tests.cli.test_cli_rare import CAMPAIGN
 from tests.verification.test_rare import OUT, prepared
 
 HOLDS = "true_cross_track_largest_m <= 4.5"
 
 
-def asked(runs: int = 600) -> VerifiedCampaign:
-    from dataclasses import replace
-
-    return replace(prepared(HOLDS, "duration_s <= 1000", probability=0.9), runs=runs)
+def asked(runs: int = 600) -> Scenario:
+    return prepared(HOLDS, "duration_s <= 1000", probability=0.9, runs=runs)
 
 
 @cache
 def along_the_current() -> FailureBoundary:
-    return run_boundary(asked(), {"current_speed_m_s": (0.0, 1.2)})
+    return Boundary({"current_speed_m_s": (0.0, 1.2)}).survey(asked())
 
 
 @pytest.mark.long
@@ -59,8 +58,8 @@ def test_a_requirement_without_a_boundary_says_on_which_side_it_is() -> None:
 
 def test_two_variables_and_finished_places_are_taken_up_again(tmp_path: Path) -> None:
     ranges = {"X_uu": (-40.0, -8.0), "payload_kg": (-5.0, 10.0)}
-    first = run_boundary(asked(400), ranges, run_dir=tmp_path / "run")
-    again = run_boundary(asked(400), ranges, run_dir=tmp_path / "run")
+    first = Boundary(ranges).survey(asked(400), Work(run_dir=tmp_path / "run"))
+    again = Boundary(ranges).survey(asked(400), Work(run_dir=tmp_path / "run"))
     assert again.to_dict() == first.to_dict()
     assert first.places.min(axis=0) == pytest.approx([-40.0, -5.0])
     assert (tmp_path / "run" / "boundary.json").is_file()
@@ -78,18 +77,18 @@ def test_two_variables_and_finished_places_are_taken_up_again(tmp_path: Path) ->
 )
 def test_what_cannot_be_varied_is_refused(variables: dict[str, tuple[float, float]], words: str) -> None:
     with pytest.raises(CampaignError, match=words):
-        run_boundary(asked(), variables)
+        Boundary(variables).survey(asked())
 
 
 def test_the_verb_draws_and_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "out.toml").write_text(OUT)
     (tmp_path / "short.toml").write_text(CAMPAIGN)
-    arguments = ["verify", "short.toml", "--boundary", "sensor_latency_s=0:3", "--runs", "200"]
+    arguments = ["boundary", "short.toml", "sensor_latency_s=0:3", "--runs", "200"]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     assert list((tmp_path / "runs" / "short-boundary" / "figures").glob("boundary*.png"))
     for wrong, words in (("sensor_latency_s", "FROM:TO"), ("sensor_latency_s=a:b", "FROM:TO")):
-        result = CliRunner().invoke(app, ["verify", "short.toml", "--boundary", wrong])
+        result = CliRunner().invoke(app, ["boundary", "short.toml", wrong])
         assert result.exit_code == 2
         assert words in result.output

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 import seatrial as st
 from seatrial.base.errors import CampaignError, SimulationError
-from seatrial.campaign.verification_table import Obstacle, VerificationTable, parse_verification
 from seatrial.cli.new import EXAMPLES
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.requirement import obstacles
+from seatrial.verification.table import Obstacle, VerificationTable, parse_verification
 from tests.flight.flying import OUT, mission
 
 Array = NDArray[np.float64]

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import seatrial as st
 from seatrial.base.errors import CampaignError
-from seatrial.campaign.verification_table import CaseTable, parse_verification
-from seatrial.verification.campaign import VerifiedCampaign
-from seatrial.verification.falsify import Falsification, _lines, run_falsification
+from seatrial.base.work import Work
+from seatrial.verification.falsify import Falsification, Falsify, _lines
 from seatrial.verification.regression import check_cases, draws_of, fly_cases
-from seatrial.verification.verify import run_verification
+from seatrial.verification.scenario import Scenario
+from seatrial.verification.table import CaseTable, parse_verification
 from tests.verification.test_rare import prepared
 
 HOLDS = "true_cross_track_largest_m <= 4"
@@ -22,13 +23,13 @@ HOLDS = "true_cross_track_largest_m <= 4"
 
 @cache
 def falsified() -> Falsification:
-    return run_falsification(prepared(HOLDS, "not abort", "duration_s <= 1000"), budget=600)
+    return Falsify(budget=600).survey(prepared(HOLDS, "not abort", "duration_s <= 1000"))
 
 
-def with_cases(asked: VerifiedCampaign, text: str) -> VerifiedCampaign:
+def with_cases(asked: Scenario, text: str) -> Scenario:
     cases = parse_verification(f'[verification]\nmissions = ["out.toml"]\n{text}', "cases").cases
     table = asked.flights.table.model_copy(update={"cases": cases, "runs": 64})
-    return replace(asked, flights=replace(asked.flights, table=table), runs=64)
+    return asked.with_flights(replace(asked.flights, table=table))
 
 
 def test_the_least_disturbance_fails_and_less_does_not() -> None:
@@ -58,7 +59,7 @@ def test_what_cannot_be_searched_and_what_withstands_is_said() -> None:
 
 def test_a_case_is_flown_as_it_was_found() -> None:
     found = falsified()
-    asked = with_cases(found.prepared, found.cases())
+    asked = with_cases(found.scenario, found.cases())
     drawn, case = found.drawn("number 0"), draws_of(asked.flights.table.cases, asked.flights)
     for name in (
         "mission",
@@ -79,12 +80,12 @@ def test_a_case_is_flown_as_it_was_found() -> None:
 
 def test_verify_fails_with_a_case_that_fails_and_holds_with_one_that_holds() -> None:
     asked = with_cases(prepared("true_cross_track_largest_m <= 12", probability=0.9), "")
-    assert run_verification(asked).cases == ()
+    assert st.verify(asked).cases == ()
     text = falsified().cases()
-    held = run_verification(with_cases(asked, text))
+    held = st.verify(with_cases(asked, text))
     assert [one.held for one in held.cases] == [True]
     strict = with_cases(prepared(HOLDS, probability=0.05), text)
-    failed = run_verification(strict)
+    failed = st.verify(strict)
     assert failed.requirements[0].verdict == "held"
     assert failed.outcome == "failed"
     assert "regression case falsified: number 0" in failed.report().worst
@@ -124,15 +125,15 @@ def test_faults_and_outages_of_a_case_are_its_own() -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
-    [({"within": 0.0}, "0.1 to 8"), ({"budget": 10}, "at least 100"), ({"names": ["x"]}, "unknown")],
+    [({"within": 0.0}, "0.1 to 8"), ({"budget": 10}, "at least 100"), ({"requirements": ["x"]}, "unknown")],
 )
 def test_bad_arguments_are_refused(arguments: dict[str, object], words: str) -> None:
     with pytest.raises(CampaignError, match=words):
-        run_falsification(prepared(HOLDS), **arguments)  # type: ignore[arg-type]
+        Falsify(**arguments).survey(prepared(HOLDS))  # type: ignore[arg-type]
 
 
 def test_the_run_directory_holds_the_case(tmp_path: Path) -> None:
-    found = run_falsification(prepared(HOLDS), budget=300, run_dir=tmp_path / "run")
+    found = Falsify(budget=300).survey(prepared(HOLDS), Work(run_dir=tmp_path / "run"))
     text = (tmp_path / "run" / "cases.toml").read_text()
     assert text == found.cases()
     assert "[[verification.cases]]" in text

@@ -32,14 +32,21 @@ ASKED = [
     st.Requirement("is complete", 'ending == "complete" and not abort', probability=0.6),
 ]
 
-WATER = {"current": {"speed_m_s": [0.0, 0.5]}, "faults": [{"actuator": "stern", "probability": 0.3}]}
+WATER = {"current": {"speed_m_s": [0.0, 0.5]}}
+CONDITIONS = {"faults": [{"actuator": "stern", "probability": 0.3}]}
 
 
 def verified(folder: Path) -> st.Verification:
     return st.verify(
-        "cwolf", "cwolf", [st.Mission.from_toml(OUT)], requirements=ASKED, settings=WATER, runs=60,
-        run_dir=folder,
-    )  # fmt: skip
+        "cwolf",
+        "cwolf",
+        [st.Mission.from_toml(OUT)],
+        requirements=ASKED,
+        water=WATER,
+        conditions=CONDITIONS,
+        runs=60,
+        work=st.Work(run_dir=folder),
+    )
 
 
 def test_a_verdict_from_files_is_that_from_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,12 +8,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from seatrial._core import error_edges
-from seatrial.verification.verify import verify
 from tests.verification.verifying import SHORT, campaign
 
 
 def test_errors_that_guidance_saw_are_told_from_true_ones(tmp_path: Path) -> None:
-    found = verify(campaign(tmp_path))
+    found = campaign(tmp_path).verify()
     metrics = found.flown.metrics
     perceived, true = metrics["cross_track_p95_m"], metrics["true_cross_track_p95_m"]
     settled = np.isfinite(perceived)
@@ -35,7 +34,7 @@ def test_errors_that_guidance_saw_are_told_from_true_ones(tmp_path: Path) -> Non
             place = int(np.searchsorted(edges, value))
             assert above[place] <= 0.05 + 1e-9
             assert place == 0 or above[place - 1] >= 0.05 - 1e-9
-    perfect = verify(campaign(tmp_path, SHORT.replace("runs = 24", 'runs = 4\nsensors = "perfect"')))
+    perfect = campaign(tmp_path, SHORT.replace("runs = 24", 'runs = 4\nsensors = "perfect"')).verify()
     assert not any("guidance perceived" in note for note in perfect.notes)
     same = perfect.flown.metrics
     np.testing.assert_allclose(same["cross_track_rms_m"], same["true_cross_track_rms_m"], rtol=1e-9)

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import seatrial as st
 from seatrial.base.errors import CampaignError
+from seatrial.base.work import Work
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.boundary import FailureBoundary
-from seatrial.verification.campaign import VerifiedCampaign, campaign_of, verified_campaign
 from seatrial.verification.falsify import Falsification
 from seatrial.verification.mission_space import MissionSpace
-from seatrial.verification.rare import run_rare
+from seatrial.verification.rare import Rare
 from seatrial.verification.rare_result import RareFailures
 from seatrial.verification.robustness import completion, robustness
+from seatrial.verification.scenario import Scenario
 
 OUT = """
 format = 1
@@ -37,16 +38,25 @@ depth_m = 4.0
 """
 
 
-def prepared(*holds: str, probability: float = 0.999, **settings: object) -> VerifiedCampaign:
+def prepared(*holds: str, probability: float = 0.999, **settings: Any) -> Scenario:
     """A short mission of CWolf in a current, with uncertain drag and thrust."""
     requirements = [st.Requirement(f"number {k}", one, probability) for k, one in enumerate(holds)]
     fitted = Fitted.of("cwolf", percent={"X_uu": 10.0, "N_rr": 15.0, "stern.gain": 5.0})
     missions = [st.Mission.from_toml(OUT)]
-    water = {"current": {"speed_m_s": {"normal": [0.2, 0.08]}}, "start": {"heading_deg": [-20.0, 20.0]}}
-    campaign = campaign_of(
-        fitted.vehicle, missions, requirements=requirements, settings=water | settings, name=None, seed=3
+    water = {"current": {"speed_m_s": {"normal": [0.2, 0.08]}}}
+    conditions = {"start": {"heading_deg": [-20.0, 20.0]}}
+    for home, keys in ((water, ("current", "waves")), (conditions, ("faults", "outages", "sensors"))):
+        home |= {key: settings.pop(key) for key in keys if key in settings}
+    return Scenario(
+        fitted,
+        "cwolf",
+        missions,
+        requirements=requirements,
+        water=water,
+        conditions=conditions,
+        seed=3,
+        **settings,
     )
-    return verified_campaign(campaign, fitted, "cwolf", missions=missions)
 
 
 LIMIT_M = 7.0
@@ -55,7 +65,7 @@ HOLDS = f"true_cross_track_largest_m <= {LIMIT_M}"
 
 @cache
 def rare() -> RareFailures:
-    return run_rare(prepared(HOLDS, "not abort"), checked=300)
+    return Rare(checked=300).survey(prepared(HOLDS, "not abort"))
 
 
 @pytest.mark.long
@@ -76,7 +86,7 @@ def test_the_interval_holds_what_plain_sampling_finds() -> None:
 def test_the_likeliest_failure_is_one_and_can_be_flown_again() -> None:
     found = rare()
     one = found.requirements[0]
-    space = MissionSpace(found.prepared.flights)
+    space = MissionSpace(found.scenario.flights)
     value = space.robustness(one.requirement, np.array([one.sample]), np.array([one.seed]))
     assert value[0] <= 0.0
     flight = found.replay("number 0")
@@ -153,11 +163,11 @@ def test_completion_has_a_grade() -> None:
 
 
 def test_finished_populations_are_taken_up_again(tmp_path: Path) -> None:
-    asked = prepared(HOLDS)
-    first = run_rare(asked, size=100, populations=2, checked=0, run_dir=tmp_path / "run")
+    asked, search = prepared(HOLDS), Rare(population=100, populations=2, checked=0)
+    first = search.survey(asked, Work(run_dir=tmp_path / "run"))
     kept = sorted(path.name for path in (tmp_path / "run").rglob("*population*"))
     assert len(kept) == 2
-    again = run_rare(asked, size=100, populations=2, checked=0, run_dir=tmp_path / "run")
+    again = search.survey(asked, Work(run_dir=tmp_path / "run"))
     assert again.to_dict() == first.to_dict()
     assert json.loads((tmp_path / "run" / "rare.json").read_text()) == first.to_dict()
 
@@ -165,21 +175,21 @@ def test_finished_populations_are_taken_up_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"size": 105}, "multiple of ten"),
-        ({"size": 50}, "from 100 on"),
+        ({"population": 105}, "multiple of ten"),
+        ({"population": 50}, "from 100 on"),
         ({"populations": 1}, "at least 2"),
-        ({"names": ["nunber 0"]}, 'unknown "nunber 0"'),
+        ({"requirements": ["nunber 0"]}, 'unknown "nunber 0"'),
     ],
 )
 def test_bad_arguments_are_refused(arguments: dict[str, object], words: str) -> None:
     with pytest.raises(CampaignError, match=words):
-        run_rare(prepared(HOLDS), **arguments)  # type: ignore[arg-type]
+        Rare(**arguments).survey(prepared(HOLDS))  # type: ignore[arg-type]
 
 
 def test_an_autopilot_of_another_vehicle_is_said_first() -> None:
     """By what is searched as by what is verified."""
     asked = prepared(HOLDS)
-    other = replace(asked, flights=asked.flights.with_autopilot(st.Autopilot.load("remus100")))
+    other = asked.with_flights(asked.flights.with_autopilot(st.Autopilot.load("remus100")))
     for one, doubted in ((asked, False), (other, True)):
         for found in (
             RareFailures(one, (), False),

@@ -14,11 +14,11 @@ from typer.testing import CliRunner, Result
 
 import seatrial as st
 from seatrial.base.errors import CampaignError, SeatrialError, TrialError
+from seatrial.campaign.verification import campaign_log, campaign_reference, verify_campaign_log
 from seatrial.cli import app
 from seatrial.identification.fitted import Fitted
-from seatrial.verification.mission_log.campaign import campaign_log, campaign_reference, verify_campaign_log
+from seatrial.verification.mission_log.judge_log import verify_log
 from seatrial.verification.mission_log.verdict import JudgedRequirement, LogVerdict
-from seatrial.verification.mission_log.verify_log import verify_log
 from tests.verification.recorded_logs import MISSION, flight
 
 CAMPAIGN = """
@@ -69,7 +69,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def call(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["verify", "campaign.toml", "--no-figures", *map(str, arguments)])
+    return CliRunner().invoke(app, ["verify-log", "campaign.toml", *map(str, arguments), "--figures", "none"])
 
 
 @pytest.mark.usefixtures("here")
@@ -101,7 +101,7 @@ def test_a_foreign_log_is_judged_by_all_trials_or_by_those_named() -> None:
 
 @pytest.mark.usefixtures("here")
 def test_a_valid_log_is_exit_code_0_and_leaves_a_run_directory() -> None:
-    result = call("--log", "today")
+    result = call("today")
     assert result.exit_code == 0, result.output
     run = Path("runs/box-log-today")
     data = json.loads((run / "verdict.json").read_text())
@@ -120,7 +120,7 @@ def test_a_valid_log_is_exit_code_0_and_leaves_a_run_directory() -> None:
 @pytest.mark.usefixtures("here")
 def test_a_changed_vehicle_is_exit_code_1() -> None:
     flight(2, (("SbU.gain", 0.8),)).save("today")
-    result = call("--log", "today", "--json", "--reference", "box")
+    result = call("today", "--json", "--reference", "box")
     assert result.exit_code == 1, result.output
     data = json.loads(result.stdout)
     assert data["outcome"] == "failed"
@@ -131,12 +131,9 @@ def test_a_changed_vehicle_is_exit_code_1() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--log", "away"], "expected a recording, a run directory of `seatrial fly` or a trial"),
-        (["--log", "today", "--runs", 8], "--runs: --log judges a recorded mission"),
-        (["--log", "today", "--mission", "mission.toml", "--mission", "x.toml"], "a log is one mission"),
-        (["--log", "today", "--reference", "away"], "away: expected a recording"),
-        (["--reference", "box"], "give that with --log"),
-        (["--log", "."], "expected flight.parquet"),
+        (["away"], "expected a recording, a run directory of `seatrial fly` or a trial"),
+        (["today", "--reference", "away"], "away: expected a recording"),
+        (["."], "expected flight.parquet"),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(arguments: list[object], words: str) -> None:
@@ -201,15 +198,11 @@ def test_a_fit_of_another_vehicle_is_refused() -> None:
 @pytest.mark.long
 def test_the_public_function_takes_a_campaign_as_the_verb_does() -> None:
     campaign = st.Campaign.load("campaign.toml")
-    found = st.verify_log(campaign, "cwolf", "today", draws=1200, flights=40)
-    same, _ = verify_campaign_log(campaign, "cwolf", "today", draws=1200, flights=40)
+    found = campaign.judge_log("cwolf", "today", settings=st.LogSettings(draws=1200, flights=40))
+    same, _ = verify_campaign_log(campaign, "cwolf", "today", settings=st.LogSettings(draws=1200, flights=40))
     np.testing.assert_equal(found.to_dict(), same.to_dict())
-    with pytest.raises(CampaignError, match="requirements: expected only without a campaign"):
-        st.verify_log(campaign, "cwolf", "today", requirements=[])  # type: ignore[call-overload]
-    with pytest.raises(CampaignError, match="found no log"):
-        st.verify_log(campaign, "cwolf")  # type: ignore[call-overload]
-    with pytest.raises(CampaignError, match="expected a Campaign before a vehicle and a log"):
-        st.verify_log("cwolf", "cwolf", "today")  # type: ignore[call-overload]
+    with pytest.raises(CampaignError, match=r"use campaign.judge_log\(fit, log\)"):
+        st.verify_log(campaign, "today")  # type: ignore[arg-type]
 
 
 @pytest.mark.usefixtures("here")

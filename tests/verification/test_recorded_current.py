@@ -7,9 +7,9 @@ import re
 import pytest
 
 import seatrial as st
+from seatrial.verification.mission_log.judge_log import verify_log
 from seatrial.verification.mission_log.log import MissionLog
 from seatrial.verification.mission_log.verdict import LogVerdict
-from seatrial.verification.mission_log.verify_log import verify_log
 from tests.verification.recorded_logs import MISSION, fitted, log
 
 AHEAD = st.Mission.from_toml("""
@@ -39,7 +39,12 @@ def judged(mission: st.Mission, current: list[float], thrust: float = 1.0) -> Lo
     )
     table = flight.table()
     hidden = [name for name in table.columns if "current_" in name or "water_m_s" in name]
-    return verify_log(fitted(), MissionLog.read(table.drop(hidden)), reference=log(100).trial, draws=2048)
+    return verify_log(
+        fitted(),
+        MissionLog.read(table.drop(hidden)),
+        reference=log(100).trial,
+        settings=st.LogSettings(draws=2048),
+    )
 
 
 @pytest.mark.long

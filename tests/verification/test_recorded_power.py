@@ -1,4 +1,4 @@
-"""What a log could have refuted: groups, factors, unjudged axes, and the law of `verify --log`."""
+"""What a log could have refuted: groups, factors, unjudged axes, and the law of `verify-log`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 import seatrial as st
 from seatrial.identification.fitted import Fitted
-from seatrial.verification.mission_log.judge_log import judge_model
+from seatrial.verification.mission_log.judge_log import LogSettings, judge_model, verify_log
 from seatrial.verification.mission_log.log import offsets_of
 from seatrial.verification.mission_log.power import (
     GROWN,
@@ -24,7 +24,6 @@ from seatrial.verification.mission_log.power import (
 )
 from seatrial.verification.mission_log.restarts import restarts
 from seatrial.verification.mission_log.unknowns import Point, Unknowns, explained_best, pieces, sensor_noise
-from seatrial.verification.mission_log.verify_log import verify_log
 from tests.verification.power_law import FACTORS, SEED, VEHICLES, changed, judged, law
 from tests.verification.recorded_logs import fitted, log
 
@@ -133,7 +132,9 @@ def test_an_error_that_grows_within_a_window_is_no_noise_however_large_that_is()
 def test_a_reference_on_which_the_model_is_wrong_does_not_make_it_valid() -> None:
     """The band that such a reference leaves holds the same errors on the log: the groups refute it."""
     wrong = scaled(PITCH, 0.25)
-    verdict = verify_log(fitted(), log(2, wrong), reference=log(100, wrong).trial, draws=1200)
+    verdict = verify_log(
+        fitted(), log(2, wrong), reference=log(100, wrong).trial, settings=st.LogSettings(draws=1200)
+    )
     assert not verdict.valid, verdict.summary()
     assert verdict.outcome in ("failed", "not judged")
     assert verdict.power is not None
@@ -150,7 +151,7 @@ def test_an_axis_that_never_moves_is_not_judged_and_no_build_passes_by_it() -> N
         for test in moving.tests
     )
     assert replace(moving, tests=still).unjudged == "N"
-    verdict = verify_log(fitted(), log(2), stop_s=30.0, draws=1200)
+    verdict = verify_log(fitted(), log(2), settings=st.LogSettings(stop_s=30.0, draws=1200))
     assert verdict.outcome == "not judged"
     assert not verdict.held
     assert verdict.to_dict()["outcome"] == "not judged"
@@ -187,16 +188,7 @@ def test_a_stated_error_widens_what_is_tolerated_and_takes_the_power() -> None:
 def test_without_any_channel_that_counts_nothing_is_judged() -> None:
     windows = restarts(fitted().vehicle, log(2).trial)
     judgement = judge_model(
-        Fitted.of("cwolf"),
-        windows,
-        None,
-        draws=1200,
-        seed=0,
-        level=0.01,
-        payload_density_kg_m3=2700.0,
-        ahead_s=10.0,
-        offsets={},
-        hidden="XYZKMN",
+        Fitted.of("cwolf"), windows, None, LogSettings(draws=1200, level=0.01), offsets={}, hidden="XYZKMN"
     )
     assert judgement.model == "not judged"
 

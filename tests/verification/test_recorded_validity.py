@@ -14,7 +14,7 @@ import seatrial as st
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import SimulationError, TrialError
 from seatrial.trial.trial import Trial
-from seatrial.verification.mission_log.judge_log import state_inside
+from seatrial.verification.mission_log.judge_log import state_inside, verify_log
 from seatrial.verification.mission_log.restarts import restarts
 from seatrial.verification.mission_log.spread import (
     ExpectedShare,
@@ -25,7 +25,6 @@ from seatrial.verification.mission_log.spread import (
     spread_of_reference,
 )
 from seatrial.verification.mission_log.validity import validity
-from seatrial.verification.mission_log.verify_log import verify_log
 from tests.verification.recorded_logs import MISSION, fitted, log
 
 WEAK = (("SbU.gain", 0.8),)
@@ -133,7 +132,7 @@ def test_what_the_covariance_allows_is_no_reason_to_doubt_the_model() -> None:
 
 
 def test_a_log_too_short_is_not_judged() -> None:
-    verdict = verify_log(fitted(), log(2), stop_s=30.0)
+    verdict = verify_log(fitted(), log(2), settings=st.LogSettings(stop_s=30.0))
     assert verdict.model == "not judged"
     assert "windows of 10 s are too few" in verdict.reason
 
@@ -216,7 +215,7 @@ def test_law_draws_of_a_valid_vehicle_are_refuted_no_more_often_than_the_level_s
 def test_a_p_value_is_never_smaller_than_the_draws_can_tell() -> None:
     assert ExpectedShare.of(np.full(99, 0.05), np.inf).p(1.0, 1000.0) == pytest.approx(0.01, rel=1e-9)
     with pytest.raises(SimulationError, match="expected at least 1200"):
-        verify_log(fitted(), log(2), draws=64)
+        verify_log(fitted(), log(2), settings=st.LogSettings(draws=64))
 
 
 def test_linear_draws_are_those_of_the_model() -> None:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from seatrial.report.plot.mission_log import _sensible, log_verdict_gallery, suspect_bars
+from seatrial.verification.mission_log.judge_log import LogSettings, verify_log
 from seatrial.verification.mission_log.verdict import LogVerdict
-from seatrial.verification.mission_log.verify_log import verify_log
 from seatrial.verification.requirement import Requirement
 from tests.verification.recorded_logs import MISSION, fitted, log
 
@@ -28,7 +28,7 @@ def verdict() -> LogVerdict:
         autopilot="cwolf",
         mission=MISSION,
         sensors="typical",
-        flights=40,
+        settings=LogSettings(flights=40),
         requirements=[
             Requirement("keeps its path", "cross_track_p95_m <= 100"),
             Requirement("saves energy", "energy_wh <= 1"),

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.base.errors import CampaignError
-from seatrial.campaign.verification_table import parse_verification
 from seatrial.flight.mission import Mission
 from seatrial.verification.expression import CALLS, KNOWN, Metric, parse, unit_of
 from seatrial.verification.requirement import Judgement, Requirement, default_requirements
+from seatrial.verification.table import parse_verification
 from tests.flight.flying import flown
 
 NAN, INF = math.nan, math.inf

@@ -9,21 +9,20 @@ import pytest
 
 import seatrial as st
 from seatrial.statistics.proportions import share
-from seatrial.verification.campaign import VerifiedCampaign, verified_campaign
+from seatrial.verification.scenario import Scenario
 from seatrial.verification.verification import Verification
-from seatrial.verification.verify import verify
 from tests.flight.flying import OUT
 from tests.verification.verifying import campaign
 
 TABLE = '[verification]\nmissions = ["out.toml"]\nruns = 4\n'
 
 
-def prepared(folder: Path, text: str, *, vehicle: str = "cwolf") -> VerifiedCampaign:
-    return verified_campaign(campaign(folder, TABLE + text, vehicle=vehicle))
+def prepared(folder: Path, text: str, *, vehicle: str = "cwolf") -> Scenario:
+    return campaign(folder, TABLE + text, vehicle=vehicle).scenario()
 
 
 def flown(folder: Path, text: str, *, mission: str = OUT) -> Verification:
-    return verify(campaign(folder, TABLE + text), missions=[st.Mission.from_toml(mission)])
+    return campaign(folder, TABLE + text).verify(missions=[st.Mission.from_toml(mission)])
 
 
 @pytest.mark.parametrize(
@@ -108,16 +107,16 @@ def test_an_autopilot_of_another_vehicle_is_refused_before_anything_is_made(tmp_
     made = campaign(tmp_path, TABLE)
     before = sorted(tmp_path.iterdir())
     with pytest.raises(st.VehicleError, match="bluerov2-heavy"):
-        verify(made, gains="bluerov2-heavy", run_dir=tmp_path / "runs" / "short")
+        made.verify(gains="bluerov2-heavy", work=st.Work(run_dir=tmp_path / "runs" / "short"))
     with pytest.raises(st.VehicleError, match="bluerov2-heavy"):
-        verify(made, compare={"another": "bluerov2-heavy"}, run_dir=tmp_path / "runs" / "short")
+        made.verify(compare={"another": "bluerov2-heavy"}, work=st.Work(run_dir=tmp_path / "runs" / "short"))
     assert sorted(tmp_path.iterdir()) == before
 
 
 def test_a_fit_of_another_vehicle_is_refused(tmp_path: Path) -> None:
     words = "campaign.toml: expected a fit of cwolf, found one of remus100 with other actuators; give the run"
     with pytest.raises(st.CampaignError, match=words):
-        verified_campaign(campaign(tmp_path, TABLE), "remus100")
+        campaign(tmp_path, TABLE).scenario("remus100")
 
 
 def test_a_campaign_that_states_nothing_asks_for_what_its_mission_and_water_have(tmp_path: Path) -> None:

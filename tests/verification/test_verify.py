@@ -20,14 +20,12 @@ from seatrial.base.progress import Progress
 from seatrial.identification.fitted import Fitted
 from seatrial.report.plot.verification import WorstFlight, verification_figures, worst_missions
 from seatrial.verification import missions as mission_series
-from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.comparison import compared, mcnemar
 from seatrial.verification.flown_missions import FlownMissions, metrics_for_requirements
 from seatrial.verification.judgement import judged
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.requirement import Requirement
 from seatrial.verification.verification import Verification
-from seatrial.verification.verify import verify
 from tests.base.killed import kill
 from tests.flight.flying import OUT
 from tests.report.figures import assert_on_page
@@ -60,7 +58,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(folder: Path) -> Verification:
-    return verify(campaign(folder))
+    return campaign(folder).verify()
 
 
 def same(one: Verification, other: Verification, count: int | None = None) -> bool:
@@ -81,7 +79,7 @@ def test_the_interval_covers_a_known_failure_probability_as_often_as_it_says(tmp
     # Failure: the start lies more than 1.2 m to the north, P = 1 - Phi(1.2).
     truth, seeds = float(norm.sf(1.2)), 40
     assert math.isclose(truth, 1.0 - 0.8849303297782918)
-    rows = [verify(campaign(tmp_path, KNOWN, seed=seed)).requirements[0] for seed in range(seeds)]
+    rows = [campaign(tmp_path, KNOWN, seed=seed).verify().requirements[0] for seed in range(seeds)]
     inside = sum(row.found.interval[0] <= truth <= row.found.interval[1] for row in rows)
     # The exact interval covers in at least 95 % of the seeds; fewer than this in one of a thousand tests.
     assert inside >= binom.ppf(1e-3, seeds, 0.95)
@@ -98,9 +96,9 @@ def test_the_interval_covers_a_known_failure_probability_as_often_as_it_says(tmp
 
 
 def test_a_mission_depends_on_its_number_alone(folder: Path, found: Verification) -> None:
-    longer = verify(campaign(folder), runs=33, threads=1)
+    longer = campaign(folder).verify(runs=33, work=st.Work(threads=1))
     assert same(found, longer, 24)
-    assert not same(found, verify(campaign(folder, seed=8)))
+    assert not same(found, campaign(folder, seed=8).verify())
     alone = longer.flights.fly([32])
     for name, values in longer.flown.metrics.items():
         assert np.array_equal(values[32:], alone.metrics[name], equal_nan=values.dtype.kind == "f"), name
@@ -137,7 +135,7 @@ def test_missions_fly_in_the_water_that_the_campaign_states(tmp_path: Path) -> N
     rho_kg_m3 = 1000.0
     g_m_s2 = 9.78
     """
-    found = verify(campaign(tmp_path, asked, vehicle="bluerov2-heavy"), runs=2)
+    found = campaign(tmp_path, asked, vehicle="bluerov2-heavy").verify(runs=2)
     around = found.replay(1).circumstances
     assert (around.voltage_v, around.rho, around.g, around.max_time_s) == (13.5, 1000.0, 9.78, 2.0)
     assert (around.seabed, around.turbulence_times_s) == ((30.0, 0.0, 0.1), (30.0, 3.0))
@@ -178,13 +176,13 @@ def test_ctrl_c_keeps_what_was_flown_and_the_same_call_goes_on(
 
     monkeypatch.setattr(CampaignFlights, "fly", counted)
     run_dir = tmp_path / "run"
-    cut = verify(campaign(folder), run_dir=run_dir, progress=stop)
+    cut = campaign(folder).verify(work=st.Work(run_dir=run_dir, progress=stop))
     assert cut.interrupted
     assert len(cut.flown) == 16
     assert "(interrupted)" in cut.summary()
     assert json.loads((run_dir / "verification.json").read_text())["missions"]["flown"] == 16
     states: list[Progress] = []
-    whole = verify(campaign(folder), run_dir=run_dir, progress=states.append)
+    whole = campaign(folder).verify(work=st.Work(run_dir=run_dir, progress=states.append))
     assert flown == list(range(24))
     assert not whole.interrupted
     assert same(whole, found)
@@ -195,10 +193,10 @@ def test_ctrl_c_keeps_what_was_flown_and_the_same_call_goes_on(
     assert "24 of 24 missions flown" in states[-1].detail
     # More missions begin with those that lie in the run directory; other inputs use none of them.
     flown.clear()
-    verify(campaign(folder), run_dir=run_dir, runs=32)
+    campaign(folder).verify(work=st.Work(run_dir=run_dir), runs=32)
     assert flown == list(range(24, 32))
     flown.clear()
-    verify(campaign(folder, seed=8), run_dir=run_dir, runs=8)
+    campaign(folder, seed=8).verify(work=st.Work(run_dir=run_dir), runs=8)
     assert flown == list(range(8))
 
 
@@ -227,14 +225,14 @@ def test_a_killed_verification_goes_on_and_equals_an_undisturbed_one(
         return fly(self, numbers, **options)
 
     monkeypatch.setattr(CampaignFlights, "fly", counted)
-    resumed = verify(campaign(tmp_path), run_dir=tmp_path / "run")
+    resumed = campaign(tmp_path).verify(work=st.Work(run_dir=tmp_path / "run"))
     assert flown == list(range(16, 24))
     assert same(resumed, found)
     assert resumed.outcome == found.outcome
 
 
 def test_law_kept_missions_are_taken_up_for_the_same_inputs_alone(folder: Path) -> None:
-    flights = verified_campaign(campaign(folder)).flights
+    flights = campaign(folder).scenario().flights
     vehicle, table = flights.fitted.vehicle, flights.table
     names, matrix = ("X_uu",), np.array([[1.0]])
     (farther,) = (st.Mission.from_toml(one.to_toml().replace("60.0", "61.0")) for one in flights.missions)
@@ -266,7 +264,7 @@ def test_ctrl_c_before_the_first_missions_leaves_nothing(
 
     monkeypatch.setattr(CampaignFlights, "fly", stop)
     with pytest.raises(KeyboardInterrupt):
-        verify(campaign(folder), run_dir=tmp_path / "run")
+        campaign(folder).verify(work=st.Work(run_dir=tmp_path / "run"))
     assert not list(tmp_path.iterdir())
 
 
@@ -286,14 +284,14 @@ def test_bad_input_is_refused_before_anything_flies(
 ) -> None:
     monkeypatch.delattr(CampaignFlights, "fly")
     with pytest.raises(st.SeatrialError, match=words):
-        verify(campaign(folder, SHORT.replace(old, new)), run_dir=tmp_path / "run")
+        campaign(folder, SHORT.replace(old, new)).verify(work=st.Work(run_dir=tmp_path / "run"))
     assert not list(tmp_path.iterdir())
 
 
 def test_a_campaign_without_verification_needs_missions(folder: Path) -> None:
     with pytest.raises(st.CampaignError, match=r"campaign.toml: expected the table \[verification\]"):
-        verify(campaign(folder, ""))
-    found = verify(campaign(folder, ""), missions=[folder / "out.toml"], runs=2)
+        campaign(folder, "").verify()
+    found = campaign(folder, "").verify(missions=[folder / "out.toml"], runs=2)
     assert found.flights.titles == ("out",)
     asked = {one.requirement.name: one.requirement.holds for one in found.requirements}
     assert asked == {
@@ -303,14 +301,14 @@ def test_a_campaign_without_verification_needs_missions(folder: Path) -> None:
     }
     assert any("off by 1.5 m (1 sd)" in note for note in found.notes)
     exact = campaign(folder, SHORT[: SHORT.index("[[")].replace("runs = 24", 'runs = 2\nsensors = "perfect"'))
-    (path,) = (one for one in verify(exact).requirements if one.requirement.name == "keeps its path")
+    (path,) = (one for one in exact.verify().requirements if one.requirement.name == "keeps its path")
     assert path.requirement.holds == "true_cross_track_p95_m <= 5"
     assert any("states no requirements" in note for note in found.notes)
     assert any("same coefficients" in note for note in found.notes)
     with pytest.raises(st.CampaignError, match="expected another autopilot"):
-        verify(campaign(folder), compare=True)
+        campaign(folder).verify(compare=True)
     with pytest.raises(st.CampaignError, match="two are called 'out'"):
-        verify(campaign(folder), missions=[folder / "out.toml", folder / "out.toml"])
+        campaign(folder).verify(missions=[folder / "out.toml", folder / "out.toml"])
 
 
 def test_a_diverged_mission_has_no_numbers_and_holds_nothing_that_rests_on_one(
@@ -366,17 +364,17 @@ def test_the_verdict_is_that_of_the_worst_requirement(folder: Path, holds: str, 
     further = f'[[verification.requirements]]\nname = "lasts"\nholds = "{holds}"\nprobability = 0.99\n'
     # 13 of 24 missions leave the path or never settle on it, at most 72 % at 95 % confidence.
     lenient = SHORT.replace("probability = 0.5", "probability = 0.2")
-    found = verify(campaign(folder, lenient + further))
+    found = campaign(folder, lenient + further).verify()
     assert [one.verdict for one in found.requirements] == ["held", "held", verdict]
     assert found.outcome == verdict
     assert not found.held
-    assert verify(campaign(folder, lenient)).held
+    assert campaign(folder, lenient).verify().held
 
 
 def test_missions_are_mixed_by_weight_and_told_apart(folder: Path) -> None:
     (folder / "back.toml").write_text((folder / "out.toml").read_text().replace("60.0", "-60.0"))
     mixed = SHORT.replace('["out.toml"]', '["out.toml", { file = "back.toml", weight = 3.0 }]')
-    found = verify(campaign(folder, mixed))
+    found = campaign(folder, mixed).verify()
     (path, _) = found.requirements
     assert list(path.by_mission) == ["out", "back"]
     assert sum(part.runs for part in path.by_mission.values()) == 24
@@ -391,7 +389,7 @@ def test_missions_are_mixed_by_weight_and_told_apart(folder: Path) -> None:
 def test_autopilots_are_compared_on_the_same_draws(folder: Path) -> None:
     lazy = st.Autopilot.load("cwolf").with_gains({"guidance.integral_gain_m_s": 0.0})
     strict = SHORT.replace("<= 1.0", "<= 0.6")
-    found = verify(campaign(folder, strict), gains="cwolf", compare={"lazy": lazy, "same": "cwolf"})
+    found = campaign(folder, strict).verify(gains="cwolf", compare={"lazy": lazy, "same": "cwolf"})
     assert found.comparison is not None
     assert found.comparison.runs == 24
     same_as = found.comparison.pair("keeps its path", "same")
@@ -406,7 +404,7 @@ def test_autopilots_are_compared_on_the_same_draws(folder: Path) -> None:
 
 def test_a_part_of_many_missions_is_compared(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("seatrial.verification.verify._LEAST", 3)
-    found = verify(campaign(folder), gains="cwolf", compare={"same": "cwolf"}, runs=6)
+    found = campaign(folder).verify(gains="cwolf", compare={"same": "cwolf"}, runs=6)
     assert found.comparison is not None
     verified, other = found.comparison.autopilots
     assert found.comparison.runs == verified.failures["keeps its path"].runs == 3
@@ -463,7 +461,7 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
     facts = json.loads((run / "run.json").read_text())
     assert facts["seed"] == 7
     summary = (run / "summary.txt").read_text()
-    assert summary.startswith(f"{found.campaign.name}: {found.outcome}. ")
+    assert summary.startswith(f"{found.scenario.name}: {found.outcome}. ")
     assert "seatrial verify campaign.toml --replay" in summary
 
 
@@ -476,7 +474,7 @@ def test_missions_of_similar_names_have_files_of_their_own(folder: Path, tmp_pat
     rows = [
         f'{{ file = "leg{north}.toml", name = "{name}" }}' for north, name in zip(texts, names, strict=True)
     ]
-    found = verify(campaign(folder, SHORT.replace('"out.toml"', ", ".join(rows))), runs=6)
+    found = campaign(folder, SHORT.replace('"out.toml"', ", ".join(rows))).verify(runs=6)
     run = found.save(tmp_path / "run")
     kept = {path.stem: st.Mission.load(path).to_toml() for path in (run / "missions").iterdir()}
     assert set(kept) == {"leg--north", "leg--north-2", "leg-" + "n" * 76}
@@ -486,7 +484,7 @@ def test_missions_of_similar_names_have_files_of_their_own(folder: Path, tmp_pat
 def test_what_the_draws_do_not_contain_is_said_wherever_the_verdict_is_read(folder: Path) -> None:
     fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})
     doubted = replace(fitted, notes=("The truth lies outside the model class.",))
-    found = verify(campaign(folder), doubted, runs=2)
+    found = campaign(folder).verify(doubted, runs=2)
     (note,) = doubted.notes
     assert note in found.notes
     assert note in found.summary()

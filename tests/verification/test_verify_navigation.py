@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.verification.campaign import verified_campaign
 from tests.flight.flying import OUT
 
 RUNS = 20
@@ -16,21 +17,19 @@ SILENT = {"sensor": "dvl", "probability": 1.0, "duration_s": [25.0, 30.0], "betw
 COMPLETE = st.Requirement("is complete", 'ending == "complete"', probability=0.5)
 
 
-def found(
-    navigation: str | None, *, outages: bool, runs: int = RUNS, key: str | None = None
-) -> st.Verification:
+def found(navigation: str | None, *, outages: bool, runs: int = RUNS) -> st.Verification:
     """Missions of CWolf with a tenth of doubt about its quadratic damping."""
-    settings = {"current": {"speed_m_s": [0.0, 0.3]}, "coefficients": {"*_uu": 10.0}}
-    settings |= {"outages": [SILENT]} if outages else {}
-    settings |= {} if key is None else {"navigation": key}
+    conditions: dict[str, Any] = {"outages": [SILENT]} if outages else {}
+    conditions |= {} if navigation is None else {"navigation": navigation}
     return st.verify(
         "cwolf",
         "cwolf",
         [st.Mission.from_toml(OUT)],
         requirements=[COMPLETE],
-        settings=settings,
+        water={"current": {"speed_m_s": [0.0, 0.3]}},
+        conditions=conditions,
+        coefficients={"*_uu": 10.0},
         runs=runs,
-        navigation=navigation,
         seed=3,
     )
 
@@ -69,7 +68,6 @@ def test_the_filter_knows_that_the_vehicle_that_flies_is_another() -> None:
 
 def test_law_a_mission_on_the_filter_depends_on_its_number_alone() -> None:
     verdict = found("filter", outages=True)
-    assert same(verdict, found(None, outages=True, key="filter"))
     assert same(verdict, found("filter", outages=True, runs=7), 7)
     again = verdict.replay(4).metrics
     metrics = verdict.flown.metrics
@@ -90,16 +88,18 @@ def test_a_filter_is_told_of_the_seas_that_are_drawn() -> None:
         source="c.toml",
         vehicle=st.Vehicle.load("cwolf"),
     )
-    flights = verified_campaign(campaign, gains="cwolf", missions=[st.Mission.from_toml(OUT)]).flights
+    flights = campaign.scenario(gains="cwolf", missions=[st.Mission.from_toml(OUT)]).flights
     told = flights._told
     assert told["turbulence"][0] == pytest.approx(0.05)
     assert 0.3 < told["waves"].height_m < 0.5
 
 
 def test_another_word_is_refused() -> None:
+    with pytest.raises(st.CampaignError, match="navigation"):
+        found("kalman", outages=False)
+    campaign = st.Campaign.from_toml('format = 1\nname = "c"\nvehicle = "cwolf"\n')
+    missions = [st.Mission.from_toml(OUT)]
     with pytest.raises(
         st.SimulationError, match='navigation: expected "sensors" or "filter", found \'kalman\''
     ):
-        found("kalman", outages=False)
-    with pytest.raises(st.CampaignError, match="navigation"):
-        found(None, outages=False, key="kalman")
+        campaign.scenario(gains="cwolf", missions=missions, navigation="kalman")

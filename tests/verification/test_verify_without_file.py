@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 import seatrial as st
-from seatrial.base.errors import CampaignError
 from tests.flight.flying import OUT, mission
 
 ENDS = st.Requirement("is complete", 'ending == "complete"', probability=0.9)
-WATER: dict[str, Any] = {"current": {"speed_m_s": [0.0, 0.2]}, "start": {"position_m": 2.0}}
+WATER: dict[str, Any] = {"current": {"speed_m_s": [0.0, 0.2]}}
+CONDITIONS: dict[str, Any] = {"start": {"position_m": 2.0}}
 
 CAMPAIGN = """
 format = 1
@@ -29,9 +29,16 @@ requirements = [{ name = "is complete", holds = 'ending == "complete"', probabil
 
 def test_it_flies_what_a_file_with_the_same_keys_asks_for(tmp_path: Path) -> None:
     (tmp_path / "out.toml").write_text(mission(OUT).to_toml())
-    by_file = st.verify(st.Campaign.from_toml(CAMPAIGN, folder=tmp_path))
+    by_file = st.Campaign.from_toml(CAMPAIGN, folder=tmp_path).verify()
     alone = st.verify(
-        "cwolf", "cwolf", [tmp_path / "out.toml"], requirements=[ENDS], settings=WATER, runs=24, seed=3
+        "cwolf",
+        "cwolf",
+        [tmp_path / "out.toml"],
+        requirements=[ENDS],
+        water=WATER,
+        conditions=CONDITIONS,
+        runs=24,
+        seed=3,
     )
     assert alone.table().equals(by_file.table())
     assert alone.outcome == by_file.outcome
@@ -40,7 +47,9 @@ def test_it_flies_what_a_file_with_the_same_keys_asks_for(tmp_path: Path) -> Non
 
 
 def test_it_leaves_a_run_directory(tmp_path: Path) -> None:
-    found = st.verify("cwolf", "cwolf", [mission(OUT)], runs=4, name="dock", run_dir=tmp_path / "run")
+    found = st.verify(
+        "cwolf", "cwolf", [mission(OUT)], runs=4, name="dock", work=st.Work(run_dir=tmp_path / "run")
+    )
     assert (tmp_path / "run" / "verification.json").is_file()
     assert 'name = "dock"' in (tmp_path / "run" / "campaign.toml").read_text()
     assert "verification.replay(NUMBER)" in found.summary()
@@ -65,8 +74,8 @@ def test_an_autopilot_of_another_vehicle_is_said_first() -> None:
         (("cwolf",), {}, "a vehicle alone"),
         (("cwolf", "cwolf"), {}, "no missions"),
         (("cwolf", "cwolf", []), {}, "missions: expected a list"),
-        (("cwolf", "cwolf", [mission(OUT)]), {"settings": {"curent": {}}}, "curent"),
-        (("cwolf", "cwolf", [mission(OUT)]), {"settings": {"missions": []}}, "a parameter of its own"),
+        (("cwolf", "cwolf", [mission(OUT)]), {"water": {"curent": {}}}, "curent"),
+        (("cwolf", "cwolf", [mission(OUT)]), {"current": {}}, "current: expected in water"),
         (("cwolf", "cwolf", [mission(OUT)]), {"seed": -1}, "seed: expected a whole number"),
     ],
 )
@@ -75,7 +84,15 @@ def test_what_cannot_be_verified_is_refused(given: Any, options: dict[str, Any],
         st.verify(*given, runs=4, **options)
 
 
-def test_a_campaign_refuses_what_belongs_into_its_file(tmp_path: Path) -> None:
-    campaign = st.Campaign.from_toml(CAMPAIGN, folder=tmp_path)
-    with pytest.raises(CampaignError, match="settings: expected only without a campaign"):
-        st.verify(campaign, settings=WATER)  # type: ignore[call-overload]
+def test_a_campaign_is_asked_itself(tmp_path: Path) -> None:
+    campaign: Any = st.Campaign.from_toml(CAMPAIGN, folder=tmp_path)
+    with pytest.raises(st.CampaignError, match=r"use campaign\.verify"):
+        st.verify(campaign, water=WATER)
+
+
+def test_a_scenario_says_all_of_it() -> None:
+    scenario = st.Scenario("cwolf", "cwolf", [mission(OUT)], runs=4)
+    with pytest.raises(st.CampaignError, match="verify: seed: the scenario says that"):
+        st.verify(scenario, seed=2)
+    with pytest.raises(st.CampaignError, match="a strategy chooses its missions"):
+        st.verify(scenario, strategy=st.Rare(), compare={"other": "cwolf"})

@@ -55,7 +55,7 @@ def simulate(vehicle: st.Vehicle) -> NDArray[np.float64]:
 
 def identify(campaign: st.Campaign, folder: Path) -> st.Identification:
     """The vehicle of a campaign, and what the trials say of its coefficients."""
-    fit = campaign.identify(run_dir=folder / "identified")
+    fit = campaign.identify(work=st.Work(run_dir=folder / "identified"))
     for coefficient in fit.coefficients:
         name: str = coefficient.name
         estimate: float = coefficient.estimate
@@ -74,7 +74,7 @@ def judge(fit: st.Identification, trial: st.Trial) -> dict[str, float]:
 
 def tune(campaign: st.Campaign, fit: st.Identification, folder: Path) -> st.Autopilot:
     """The autopilot with gains that keep to the corridors."""
-    tuning: st.Tuning = campaign.tune(fit, run_dir=folder / "tuned")
+    tuning: st.Tuning = campaign.tune(fit, work=st.Work(run_dir=folder / "tuned"))
     tuned = tuning.of("tuned")
     assert tuned is not None
     for response in tuned.trials:
@@ -89,7 +89,7 @@ def tune(campaign: st.Campaign, fit: st.Identification, folder: Path) -> st.Auto
 
 def verify(campaign: st.Campaign, fit: st.Identification, autopilot: st.Autopilot) -> bool:
     """Whether the requirements are held in drawn missions."""
-    verification: st.Verification = st.verify(campaign, fit, autopilot)
+    verification: st.Verification = campaign.verify(fit, autopilot)
     for row in verification.requirements:
         words: str = row.requirement.name
         failures: int = row.found.failures
@@ -134,7 +134,7 @@ def main(folder: Path) -> None:
     trial: st.Trial = st.Trial.read(project / "logs" / "mixed.csv")
     print(f"{trial.name}, {len(trial)} samples: R2 of u {judge(fit, trial)['u']:.3f}")
     autopilot = tune(campaign, fit, folder)
-    print("held" if verify(campaign, fit, autopilot) else "not held")
+    print("held" if campaign.verify(fit, autopilot) else "not held")
     mission = st.Mission.load(project / "mission.toml")
     print(f"{fly(fit.vehicle, autopilot, mission):.2f} m/s at most")
     try:

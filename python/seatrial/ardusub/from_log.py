@@ -38,6 +38,7 @@ from seatrial.ardusub.tuning import (
 from seatrial.base.errors import TrialError
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
+from seatrial.base.work import Work
 from seatrial.logs.formats import open_log
 
 if TYPE_CHECKING:
@@ -201,7 +202,9 @@ def _identified(
     def progress(state: Progress) -> None:
         say(0.1 + 0.2 * state.fraction, f"identification: {state.what}")
 
-    identification = campaign.identify(run_dir=identified, progress=progress, resume=resume, threads=threads)
+    identification = campaign.identify(
+        work=Work(run_dir=identified, progress=progress, resume=resume, threads=threads)
+    )
     if identification.interrupted:
         raise KeyboardInterrupt
     return identification, Fitted.of(identification)

@@ -138,7 +138,8 @@ def callers_errors_pass(function: Callable[P, R]) -> Callable[P, R]:
     @wraps(function)
     def passing(*args: P.args, **kwargs: P.kwargs) -> R:
         name = "share" if "share" in kwargs else "progress"
-        given = cast("Callable[..., None] | None", kwargs.get(name))
+        work: Any = kwargs.get("work")  # an `st.Work`, which holds the function
+        given = cast("Callable[..., None] | None", getattr(work, "progress", kwargs.get(name)))
         if given is None:
             return function(*args, **kwargs)
         call = object()  # of nested calls each hands on what its own caller raised
@@ -149,7 +150,10 @@ def callers_errors_pass(function: Callable[P, R]) -> Callable[P, R]:
             except Exception as error:
                 raise _OfTheCaller(call, error) from None
 
-        kwargs[name] = progress
+        if work is None:
+            kwargs[name] = progress
+        else:
+            kwargs["work"] = replace(work, progress=progress)
         try:
             return function(*args, **kwargs)
         except _OfTheCaller as carried:

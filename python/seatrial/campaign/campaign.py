@@ -8,13 +8,14 @@ are read when first asked for, the bench test when the campaign is made; both on
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.base.file_names import no_file
 from seatrial.base.toml_file import file_path, is_path, text_of
+from seatrial.base.work import HERE, Work, takes
 from seatrial.campaign.file import CampaignFile, Environment, LockedAxes, TrialSource, parse, with_locked_axes
 from seatrial.problem.by_name import ByName
 from seatrial.problem.problem import Problem
@@ -23,15 +24,21 @@ from seatrial.trial.corrections import merged, refuse_far
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.fleet import Workers
     from seatrial.base.progress import Progress
     from seatrial.bench_test.result import BenchTest
+    from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
     from seatrial.trial.recording import Recording
     from seatrial.trial.trial import Trial
     from seatrial.tuning.control_problem import ControlProblem
     from seatrial.tuning.result import Tuning
+    from seatrial.verification.mission_log.verdict import LogVerdict
+    from seatrial.verification.scenario import Scenario
+    from seatrial.verification.verification import Verification
+    from seatrial.verification.verify import Strategy
+
+_R = TypeVar("_R")
 
 
 class Campaign:
@@ -235,25 +242,16 @@ class Campaign:
         """What the campaign asks of an identification: the same object at every call."""
         return self._problem
 
-    def identify(
-        self,
-        *,
-        run_dir: str | Path | None = None,
-        progress: Callable[[Progress], None] | None = None,
-        resume: bool = True,
-        threads: int | None = None,
-        executor: Workers | None = None,
-    ) -> Identification:
+    @takes(work=Work)
+    def identify(self, *, work: Work = HERE) -> Identification:
         """Identification of the vehicle.
 
         Parameters
         ----------
-        run_dir, progress, resume, threads, executor
+        work : Work, optional
             As of `seatrial.identify`, whose result and errors these are.
         """
-        return self._problem.identify(
-            run_dir=run_dir, progress=progress, resume=resume, threads=threads, executor=executor
-        )
+        return self._problem.identify(work=work)
 
     def control_problem(
         self, fit: Identification | Fitted | Vehicle | str | Path | None = None
@@ -300,15 +298,9 @@ class Campaign:
         problem.refuse_what_cannot_fly(f"{self.source}: tuning")
         return problem
 
+    @takes(work=Work)
     def tune(
-        self,
-        fit: Identification | Fitted | Vehicle | str | Path | None = None,
-        *,
-        run_dir: str | Path | None = None,
-        progress: Callable[[Progress], None] | None = None,
-        resume: bool = True,
-        threads: int | None = None,
-        executor: Workers | None = None,
+        self, fit: Identification | Fitted | Vehicle | str | Path | None = None, *, work: Work = HERE
     ) -> Tuning:
         """Tuning of the campaign's autopilot.
 
@@ -316,19 +308,136 @@ class Campaign:
         ----------
         fit
             As of `control_problem`.
-        run_dir, progress, resume, threads, executor
+        work
             As of `seatrial.tune`, whose result and errors these are.
         """
         from seatrial.tuning.tune import tune
 
-        return tune(
-            self.control_problem(fit),
-            run_dir=run_dir,
-            progress=progress,
-            resume=resume,
-            threads=threads,
-            executor=executor,
-        )
+        return tune(self.control_problem(fit), work=work)
+
+    def scenario(
+        self,
+        fit: Identification | Fitted | Vehicle | str | Path | None = None,
+        gains: Tuning | Autopilot | str | Path | None = None,
+        *,
+        model: Vehicle | str | Path | None = None,
+        runs: int | None = None,
+        missions: Sequence[Mission | str | Path] | None = None,
+        navigation: str | None = None,
+    ) -> Scenario:
+        """What the campaign asks of a verification.
+
+        Parameters
+        ----------
+        fit : Identification, Fitted, Vehicle, str or Path, optional
+            The vehicle and how well it is known; the campaign's vehicle, taken as exact, when missing.
+        gains : Tuning, Autopilot, str or Path, optional
+            The autopilot; the campaign's when missing.
+        model : Vehicle, str or Path, optional
+            The vehicle that the autopilot believes in; by default the best values of ``fit``. With it,
+            ``fit`` may be a vehicle that the autopilot does not know.
+        runs, missions, navigation : optional
+            Instead of those of the table ``[verification]``.
+
+        Raises
+        ------
+        CampaignError
+            There is no table ``[verification]``, or a requirement cannot be read.
+        SimulationError, TrialError, VehicleError
+            A mission, sensor, failure or number is not usable.
+        """
+        from seatrial.campaign.verification import scenario_of
+
+        return scenario_of(self, fit, gains, model=model, runs=runs, missions=missions, navigation=navigation)
+
+    @overload
+    def verify(
+        self,
+        fit: Identification | Fitted | Vehicle | str | Path | None = None,
+        gains: Tuning | Autopilot | str | Path | None = None,
+        *,
+        strategy: None = None,
+        compare: bool | Mapping[str, Any] = False,
+        work: Work = HERE,
+        **changes: Any,
+    ) -> Verification: ...
+
+    @overload
+    def verify(
+        self,
+        fit: Identification | Fitted | Vehicle | str | Path | None = None,
+        gains: Tuning | Autopilot | str | Path | None = None,
+        *,
+        strategy: Strategy[_R],
+        work: Work = HERE,
+        **changes: Any,
+    ) -> _R: ...
+
+    @takes(work=Work)
+    def verify(
+        self,
+        fit: Identification | Fitted | Vehicle | str | Path | None = None,
+        gains: Tuning | Autopilot | str | Path | None = None,
+        *,
+        strategy: Strategy[Any] | None = None,
+        compare: bool | Mapping[str, Any] = False,
+        work: Work = HERE,
+        **changes: Any,
+    ) -> Any:
+        """Verification of an autopilot by the campaign's missions, as of `seatrial.verify`.
+
+        Parameters
+        ----------
+        fit, gains
+            As of `scenario`.
+        strategy : Rare, Falsify or Boundary, optional
+            As of `seatrial.verify`.
+        compare : bool or mapping of str to autopilot
+            Fly some of the missions with the campaign's autopilot ("start") as well, or with those by name.
+        work : Work, optional
+        **changes
+            ``model``, ``runs``, ``missions`` and ``navigation`` of `scenario`.
+        """
+        from seatrial.campaign.verification import others_of
+        from seatrial.verification.verify import verify
+
+        scenario, others = self.scenario(fit, gains, **changes), others_of(self, gains, compare)
+        if strategy is None:
+            return verify(scenario, compare=others, work=work)
+        return verify(scenario, strategy=strategy, work=work)
+
+    def judge_log(
+        self,
+        fit: Fitted | Identification | Vehicle | str | Path,
+        log: str | Path,
+        *,
+        references: Sequence[str | Path] = (),
+        **judging: Any,
+    ) -> LogVerdict:
+        """Verdict on the log of a mission by the campaign's trials, requirements, corridors and sensors.
+
+        Parameters
+        ----------
+        fit : Fitted, Identification, Vehicle, str or Path
+            The model, with its covariance where there is one.
+        log : str or Path
+            A run directory of `seatrial fly`, a file, or the name of a trial, of which the part is judged
+            that was held out.
+        references : sequence of str or Path, optional
+            Logs on which the model is known to hold, instead of the campaign's trials.
+        **judging
+            ``autopilot``, ``mission``, ``current`` and ``settings`` of `seatrial.verify_log`.
+
+        Raises
+        ------
+        TrialError, CampaignError, SimulationError, VehicleError
+            Something cannot be used.
+        """
+        from seatrial.base.blas_threads import one_blas_thread
+        from seatrial.campaign.verification import verify_campaign_log
+
+        with one_blas_thread():
+            return verify_campaign_log(self, fit, log, references=references, **judging)[0]
 
     def input_hashes(self, *, trials: bool = True) -> dict[str, Any]:
         """SHA-256 of what a run over the campaign reads, by name; of the recordings only with ``trials``."""

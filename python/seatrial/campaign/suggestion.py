@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from seatrial.base.errors import CampaignError
 from seatrial.base.plain import Plain
 from seatrial.base.progress import callers_errors_pass
+from seatrial.base.work import HERE, Work, takes
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import parse
 from seatrial.diagnosis.missing_terms import Suggestion
@@ -25,7 +25,6 @@ from seatrial.identification.hold_out import POOLED
 from seatrial.problem.parameter import axes_of
 
 if TYPE_CHECKING:
-    from seatrial.base.progress import Progress
     from seatrial.identification.identification import Identification
 
 LEAST_CHANGE = 0.02
@@ -133,15 +132,10 @@ def hold_out_change(before: Identification, after: Identification) -> HoldOutCha
     return HoldOutChange(pairs, verdict, sentence)
 
 
+@takes(work=Work)
 @callers_errors_pass
 def try_suggestion(
-    campaign: Campaign,
-    suggestion: Suggestion,
-    *,
-    before: Identification | None = None,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    threads: int | None = None,
+    campaign: Campaign, suggestion: Suggestion, *, before: Identification | None = None, work: Work = HERE
 ) -> tuple[Identification, HoldOutChange]:
     """Identification with the suggestion followed, and the change of the hold-out score.
 
@@ -151,10 +145,8 @@ def try_suggestion(
     suggestion : Suggestion
     before : Identification, optional
         The identification of the campaign as it is; made when not given.
-    run_dir : str or Path, optional
-        Folder for the results of the followed campaign.
-    progress, threads
-        As in `seatrial.identify`.
+    work : Work, optional
+        As of `seatrial.identify`; the run directory is that of the followed campaign.
 
     Raises
     ------
@@ -162,9 +154,9 @@ def try_suggestion(
         The suggestion cannot be followed, or nothing is held out.
     """
     followed = follow(campaign, suggestion)
-    first = campaign.identify(progress=progress, threads=threads) if before is None else before
+    first = campaign.identify(work=replace(work, run_dir=None)) if before is None else before
     _held_out(first)  # refuses before the second search
-    second = followed.identify(run_dir=run_dir, progress=progress, threads=threads)
+    second = followed.identify(work=work)
     return second, hold_out_change(first, second)
 
 

@@ -29,15 +29,18 @@ from seatrial.cli import (
     import_,
     new,
     plan,
+    realtime,
     report,
     score,
     simulate,
     sitl,
     streams,
+    survey,
     tune,
     verify,
 )
 from seatrial.cli.console import ExitCodes
+from seatrial.cli.options import moved
 
 __all__ = ["app", "main"]
 
@@ -64,12 +67,17 @@ class _Verb(TyperCommand):
     """A verb: infinity, which a number of the command line may say, is none that it takes."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Arguments, unless one is an option that is done elsewhere."""
+        """What is left of the arguments; an option that moved is refused with what takes its place."""
         for argument in args:
             asked = f"{ctx.info_name} {argument.partition('=')[0]}"
             if asked in _ELSEWHERE:
                 raise SeatrialError(f"{asked}: {_ELSEWHERE[asked]}")
-        return super().parse_args(ctx, args)
+        try:
+            return super().parse_args(ctx, args)
+        except Exception as error:
+            if sentence := moved(str(self.name), getattr(error, "option_name", "")):
+                vars(error).update(message=sentence, possibilities=None)
+            raise
 
     def invoke(self, ctx: Any) -> Any:
         """Run it, unless a number is not finite."""
@@ -124,8 +132,13 @@ _VERBS: tuple[Callable[..., None], ...] = (
     score.score,
     autopilot.autopilot,
     fly.fly,
+    realtime.realtime,
     tune.tune,
     verify.verify,
+    verify.verify_log,
+    survey.rare,
+    survey.falsify,
+    survey.boundary,
     report.report,
     export.export,
     ardusub.ardusub,
@@ -135,7 +148,9 @@ _VERBS: tuple[Callable[..., None], ...] = (
 for _verb in _VERBS:
     # Said whole: the list of verbs would cut it after a few words.
     _first = inspect.cleandoc(_verb.__doc__ or "").partition("\n\n")[0]
-    app.command(_verb.__name__.rstrip("_"), cls=_Verb, short_help=" ".join(_first.split()))(_verb)
+    app.command(_verb.__name__.rstrip("_").replace("_", "-"), cls=_Verb, short_help=" ".join(_first.split()))(
+        _verb
+    )
 
 
 def main(begins: Callable[[], None] | None = None) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.options import FigureFormat, Figures, Json, Threads, Verbose
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
@@ -41,8 +41,7 @@ def ardusub(
         bool, typer.Option(help="Reuse what an earlier run finished from the same inputs.")
     ] = True,
     threads: Threads = None,
-    figures: Figures = True,
-    pdf: Pdf = False,
+    figures: Figures = FigureFormat.PNG,
     page: Page = None,
     verbose: Verbose = False,
     json: Json = False,
@@ -58,7 +57,7 @@ def ardusub(
     from seatrial.ardusub.parameters import ParameterFile
     from seatrial.base.file_names import file_name
     from seatrial.base.run import check_writable
-    from seatrial.cli.console import answer, formats, long_work, print_json, say
+    from seatrial.cli.console import answer, long_work, print_json, say
 
     folder = out or Path("runs") / file_name(f"ardusub-{log.stem}")
     check_writable(folder, "replay" if replay_only else "ardusub")
@@ -84,10 +83,10 @@ def ardusub(
     def drawn() -> list[Path]:
         from seatrial.report.plot.ardusub import replay_gallery, tuning_gallery
 
-        if not figures:
+        if not figures.endings():
             return []
         draw = replay_gallery if replay_only else tuning_gallery
-        return draw(found, folder / "figures", formats=formats(pdf, page))  # type: ignore[arg-type]
+        return draw(found, folder / "figures", formats=figures.endings(page))  # type: ignore[arg-type]
 
     if json:
         print_json(found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seatrial.base.errors import SeatrialError
-from seatrial.cli.console import Json, Verbose
+from seatrial.cli.options import Json, Verbose
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seatrial.base.file_names import file_name, free_name
-from seatrial.cli.console import Figures, Json, Pdf, Verbose
+from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
@@ -28,8 +28,7 @@ def bench(
         bool,
         typer.Option("--in-place", help="Replace the bench file's vehicle file by the one with the results."),
     ] = False,
-    figures: Figures = True,
-    pdf: Pdf = False,
+    figures: Figures = FigureFormat.PNG,
     page: Page = None,
     verbose: Verbose = False,
     json: Json = False,
@@ -37,7 +36,7 @@ def bench(
     """Fit thrust and motor of every tested group, say how sure they are, write them into the vehicle file."""
     from seatrial.base.errors import SeatrialError
     from seatrial.bench_test.evaluate import bench as evaluate
-    from seatrial.cli.console import answer, formats, print_json
+    from seatrial.cli.console import answer, print_json
     from seatrial.report.results.bench_test import WRITE
 
     if write is not None and in_place:
@@ -63,7 +62,7 @@ def bench(
         written = found.save_vehicle(found.vehicle_path, replace=True)
 
     def drawn() -> list[Path]:
-        return _draw(found, folder, formats(pdf, page)) if figures else []
+        return _draw(found, folder, figures.endings(page))
 
     if json:
         files = {"figures": [str(path) for path in drawn()], "vehicle_file": written and str(written)}

@@ -14,7 +14,7 @@ import typer
 
 from seatrial.base.errors import SeatrialError, nearest
 from seatrial.base.file_names import file_name, no_file
-from seatrial.cli.console import Json, Pdf, Verbose, formats
+from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
@@ -92,10 +92,7 @@ def check(
             " ones up to the top speed when missing.",
         ),
     ] = None,
-    figures: Annotated[
-        bool, typer.Option(help="Draw three views, characteristics and performance, or the mission (PNG).")
-    ] = True,
-    pdf: Pdf = False,
+    figures: Figures = FigureFormat.PNG,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -115,7 +112,7 @@ def check(
     for option, value in flying.items():
         if value is not None and (vehicle is None or autopilot is None):
             raise SeatrialError(f"{option}: a mission is flown with --vehicle and --autopilot; give both")
-    drawing = _Drawing(figures, formats(pdf))
+    drawing = _Drawing(bool(figures.endings()), figures.endings())
     if kind == "a campaign":
         _check_campaign(target, verbose=verbose, json=json)
     elif kind == "a mission":

@@ -1,6 +1,6 @@
 """Where the command line prints: answers to standard output, progress and messages to standard error.
 
-A verb prints its answer first (`answer`) and draws afterwards. Options that several verbs share stand here.
+A verb prints its answer first (`answer`) and draws afterwards.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -28,28 +28,6 @@ if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
     from seatrial.base.progress import Progress as State
     from seatrial.base.report import Report
-
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all tables and remarks.")]
-
-Figures = Annotated[bool, typer.Option(help="Write figures (PNG) into the run directory.")]
-
-Threads = Annotated[
-    int | None,
-    typer.Option(min=1, max=1024, help="Threads; all processors by default, with --dask one per worker."),
-]
-
-Dask = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ADDRESS",
-        help="Work on the Dask cluster with this scheduler (tcp://HOST:8786); local or local:N starts N"
-        " worker processes on this machine. Connections run code: use loopback or TLS.",
-    ),
-]
-
-Pdf = Annotated[bool, typer.Option("--pdf", help="Write figures as PDF, too.")]
 
 _PIPED_WIDTH = 118
 
@@ -138,11 +116,6 @@ def say(line: str) -> None:
     """Print a line as it is on standard output."""
     with printing():
         output().print(line, soft_wrap=True, markup=False)
-
-
-def formats(pdf: bool, page: Path | None = None) -> tuple[str, ...]:
-    """Endings of figures: PNG, PDF on request, and SVG for a page."""
-    return ("png", *(("pdf",) if pdf else ()), *(() if page is None else ("svg",)))
 
 
 def workers(dask: str | None) -> AbstractContextManager[Fleet | None]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from seatrial.cli.console import Json
+from seatrial.cli.options import Json
 
 if TYPE_CHECKING:
     from seatrial.base.data_sets import DataFile

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from seatrial.base.run import RUN_FILE, belongs_to_run
-from seatrial.cli.console import Threads
 from seatrial.cli.new import EXAMPLES
+from seatrial.cli.options import Computing, Threads
 from seatrial.cli.report import reported
 
 if TYPE_CHECKING:
@@ -132,7 +132,9 @@ def _identified(
     from seatrial.cli.identify import draw, run_identification
 
     began = time.monotonic()
-    fit = run_identification(campaign, folder, threads=threads, resume=False, quiet=quiet)
+    fit = run_identification(
+        campaign, folder, computing=Computing(threads=threads, resume=False), quiet=quiet
+    )
     took = time.monotonic() - began
 
     def drawn() -> list[Path]:
@@ -196,7 +198,9 @@ def demonstrate(
         console.rule(
             "CWolf: its autopilot tuned from the start gains, on the identified vehicle", align="left"
         )
-    found = tuned(campaign, fit, out / "cwolf-tuned", threads=threads, resume=False, quiet=quiet)
+    found = tuned(
+        campaign, fit, out / "cwolf-tuned", computing=Computing(threads=threads, resume=False), quiet=quiet
+    )
     chain.results["cwolf_tuning"] = found.to_dict()
     if found.interrupted:
         chain.interrupted = True
@@ -242,14 +246,19 @@ def _verify(
     """Missions of drawn vehicles, beside the start gains, and missions of the truth."""
     from seatrial.cli.console import answer
     from seatrial.cli.verify import draw, verified
-    from seatrial.verification.campaign import verified_campaign
 
     out, chain = into
     if not quiet:
         console.rule("CWolf: missions of vehicles drawn from what is known of it", align="left")
-    prepared = verified_campaign(campaign, fit, found, runs=_RUNS, compare=True)
+    scenario = campaign.scenario(fit, found, runs=_RUNS)
     folder = out / "cwolf-verified"
-    verdict = verified(prepared, folder, threads=threads, resume=False, quiet=quiet)
+    verdict = verified(
+        scenario,
+        folder,
+        compare={"start": campaign.autopilot},
+        computing=Computing(threads=threads, resume=False),
+        quiet=quiet,
+    )
     chain.results["cwolf_verification"] = verdict.to_dict()
     chain.held, chain.interrupted = verdict.held, verdict.interrupted
     if chain.interrupted:
@@ -263,8 +272,8 @@ def _verify(
     else:
         answer(verdict.report(), draw=drawn)
         console.rule("CWolf: the same missions with the vehicle that sailed the trials", align="left")
-    prepared = verified_campaign(campaign, truth, found, model=fit.vehicle, runs=_ON_TRUTH)
-    on_truth = verified(prepared, None, threads=threads, quiet=quiet)
+    scenario = campaign.scenario(truth, found, model=fit.vehicle, runs=_ON_TRUTH)
+    on_truth = verified(scenario, None, computing=Computing(threads=threads), quiet=quiet)
     chain.results["cwolf_verification_on_truth"] = on_truth.to_dict()
     chain.held, chain.interrupted = chain.held and on_truth.held, on_truth.interrupted
     if not quiet:

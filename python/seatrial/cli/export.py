@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from seatrial.cli.console import Json
+from seatrial.cli.options import Json
 
 if TYPE_CHECKING:
     import polars as pl

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from seatrial.base.file_names import no_file
-from seatrial.cli.console import Dask, Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.options import Computing, Dask, FigureFormat, Figures, Json, Threads, Verbose
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
@@ -32,8 +32,7 @@ def identify(
         list[str] | None,
         typer.Option("--trial", metavar="NAME=FILE", help="Another recording for a trial; repeatable."),
     ] = None,
-    figures: Figures = True,
-    pdf: Pdf = False,
+    figures: Figures = FigureFormat.PNG,
     page: Page = None,
     locked_axes: Annotated[
         str | None,
@@ -59,7 +58,7 @@ def identify(
     """
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, formats, print_json, reading_progress
+    from seatrial.cli.console import answer, print_json, reading_progress
     from seatrial.cli.streams import note
 
     given = _replacements(trial or [])
@@ -73,12 +72,13 @@ def identify(
     folder = out or Path("runs") / name
     without = folder.with_name(f"{folder.name}-leave-one-out")
     if leave_one_out:
-        check_writable(without, "leave one out")  # refused now rather than after the search
-    fit = run_identification(loaded, folder, threads=threads, dask=dask, resume=resume, quiet=json)
+        check_writable(without, "leave one out")
+    endings, computing = figures.endings(page), Computing(resume, threads, dask)
+    fit = run_identification(loaded, folder, computing=computing, quiet=json)
     left_out: LeaveOneOut | None = None
 
     def drawn() -> list[Path]:
-        return draw(fit, folder, formats(pdf, page)) if figures and not fit.interrupted else []
+        return [] if fit.interrupted or not endings else draw(fit, folder, endings)
 
     if not json:
         files = "vehicle.toml, identification.json, summary.txt, Parquet tables"
@@ -103,21 +103,11 @@ def identify(
 
 
 def run_identification(
-    campaign: Campaign,
-    folder: Path,
-    *,
-    threads: int | None = None,
-    dask: str | None = None,
-    resume: bool = True,
-    quiet: bool = False,
+    campaign: Campaign, folder: Path, *, computing: Computing = Computing(), quiet: bool = False
 ) -> Identification:
     """Identification of a campaign into a run directory, with progress on standard error."""
-    from seatrial.cli.console import search_progress, workers
-
-    with workers(dask) as fleet, search_progress("reading the trials", quiet=quiet) as progress:
-        return campaign.identify(
-            run_dir=folder, progress=progress, resume=resume, threads=threads, executor=fleet
-        )
+    with computing.work(folder, "reading the trials", quiet=quiet) as work:
+        return campaign.identify(work=work)
 
 
 def draw(fit: Identification, folder: Path, endings: tuple[str, ...] = ("png",)) -> list[Path]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.cli.console import Figures, Json, Pdf, Verbose
+from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
 
 if TYPE_CHECKING:
     from seatrial.intake.imported import Imported
@@ -31,8 +31,7 @@ def import_(
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite an imported project; files that you edited are kept.")
     ] = False,
-    figures: Figures = True,
-    pdf: Pdf = False,
+    figures: Figures = FigureFormat.PNG,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -47,7 +46,7 @@ def import_(
     if len(logs) == 1 and logs[0].suffix.lower() in ENDINGS:
         _model(logs[0], out, force=force, verbose=verbose, json=json)
         return
-    from seatrial.cli.console import answer, formats, long_work, print_json
+    from seatrial.cli.console import answer, long_work, print_json
     from seatrial.intake.import_logs import import_logs
     from seatrial.intake.survey import survey
 
@@ -68,7 +67,7 @@ def import_(
         return
 
     def drawn() -> list[Path]:
-        return _draw(made, out, formats(pdf)) if figures and out is not None else []
+        return [] if out is None else _draw(made, out, figures.endings())
 
     if json:
         print_json(made.to_dict() | {"figures": [str(path) for path in drawn()]})

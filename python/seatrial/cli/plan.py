@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seatrial.base.file_names import file_name
-from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.options import FigureFormat, Figures, Json, Threads, Verbose
 from seatrial.cli.report import Page, reported
 from seatrial.vehicle.actuators import NOMINAL_V
 
@@ -66,8 +66,7 @@ def plan(
             "--out", "-o", help="Command file of the first trial, .csv; runs/plan-NAME/trial.csv by default."
         ),
     ] = None,
-    figures: Figures = True,
-    pdf: Pdf = False,
+    figures: Figures = FigureFormat.PNG,
     page: Page = None,
     verbose: Verbose = False,
     json: Json = False,
@@ -80,7 +79,7 @@ def plan(
     """
     from seatrial.base.file_names import check_place
     from seatrial.base.folder_lock import only_user
-    from seatrial.cli.console import answer, formats, print_json, say, search_progress
+    from seatrial.cli.console import answer, print_json, say, search_progress
     from seatrial.experiment.forecast import Limits
     from seatrial.experiment.plan import plan as planned
 
@@ -127,18 +126,18 @@ def plan(
             return [
                 figure
                 for drawing, path in zip(figures_of, paths, strict=True)
-                for figure in save(drawing, path.with_suffix(""), formats=formats(pdf, page))
+                for figure in save(drawing, path.with_suffix(""), formats=figures.endings(page))
             ]
 
         if json:
-            shown = [str(path) for path in drawn()] if figures else []
+            shown = [str(path) for path in drawn()] if figures.endings() else []
             print_json(found.to_dict() | {"files": [str(path) for path in written], "figures": shown})
             if page is not None:
                 reported(page, [_as_run(found, vehicle, first)], quiet=True)
             return
         names = ", ".join(path.name for path in written)
         results = f"Commands and sheets in {first.parent}: {names}"
-        answer(found.report(), verbose=verbose, results=results, draw=drawn if figures else None)
+        answer(found.report(), verbose=verbose, results=results, draw=drawn if figures.endings() else None)
         if page is not None:
             reported(page, [_as_run(found, vehicle, first)])
         if loaded is vehicle and found.sequence[0].manoeuvre.kind != "free decay":

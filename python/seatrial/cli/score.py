@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from seatrial.cli.console import Json, Pdf, Verbose
+from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
 
 if TYPE_CHECKING:
     from seatrial.base.report import Report
@@ -59,7 +59,7 @@ def score(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for figures (PNG), a trial each.")
     ] = None,
-    pdf: Pdf = False,
+    figures: Figures = FigureFormat.PNG,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -72,7 +72,7 @@ def score(
     from seatrial.base.errors import TrialError
     from seatrial.base.report import Section
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, check_axes, formats, print_json
+    from seatrial.cli.console import answer, check_axes, print_json
     from seatrial.cli.streams import BAD_INPUT, complain
     from seatrial.identification.hold_out import freed
     from seatrial.scoring.comparison import compare
@@ -115,11 +115,11 @@ def score(
     report = replace(report, sections=(Section(sentences=broken), *report.sections))
 
     def drawn() -> list[Path]:
-        if out is None:
+        if out is None or not figures.endings():
             return []
         from seatrial.report.plot.trials import draw_variants
 
-        return draw_variants(scores, out, free=free, formats=formats(pdf))
+        return draw_variants(scores, out, free=free, formats=figures.endings())
 
     if json:
         print_json(found.to_dict() | ({} if out is None else {"figures": [str(path) for path in drawn()]}))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from seatrial.cli.console import Json
+from seatrial.cli.options import Json
 
 if TYPE_CHECKING:
     import polars as pl

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from seatrial.cli.console import Json, Verbose
+from seatrial.cli.options import Json, Verbose
 
 
 def sitl(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.cli.console import Dask, Figures, Json, Pdf, Threads, Verbose
-from seatrial.cli.report import Page, reported
+from seatrial.cli.options import Computing, Output, shared
+from seatrial.cli.report import reported
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from seatrial.tuning.result import Tuning
 
 
+@shared
 def tune(
     campaign: Annotated[
         Path,
@@ -31,48 +32,41 @@ def tune(
             " campaign's own vehicle.",
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Run directory; runs/NAME-tuned by default.")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option(help="Reuse what an earlier run finished from the same inputs.")
-    ] = True,
-    threads: Threads = None,
-    dask: Dask = None,
-    figures: Figures = True,
-    pdf: Pdf = False,
-    page: Page = None,
-    verbose: Verbose = False,
-    json: Json = False,
+    computing: Computing = Computing(),
+    output: Output = Output(),
 ) -> None:
     """Tune an autopilot's gains until its responses stay within the corridors of a campaign.
+
+    Example: seatrial tune campaign.toml --run runs/mine
 
     The exit code is 1 where a response leaves its corridor, or a margin falls short, after all. Ctrl-C keeps
     the best so far; the same command goes on with what is not finished.
     """
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, formats, print_json
+    from seatrial.cli.console import answer, print_json
     from seatrial.cli.streams import note
 
     loaded = Campaign.load(campaign)
-    folder = out or Path("runs") / f"{loaded.name}-tuned"
+    folder = output.out or Path("runs") / f"{loaded.name}-tuned"
     source = fitted_source(loaded, run)
-    if not json:
+    if not output.json:
         note(f"Vehicle: {source or loaded.vehicle.name}")
-    found = tuned(loaded, source, folder, resume=resume, threads=threads, dask=dask, quiet=json)
+    found = tuned(loaded, source, folder, computing=computing, quiet=output.json)
 
     def drawn() -> list[Path]:
-        return draw(found, folder, formats=formats(pdf, page)) if figures and not found.interrupted else []
+        if found.interrupted or not output.endings:
+            return []
+        return draw(found, folder, formats=output.endings)
 
-    if json:
+    if output.json:
         print_json(found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})
     else:
         files = "autopilot.toml, tuning.json, summary.txt, Parquet tables"
         results = "" if found.interrupted else f"Results in {folder}: {files}"
-        answer(found.report(), verbose=verbose, results=results, draw=drawn)
+        answer(found.report(), verbose=output.verbose, results=results, draw=drawn)
     if found.interrupted:
         raise typer.Exit(130)
-    reported(page, [folder], quiet=json)
+    reported(output.page, [folder], quiet=output.json)
     if not found.held:
         raise typer.Exit(1)
 
@@ -90,18 +84,12 @@ def tuned(
     source: Identification | Path | str | None,
     folder: Path | None,
     *,
-    resume: bool = True,
-    threads: int | None = None,
-    dask: str | None = None,
+    computing: Computing = Computing(),
     quiet: bool = False,
 ) -> Tuning:
     """Tuning of a campaign into a run directory, with progress on standard error."""
-    from seatrial.cli.console import search_progress, workers
-
-    with workers(dask) as fleet, search_progress("making ready", quiet=quiet) as progress:
-        return campaign.tune(
-            source, run_dir=folder, progress=progress, resume=resume, threads=threads, executor=fleet
-        )
+    with computing.work(folder, "making ready", quiet=quiet) as work:
+        return campaign.tune(source, work=work)
 
 
 def draw(

@@ -1,71 +1,71 @@
-"""`seatrial verify`: a campaign and an autopilot, or a log, in; a verdict out."""
+"""`seatrial verify` and `verify-log`: a verdict on an autopilot by missions, on a model by a log.
+
+Tests: ``tests/cli/test_cli_verify.py``, ``tests/verification/test_recorded_campaign.py``.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from seatrial.base.errors import CampaignError
-from seatrial.cli.console import Dask, Figures, Json, Pdf, Threads, Verbose
-from seatrial.cli.report import Page, reported
+from seatrial.base.file_names import file_name
+from seatrial.cli.options import Computing, Output, shared
+from seatrial.cli.report import reported
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
-    from seatrial.verification.campaign import VerifiedCampaign
+    from seatrial.verification.scenario import Scenario
     from seatrial.verification.verification import Verification
 
+CampaignFile = Annotated[Path, typer.Argument(help="Campaign file (TOML) with a table verification.")]
 
+Run = Annotated[
+    Path | None,
+    typer.Option(
+        "--run",
+        help="Run directory of `seatrial identify`, or a vehicle; runs/NAME where that is one, else the"
+        " campaign's own vehicle.",
+    ),
+]
+
+AutopilotFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--autopilot",
+        help="Autopilot file or run directory of `seatrial tune`; runs/NAME-tuned where that is one, else"
+        " the campaign's own autopilot.",
+    ),
+]
+
+Missions = Annotated[
+    list[Path] | None,
+    typer.Option("--mission", metavar="FILE", help="Mission file instead of the campaign's; repeatable."),
+]
+
+Navigation = Annotated[
+    str | None,
+    typer.Option(
+        metavar="sensors|filter",
+        help="What the autopilot uses, instead of the campaign's: what the sensors show, or the estimate of"
+        " a navigation filter.",
+    ),
+]
+
+JUnit = Annotated[Path | None, typer.Option(metavar="FILE", help="Write the JUnit XML to this file as well.")]
+
+
+@shared
 def verify(
-    campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML) with a table verification.")],
-    run: Annotated[
-        Path | None,
-        typer.Option(
-            "--run",
-            help="Run directory of `seatrial identify`, or a vehicle; runs/NAME where that is one, else the"
-            " campaign's own vehicle.",
-        ),
-    ] = None,
-    autopilot: Annotated[
-        Path | None,
-        typer.Option(
-            "--autopilot",
-            help="Autopilot file or run directory of `seatrial tune`; runs/NAME-tuned where that is one, else"
-            " the campaign's own autopilot.",
-        ),
-    ] = None,
+    campaign: CampaignFile,
+    run: Run = None,
+    autopilot: AutopilotFile = None,
     runs: Annotated[
         int | None, typer.Option(min=1, help="Number of missions instead of the campaign's.")
     ] = None,
-    mission: Annotated[
-        list[Path] | None,
-        typer.Option("--mission", metavar="FILE", help="Mission file instead of the campaign's; repeatable."),
-    ] = None,
-    log: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="LOG",
-            help="Judge a recorded mission instead of flying any: a run directory of `seatrial fly`, a"
-            " recording, or a trial of the campaign.",
-        ),
-    ] = None,
-    reference: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="LOG",
-            help="With --log: a log on which the model is known to hold, instead of the campaign's trials;"
-            " repeatable.",
-        ),
-    ] = None,
-    navigation: Annotated[
-        str | None,
-        typer.Option(
-            metavar="sensors|filter",
-            help="What the autopilot goes by, instead of the campaign's: what the sensors show, or the"
-            " estimate of a navigation filter.",
-        ),
-    ] = None,
+    mission: Missions = None,
+    navigation: Navigation = None,
     compare: Annotated[
         bool, typer.Option("--compare", help="Fly the same draws with the campaign's start autopilot too.")
     ] = False,
@@ -73,313 +73,150 @@ def verify(
         int | None,
         typer.Option(min=0, metavar="NUMBER", help="Fly one mission again, with its log, and nothing else."),
     ] = None,
-    rare: Annotated[
-        bool,
-        typer.Option(
-            "--rare", help="How rarely the requirements fail, 1e-4 and below, by subset simulation."
-        ),
-    ] = False,
-    falsify: Annotated[
-        bool,
-        typer.Option(
-            "--falsify",
-            help="Search the worst mission within the ranges, and the least disturbance that still fails.",
-        ),
-    ] = False,
-    within: Annotated[
-        float | None,
-        typer.Option(metavar="SD", help="With --falsify: standard deviations of every draw; 3 by default."),
-    ] = None,
-    requirement: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="With --rare, --falsify or --boundary: this requirement, not all; repeatable.",
-        ),
-    ] = None,
-    population: Annotated[
-        int | None,
-        typer.Option(min=100, help="With --rare: missions of a level, a multiple of ten; 500 by default."),
-    ] = None,
-    boundary: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME=FROM:TO[,...]",
-            help="In which values of one or two variables requirements still hold: current_speed_m_s,"
-            " payload_kg, sensor_latency_s, ..., or a coefficient.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", help="Run directory; runs/NAME-verified, -rare, -falsified or -mission-NUMBER."
-        ),
-    ] = None,
-    junit: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the JUnit XML to this file as well.")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option(help="Reuse missions that an earlier run flew from the same inputs.")
-    ] = True,
-    threads: Threads = None,
-    dask: Dask = None,
-    figures: Figures = True,
-    pdf: Pdf = False,
-    page: Page = None,
-    verbose: Verbose = False,
-    json: Json = False,
+    junit: JUnit = None,
+    computing: Computing = Computing(),
+    output: Output = Output(),
 ) -> None:
     """Verify an autopilot by many missions of drawn vehicles in drawn water, with noise and failures.
 
-    With --log: does the model still hold on a recorded mission, what is suspected, what did the mission hold.
+    Example: seatrial verify campaign.toml --run runs/mine --autopilot runs/mine-tuned
 
-    The exit code is 0 when every requirement is held (and the model still valid), 1 when one failed or is
-    undecided or a log cannot judge the model, 2 for bad input.
+    The exit code is 0 when every requirement is held, 1 when one failed or is undecided, 2 for bad input.
     Ctrl-C keeps the missions flown; the same command goes on from there.
     """
-    from seatrial.base.file_names import check_place
     from seatrial.base.run import check_writable
-    from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, formats, print_json, reading_progress
-    from seatrial.cli.streams import note
-    from seatrial.cli.tune import fitted_source
-    from seatrial.cli.verify_boundary import verify_boundary
-    from seatrial.cli.verify_log import refuse_beside, verify_log, write_beside
-    from seatrial.verification.campaign import verified_campaign
+    from seatrial.campaign.verification import others_of
+    from seatrial.cli.console import answer, print_json
 
-    loaded = Campaign.load(campaign, progress=reading_progress(quiet=json))
-    drawing = formats(pdf, page) if figures else ()
-    if junit is not None:
-        read = {"the campaign": campaign, "the vehicle": run, "the autopilot": autopilot, "the log": log}
-        read |= {f"mission {path}": path for path in mission or ()}
-        check_place(junit, "--junit", endings=(".xml",), inputs=read, folder_made=True)
-    if log is not None:
-        refuse_beside({
-            "--runs": runs,
-            "--navigation": navigation,
-            "--compare": compare,
-            "--replay": replay,
-            "--rare": rare,
-            "--falsify": falsify,
-            "--dask": dask,
-            "--boundary": boundary,
-        })
-        verify_log(
-            loaded,
-            fitted_source(loaded, run),
-            log,
-            autopilot=autopilot,
-            missions=mission or [],
-            references=reference or [],
-            out=out,
-            drawing=drawing,
-            page=page,
-            junit=junit,
-            verbose=verbose,
-            json=json,
-        )
-        return
-    if reference:
-        raise CampaignError("--reference: it belongs to a recorded mission; give that with --log")
-    _refuse_alone(rare, falsify, boundary, requirement, population, within)
-    source, gains = fitted_source(loaded, run), gains_source(loaded, autopilot)
-    prepared = verified_campaign(
-        loaded, source, gains, runs=runs, missions=mission or None, compare=compare, navigation=navigation
+    check_junit(junit, {"the campaign": campaign, "the vehicle": run, "the autopilot": autopilot}, mission)
+    loaded, gains, scenario = asked(
+        campaign, run, autopilot, quiet=output.json, runs=runs, missions=mission, navigation=navigation
     )
-    if not json:
-        flies, steers = source or loaded.vehicle.name, gains or prepared.flights.autopilot.name
-        note(f"Vehicle: {flies}. Autopilot: {steers}.")
-    if rare or falsify or boundary:
-        search = "--rare" if rare else "--falsify" if falsify else "--boundary"
-        # Of a boundary, the number of missions is the reader's choice.
-        given = {
-            "--replay": replay,
-            "--junit": junit,
-            "--runs": runs and not boundary,
-            "--compare": compare,
-            "--dask": dask if falsify else None,
-        }
-        if wrong := [key for key, value in given.items() if value]:
-            raise CampaignError(f"{wrong[0]}: not with {search}, which chooses its missions; leave it out")
-    if rare:
-        _rare(
-            prepared,
-            requirement or [],
-            population,
-            out,
-            resume=resume,
-            threads=threads,
-            dask=dask,
-            verbose=verbose,
-            json=json,
-        )
-        return
-    if falsify:
-        _falsify(
-            prepared,
-            requirement or [],
-            within,
-            out,
-            threads=threads,
-            drawing=drawing,
-            verbose=verbose,
-            json=json,
-        )
-        return
-    if boundary:
-        verify_boundary(
-            prepared,
-            boundary,
-            requirement or [],
-            out=out,
-            resume=resume,
-            threads=threads,
-            dask=dask,
-            drawing=drawing,
-            verbose=verbose,
-            json=json,
-        )
-        return
     if replay is not None:
-        _replay(prepared, replay, out, drawing=drawing, page=page, verbose=verbose, json=json)
+        _replay(scenario, replay, output)
         return
-    folder = out or Path("runs") / f"{loaded.name}-verified"
+    folder = output.out or Path("runs") / f"{loaded.name}-verified"
     check_writable(folder, "verification")
-    found = verified(prepared, folder, threads=threads, dask=dask, resume=resume, quiet=json)
-    if junit is not None:
-        write_beside(junit, found.junit())
+    verification = verified(
+        scenario, folder, compare=others_of(loaded, gains, compare), computing=computing, quiet=output.json
+    )
+    write_junit(junit, verification.junit())
 
     def drawn() -> list[Path]:
-        return draw(found, folder, formats=drawing) if drawing and not found.interrupted else []
+        if verification.interrupted or not output.endings:
+            return []
+        return draw(verification, folder, formats=output.endings)
 
-    if json:
-        print_json(found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})
+    if output.json:
+        figures = [str(path) for path in drawn()]
+        print_json(verification.to_dict() | {"run_directory": str(folder), "figures": figures})
     else:
         files = "verification.json, summary.txt, junit.xml, worst_runs.json, missions.parquet and the inputs"
-        answer(found.report(), verbose=verbose, results=f"Results in {folder}: {files}", draw=drawn)
-    if found.interrupted:
+        results = f"Results in {folder}: {files}"
+        answer(verification.report(), verbose=output.verbose, results=results, draw=drawn)
+    if verification.interrupted:
         raise typer.Exit(130)
-    reported(page, [folder], quiet=json)
-    if not found.held:
+    reported(output.page, [folder], quiet=output.json)
+    if not verification.held:
         raise typer.Exit(1)
 
 
-def _refuse_alone(
-    rare: bool,
-    falsify: bool,
-    boundary: str | None,
-    requirement: list[str] | None,
-    population: int | None,
-    within: float | None,
+@shared
+def verify_log(
+    campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML).")],
+    log: Annotated[
+        Path,
+        typer.Argument(
+            help="Run directory of `seatrial fly`, a recording, or the name of a trial of the campaign."
+        ),
+    ],
+    run: Run = None,
+    autopilot: Annotated[
+        Path | None, typer.Option("--autopilot", help="Autopilot that flew, where it is not beside the log.")
+    ] = None,
+    mission: Annotated[
+        Path | None,
+        typer.Option(
+            "--mission", metavar="FILE", help="Mission that was flown, where it is not beside the log."
+        ),
+    ] = None,
+    reference: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="LOG",
+            help="A log on which the model is known to hold, instead of the campaign's trials; repeatable.",
+        ),
+    ] = None,
+    junit: JUnit = None,
+    output: Output = Output(),
 ) -> None:
-    """Refuse options of a search without it, and two searches at once."""
-    searches = {"--rare": rare, "--falsify": falsify, "--boundary": boundary}
-    asked = [name for name, given in searches.items() if given]
-    if len(asked) > 1:
-        raise CampaignError(f"{' and '.join(asked)}: expected one of them; run one after the other")
-    if requirement and not asked:
-        raise CampaignError(
-            "--requirement: it belongs to a search; give it with --rare, --falsify or --boundary"
-        )
-    if population and not rare:
-        raise CampaignError("--population: it belongs to rare failures; give it with --rare")
-    if within and not falsify:
-        raise CampaignError("--within: it belongs to the search for the worst; give it with --falsify")
+    """Judge a recorded mission: does the model still hold, what is suspected, what did the mission hold.
 
+    Example: seatrial verify-log campaign.toml runs/today
 
-def _falsify(
-    prepared: VerifiedCampaign,
-    names: list[str],
-    within: float | None,
-    out: Path | None,
-    *,
-    threads: int | None,
-    drawing: tuple[str, ...],
-    verbose: bool,
-    json: bool,
-) -> None:
-    """The worst missions into a run directory, each flown again into a folder of its own."""
-    from seatrial.base.file_names import file_name
+    The exit code is 0 when the model is still valid and every requirement is held, 1 when not or when the
+    log cannot judge the model, 2 for bad input.
+    """
     from seatrial.base.run import check_writable
-    from seatrial.cli.console import answer, print_json, search_progress
-    from seatrial.cli.fly import draw_flight
-    from seatrial.verification.falsify import WITHIN, run_falsification
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.campaign.verification import verify_campaign_log
+    from seatrial.cli.console import answer, print_json, reading_progress
+    from seatrial.cli.streams import note
+    from seatrial.cli.tune import fitted_source
 
-    folder = out or Path("runs") / f"{prepared.campaign.name}-falsified"
-    check_writable(folder, "falsification")
-    with search_progress("first missions", quiet=json) as progress:
-        found = run_falsification(
-            prepared,
-            names=names,
-            within=WITHIN if within is None else within,
-            run_dir=folder,
-            progress=progress,
-            threads=threads,
-        )
-    flown = {}
-    for one in found.falsified:
-        place = folder.with_name(f"{folder.name}-{file_name(one.requirement.name)}")
-        flown[one.requirement.name] = (found.replay(one.requirement.name), place)
-    for flight, place in flown.values():
-        flight.save(place)
+    loaded = Campaign.load(campaign, progress=reading_progress(quiet=output.json))
+    read = {"the campaign": campaign, "the vehicle": run, "the autopilot": autopilot, "the log": log}
+    check_junit(junit, read, None if mission is None else [mission])
+    fit = fitted_source(loaded, run)
+    folder = output.out or Path("runs") / f"{loaded.name}-log-{_safe(log)}"
+    check_writable(folder, "log verdict")
+    verdict, judged = verify_campaign_log(
+        loaded,
+        loaded.vehicle if fit is None else fit,
+        log,
+        autopilot=autopilot,
+        mission=mission,
+        references=reference or [],
+    )
+    verdict.save(folder, problem=loaded.problem(), source=log)
+    write_junit(junit, verdict.junit())
 
     def drawn() -> list[Path]:
-        return [path for flight, place in flown.values() for path in draw_flight(flight, place, drawing)]
+        if not output.endings:
+            return []
+        from seatrial.report.plot.mission_log import log_verdict_gallery
 
-    if json:
-        places = {name: str(place) for name, (_, place) in flown.items()}
-        print_json(found.to_dict() | {"run_directory": str(folder), "flights": places})
-        drawn()
+        return sorted(log_verdict_gallery(verdict, folder / "figures", formats=output.endings))
+
+    if output.json:
+        figures = [str(path) for path in drawn()]
+        print_json(verdict.to_dict() | {"run_directory": str(folder), "figures": figures})
     else:
-        also = "".join(f"\nThe failing mission of {name} in {place}" for name, (_, place) in flown.items())
-        results = f"Results in {folder}: falsified.json, cases.toml, summary.txt and the inputs{also}"
-        answer(found.report(), verbose=verbose, results=results, draw=drawn if drawing and flown else None)
-    if found.interrupted:
-        raise typer.Exit(130)
-    if found.falsified:
+        part = "" if judged.span is None else f", {judged.span[0]:g} to {judged.span[1]:g} s, held out"
+        note(f"Vehicle: {fit or loaded.vehicle.name}. Log: {log}{part}.")
+        results = f"Results in {folder}: verdict.json, junit.xml, summary.txt and the inputs"
+        answer(verdict.report(), verbose=output.verbose, results=results, draw=drawn)
+    reported(output.page, [folder], quiet=output.json)
+    if not verdict.held:
         raise typer.Exit(1)
 
 
-def _rare(
-    prepared: VerifiedCampaign,
-    names: list[str],
-    population: int | None,
-    out: Path | None,
-    *,
-    resume: bool,
-    threads: int | None,
-    dask: str | None,
-    verbose: bool,
-    json: bool,
-) -> None:
-    """Rare failures into a run directory of their own; the exit code is that of the verdict."""
-    from seatrial.base.run import check_writable
-    from seatrial.cli.console import answer, print_json, search_progress, workers
-    from seatrial.verification.rare import run_rare
-    from seatrial.verification.rare_result import SIZE
+def asked(
+    file: Path, run: Path | None, autopilot: Path | None, *, quiet: bool, missions: Any = None, **changes: Any
+) -> tuple[Campaign, Path | str | None, Scenario]:
+    """Campaign, autopilot that was given and scenario of a verb; a note on what flies, unless quiet."""
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.cli.console import reading_progress
+    from seatrial.cli.streams import note
+    from seatrial.cli.tune import fitted_source
 
-    folder = out or Path("runs") / f"{prepared.campaign.name}-rare"
-    check_writable(folder, "rare failures")
-    with workers(dask) as fleet, search_progress("first missions", quiet=json) as progress:
-        found = run_rare(
-            prepared,
-            names=names,
-            size=population or SIZE,
-            run_dir=folder,
-            progress=progress,
-            resume=resume,
-            threads=threads,
-            executor=fleet,
-        )
-    if json:
-        print_json(found.to_dict() | {"run_directory": str(folder)})
-    else:
-        results = f"Results in {folder}: rare.json, summary.txt and the inputs"
-        answer(found.report(), verbose=verbose, results=results)
-    if found.interrupted:
-        raise typer.Exit(130)
-    if not found.held:
-        raise typer.Exit(1)
+    campaign = Campaign.load(file, progress=reading_progress(quiet=quiet))
+    source, gains = fitted_source(campaign, run), gains_source(campaign, autopilot)
+    scenario = campaign.scenario(source, gains, missions=missions or None, **changes)
+    if not quiet:
+        flies, steers = source or campaign.vehicle.name, gains or scenario.flights.autopilot.name
+        note(f"Vehicle: {flies}. Autopilot: {steers}.")
+    return campaign, gains, scenario
 
 
 def gains_source(campaign: Campaign, given: Path | None) -> Path | str | None:
@@ -390,66 +227,78 @@ def gains_source(campaign: Campaign, given: Path | None) -> Path | str | None:
     return beside if beside.is_file() else None
 
 
+def check_junit(junit: Path | None, read: dict[str, Any], missions: list[Path] | None) -> None:
+    """Refuse a file of JUnit XML that cannot be written or would replace an input."""
+    from seatrial.base.file_names import check_place
+
+    if junit is not None:
+        inputs = read | {f"mission {path}": path for path in missions or ()}
+        check_place(junit, "--junit", endings=(".xml",), inputs=inputs, folder_made=True)
+
+
+def write_junit(path: Path | None, text: str) -> None:
+    """Write a file that was asked for beside the run directory."""
+    from seatrial.base.atomic_write import write_atomic
+
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, text.encode())
+
+
 def verified(
-    prepared: VerifiedCampaign,
+    scenario: Scenario,
     folder: Path | None,
     *,
-    threads: int | None = None,
-    dask: str | None = None,
-    resume: bool = True,
+    compare: Any = None,
+    computing: Computing = Computing(),
     quiet: bool = False,
 ) -> Verification:
-    """Verification of a campaign into a run directory, with progress on standard error."""
-    from seatrial.cli.console import search_progress, workers
-    from seatrial.verification.verify import run_verification
+    """Verification of a scenario into a run directory, with progress on standard error."""
+    from seatrial.verification.verify import verify
 
-    with workers(dask) as fleet, search_progress("first missions", quiet=quiet) as progress:
-        return run_verification(
-            prepared, run_dir=folder, progress=progress, resume=resume, threads=threads, executor=fleet
-        )
+    with computing.work(folder, "first missions", quiet=quiet) as work:
+        return verify(scenario, compare=compare, work=work)
 
 
-def draw(found: Verification, folder: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
+def draw(verification: Verification, folder: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
     """Paths of the figures of a verification in its run directory."""
     from seatrial.report.plot.verification import verification_gallery
 
-    return verification_gallery(found, folder / "figures", formats=formats)
+    return verification_gallery(verification, folder / "figures", formats=formats)
 
 
-def _replay(
-    prepared: VerifiedCampaign,
-    number: int,
-    out: Path | None,
-    *,
-    drawing: tuple[str, ...],
-    page: Path | None,
-    verbose: bool,
-    json: bool,
-) -> None:
+def _replay(scenario: Scenario, number: int, output: Output) -> None:
     """One mission flown again into a run directory of its own."""
     from seatrial.base.report import Section
     from seatrial.cli.console import answer, print_json
     from seatrial.cli.fly import draw_flight
     from seatrial.report.results.verification import reserve
 
-    flight = prepared.flights.replay(number)
-    folder = flight.save(out or Path("runs") / f"{prepared.campaign.name}-mission-{number}")
+    flight = scenario.flights.replay(number)
+    folder = flight.save(output.out or Path("runs") / f"{scenario.name}-mission-{number}")
 
     def drawn() -> list[Path]:
-        return draw_flight(flight, folder, drawing) if drawing else []
+        return draw_flight(flight, folder, output.endings) if output.endings else []
 
-    if json:
-        print_json(flight.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})
-        reported(page, [folder], quiet=True)
+    if output.json:
+        figures = [str(path) for path in drawn()]
+        print_json(flight.to_dict() | {"run_directory": str(folder), "figures": figures})
+        reported(output.page, [folder], quiet=True)
         return
-    metrics = prepared.flights.fly([number]).metrics
-    said = []
-    for one in prepared.requirements:
-        judged = one.judge(metrics)
+    metrics = scenario.flights.fly([number]).metrics
+    lines = []
+    for requirement in scenario.requirements:
+        judged = requirement.judge(metrics)
         size = reserve(float(judged.reserve[0]), judged.unit)
         left = "" if size in ("held", "failed") else f", robustness {size}"
-        said.append(f"{one.name}: {one.holds}: {'held' if judged.held[0] else 'not held'}{left}")
+        held = "held" if judged.held[0] else "not held"
+        lines.append(f"{requirement.name}: {requirement.holds}: {held}{left}")
     results = f"Mission {number} in {folder}: flight.json, flight.parquet, summary.txt and the inputs"
-    report = flight.report(sections=(Section("Requirements", tuple(said)),))
-    answer(report, verbose=verbose, results=results, draw=drawn)
-    reported(page, [folder])
+    report = flight.report(sections=(Section("Requirements", tuple(lines)),))
+    answer(report, verbose=output.verbose, results=results, draw=drawn)
+    reported(output.page, [folder])
+
+
+def _safe(log: Path) -> str:
+    name = log.stem if log.is_file() else log.name or log.resolve().name
+    return file_name(name)

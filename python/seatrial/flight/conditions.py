@@ -7,13 +7,14 @@ mission before anything flies. Held by ``tests/flight/test_fly.py`` and ``test_b
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
 from seatrial._core import State, Vehicle
+from seatrial.base.errors import SimulationError
 from seatrial.flight.checks import TURBULENCE_TIMES_S
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.navigation import NavigationFilter
@@ -132,3 +133,26 @@ CALM = Water()
 
 PLAIN = Conditions()
 """Perfect sensors, no failures, at rest at the mission's start."""
+
+
+def used_only(given: Water | Conditions, *names: str, by: str) -> None:
+    """Refuse fields that what flies does not use.
+
+    Parameters
+    ----------
+    given : Water or Conditions
+    *names : str
+        Fields that it uses.
+    by : str
+        What flies, for the message.
+
+    Raises
+    ------
+    SimulationError
+        Another field is not as it is by default.
+    """
+    for field in fields(given):
+        if field.name not in names and getattr(given, field.name) is not field.default:
+            raise SimulationError(
+                f"{field.name}: {by} does not use it; leave it out, or fly with `seatrial.fly`"
+            )

@@ -28,6 +28,7 @@ from seatrial.base.fallback import Fallbacks
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
+from seatrial.base.work import HERE, Work, takes
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.conclusion import Conclusion, concluded, scored, staged
@@ -41,22 +42,14 @@ from seatrial.problem.problem import Problem
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.base.fleet import Fleet, Workers
+    from seatrial.base.fleet import Fleet
     from seatrial.bench_test.result import BenchTest
     from seatrial.problem.settings import Anchor, JointSettings
     from seatrial.trial.trial import Input
 
 
 @overload
-def identify(
-    problem: Problem,
-    *,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
-) -> Identification: ...
+def identify(problem: Problem, *, work: Work = HERE) -> Identification: ...
 
 
 @overload
@@ -77,25 +70,14 @@ def identify(
     bench: BenchTest | None = None,
     name: str | None = None,
     seed: int = 0,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
+    work: Work = HERE,
 ) -> Identification: ...
 
 
+@takes(work=Work)
 @callers_errors_pass
 def identify(
-    problem: Problem | Vehicle | str | Path,
-    trials: Trials | None = None,
-    *,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
-    **asked: Any,
+    problem: Problem | Vehicle | str | Path, trials: Trials | None = None, *, work: Work = HERE, **asked: Any
 ) -> Identification:
     """Identification of a vehicle from its trials.
 
@@ -111,17 +93,9 @@ def identify(
         With a vehicle: a trial, a list, or a dict by name, as of `Problem`.
     free, start, hold_out, axes, channels, input, segment_s, joint, anchor, bench, name, seed
         With a vehicle: as of `Problem`.
-    run_dir : str or Path, optional
-        Folder for the results. Finished stages are kept beside it while the run goes on.
-    progress : callable, optional
-        Called in the caller's thread with a `Progress` after every batch of candidates.
-    resume : bool
-        Reuse the stages that an earlier run in this folder finished from the same inputs.
-    threads : int, optional
-        Threads of the core; by default all. The result does not depend on it.
-    executor : Executor, str or distributed.Client, optional
-        Where stages are searched, those side by side that do not need each other; see `seatrial.verify`. The
-        joint estimate stays in this process.
+    work : Work, optional
+        Threads, executor, run directory and progress. Finished stages are kept in the run directory; an
+        executor searches stages side by side that do not need each other, the joint estimate stays here.
 
     Returns
     -------
@@ -156,10 +130,10 @@ def identify(
     >>> fit = st.Campaign.load("examples/cwolf/campaign.toml").identify()  # doctest: +SKIP
     >>> print(fit.summary())  # doctest: +SKIP
     """
-    checked_threads(threads)
+    checked_threads(work.threads)
     if not isinstance(problem, Problem):
         if callable(getattr(problem, "problem", None)):
-            raise CampaignError("identify: found a campaign; use campaign.identify(run_dir=..., ...)")
+            raise CampaignError("identify: found a campaign; use campaign.identify(work=st.Work(...))")
         if trials is None or "free" not in asked:
             raise CampaignError(
                 "identify: expected a Problem, or a vehicle, its trials and free=...: the coefficients to"
@@ -169,10 +143,8 @@ def identify(
     elif trials is not None or asked:
         given = "trials" if trials is not None else next(iter(asked))
         raise CampaignError(f"identify: {given}: the problem says that; give it only beside a vehicle")
-    with fleet_of(executor) as fleet:
-        return run_identification(
-            problem, run_dir=run_dir, progress=progress, resume=resume, threads=threads, fleet=fleet
-        )
+    with fleet_of(work.executor) as fleet:
+        return run_identification(problem, work, fleet=fleet)
 
 
 _WORTH_SAYING_S = 10.0
@@ -389,18 +361,10 @@ def _inputs(problem: Problem, plan: StagePlan, vehicle: Vehicle, coefficients: M
     return digest.hexdigest()
 
 
-def run_identification(
-    problem: Problem,
-    *,
-    run_dir: str | Path | None,
-    progress: Callable[[Progress], None] | None,
-    resume: bool,
-    threads: int | None,
-    fleet: Fleet | None = None,
-) -> Identification:
+def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = None) -> Identification:
     """Identification of the campaign's vehicle: every stage run, the result polished and judged."""
-    clock = Clock()
-    with RunDirectory(run_dir, "identification", resume=resume) as run:
+    clock, threads, progress = Clock(), work.threads, work.progress
+    with RunDirectory(work.run_dir, "identification", resume=work.resume) as run:
         ready = prepare(problem, threads=threads)  # refuses a bad campaign before a search
         problem, plans, before, notes = ready.problem, ready.plans, ready.sentences, ready.no_joint
         fitted = dict.fromkeys(name for plan in plans for name in plan.stage.trials)
@@ -470,7 +434,7 @@ def run_identification(
             ),
         )
         fit = replace(fit, fallbacks=tuple(fallbacks.findings))
-        if run_dir is not None:
+        if work.run_dir is not None:
             run.publish(fit.facts, fit.files())
     return fit
 

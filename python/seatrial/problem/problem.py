@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.run import sha256
 from seatrial.base.toml_file import loaded
+from seatrial.base.work import HERE, Work, takes
 from seatrial.inspect.verdict import Verdict, judge_trial
 from seatrial.problem.by_hand import SOURCE, entries, fitted_and_judging, own_input, share, stage_of
 from seatrial.problem.by_name import ByName
@@ -31,8 +32,6 @@ from seatrial.scoring.noise_limit import Unpredictable, unpredictable
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.base.fleet import Workers
-    from seatrial.base.progress import Progress
     from seatrial.bench_test.result import BenchTest
     from seatrial.identification.identification import Identification
     from seatrial.problem.by_hand import Bounds, Trials
@@ -236,27 +235,18 @@ class Problem:
         other._set_stages(changed.get("stages", self._listed))
         return other
 
-    def identify(
-        self,
-        *,
-        run_dir: str | Path | None = None,
-        progress: Callable[[Progress], None] | None = None,
-        resume: bool = True,
-        threads: int | None = None,
-        executor: Workers | None = None,
-    ) -> Identification:
+    @takes(work=Work)
+    def identify(self, *, work: Work = HERE) -> Identification:
         """Identification of the vehicle.
 
         Parameters
         ----------
-        run_dir, progress, resume, threads, executor
+        work : Work, optional
             As of `seatrial.identify`, whose result and errors these are.
         """
         from seatrial.identification.identify import identify
 
-        return identify(
-            self, run_dir=run_dir, progress=progress, resume=resume, threads=threads, executor=executor
-        )
+        return identify(self, work=work)
 
     def with_start_values(self, starts: Mapping[str, Mapping[str, float]], *, seed: int) -> Self:
         """Problem with other start values, by stage and parameter, and another seed.

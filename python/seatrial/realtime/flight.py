@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from seatrial._core import Autopilot, State, Vehicle
 from seatrial.base.atomic_write import parquet
@@ -23,6 +22,8 @@ from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.toml_file import loaded
+from seatrial.base.work import takes
+from seatrial.flight.conditions import CALM, PLAIN, Conditions, Water, used_only
 from seatrial.flight.excesses import too_deep
 from seatrial.flight.mismatch import mismatch
 from seatrial.flight.mission import Mission
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Helm
-    from seatrial.sensors.sensor import Sensor
 
 _CHANNELS = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
 
@@ -190,19 +190,16 @@ class RealtimeFlight:
             return run.publish(facts, files)
 
 
+@takes(water=Water, conditions=Conditions)
 def fly_realtime(
     vehicle: Vehicle | str | Path,
     autopilot: Autopilot | str | Path,
     mission: Mission | str | Path,
     *,
-    model: Vehicle | str | Path | None = None,
+    water: Water = CALM,
+    conditions: Conditions = PLAIN,
     speed: float = 1.0,
-    max_time_s: float | None = None,
-    sensors: Mapping[str, Sensor] | str | Path | None = None,
     seed: int = 0,
-    current: ArrayLike = (0.0, 0.0, 0.0),
-    voltage_v: float | None = None,
-    feedback: bool = True,
     live_host: str = "127.0.0.1",
     live_port: int | None = None,
     live_origins: Sequence[str] = (),
@@ -218,22 +215,14 @@ def fly_realtime(
     ----------
     vehicle, autopilot, mission : Vehicle, Autopilot, Mission, str or Path
         What flies; with `hardware` autopilot and mission give the period, the start and the longest time.
-    model : Vehicle, str or Path, optional
-        The vehicle that the autopilot believes in; by default the one that flies.
+    water : Water, optional
+        Its current.
+    conditions : Conditions, optional
+        Its model, sensors, voltage_v, feedback and max_time_s.
     speed : float, optional
         Periods of motion per period of the clock; 1 is real time.
-    max_time_s : float, optional
-        Longest motion, s; by default three times the planned time and five minutes.
-    sensors : mapping of str to Sensor, str or Path, optional
-        By kind, "typical", or a file; perfect ones when omitted.
     seed : int, optional
         Of the sensors' errors.
-    current : (3,) array_like, optional
-        Velocity of the water, NED, m/s.
-    voltage_v : float, optional
-        Supply, V, where thrust depends on it.
-    feedback : bool, optional
-        Whether the autopilot sees what its actuators do.
     live_host, live_port : str, int, optional
         Address of the WebSocket for Foxglove; none without a port.
     live_origins : sequence of str, optional
@@ -255,8 +244,13 @@ def fly_realtime(
         A file or a number is not usable, or an address is not to be had.
     """
     clock = Clock()
+    used_only(water, "current", by="a flight by the clock")
+    used_only(
+        conditions, *("model", "sensors", "voltage_v", "feedback", "max_time_s"), by="a flight by the clock"
+    )
+    voltage_v, max_time_s = conditions.voltage_v, conditions.max_time_s
     flown: Vehicle = loaded(Vehicle, vehicle)
-    believed: Vehicle = flown if model is None else loaded(Vehicle, model)
+    believed: Vehicle = flown if conditions.model is None else loaded(Vehicle, conditions.model)
     pilot: Autopilot = loaded(Autopilot, autopilot)
     route: Mission = loaded(Mission, mission)
     if not 0.0 < speed <= _FASTEST:
@@ -265,8 +259,8 @@ def fly_realtime(
     longest = 3.0 * route.planned_time + 300.0 if max_time_s is None else max_time_s
     if not 0.0 < longest <= _LONGEST_S:
         raise SimulationError(f"max_time_s: expected up to {_LONGEST_S:g} s, found {longest:g}")
-    plant = Plant(flown, initial=_start(route), current=current, voltage_v=voltage_v)
-    chosen = sensors_of(sensors, flown)
+    plant = Plant(flown, initial=_start(route), current=water.current, voltage_v=voltage_v)
+    chosen = sensors_of(conditions.sensors, flown)
     shown = None if chosen is None else Shown(chosen, seed)
     doubt = mismatch(pilot, believed)
     notes = () if shown is None else shown.sentences
@@ -286,7 +280,7 @@ def fly_realtime(
             live = Live(flown, host=live_host, port=live_port, record=path, origins=live_origins)
         if ready is not None:
             ready(None if live is None else live.port)
-        loop = _Flight(plant, helm, shown, hardware, live, neutral, (voltage_v, feedback))
+        loop = _Flight(plant, helm, shown, hardware, live, neutral, (voltage_v, conditions.feedback))
         pacer = Pacer(pilot.period_s / speed)
         outcome = loop.run(pacer, pilot.period_s, longest)
         timing = pacer.timing()

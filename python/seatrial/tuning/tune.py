@@ -11,7 +11,7 @@ Source: Taubert et al. (2014), section "Constraint Criteria Optimization". Held 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any, overload
 from seatrial._core import Autopilot, checked_threads
 from seatrial.base.errors import CampaignError, SeatrialError
 from seatrial.base.fleet import fleet_of
-from seatrial.base.progress import Progress, callers_errors_pass
+from seatrial.base.progress import callers_errors_pass
 from seatrial.base.run import RunDirectory
+from seatrial.base.work import HERE, Work, takes
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.result import Tuning
@@ -28,20 +29,11 @@ from seatrial.tuning.tuning_run import TuningRun
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.base.fleet import Workers
     from seatrial.identification.identification import Identification
 
 
 @overload
-def tune(
-    problem: ControlProblem,
-    *,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
-) -> Tuning: ...
+def tune(problem: ControlProblem, *, work: Work = HERE) -> Tuning: ...
 
 
 @overload
@@ -54,24 +46,17 @@ def tune(
     settings: Mapping[str, Any] | None = None,
     name: str | None = None,
     seed: int = 0,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
+    work: Work = HERE,
 ) -> Tuning: ...
 
 
+@takes(work=Work)
 @callers_errors_pass
 def tune(
     problem: ControlProblem | Identification | Fitted | Vehicle | str | Path,
     autopilot: Autopilot | str | Path | None = None,
     *,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
+    work: Work = HERE,
     **asked: Any,
 ) -> Tuning:
     """Tuning: an autopilot with tuned gains, how its responses keep to their corridors, and its margins.
@@ -89,16 +74,9 @@ def tune(
         Beside a vehicle: as of `ControlProblem`.
     settings : mapping, optional
         Beside a vehicle: its other keys, for example samples, sensors, margins, budget.
-    run_dir : str or Path, optional
-        Where the results go, and where finished groups are kept for a run that resumes this one.
-    progress : callable, optional
-        Called with a `Progress` after every batch of candidates.
-    resume : bool, optional
-        Whether groups that an earlier run finished from the same inputs are reused.
-    threads : int, optional
-        All when omitted; the result does not depend on it.
-    executor : Executor, str or distributed.Client, optional
-        Where the candidates of the searches fly; see `seatrial.verify`.
+    work : Work, optional
+        Threads, executor, run directory and progress. Finished groups are kept in the run directory; an
+        executor flies the candidates of the searches.
 
     Returns
     -------
@@ -137,15 +115,15 @@ def tune(
     >>> [group.name for group in tuning.groups[:2]]
     ['margins', 'heading']
     """
-    checked_threads(threads)
     if "relay" in asked:
         raise CampaignError(
             "tune: relay: relay tuning is not offered, as no loop was better with it than with the search by"
             " corridors; leave it out, and take start gains from seatrial.start_autopilot"
         )
+    checked_threads(work.threads)
     if not isinstance(problem, ControlProblem):
         if callable(getattr(problem, "control_problem", None)):
-            raise CampaignError("tune: found a campaign; use campaign.tune(fit, run_dir=..., ...)")
+            raise CampaignError("tune: found a campaign; use campaign.tune(fit, work=st.Work(...))")
         if autopilot is None:
             raise CampaignError(
                 "tune: expected a ControlProblem, or a vehicle and its autopilot, found a vehicle alone; give"
@@ -156,12 +134,12 @@ def tune(
         given = "autopilot" if autopilot is not None else next(iter(asked))
         raise CampaignError(f"tune: {given}: the problem says that; give it only beside a vehicle")
     assert problem.groups is not None  # what cannot be tuned is refused before a directory is made
-    with RunDirectory(run_dir, "tuning", resume=resume) as run, fleet_of(executor) as fleet:
-        tuning = TuningRun(problem, run, progress=progress, threads=threads, fleet=fleet).run()
+    with RunDirectory(work.run_dir, "tuning", resume=work.resume) as run, fleet_of(work.executor) as fleet:
+        tuning = TuningRun(problem, run, progress=work.progress, threads=work.threads, fleet=fleet).run()
         if tuning.interrupted and tuning.groups:
             with contextlib.suppress(SeatrialError):  # the gains are in what is returned all the same
                 # The best gains so far are an autopilot file beside the finished groups.
                 tuning = replace(tuning, kept=run.leave("autopilot.toml", tuning.autopilot.to_toml()))
-        elif run_dir is not None and not tuning.interrupted:
+        elif work.run_dir is not None and not tuning.interrupted:
             run.publish(tuning.facts, tuning.files())
     return tuning

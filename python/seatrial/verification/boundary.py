@@ -10,9 +10,8 @@ Tests: ``tests/verification/test_boundary.py``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,26 +19,19 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress, callers_errors_pass
+from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Section, Table
-from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
+from seatrial.base.run import RunDirectory, RunResult, to_json
+from seatrial.base.work import HERE, Work
 from seatrial.statistics.failure_boundary import BoundarySurface
 from seatrial.statistics.proportions import share
 from seatrial.verification.boundary_survey import BoundarySurvey, coefficients_at, flights_at, variables_of
-from seatrial.verification.campaign import check_table, verified_campaign
 from seatrial.verification.requirement import named
-from seatrial.verification.verification import WITHOUT_FILE, input_files
+from seatrial.verification.scenario import check_table
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.fleet import Workers
-    from seatrial.campaign.campaign import Campaign
-    from seatrial.flight.mission import Mission
-    from seatrial.identification.fitted import Fitted
-    from seatrial.identification.identification import Identification
-    from seatrial.tuning.result import Tuning
-    from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.requirement import Requirement
+    from seatrial.verification.scenario import Scenario
 
 _ROWS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the second variable, in the table
 
@@ -81,8 +73,8 @@ class FailureBoundary(RunResult):
 
     Attributes
     ----------
-    prepared
-        The campaign that was flown.
+    scenario
+        What was flown.
     variables
         Name and range (from, to) of each.
     requirements
@@ -97,7 +89,7 @@ class FailureBoundary(RunResult):
         What the result rests on.
     """
 
-    prepared: VerifiedCampaign
+    scenario: Scenario
     variables: Mapping[str, tuple[float, float]]
     requirements: tuple[RequirementBoundary, ...]
     places: Array
@@ -160,12 +152,12 @@ class FailureBoundary(RunResult):
         """Plain data for JSON."""
         seconds: list[float | None] = [None] if len(self.variables) == 1 else list(self._seconds())
         return {
-            "campaign": self.prepared.campaign.name,
+            "campaign": self.scenario.name,
             "variables": {name: list(ends) for name, ends in self.variables.items()},
             "missions": len(self.places) * self.runs_per_place,
             "interrupted": self.interrupted,
-            "warnings": self.prepared.flights.warnings,
-            "confidence": self.prepared.flights.table.confidence,
+            "warnings": self.scenario.flights.warnings,
+            "confidence": self.scenario.flights.table.confidence,
             "requirements": [
                 {
                     "name": one.requirement.name,
@@ -191,11 +183,7 @@ class FailureBoundary(RunResult):
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
-        return {
-            **input_files(self.prepared.campaign, self.prepared.flights),
-            "boundary.json": to_json(self.to_dict()),
-            **self.report().files(),
-        }
+        return {**self.scenario.files(), "boundary.json": to_json(self.to_dict()), **self.report().files()}
 
     def summary(self) -> str:
         """The report as text."""
@@ -203,12 +191,12 @@ class FailureBoundary(RunResult):
 
     def report(self) -> Report:
         """Three lines, and a table of the boundaries."""
-        flights = self.prepared.flights
+        flights = self.scenario.flights
         worst, next_step = flights.doubting(*_worst(self))
         names = " and ".join(self.variables)
         bounded = sum(one.side() == "has a boundary" for one in self.requirements)
         return Report(
-            title=self.prepared.campaign.name,
+            title=self.scenario.name,
             outcome="boundary" + (" (interrupted)" if self.interrupted else ""),
             good=(
                 f"{bounded} of {len(self.requirements)} requirements have a boundary in {names} with"
@@ -226,7 +214,7 @@ class FailureBoundary(RunResult):
                         " everything but the variables is drawn as [verification] says.",
                         "The probability is taken to change smoothly: a jump is found on its safe side, by up"
                         " to some hundredths of the range.",
-                        *self.prepared.notes,
+                        *self.scenario.notes,
                         *flights.left_out,
                     ),
                     details=True,
@@ -238,8 +226,7 @@ class FailureBoundary(RunResult):
 def _worst(found: FailureBoundary) -> tuple[str, str]:
     if found.interrupted:
         return "Ctrl-C ended it early", "run the same command again; the places flown are kept"
-    source = found.prepared.campaign.source
-    python = source == WITHOUT_FILE
+    python = found.scenario.without_file
     failing = [one for one in found.requirements if one.side().startswith("fails")]
     if failing:
         return f"{failing[0].requirement.name} {failing[0].side()}", "change the autopilot or the range"
@@ -288,7 +275,7 @@ def _table(found: FailureBoundary) -> Table:
                     f"{low:.3g} to {high:.3g}",
                     f"safe {'below' if rising else 'above'}",
                 ))
-    sure = f"{100.0 * found.prepared.flights.table.confidence:g} %"
+    sure = f"{100.0 * found.scenario.flights.table.confidence:g} %"
     second_name = names[1] if len(names) > 1 else ""
     columns = ("requirement", "allowed", second_name, names[0], f"{sure} interval", "side")
     return Table.of("Failure boundaries", columns, rows)
@@ -306,133 +293,84 @@ def _side_at(found: FailureBoundary, one: RequirementBoundary, second: float | N
     return words if abs(int(sides.sum())) == len(sides) else f"probably {words}"
 
 
-@callers_errors_pass
-def failure_boundary(
-    campaign: Campaign,
-    variables: Mapping[str, tuple[float, float]],
-    fit: Identification | Fitted | Vehicle | str | Path | None = None,
-    gains: Tuning | Autopilot | str | Path | None = None,
-    *,
-    requirements: Sequence[str] = (),
-    model: Vehicle | str | Path | None = None,
-    missions: Sequence[Mission | str | Path] | None = None,
-    runs: int | None = None,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
-) -> FailureBoundary:
-    """Where in one or two variables requirements begin to fail more often than they allow.
+@dataclass(frozen=True)
+class Boundary:
+    """Strategy of `seatrial.verify`: where in one or two variables requirements fail more than they allow.
 
-    Parameters
+    The missions of the scenario are shared out over the places, at least 16 at each of the first ones. A run
+    directory keeps places that were flown; an executor flies as many at a time as it has workers.
+
+    Attributes
     ----------
-    campaign, fit, gains, model, missions
-        As of `seatrial.verify`.
     variables : mapping of str to (float, float)
         One or two, each with its range: a name of `VARIABLES`, or a coefficient, pattern or group of the
         vehicle (``"stern.T_t"``), which gets the value.
     requirements : sequence of str
-        Names of the campaign's requirements; all when empty.
-    runs : int, optional
-        Missions in all; the campaign's number when omitted, at least 16 at each of the first places.
-    run_dir : str or Path, optional
-        Folder for the results. Places that were flown are kept in it.
-    progress : callable, optional
-        Called after every place.
-    resume : bool
-        Reuse places that an earlier run in this folder flew from the same inputs.
-    threads : int, optional
-        Threads of the core; the result does not depend on it.
-    executor : Executor or str, optional
-        Where places are flown, as of `seatrial.verify`: as many at a time as it has workers.
+        Names of the scenario's requirements; all when empty.
 
-    Raises
-    ------
-    CampaignError
-        As of `seatrial.verify`; an unknown variable or requirement, or a range that is none.
-    SimulationError, TrialError
-        The vehicle or the water cannot have a value at an end of the range.
-    SeatrialError
-        The run directory cannot be written.
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.Boundary({"payload_kg": (-5.0, 40.0)}).requirements
+    ()
     """
-    prepared = verified_campaign(campaign, fit, gains, model=model, runs=runs, missions=missions)
-    return run_boundary(
-        prepared,
-        variables,
-        names=requirements,
-        run_dir=run_dir,
-        progress=progress,
-        resume=resume,
-        threads=threads,
-        executor=executor,
-    )
 
+    variables: Mapping[str, tuple[float, float]]
+    requirements: Sequence[str] = ()
 
-def run_boundary(
-    prepared: VerifiedCampaign,
-    variables: Mapping[str, tuple[float, float]],
-    *,
-    names: Sequence[str] = (),
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
-) -> FailureBoundary:
-    """Boundary of a campaign that is ready to fly. See `failure_boundary` for the parameters."""
-    known = {one.name: one for one in prepared.requirements}
-    chosen = named(names or list(known), known)
-    asked = variables_of(variables, prepared.flights)
-    for end in (0.0, 1.0):
-        corner = np.full(len(asked), end)
-        at_end, payload = flights_at(prepared.flights, asked, corner)
-        check_table(prepared.campaign.source, at_end)
-        at_end.check()
-        vehicle = prepared.flights.fitted.vehicle
-        own = vehicle.coefficients()["m"]
-        if own + payload <= 0.0:
-            raise CampaignError(
-                f"boundary: payload_kg: expected more than {-own:g}, the mass of {vehicle.name} in kg, found"
-                f" {payload:g}"
-            )
-        vehicle.with_coefficients(coefficients_at(asked, corner))
-    clock, interrupted = Clock(), False
-    threads = threads_of(threads, executor)
-    with RunDirectory(run_dir, "failure boundary", resume=resume) as run, fleet_of(executor) as fleet:
-        survey = BoundarySurvey(prepared, asked, chosen, run, threads, fleet)
-        try:
-            survey.fly(progress, clock)
-        except KeyboardInterrupt:
-            interrupted = True
-            if len(survey.x) < 2:
-                raise
-        result = FailureBoundary(
-            prepared=prepared,
-            variables={one.name: (one.low, one.high) for one in asked},
-            requirements=tuple(
-                RequirementBoundary(one, survey.surface(k), survey.failed(k)) for k, one in enumerate(chosen)
-            ),
-            places=np.array([[v.value(x) for v, x in zip(asked, place, strict=True)] for place in survey.x]),
-            runs_per_place=survey.runs,
-            interrupted=interrupted,
-            facts=run_facts(
-                "failure boundary",
-                prepared.campaign.name,
-                clock=clock,
-                inputs=prepared.campaign.input_hashes(trials=False)
-                | {
-                    name: sha256(text)
-                    for name, text in input_files(prepared.campaign, prepared.flights).items()
-                },
-                seed=prepared.flights.seed,
-                options={
-                    "variables": {one.name: [one.low, one.high] for one in asked},
-                    "runs": prepared.runs,
-                },
+    def survey(self, scenario: Scenario, work: Work = HERE) -> FailureBoundary:
+        """Failure boundaries of a scenario; see `seatrial.verify` for errors."""
+        chosen = scenario.chosen(self.requirements)
+        asked = variables_of(self.variables, scenario.flights)
+        # Both ends of the range are tried before anything flies.
+        for end in (0.0, 1.0):
+            corner = np.full(len(asked), end)
+            at_end, payload = flights_at(scenario.flights, asked, corner)
+            check_table(scenario.source, at_end)
+            at_end.check()
+            vehicle = scenario.flights.fitted.vehicle
+            own = vehicle.coefficients()["m"]
+            if own + payload <= 0.0:
+                raise CampaignError(
+                    f"boundary: payload_kg: expected more than {-own:g}, the mass of {vehicle.name} in kg,"
+                    f" found {payload:g}"
+                )
+            vehicle.with_coefficients(coefficients_at(asked, corner))
+        clock, interrupted = Clock(), False
+        threads = threads_of(work.threads, work.executor)
+        with (
+            RunDirectory(work.run_dir, "failure boundary", resume=work.resume) as run,
+            fleet_of(work.executor) as fleet,
+        ):
+            survey = BoundarySurvey(scenario, asked, chosen, run, threads, fleet)
+            try:
+                survey.fly(work.progress, clock)
+            except KeyboardInterrupt:
+                interrupted = True
+                if len(survey.x) < 2:
+                    raise
+            result = FailureBoundary(
+                scenario=scenario,
+                variables={variable.name: (variable.low, variable.high) for variable in asked},
+                requirements=tuple(
+                    RequirementBoundary(requirement, survey.surface(k), survey.failed(k))
+                    for k, requirement in enumerate(chosen)
+                ),
+                places=np.array([
+                    [v.value(x) for v, x in zip(asked, place, strict=True)] for place in survey.x
+                ]),
+                runs_per_place=survey.runs,
                 interrupted=interrupted,
-            ),
-        )
-        if run_dir is not None and not interrupted:
-            run.publish(result.facts, result.files())
-    return result
+                facts=scenario.facts(
+                    "failure boundary",
+                    clock=clock,
+                    options={
+                        "variables": {variable.name: [variable.low, variable.high] for variable in asked},
+                        "runs": scenario.runs,
+                    },
+                    interrupted=interrupted,
+                ),
+            )
+            if work.run_dir is not None and not interrupted:
+                run.publish(result.facts, result.files())
+        return result

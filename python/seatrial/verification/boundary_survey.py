@@ -21,7 +21,6 @@ from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, sha256
-from seatrial.campaign.verification_table import DistributionTable, Waves
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.statistics.failure_boundary import (
     BoundarySurface,
@@ -31,12 +30,13 @@ from seatrial.statistics.failure_boundary import (
     surface_of,
 )
 from seatrial.vehicle.actuators import actuator_groups
+from seatrial.verification.table import DistributionTable, Waves
 
 if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
-    from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
+    from seatrial.verification.scenario import Scenario
 
 VARIABLES: Mapping[str, str] = {
     "current_speed_m_s": "speed of the mean current",
@@ -157,18 +157,18 @@ class BoundarySurvey:
 
     def __init__(
         self,
-        prepared: VerifiedCampaign,
+        scenario: Scenario,
         variables: tuple[BoundaryVariable, ...],
         requirements: Sequence[Requirement],
         run: RunDirectory,
         threads: int | None,
         fleet: Fleet | None,
     ) -> None:
-        self.prepared, self.variables, self.requirements = prepared, variables, requirements
+        self.scenario, self.variables, self.requirements = scenario, variables, requirements
         self.run, self.threads, self.fleet = run, threads, fleet
         first = len(start_places(len(variables)))
-        self.runs = max(_LEAST_RUNS, -(-prepared.runs // _MOST_PLACES))
-        self.places = max(prepared.runs // self.runs, first)
+        self.runs = max(_LEAST_RUNS, -(-scenario.runs // _MOST_PLACES))
+        self.places = max(scenario.runs // self.runs, first)
         self.x: list[Array] = []
         self.failures: list[list[int]] = []
 
@@ -184,7 +184,7 @@ class BoundarySurvey:
                         places_to_fly(
                             self.seen(k),
                             allowed=one.allowed,
-                            confidence=self.prepared.flights.table.confidence,
+                            confidence=self.scenario.flights.table.confidence,
                             count=each,
                             runs=self.runs,
                         )
@@ -208,7 +208,7 @@ class BoundarySurvey:
 
     def _flown(self, places: Sequence[Array]) -> Iterator[tuple[Array, list[int]]]:
         """Places and the failures of each requirement there, wherever they are flown."""
-        flights = self.prepared.flights
+        flights = self.scenario.flights
         values = ", ".join(f"{v.name} {v.low:g} {v.high:g}" for v in self.variables)
         holds = ", ".join(one.holds for one in self.requirements)
         shared = Shared((flights, self.variables, tuple(self.requirements), self.runs))
@@ -234,7 +234,7 @@ class BoundarySurvey:
 
     def surface(self, k: int) -> BoundarySurface:
         """Failure probability of a requirement over the ranges."""
-        asked, confidence = self.requirements[k], self.prepared.flights.table.confidence
+        asked, confidence = self.requirements[k], self.scenario.flights.table.confidence
         return surface_of(self.seen(k), allowed=asked.allowed, confidence=confidence)
 
     def failed(self, k: int) -> int:

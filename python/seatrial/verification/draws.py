@@ -31,7 +31,6 @@ from numpy.typing import ArrayLike, NDArray
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
-from seatrial.campaign.verification_table import DistributionTable, VerificationTable, Waves
 from seatrial.flight.checks import checked_seed
 from seatrial.flight.failures import Outage, outage_rows
 from seatrial.flight.sea import CALM, LIMITS, steepest_period
@@ -46,6 +45,7 @@ from seatrial.verification.failure_draws import (
     outage_draws,
     targets,
 )
+from seatrial.verification.table import DistributionTable, VerificationTable, Waves
 
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
@@ -312,7 +312,7 @@ def draw_missions(
     --------
     >>> import seatrial as st
     >>> from seatrial.cli.new import EXAMPLES
-    >>> from seatrial.campaign.verification_table import parse_verification
+    >>> from seatrial.verification.table import parse_verification
     >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
     >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
     >>> fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})

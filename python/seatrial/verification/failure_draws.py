@@ -12,9 +12,9 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError, nearest
-from seatrial.campaign.verification_table import FaultTable, OutageTable
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.vehicle.actuators import actuator_groups
+from seatrial.verification.table import FaultTable, OutageTable
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

@@ -21,29 +21,20 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.plain import Plain
-from seatrial.base.progress import Clock, Progress, callers_errors_pass
+from seatrial.base.progress import Clock, Progress
 from seatrial.base.report import Report, Section
-from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
-from seatrial.verification.campaign import verified_campaign
+from seatrial.base.run import RunDirectory, RunResult, to_json
+from seatrial.base.work import HERE, Work
 from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.regression import case_text
 from seatrial.verification.requirement import named
 from seatrial.verification.robustness import robustness, unusable
-from seatrial.verification.verification import input_files
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from seatrial._core import Autopilot, Vehicle
-    from seatrial.campaign.campaign import Campaign
     from seatrial.flight.flight import Flight
-    from seatrial.flight.mission import Mission
-    from seatrial.identification.fitted import Fitted
-    from seatrial.identification.identification import Identification
-    from seatrial.tuning.result import Tuning
-    from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.draws import Draws
     from seatrial.verification.requirement import Requirement
+    from seatrial.verification.scenario import Scenario
 
 WITHIN = 3.0
 """Standard deviations of every draw within which is searched."""
@@ -111,14 +102,14 @@ class FalsifiedRequirement(
 class Falsification(
     RunResult,
     Plain,
-    only="campaign=prepared.campaign.name within interrupted warnings=prepared.flights.warnings requirements",
+    only="campaign=scenario.name within interrupted warnings=scenario.flights.warnings requirements",
 ):
     """Worst missions of requirements; made by `falsify`.
 
     Attributes
     ----------
-    prepared
-        The campaign that was flown.
+    scenario
+        What was flown.
     requirements
         A `FalsifiedRequirement` each.
     within
@@ -129,7 +120,7 @@ class Falsification(
         What the result rests on.
     """
 
-    prepared: VerifiedCampaign
+    scenario: Scenario
     requirements: tuple[FalsifiedRequirement, ...]
     within: float
     interrupted: bool
@@ -156,7 +147,7 @@ class Falsification(
         [found] = named([name], {one.requirement.name: one for one in self.requirements})
         if not found.falsified:
             raise CampaignError(f'requirement "{name}": no mission failed, there is none to fly again')
-        space = MissionSpace(self.prepared.flights)
+        space = MissionSpace(self.scenario.flights)
         return space.draws(np.array([found.sample]), np.array([_SEED]))
 
     def replay(self, name: str) -> Flight:
@@ -167,7 +158,7 @@ class Falsification(
         name : str
             Of the requirement.
         """
-        return self.prepared.flights.replay_drawn(self.drawn(name))
+        return self.scenario.flights.replay_drawn(self.drawn(name))
 
     def cases(self) -> str:
         """TOML to add to the campaign, so that `verify` flies the failing missions again."""
@@ -176,7 +167,7 @@ class Falsification(
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
         return {
-            **input_files(self.prepared.campaign, self.prepared.flights),
+            **self.scenario.files(),
             "falsified.json": to_json(self.to_dict()),
             "cases.toml": self.cases(),
             **self.report().files(),
@@ -199,12 +190,12 @@ class Falsification(
             one = min(tried, key=lambda each: each.worst)
             worst = f"{one.requirement.name} comes nearest to failing, robustness {one.worst:.3g}"
             then = (
-                "widen the ranges in [verification] if worse can happen; --rare gives the probability of"
-                " failure"
+                "widen the ranges in [verification] if worse can happen; `seatrial rare` gives the"
+                " probability of failure"
             )
-        worst, then = self.prepared.flights.doubting(worst, then)
+        worst, then = self.scenario.flights.doubting(worst, then)
         return Report(
-            title=self.prepared.campaign.name,
+            title=self.scenario.name,
             outcome=("falsified" if bad else "not falsified")
             + (" (interrupted)" if self.interrupted else ""),
             good=(
@@ -240,132 +231,93 @@ def _lines(one: FalsifiedRequirement) -> list[str]:
     return [f"the middle of all ranges fails already{': ' if middle else ''}{', '.join(middle)}"]
 
 
-@callers_errors_pass
-def falsify(
-    campaign: Campaign,
-    fit: Identification | Fitted | Vehicle | str | Path | None = None,
-    gains: Tuning | Autopilot | str | Path | None = None,
-    *,
-    requirements: Sequence[str] = (),
-    within: float = WITHIN,
-    budget: int = _MISSIONS,
-    model: Vehicle | str | Path | None = None,
-    missions: Sequence[Mission | str | Path] | None = None,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    threads: int | None = None,
-) -> Falsification:
-    """The worst mission of each requirement in the ranges of a verification, as harmless as it can be made.
+@dataclass(frozen=True, kw_only=True)
+class Falsify:
+    """Strategy of `seatrial.verify`: the worst mission of each requirement, as harmless as it can be made.
 
-    Parameters
+    It flies in this process and keeps no parts of a search.
+
+    Attributes
     ----------
-    campaign, fit, gains, model, missions
-        As of `seatrial.verify`.
     requirements : sequence of str
-        Names of the campaign's requirements; all when empty.
+        Names of the scenario's requirements; all when empty.
     within : float
         Standard deviations of every draw within which is searched; of a uniform range 3 leave out 0.1 % at
         its ends.
     budget : int
         Missions that a search may fly, from 100 on.
-    run_dir : str or Path, optional
-        Folder for the results.
-    progress : callable, optional
-        Called after every generation.
-    threads : int, optional
-        Threads of the core; the result does not depend on it.
 
     Raises
     ------
     CampaignError
-        As of `seatrial.verify`; an unknown requirement, or a number that cannot be.
-    SeatrialError
-        The run directory cannot be written.
+        A number that cannot be; of `survey` an unknown requirement.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.Falsify(within=2.0).requirements
+    ()
     """
-    prepared = verified_campaign(campaign, fit, gains, model=model, missions=missions)
-    return run_falsification(
-        prepared,
-        names=requirements,
-        within=within,
-        budget=budget,
-        run_dir=run_dir,
-        progress=progress,
-        threads=threads,
-    )
 
+    requirements: Sequence[str] = ()
+    within: float = WITHIN
+    budget: int = _MISSIONS
 
-def run_falsification(
-    prepared: VerifiedCampaign,
-    *,
-    names: Sequence[str] = (),
-    within: float = WITHIN,
-    budget: int = _MISSIONS,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    threads: int | None = None,
-) -> Falsification:
-    """Falsification of a campaign that is ready to fly. See `falsify` for the parameters."""
-    if not 0.1 <= within <= 8.0:
-        raise CampaignError(f"within: expected 0.1 to 8 standard deviations, found {within:g}")
-    if budget < 100:
-        raise CampaignError(f"budget: expected at least 100 missions, found {budget}")
-    known = {one.name: one for one in prepared.requirements}
-    chosen = named(names or list(known), known)
-    clock, found, interrupted = Clock(), [], False
-    with RunDirectory(run_dir, "falsification", resume=False) as run:
-        try:
-            for place, requirement in enumerate(chosen):
-                work = _Search(prepared, requirement, within, budget, threads)
+    def __post_init__(self) -> None:
+        if not 0.1 <= self.within <= 8.0:
+            raise CampaignError(f"within: expected 0.1 to 8 standard deviations, found {self.within:g}")
+        if self.budget < 100:
+            raise CampaignError(f"budget: expected at least 100 missions, found {self.budget}")
 
-                def watch(
-                    share: float, detail: str, place: int = place, name: str = requirement.name
-                ) -> None:
-                    if progress is None:
-                        return
-                    fraction = (place + share) / len(chosen)
-                    left = clock.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6)
-                    progress(
-                        Progress(name, place, len(chosen), fraction, clock.elapsed_s, left, detail=detail)
-                    )
-
-                found.append(work.run(watch))
-        except KeyboardInterrupt:
-            interrupted = True
-        files = input_files(prepared.campaign, prepared.flights)
-        result = Falsification(
-            prepared=prepared,
-            requirements=tuple(found),
-            within=within,
-            interrupted=interrupted,
-            facts=run_facts(
-                "falsification",
-                prepared.campaign.name,
-                clock=clock,
-                inputs=prepared.campaign.input_hashes(trials=False)
-                | {name: sha256(text) for name, text in files.items()},
-                seed=prepared.flights.seed,
-                options={"within": within, "budget": budget},
+    def survey(self, scenario: Scenario, work: Work = HERE) -> Falsification:
+        """The worst missions of a scenario; see `seatrial.verify` for errors."""
+        chosen = scenario.chosen(self.requirements)
+        clock, worst, interrupted = Clock(), [], False
+        with RunDirectory(work.run_dir, "falsification", resume=False) as run:
+            try:
+                for place, requirement in enumerate(chosen):
+                    search = _Search(scenario, requirement, self, work.threads)
+                    worst.append(search.run(_watch(work, clock, requirement.name, place, len(chosen))))
+            except KeyboardInterrupt:
+                interrupted = True
+            result = Falsification(
+                scenario=scenario,
+                requirements=tuple(worst),
+                within=self.within,
                 interrupted=interrupted,
-            ),
-        )
-        if run_dir is not None and not interrupted:
-            run.publish(result.facts, result.files())
-    return result
+                facts=scenario.facts(
+                    "falsification",
+                    clock=clock,
+                    options={"within": self.within, "budget": self.budget},
+                    interrupted=interrupted,
+                ),
+            )
+            if work.run_dir is not None and not interrupted:
+                run.publish(result.facts, result.files())
+        return result
+
+
+def _watch(work: Work, clock: Clock, name: str, place: int, count: int) -> Callable[[float, str], None]:
+    """What a search reports, as progress of the whole."""
+
+    def watch(share: float, detail: str) -> None:
+        if work.progress is None:
+            return
+        fraction = (place + share) / count
+        left = clock.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6)
+        work.progress(Progress(name, place, count, fraction, clock.elapsed_s, left, detail=detail))
+
+    return watch
 
 
 class _Search:
     """The search for the worst mission of one requirement."""
 
     def __init__(
-        self,
-        prepared: VerifiedCampaign,
-        requirement: Requirement,
-        within: float,
-        budget: int,
-        threads: int | None,
+        self, scenario: Scenario, requirement: Requirement, asked: Falsify, threads: int | None
     ) -> None:
-        self.flights, self.requirement = prepared.flights, requirement
-        self.space, self.within, self.budget = MissionSpace(prepared.flights), within, budget
+        self.flights, self.requirement = scenario.flights, requirement
+        self.space, self.within, self.budget = MissionSpace(scenario.flights), asked.within, asked.budget
         self.threads, self.flown = threads, 0
 
     def run(self, watch: Callable[[float, str], None]) -> FalsifiedRequirement:

@@ -29,7 +29,6 @@ from seatrial._core import autopilot_names, error_edges
 from seatrial.base.arrays import Array
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.progress import Clock, Progress
-from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
 from seatrial.flight.conditions import Conditions, Water
 from seatrial.flight.failures import Fault, Outage
@@ -42,6 +41,7 @@ from seatrial.verification.expression import KNOWN
 from seatrial.verification.flown_missions import KEPT, WORDS, FlownMissions, metrics_for_requirements
 from seatrial.verification.mission_store import MissionStore
 from seatrial.verification.requirement import obstacles
+from seatrial.verification.table import VerificationTable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -351,32 +351,38 @@ class Series:
     records: tuple[Mapping[str, Any], ...] = ()
 
 
-def fly_series(
-    flights: CampaignFlights,
-    runs: int,
-    *,
-    autopilot: str = "verified",
-    run: RunDirectory,
-    progress: Callable[[Progress], None] | None = None,
-    threads: int | None = None,
-    fleet: Fleet | None = None,
-) -> Series:
+@dataclass(frozen=True, eq=False)
+class Flyer:
+    """Where missions are flown and kept.
+
+    Attributes
+    ----------
+    run
+        Where finished chunks are kept and found again.
+    progress
+        Called after each chunk; it may raise KeyboardInterrupt.
+    threads
+        Per chunk.
+    fleet
+        Where chunks are flown; None: in this process.
+    """
+
+    run: RunDirectory
+    progress: Callable[[Progress], None] | None = None
+    threads: int | None = None
+    fleet: Fleet | None = None
+
+
+def fly_series(flights: CampaignFlights, runs: int, flyer: Flyer, *, autopilot: str = "verified") -> Series:
     """The first missions of a verification; after Ctrl-C those that were finished.
 
     Parameters
     ----------
     flights : CampaignFlights
     runs : int
+    flyer : Flyer
     autopilot : str
         What to call the autopilot in reports and in the run directory.
-    run : RunDirectory
-        Where finished chunks are kept and found again.
-    progress : callable, optional
-        Called after each chunk; it may raise KeyboardInterrupt.
-    threads : int, optional
-        Per chunk.
-    fleet : Fleet, optional
-        Where chunks are flown; in this process when omitted.
     """
     clock, store, records = Clock(), MissionStore(), list[Mapping[str, Any]]()
     fresh, flown_s, wall_s = 0, 0.0, 0.0
@@ -387,20 +393,20 @@ def fly_series(
             flights.digest,
             fly_missions,
             shared,
-            (start, min(start + CHUNK, runs), threads),
+            (start, min(start + CHUNK, runs), flyer.threads),
         )
         for start in range(0, runs, CHUNK)
     )
     try:
-        for done in run_chunks(chunks, run, _FORMAT, fleet=fleet):
+        for done in run_chunks(chunks, flyer.run, _FORMAT, fleet=flyer.fleet):
             took = float(done.record["wall_s"])
             store.append(replace(done.value, wall_s=took))
             records.append(done.record)
             stop = int(done.value.numbers[-1]) + 1
             fresh += 0 if done.kept else len(done.value)
             flown_s, wall_s = flown_s + done.value.flown_s, wall_s + took
-            if progress is not None:
-                progress(
+            if flyer.progress is not None:
+                flyer.progress(
                     Progress(
                         what=autopilot,
                         done=stop,

@@ -1,4 +1,4 @@
-"""`rare`: failures that are too rare to be met by flying drawn missions, found by subset simulation.
+"""`Rare`: failures that are too rare to be met by flying drawn missions, found by subset simulation.
 
 Everything that is drawn of a mission is a coordinate (`seatrial.verification.mission_space`). The level
 function is a requirement's robustness (`seatrial.verification.robustness`); the probability is that of the
@@ -20,30 +20,20 @@ from seatrial.base.arrays import Array
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress, callers_errors_pass
-from seatrial.base.run import RunDirectory, run_facts, sha256
+from seatrial.base.progress import Clock, Progress
+from seatrial.base.run import RunDirectory, sha256
+from seatrial.base.work import HERE, Work
 from seatrial.statistics.draws import generator
 from seatrial.statistics.subset_simulation import Population, importance, population, rare_event
-from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.rare_result import SIZE, RareFailures, RareRequirement
-from seatrial.verification.requirement import named
 from seatrial.verification.robustness import robustness, unusable
-from seatrial.verification.verification import input_files
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.fleet import Fleet, Workers
-    from seatrial.campaign.campaign import Campaign
-    from seatrial.flight.mission import Mission
-    from seatrial.identification.fitted import Fitted
-    from seatrial.identification.identification import Identification
-    from seatrial.tuning.result import Tuning
-    from seatrial.verification.campaign import VerifiedCampaign
+    from seatrial.base.fleet import Fleet
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
+    from seatrial.verification.scenario import Scenario
 
 _POPULATIONS, _CHECKED = 4, 1000
 
@@ -52,139 +42,96 @@ _CAUSE = 5  # stream of these random numbers; 1 to 4 are those of the draws
 _BATCH = 512
 
 
-@callers_errors_pass
-def rare_failures(
-    campaign: Campaign,
-    fit: Identification | Fitted | Vehicle | str | Path | None = None,
-    gains: Tuning | Autopilot | str | Path | None = None,
-    *,
-    requirements: Sequence[str] = (),
-    model: Vehicle | str | Path | None = None,
-    missions: Sequence[Mission | str | Path] | None = None,
-    population: int = SIZE,
-    populations: int = _POPULATIONS,
-    checked: int = _CHECKED,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
-) -> RareFailures:
-    """How rarely an autopilot fails its requirements, 1e-4 and below, from some ten thousand missions.
+@dataclass(frozen=True, kw_only=True)
+class Rare:
+    """Strategy of `seatrial.verify`: how rarely requirements fail, 1e-4 and below, by subset simulation.
 
-    Parameters
+    Some ten thousand missions. A run directory keeps finished populations; an executor flies as many of them
+    at a time as it has workers.
+
+    Attributes
     ----------
-    campaign, fit, gains, model, missions
-        As of `seatrial.verify`.
     requirements : sequence of str
-        Names of the campaign's requirements; all when empty.
+        Names of the scenario's requirements; all when empty.
     population : int
         Missions of a level, a multiple of ten from 100 on.
     populations : int
         Independent repetitions, two at least: their scatter is in the interval.
     checked : int
         Missions of the check by importance sampling; none with 0.
-    run_dir : str or Path, optional
-        Folder for the results. Finished populations are kept in it.
-    progress : callable, optional
-        Called after every level.
-    resume : bool
-        Reuse the populations that an earlier run in this folder finished from the same inputs.
-    threads : int, optional
-        Threads of the core; the result does not depend on it.
-    executor : Executor or str, optional
-        Where populations are flown, as of `seatrial.verify`: as many at a time as it has workers.
 
     Raises
     ------
     CampaignError
-        As of `seatrial.verify`; an unknown requirement, or a size or number that cannot be.
-    SeatrialError
-        The run directory cannot be written.
+        A size or number that cannot be; of `survey` an unknown requirement.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.Rare(population=200).populations
+    4
     """
-    prepared = verified_campaign(campaign, fit, gains, model=model, missions=missions)
-    return run_rare(
-        prepared,
-        names=requirements,
-        size=population,
-        populations=populations,
-        checked=checked,
-        run_dir=run_dir,
-        progress=progress,
-        resume=resume,
-        threads=threads,
-        executor=executor,
-    )
 
+    requirements: Sequence[str] = ()
+    population: int = SIZE
+    populations: int = _POPULATIONS
+    checked: int = _CHECKED
 
-def run_rare(
-    prepared: VerifiedCampaign,
-    *,
-    names: Sequence[str] = (),
-    size: int = SIZE,
-    populations: int = _POPULATIONS,
-    checked: int = _CHECKED,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
-) -> RareFailures:
-    """Rare failures of a campaign that is ready to fly. See `rare_failures` for the parameters."""
-    if size < 100 or size % 10:
-        raise CampaignError(f"population: expected a multiple of ten from 100 on, found {size}")
-    if populations < 2:
-        raise CampaignError(f"populations: expected at least 2, found {populations}")
-    known = {one.name: one for one in prepared.requirements}
-    chosen = named(names or list(known), known)
-    clock, found, interrupted = Clock(), [], False
-    threads = threads_of(threads, executor)
-    with RunDirectory(run_dir, "rare failures", resume=resume) as run, fleet_of(executor) as fleet:
-        try:
-            for place, requirement in enumerate(chosen):
-                work = _Search(prepared, requirement, size, populations, checked, run, threads, fleet)
-                found.append(work.run(_watch(progress, clock, requirement.name, place, len(chosen))))
-        except KeyboardInterrupt:
-            interrupted = True
-        result = RareFailures(
-            prepared=prepared,
-            requirements=tuple(found),
-            interrupted=interrupted,
-            facts=run_facts(
-                "rare failures",
-                prepared.campaign.name,
-                clock=clock,
-                inputs=prepared.campaign.input_hashes(trials=False)
-                | {
-                    name: sha256(text)
-                    for name, text in input_files(prepared.campaign, prepared.flights).items()
-                },
-                seed=prepared.flights.seed,
-                options={"population": size, "populations": populations, "checked": checked},
+    def __post_init__(self) -> None:
+        if self.population < 100 or self.population % 10:
+            raise CampaignError(
+                f"population: expected a multiple of ten from 100 on, found {self.population}"
+            )
+        if self.populations < 2:
+            raise CampaignError(f"populations: expected at least 2, found {self.populations}")
+
+    def survey(self, scenario: Scenario, work: Work = HERE) -> RareFailures:
+        """Failure probabilities of a scenario; see `seatrial.verify` for errors."""
+        chosen = scenario.chosen(self.requirements)
+        clock, judged, interrupted = Clock(), [], False
+        threads = threads_of(work.threads, work.executor)
+        with (
+            RunDirectory(work.run_dir, "rare failures", resume=work.resume) as run,
+            fleet_of(work.executor) as fleet,
+        ):
+            try:
+                for place, requirement in enumerate(chosen):
+                    search = _Search(scenario, requirement, self, run, threads, fleet)
+                    watch = _watch(work.progress, clock, requirement.name, place, len(chosen))
+                    judged.append(search.run(watch))
+            except KeyboardInterrupt:
+                interrupted = True
+            sizes = ("population", "populations", "checked")
+            result = RareFailures(
+                scenario=scenario,
+                requirements=tuple(judged),
                 interrupted=interrupted,
-            ),
-        )
-        if run_dir is not None and not interrupted:
-            run.publish(result.facts, result.files())
-    return result
+                facts=scenario.facts(
+                    "rare failures",
+                    clock=clock,
+                    options={name: getattr(self, name) for name in sizes},
+                    interrupted=interrupted,
+                ),
+            )
+            if work.run_dir is not None and not interrupted:
+                run.publish(result.facts, result.files())
+        return result
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
     """The search for failures of one requirement."""
 
-    prepared: VerifiedCampaign
+    scenario: Scenario
     requirement: Requirement
-    size: int
-    populations: int
-    checked: int
+    asked: Rare
     run_directory: RunDirectory
     threads: int | None
     fleet: Fleet | None
 
     def run(self, watch: Callable[[float, str, int], None]) -> RareRequirement:
-        flights, space = self.prepared.flights, MissionSpace(self.prepared.flights)
-        first = flights.fly(np.arange(min(self.size, _BATCH)), threads=self.threads)
+        flights, space = self.scenario.flights, MissionSpace(self.scenario.flights)
+        first = flights.fly(np.arange(min(self.asked.population, _BATCH)), threads=self.threads)
         if why := unusable(self.requirement, robustness(self.requirement, first, flights)):
             return RareRequirement(self.requirement, None, why)
 
@@ -195,9 +142,9 @@ class _Search:
         samples = np.vstack([one.samples for one in parts])
         seeds = np.concatenate([one.seeds for one in parts])
         check = None
-        if self.checked and len(samples):
-            own = generator(flights.seed, self.populations, cause=_CAUSE)
-            check = importance(level, samples, self.checked, own, possible=space.possible)
+        if self.asked.checked and len(samples):
+            own = generator(flights.seed, self.asked.populations, cause=_CAUSE)
+            check = importance(level, samples, self.asked.checked, own, possible=space.possible)
         confidence = flights.table.confidence
         event = rare_event(tuple(parts), check, confidence=confidence)
         if event.stood_still:
@@ -212,7 +159,7 @@ class _Search:
         nearest_one = int((samples**2).sum(axis=1).argmin())
         drawn_case = space.draws(samples[[nearest_one]], seeds[[nearest_one]])
         failing = space.draws(samples, seeds).causes
-        drawn = generator(flights.seed, self.populations + 1, cause=_CAUSE)
+        drawn = generator(flights.seed, self.asked.populations + 1, cause=_CAUSE)
         usual = space.draws(drawn.standard_normal((2 * _BATCH, space.dimensions)), drawn.random(2 * _BATCH))
         common = {
             name: (
@@ -235,17 +182,17 @@ class _Search:
 
     def _parts(self, watch: Callable[[float, str, int], None]) -> list[Population]:
         """All populations, wherever they are flown."""
-        flights = self.prepared.flights
-        shared = Shared((flights, self.requirement, self.size))
+        flights = self.scenario.flights
+        shared = Shared((flights, self.requirement, self.asked.population))
         chunks = (
             Chunk(
-                f"{self.requirement.name}, population {number} of {self.size}",
+                f"{self.requirement.name}, population {number} of {self.asked.population}",
                 sha256(flights.digest + self.requirement.holds),
                 rare_population,
                 shared,
                 (number, self.threads),
             )
-            for number in range(self.populations)
+            for number in range(self.asked.populations)
         )
 
         def here(chunk: Chunk[Population]) -> Population:
@@ -253,7 +200,7 @@ class _Search:
             number = chunk.arguments[0]
 
             def passed(levels: int, threshold: float) -> None:
-                share = (number + levels / (levels + 2.0)) / (self.populations + 1)
+                share = (number + levels / (levels + 2.0)) / (self.asked.populations + 1)
                 watch(share, f"level {levels}, robustness {threshold:.3g}", number + 1)
 
             return rare_population(shared.value, number, self.threads, passed)
@@ -261,7 +208,7 @@ class _Search:
         parts = []
         for done in run_chunks(chunks, self.run_directory, _FORMAT, fleet=self.fleet, here=here):
             parts.append(done.value)
-            watch(len(parts) / (self.populations + 1), "flown", len(parts))
+            watch(len(parts) / (self.asked.populations + 1), "flown", len(parts))
         return parts
 
 

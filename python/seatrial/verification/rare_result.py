@@ -19,11 +19,10 @@ from seatrial.base.run import RunResult, to_json
 from seatrial.statistics.subset_simulation import RareEvent
 from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.requirement import named
-from seatrial.verification.verification import input_files
 
 if TYPE_CHECKING:
-    from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.requirement import Requirement
+    from seatrial.verification.scenario import Scenario
 
 SIZE = 500
 """Missions of a level."""
@@ -94,14 +93,14 @@ class RareRequirement:
 class RareFailures(
     RunResult,
     Plain,
-    only="campaign=prepared.campaign.name held interrupted warnings=prepared.flights.warnings requirements",
+    only="campaign=scenario.name held interrupted warnings=scenario.flights.warnings requirements",
 ):
-    """Failure probabilities of rare events; made by `run_rare`.
+    """Failure probabilities of rare events; made by `st.Rare`.
 
     Attributes
     ----------
-    prepared
-        The campaign that was flown.
+    scenario
+        What was flown.
     requirements
         A `RareRequirement` each.
     interrupted
@@ -110,7 +109,7 @@ class RareFailures(
         What the result rests on.
     """
 
-    prepared: VerifiedCampaign
+    scenario: Scenario
     requirements: tuple[RareRequirement, ...]
     interrupted: bool
     facts: Mapping[str, Any] = field(default_factory=dict)
@@ -142,17 +141,13 @@ class RareFailures(
         [found] = named([name], {one.requirement.name: one for one in self.requirements})
         if not found.sample:
             raise CampaignError(f'requirement "{name}": no mission failed, there is none to fly again')
-        space = MissionSpace(self.prepared.flights)
+        space = MissionSpace(self.scenario.flights)
         drawn = space.draws(np.array([found.sample]), np.array([found.seed]))
-        return self.prepared.flights.replay_drawn(drawn)
+        return self.scenario.flights.replay_drawn(drawn)
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
-        return {
-            **input_files(self.prepared.campaign, self.prepared.flights),
-            "rare.json": to_json(self.to_dict()),
-            **self.report().files(),
-        }
+        return {**self.scenario.files(), "rare.json": to_json(self.to_dict()), **self.report().files()}
 
     def summary(self) -> str:
         """The report as text."""
@@ -163,13 +158,13 @@ class RareFailures(
         judged = [one for one in self.requirements if one.event is not None]
         held = sum(one.verdict == "held" for one in self.requirements)
         spent = sum(one.event.evaluations for one in judged if one.event is not None)
-        worst, next_step = self.prepared.flights.doubting(*_worst(self))
+        worst, next_step = self.scenario.flights.doubting(*_worst(self))
         return Report(
-            title=self.prepared.campaign.name,
+            title=self.scenario.name,
             outcome=self.outcome + (" (interrupted)" if self.interrupted else ""),
             good=(
                 f"{held} of {len(self.requirements)} requirements held by"
-                f" {self.prepared.flights.autopilot.name} on {self.prepared.flights.fitted.vehicle.name};"
+                f" {self.scenario.flights.autopilot.name} on {self.scenario.flights.fitted.vehicle.name};"
                 f" {spent} missions flown"
             ),
             worst=worst,
@@ -187,8 +182,8 @@ class RareFailures(
                     (
                         "The probability is that of the distributions in [verification] and of the"
                         " covariance; it is no surer than these.",
-                        *self.prepared.notes,
-                        *self.prepared.flights.left_out,
+                        *self.scenario.notes,
+                        *self.scenario.flights.left_out,
                     ),
                     details=True,
                 ),
@@ -198,7 +193,7 @@ class RareFailures(
 
 def _worst(found: RareFailures) -> tuple[str, str]:
     """The worst problem, and what to do about it."""
-    again = f"seatrial verify {found.prepared.campaign.source} --rare"
+    again = f"seatrial rare {found.scenario.source}"
     if found.interrupted:
         return "Ctrl-C ended it early", "run the same command again; finished populations are kept"
     judged = [(one, one.event) for one in found.requirements if one.event is not None]

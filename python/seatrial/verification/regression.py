@@ -16,11 +16,11 @@ import numpy as np
 from seatrial._core import autopilot_names
 from seatrial.base.errors import CampaignError, SimulationError, nearest
 from seatrial.base.plain import Plain
-from seatrial.campaign.verification_table import CaseTable
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.flight.sea import CALM
 from seatrial.verification.draws import Draws
 from seatrial.verification.robustness import robustness
+from seatrial.verification.table import CaseTable
 
 if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights

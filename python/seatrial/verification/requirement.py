@@ -36,9 +36,9 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.campaign.verification_table import Obstacle, VerificationTable
 from seatrial.flight.metrics import OFF_PROMISE
 from seatrial.verification.expression import KNOWN, Metric, check, names_in, parse, unit_of
+from seatrial.verification.table import Obstacle, VerificationTable
 
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
@@ -397,7 +397,7 @@ def default_requirements(
     --------
     >>> import seatrial as st
     >>> from seatrial.cli.new import EXAMPLES
-    >>> from seatrial.campaign.verification_table import parse_verification
+    >>> from seatrial.verification.table import parse_verification
     >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
     >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
     >>> [one.holds for one in default_requirements(table, [farm])][1:]

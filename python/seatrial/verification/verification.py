@@ -15,7 +15,6 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.chunks import RECORDS
-from seatrial.base.file_names import file_name, free_name
 from seatrial.base.report import Report, report_of, writer_of
 from seatrial.base.run import Content, RunResult, to_json
 from seatrial.flight.excesses import KINDS, Excess, excesses, sentences
@@ -23,15 +22,15 @@ from seatrial.statistics import proportions
 from seatrial.verification.comparison import AutopilotComparison
 from seatrial.verification.flown_missions import FlownMissions
 from seatrial.verification.judgement import JudgedRequirement
-from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.regression import FlownCase
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from seatrial.campaign.campaign import Campaign
     from seatrial.flight.flight import Flight
     from seatrial.flight.mission import Mission
+    from seatrial.verification.missions import CampaignFlights
+    from seatrial.verification.scenario import Scenario
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +39,7 @@ class Verification(RunResult):
 
     Attributes
     ----------
-    campaign
-        What was asked for.
-    flights
+    scenario
         What was flown, and how to fly any of it again.
     flown
         All missions: metrics, what was drawn, times.
@@ -66,8 +63,7 @@ class Verification(RunResult):
         Where and how each chunk of missions was flown, see `seatrial.base.chunks`.
     """
 
-    campaign: Campaign
-    flights: CampaignFlights
+    scenario: Scenario
     flown: FlownMissions
     requirements: tuple[JudgedRequirement, ...]
     comparison: AutopilotComparison | None
@@ -78,6 +74,11 @@ class Verification(RunResult):
     facts: Mapping[str, Any]
     cases: tuple[FlownCase, ...] = ()
     records: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def flights(self) -> CampaignFlights:
+        """What was flown."""
+        return self.scenario.flights
 
     @property
     def outcome(self) -> proportions.Verdict:
@@ -164,7 +165,7 @@ class Verification(RunResult):
     def to_dict(self) -> dict[str, Any]:
         """Everything but the missions as plain data."""
         return {
-            "campaign": self.campaign.name,
+            "campaign": self.scenario.name,
             "outcome": self.outcome,
             "reservations": [
                 excess.to_dict() | {"worst": int(self.flown.numbers[excess.worst]), "sentence": sentence}
@@ -200,7 +201,7 @@ class Verification(RunResult):
         """Files of the run directory by name, see `save`."""
         worst = {one.requirement.name: [run.to_dict() for run in one.worst] for one in self.requirements}
         return {
-            **input_files(self.campaign, self.flights),
+            **self.scenario.files(),
             "verification.json": to_json(self.to_dict()),
             **self.report().files(),
             "junit.xml": self.junit(),
@@ -217,10 +218,6 @@ class Verification(RunResult):
         return self.summary()
 
 
-WITHOUT_FILE = "verify"
-"""Source of a campaign that no file describes."""
-
-
 def excess_sentences(found: Verification, several: Sequence[Excess]) -> list[str]:
     """A sentence for each excess: how many missions, the worst one and when."""
     flown, titles = found.flown, found.flights.titles
@@ -230,16 +227,3 @@ def excess_sentences(found: Verification, several: Sequence[Excess]) -> list[str
         return f"mission {flown.numbers[row]}{of}"
 
     return sentences(several, name)
-
-
-def input_files(campaign: Campaign, flights: CampaignFlights) -> dict[str, str]:
-    """Files of the inputs by name, as they were flown."""
-    missions: dict[str, str] = {}
-    for title, mission in zip(flights.titles, flights.missions, strict=True):
-        missions[free_name(file_name(title), missions)] = mission.to_toml()
-    return {
-        "campaign.toml": campaign.text,
-        "vehicle.toml": flights.fitted.vehicle.to_toml(),
-        "autopilot.toml": flights.autopilot.to_toml(),
-        **{f"missions/{name}.toml": text for name, text in missions.items()},
-    }

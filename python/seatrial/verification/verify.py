@@ -5,15 +5,16 @@ Tests: ``tests/verification/test_verify.py``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 
-from seatrial._core import checked_threads
+from seatrial._core import Autopilot, checked_threads
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress, callers_errors_pass
-from seatrial.base.run import RunDirectory, run_facts, sha256
+from seatrial.base.progress import Clock, callers_errors_pass
+from seatrial.base.run import RunDirectory
+from seatrial.base.work import HERE, Work, takes
 from seatrial.verification.comparison import AutopilotComparison, compared
 from seatrial.verification.judgement import (
     beyond_the_vehicle,
@@ -21,21 +22,18 @@ from seatrial.verification.judgement import (
     metrics_without_value,
     perceived_and_true,
 )
-from seatrial.verification.missions import fly_series
+from seatrial.verification.missions import Flyer, fly_series
 from seatrial.verification.regression import fly_cases
-from seatrial.verification.verification import Verification, input_files
+from seatrial.verification.scenario import Scenario, autopilot_of
+from seatrial.verification.verification import Verification
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.fleet import Fleet, Workers
-    from seatrial.campaign.campaign import Campaign
+    from seatrial._core import Vehicle
     from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
-    from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.flown_missions import FlownMissions
-    from seatrial.verification.requirement import Requirement
 
 _SHARE, _LEAST = 10, 200  # of the missions, a tenth and at least so many, fly with other autopilots too
 
@@ -43,132 +41,91 @@ _TOLD = 8192  # missions whose draws are looked at for notes
 
 _VERIFIED = "verified"
 
+_R = TypeVar("_R")
+
+
+_S = TypeVar("_S", covariant=True)
+
+
+class Strategy(Protocol[_S]):
+    """How a scenario is surveyed: `Rare`, `Falsify` or `Boundary`."""
+
+    def survey(self, scenario: Scenario, work: Work) -> _S:
+        """Result of the survey."""
+        ...
+
 
 @overload
 def verify(
-    campaign: Campaign,
-    fit: Identification | Fitted | Vehicle | str | Path | None = None,
-    gains: Tuning | Autopilot | str | Path | None = None,
-    *,
-    model: Vehicle | str | Path | None = None,
-    runs: int | None = None,
+    fit: Scenario | Identification | Fitted | Vehicle | str | Path,
+    autopilot: Tuning | Autopilot | str | Path | None = None,
     missions: Sequence[Mission | str | Path] | None = None,
-    threads: int | None = None,
-    executor: Workers | None = None,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    compare: bool | Mapping[str, Any] = False,
-    navigation: str | None = None,
+    *,
+    strategy: None = None,
+    compare: Mapping[str, Any] | None = None,
+    work: Work = HERE,
+    **stated: Any,
 ) -> Verification: ...
 
 
 @overload
 def verify(
-    vehicle: Identification | Fitted | Vehicle | str | Path,
-    autopilot: Tuning | Autopilot | str | Path,
-    missions: Sequence[Mission | str | Path],
-    /,
+    fit: Scenario | Identification | Fitted | Vehicle | str | Path,
+    autopilot: Tuning | Autopilot | str | Path | None = None,
+    missions: Sequence[Mission | str | Path] | None = None,
     *,
-    requirements: Sequence[Requirement] = (),
-    settings: Mapping[str, Any] | None = None,
-    name: str | None = None,
-    seed: int = 0,
-    model: Vehicle | str | Path | None = None,
-    runs: int | None = None,
-    threads: int | None = None,
-    executor: Workers | None = None,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    compare: Mapping[str, Any] | None = None,
-    navigation: str | None = None,
-) -> Verification: ...
+    strategy: Strategy[_R],
+    work: Work = HERE,
+    **stated: Any,
+) -> _R: ...
 
 
+@takes(work=Work)
 @callers_errors_pass
 def verify(
-    campaign: Campaign | Identification | Fitted | Vehicle | str | Path,
-    fit: Any = None,
-    gains: Any = None,
-    *,
-    requirements: Sequence[Requirement] | None = None,
-    settings: Mapping[str, Any] | None = None,
-    name: str | None = None,
-    seed: int | None = None,
-    model: Vehicle | str | Path | None = None,
-    runs: int | None = None,
+    fit: Scenario | Identification | Fitted | Vehicle | str | Path,
+    autopilot: Tuning | Autopilot | str | Path | None = None,
     missions: Sequence[Mission | str | Path] | None = None,
-    threads: int | None = None,
-    executor: Workers | None = None,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    compare: bool | Mapping[str, Any] | None = False,
-    navigation: str | None = None,
-) -> Verification:
+    *,
+    strategy: Strategy[Any] | None = None,
+    compare: Mapping[str, Any] | None = None,
+    work: Work = HERE,
+    **stated: Any,
+) -> Any:
     """Verdict on an autopilot from many missions of vehicles that are drawn from what is known of one.
 
-    ``verify(campaign, fit, gains)`` or, without a file, ``verify(vehicle, autopilot, missions, ...)``.
-
-    Every mission has its own vehicle, water, noise, failures and start, as the table ``[verification]`` of
-    the campaign says; the autopilot believes in the identified vehicle. Mission i depends on the campaign's
-    seed and on i alone. Requirements are read before anything flies.
+    ``verify(fit, autopilot, missions, ...)`` flies the `Scenario` of these; ``verify(scenario)`` one that was
+    made before; ``Campaign.load(file).verify(fit, gains)`` the one that a campaign file states.
 
     Parameters
     ----------
-    campaign : Campaign; or Identification, Fitted, Vehicle, str or Path
-        With a table ``[verification]``. Without a campaign: what is known of the vehicle.
-    fit : Identification, Fitted, Vehicle, str or Path; or Tuning, Autopilot, str or Path
-        The vehicle and how well it is known: a result of `seatrial.identify`, its run directory, or a
-        vehicle, whose coefficients count as exact; by default the campaign's vehicle. Without a campaign: the
-        autopilot.
-    gains : Tuning, Autopilot, str or Path; or sequence of Mission, str or Path
-        The autopilot: a result of `seatrial.tune` or its run directory, an autopilot, a built-in name or a
-        file; by default the campaign's. Without a campaign: the missions.
-    requirements : sequence of Requirement, optional
-        Without a campaign: what must hold; by default that missions are complete and paths are kept.
-    settings : mapping, optional
-        Without a campaign: the other keys of ``[verification]``, for example current, faults, sensors.
-    name : str, optional
-        Without a campaign: of the result; that of the vehicle by default.
-    seed : int, optional
-        Without a campaign: of all draws.
-    model : Vehicle, str or Path, optional
-        The vehicle that the autopilot believes in; by default the best values of ``fit``. With it, ``fit``
-        may be a vehicle that the autopilot does not know: the truth of generated trials, or another one of
-        its class.
-    runs : int, optional
-        Number of missions instead of the table's, which is 1000 where it says nothing.
-    missions : sequence of Mission, str or Path, optional
-        Instead of the campaign's.
-    threads : int, optional
-        Threads of the core; by default all, with an executor one per worker. The result does not depend on
-        it.
-    executor : Executor, str or distributed.Client, optional
-        Where chunks of 512 missions are flown: a `concurrent.futures` executor, the address of a Dask
-        scheduler ("tcp://HOST:8786"), "local" or "local:N" for a Dask cluster on this machine.
-    run_dir : str or Path, optional
-        Folder for the results. Finished missions are kept in it, and in its sibling while the run goes on.
-    progress : callable, optional
-        Called in the caller's thread with a `Progress` after every 512 missions.
-    resume : bool
-        Reuse the missions that an earlier run in this folder flew from the same inputs.
-    compare : bool or mapping of str to autopilot
-        Fly some of the missions with the campaign's autopilot ("start") as well, or with those given by
-        name: a tenth of them, at least 200.
-    navigation : str, optional
-        What the autopilot goes by, "sensors" or "filter", as for `seatrial.fly`, instead of the table's.
+    fit : Identification, Fitted, Vehicle, str or Path; or Scenario
+        What is known of the vehicle, as of `Scenario`; or the whole scenario.
+    autopilot : Tuning, Autopilot, str or Path
+        Beside a vehicle: as of `Scenario`.
+    missions : sequence of Mission, str or Path
+        Beside a vehicle: as of `Scenario`.
+    strategy : Rare, Falsify or Boundary, optional
+        How to survey the scenario: how rarely it fails, the worst that can happen, or in which values of a
+        variable requirements hold. By default by as many missions as the scenario asks for.
+    compare : mapping of str to autopilot, optional
+        Without a strategy: other autopilots by name, which fly some of the missions as well: a tenth of them,
+        at least 200.
+    work : Work, optional
+        Threads, executor, run directory and progress. Finished missions are kept in the run directory.
+    **stated
+        Beside a vehicle: requirements, water, conditions, name, seed, runs and the other keywords of
+        `Scenario`.
 
     Returns
     -------
-    Verification
+    Verification; or RareFailures, Falsification, FailureBoundary
         After Ctrl-C: the verdict on the missions until then, marked as interrupted.
 
     Raises
     ------
     CampaignError
-        There is no table ``[verification]``, a requirement cannot be read, or nothing stands to compare with.
+        A key is unknown, a requirement cannot be read, or there are no missions.
     SimulationError, TrialError, VehicleError
         A mission, sensor, failure or number is not usable.
     SeatrialError
@@ -178,7 +135,7 @@ def verify(
     --------
     >>> import seatrial as st
     >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
-    >>> found = st.verify(campaign, "runs/cwolf", "runs/cwolf-tuned")  # doctest: +SKIP
+    >>> found = campaign.verify("runs/cwolf", "runs/cwolf-tuned")  # doctest: +SKIP
     >>> found.outcome, found.requirement("keeps its path").found.interval  # doctest: +SKIP
 
     Without a file:
@@ -195,151 +152,95 @@ def verify(
     ... ''')
     >>> ends = st.Requirement("is complete", 'ending == "complete"', probability=0.9)
     >>> water = {"current": {"speed_m_s": [0.0, 0.3]}}
-    >>> found = st.verify("cwolf", "cwolf", [mission], requirements=[ends], settings=water, runs=64)
+    >>> found = st.verify("cwolf", "cwolf", [mission], requirements=[ends], water=water, runs=64)
     >>> found.outcome, found.requirement("is complete").found.failures
     ('held', 0)
     """
-    from seatrial.campaign.campaign import Campaign
-    from seatrial.identification.fitted import Fitted
-    from seatrial.verification.campaign import campaign_of, verified_campaign
+    checked_threads(work.threads)
+    scenario = _asked(fit, autopilot, missions, stated)
+    if strategy is not None:
+        if compare:
+            raise CampaignError("compare: a strategy chooses its missions; leave one of them out")
+        return strategy.survey(scenario, work)
+    others = {str(name): autopilot_of(source) for name, source in (compare or {}).items()}
+    if _VERIFIED in others:
+        raise CampaignError(f'compare: "{_VERIFIED}" is the autopilot that is verified; use another name')
+    for other in others.values():
+        scenario.flights.with_autopilot(other).check()
+    with (
+        RunDirectory(work.run_dir, "verification", resume=work.resume) as run,
+        fleet_of(work.executor) as fleet,
+    ):
+        flyer = Flyer(run, work.progress, threads_of(work.threads, work.executor), fleet)
+        verification = _verified(scenario, others, flyer)
+        if work.run_dir is not None:
+            run.publish(verification.facts, verification.files())
+    return verification
 
-    checked_threads(threads)
 
-    if isinstance(campaign, Campaign):
-        alone = {"requirements": requirements, "settings": settings, "name": name, "seed": seed}
-        if named := [key for key, value in alone.items() if value is not None]:
-            raise CampaignError(
-                f"{named[0]}: expected only without a campaign, found it beside {campaign.source}; write it"
-                " into the campaign's file"
-            )
-    else:
-        if fit is None or (gains is None and missions is None):
-            raise CampaignError(
-                "verify: expected a Campaign, or a vehicle, its autopilot and missions, found"
-                f" {'a vehicle alone' if fit is None else 'no missions'}; give verify(vehicle, autopilot,"
-                " [mission])"
-            )
-        known, fit, gains, missions = Fitted.of(campaign), None, fit, gains if missions is None else missions
-        campaign = campaign_of(
-            known.vehicle,
-            missions,
-            requirements=requirements or (),
-            settings=settings or {},
-            name=name,
-            seed=0 if seed is None else seed,
+def _asked(fit: Any, autopilot: Any, missions: Any, stated: Mapping[str, Any]) -> Scenario:
+    """The scenario that was given, or that of a vehicle, its autopilot and missions."""
+    if isinstance(fit, Scenario):
+        given = {"autopilot": autopilot, "missions": missions, **stated}
+        for name, value in given.items():
+            if value is not None:
+                raise CampaignError(f"verify: {name}: the scenario says that; give it only beside a vehicle")
+        return fit
+    if callable(getattr(fit, "scenario", None)):
+        raise CampaignError("verify: found a campaign; use campaign.verify(fit, gains, ...)")
+    if autopilot is None or missions is None:
+        raise CampaignError(
+            "verify: expected a Scenario, or a vehicle, its autopilot and missions, found"
+            f" {'a vehicle alone' if autopilot is None else 'no missions'}; give verify(vehicle, autopilot,"
+            " [mission])"
         )
-        fit = known
-    prepared = verified_campaign(
-        campaign,
-        fit,
-        gains,
-        model=model,
-        runs=runs,
-        missions=missions,
-        compare=compare or False,
-        navigation=navigation,
-    )
-    return run_verification(
-        prepared, run_dir=run_dir, progress=progress, resume=resume, threads=threads, executor=executor
-    )
+    return Scenario(fit, autopilot, missions, **stated)
 
 
-def run_verification(
-    prepared: VerifiedCampaign,
-    *,
-    run_dir: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    resume: bool = True,
-    threads: int | None = None,
-    executor: Workers | None = None,
-) -> Verification:
-    """Verification of a campaign. See `seatrial.verify` for the parameters.
-
-    Raises
-    ------
-    SimulationError
-        There is no such number of threads.
-    SeatrialError
-        The run directory cannot be written.
-    KeyboardInterrupt
-        Before the first missions were finished.
-    """
+def _verified(scenario: Scenario, others: Mapping[str, Autopilot], flyer: Flyer) -> Verification:
     clock = Clock()
-    threads = threads_of(threads, executor)
-    with RunDirectory(run_dir, "verification", resume=resume) as run, fleet_of(executor) as fleet:
-        found = _verified(prepared, run, clock, progress=progress, threads=threads, fleet=fleet)
-        if run_dir is not None:
-            run.publish(found.facts, found.files())
-    return found
-
-
-def _verified(
-    prepared: VerifiedCampaign,
-    run: RunDirectory,
-    clock: Clock,
-    *,
-    progress: Callable[[Progress], None] | None,
-    threads: int | None,
-    fleet: Fleet | None,
-) -> Verification:
-    series = fly_series(
-        prepared.flights,
-        prepared.runs,
-        autopilot=_VERIFIED,
-        run=run,
-        progress=progress,
-        threads=threads,
-        fleet=fleet,
-    )
+    flights, requirements = scenario.flights, scenario.requirements
+    series = fly_series(flights, scenario.runs, flyer, autopilot=_VERIFIED)
     if series.flown is None:
         raise KeyboardInterrupt
     flown, comparison, interrupted = series.flown, None, series.interrupted
-    if prepared.others and not interrupted:
-        comparison, interrupted = _compared(
-            prepared, flown, run=run, progress=progress, threads=threads, fleet=fleet
-        )
-    draws = prepared.flights.draws(min(len(flown), _TOLD))
+    if others and not interrupted:
+        comparison, interrupted = _compared(scenario, others, flown, flyer)
+    draws = flights.draws(min(len(flown), _TOLD))
     cases = (
-        ()
-        if interrupted
-        else fly_cases(prepared.flights.table.cases, prepared.flights, prepared.requirements, threads=threads)
+        () if interrupted else fly_cases(flights.table.cases, flights, requirements, threads=flyer.threads)
     )
     return Verification(
-        campaign=prepared.campaign,
-        flights=prepared.flights,
+        scenario=scenario,
         flown=flown,
         requirements=judged(
-            prepared.requirements,
+            requirements,
             flown,
-            missions=prepared.flights.titles,
-            confidence=prepared.flights.table.confidence,
-            keep_worst=prepared.flights.table.keep_worst,
+            missions=flights.titles,
+            confidence=flights.table.confidence,
+            keep_worst=flights.table.keep_worst,
         ),
         comparison=comparison,
         cases=cases,
-        asked=prepared.runs,
+        asked=scenario.runs,
         interrupted=interrupted,
         doubt=draws.doubt,
         notes=tuple(
             dict.fromkeys([
-                *prepared.notes,
+                *scenario.notes,
                 *draws.notes,
-                *beyond_the_vehicle(prepared.flights, draws, flown),
-                *metrics_without_value(prepared.requirements, flown),
-                *perceived_and_true(prepared.requirements, flown),
+                *beyond_the_vehicle(flights, draws, flown),
+                *metrics_without_value(requirements, flown),
+                *perceived_and_true(requirements, flown),
             ])
         ),
         records=series.records,
-        facts=run_facts(
+        facts=scenario.facts(
             "verification",
-            prepared.campaign.name,
             clock=clock,
-            inputs=prepared.campaign.input_hashes(trials=False)
-            | {name: sha256(text) for name, text in input_files(prepared.campaign, prepared.flights).items()},
-            seed=prepared.flights.seed,
             options={
                 "missions": len(flown),
-                "verification": prepared.flights.table.model_dump(mode="json", exclude_none=True),
+                "verification": flights.table.model_dump(mode="json", exclude_none=True),
             },
             interrupted=interrupted,
         ),
@@ -347,29 +248,15 @@ def _verified(
 
 
 def _compared(
-    prepared: VerifiedCampaign,
-    flown: FlownMissions,
-    *,
-    run: RunDirectory,
-    progress: Callable[[Progress], None] | None,
-    threads: int | None,
-    fleet: Fleet | None,
+    scenario: Scenario, others: Mapping[str, Autopilot], flown: FlownMissions, flyer: Flyer
 ) -> tuple[AutopilotComparison | None, bool]:
     """Other autopilots on the first missions; nothing where Ctrl-C ended one of them early."""
-    runs = min(len(flown), max(_LEAST, prepared.runs // _SHARE))
+    runs = min(len(flown), max(_LEAST, scenario.runs // _SHARE))
     every = {_VERIFIED: flown.first(runs)}
-    for name, autopilot in prepared.others.items():
-        series = fly_series(
-            prepared.flights.with_autopilot(autopilot),
-            runs,
-            autopilot=name,
-            run=run,
-            progress=progress,
-            threads=threads,
-            fleet=fleet,
-        )
+    for name, autopilot in others.items():
+        series = fly_series(scenario.flights.with_autopilot(autopilot), runs, flyer, autopilot=name)
         if series.interrupted or series.flown is None:
             return None, True
         every[name] = series.flown
-    confidence = prepared.flights.table.confidence
-    return compared(prepared.requirements, every, confidence=confidence), False
+    confidence = scenario.flights.table.confidence
+    return compared(scenario.requirements, every, confidence=confidence), False

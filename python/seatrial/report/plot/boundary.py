@@ -75,7 +75,7 @@ def _curve(axes: Axes, boundaries: FailureBoundary, boundary: RequirementBoundar
     surface = boundary.surface
     x = np.array([boundaries.value(0, at) for at in surface.axis])
     low, high = (ndtr(surface.mean + sign * surface.quantile * surface.sd) for sign in (-1.0, 1.0))
-    sure = f"{100.0 * boundaries.prepared.flights.table.confidence:g} %"
+    sure = f"{100.0 * boundaries.scenario.flights.table.confidence:g} %"
     axes.fill_between(x, low, high, color=SIMULATED, alpha=0.2, linewidth=0.0, label=f"{sure} band")
     axes.plot(x, surface.probability, color=SIMULATED, label="failure probability")
     allowed = boundary.requirement.allowed
@@ -107,7 +107,7 @@ def _map(axes: Axes, boundaries: FailureBoundary, boundary: RequirementBoundary)
     colours: Any = ListedColormap([_SAFE, "white", _UNSAFE]).colors
     axes.contourf(first, second, np.clip(off, -1e6, 1e6).T, levels=np.clip(edges, -1e7, 1e7), colors=colours)
     over = (surface.mean - surface.level).T
-    sure = f"{100.0 * boundaries.prepared.flights.table.confidence:g} %"
+    sure = f"{100.0 * boundaries.scenario.flights.table.confidence:g} %"
     handles: list[Any] = [
         Patch(color=_SAFE, label=f"holds, {sure} sure"),
         Patch(facecolor="white", edgecolor=FAINT, label="not known"),

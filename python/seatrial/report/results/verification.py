@@ -15,7 +15,7 @@ from seatrial.verification.comparison import AutopilotComparison
 from seatrial.verification.judgement import JudgedRequirement
 from seatrial.verification.junit import JUnitCase, junit_xml
 from seatrial.verification.regression import FlownCase
-from seatrial.verification.verification import WITHOUT_FILE, Verification, excess_sentences
+from seatrial.verification.verification import Verification, excess_sentences
 
 if TYPE_CHECKING:
     pass
@@ -64,7 +64,7 @@ def report(verification: Verification) -> Report:
         *comparison,
     )
     return Report(
-        title=verification.campaign.name,
+        title=verification.scenario.name,
         outcome=_outcome(verification),
         good=_how_good(verification),
         worst=worst,
@@ -113,8 +113,8 @@ def _of_case(flown_case: FlownCase) -> str:
 
 def _worst(verification: Verification) -> tuple[str, str]:
     """The worst problem of a verification, and what to do about it."""
-    python = verification.campaign.source == WITHOUT_FILE
-    verify = f"seatrial verify {verification.campaign.source}"
+    python = verification.scenario.without_file
+    verify = f"seatrial verify {verification.scenario.source}"
     if verification.interrupted:
         return (
             f"Ctrl-C ended the missions after {len(verification.flown)} of {verification.asked}",
@@ -152,7 +152,7 @@ def _worst(verification: Verification) -> tuple[str, str]:
             else "relax the requirement or improve the autopilot; more missions will not decide it"
         )
     after = "fly the mission at sea and judge its log: " + (
-        "st.verify_log" if python else f"{verify} --log LOG"
+        "st.verify_log" if python else f"seatrial verify-log {verification.scenario.source} LOG"
     )
     finite = [
         judged
@@ -173,9 +173,9 @@ def _worst(verification: Verification) -> tuple[str, str]:
 
 def _again(verification: Verification) -> str:
     """How to fly one of the missions again."""
-    if verification.campaign.source == WITHOUT_FILE:
+    if verification.scenario.without_file:
         return "verification.replay(NUMBER)"
-    return f"seatrial verify {verification.campaign.source} --replay NUMBER"
+    return f"seatrial verify {verification.scenario.source} --replay NUMBER"
 
 
 def _outcome(verification: Verification) -> str:
@@ -312,10 +312,10 @@ def requirement_lines(judged: JudgedRequirement) -> list[str]:
 
 def again(verification: Verification) -> str:
     """How to fly a mission again."""
-    if verification.campaign.source == WITHOUT_FILE:
+    if verification.scenario.without_file:
         return "Any mission flies again by its number: verification.replay(NUMBER)."
     return (
-        f"Any mission flies again by its number: seatrial verify {verification.campaign.source} --replay"
+        f"Any mission flies again by its number: seatrial verify {verification.scenario.source} --replay"
         " NUMBER (with the same --run, --autopilot and --mission), or verification.replay(NUMBER)."
     )
 
@@ -398,4 +398,4 @@ def junit(verification: Verification) -> str:
     rests_on |= {
         f"note {k}": note for k, note in enumerate((*verification.notes, *verification.flights.left_out), 1)
     }
-    return junit_xml(verification.campaign.name, outcomes, properties=rests_on)
+    return junit_xml(verification.scenario.name, outcomes, properties=rests_on)

@@ -1,4 +1,4 @@
-"""`judge_log`: does a model still hold on the log of a mission, and did the mission do what it had to.
+"""`verify_log`: does a model still hold on the log of a mission, and did the mission do what it had to.
 
 A current that was not recorded is no change of the vehicle: where it explains the log best, it is fitted to
 the log (`seatrial.verification.mission_log.suspects`) and the model judged again in it. What such a fit could
@@ -18,9 +18,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.channels import AXES, CHANNELS
-from seatrial.base.errors import SimulationError
+from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.base.progress import Clock
+from seatrial.base.work import takes
 from seatrial.identification.fitted import Fitted
 from seatrial.inspect.verdict import blind, judge_trial
 from seatrial.trial.trial import Trial
@@ -43,17 +45,58 @@ from seatrial.verification.mission_log.verdict import JudgedRequirement, LogVerd
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.campaign.verification_table import Obstacle
     from seatrial.control_design.corridor import Corridor
     from seatrial.flight.mission import Mission
     from seatrial.identification.identification import Identification
     from seatrial.trial.trial import Input
     from seatrial.verification.requirement import Requirement
+    from seatrial.verification.table import Obstacle
 
 _MUCH, _MOST_OF_IT = 2.0, 0.9
 """More than twice the usual error left, and no nine tenths explained, is no single change of the vehicle."""
 
 _QUIET: ModelState = "log too short or too quiet to tell"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogSettings:
+    """How a log judges a model.
+
+    Attributes
+    ----------
+    ahead_s : float
+        Time after which the prediction restarts from the log, s.
+    start_s, stop_s : float, optional
+        Part of the log to judge the model by.
+    input : str, optional
+        What drives the model: "commands", "measured" or "tau".
+    draws, flights, seed : int
+        Draws of the coefficients, at least 12 over the level; flights of the envelope.
+    level : float
+        Chance of a false alarm, over all channels.
+    payload_density_kg_m3 : float
+        kg/m3, of a suspected payload.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.LogSettings(stop_s=60.0).ahead_s
+    10.0
+    """
+
+    ahead_s: float = 10.0
+    start_s: float | None = None
+    stop_s: float | None = None
+    input: Input | None = None
+    draws: int = 4096
+    flights: int = 64
+    seed: int = 0
+    level: float = LEVEL
+    payload_density_kg_m3: float = PAYLOAD_DENSITY
+
+
+USUAL = LogSettings()
+"""The whole log, with the usual draws."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +116,8 @@ def judge_model(
     known: Fitted,
     windows: PredictedLog,
     reference: Any,
+    settings: LogSettings,
     *,
-    draws: int,
-    seed: int,
-    level: float,
-    payload_density_kg_m3: float,
-    ahead_s: float,
     offsets: Mapping[str, float],
     hidden: str = "",
 ) -> ModelJudgement:
@@ -89,7 +128,7 @@ def judge_model(
     TrialError
         The reference cannot be used.
     """
-    count = len(windows.spans)
+    count, ahead_s, level = len(windows.spans), settings.ahead_s, settings.level
     if not all(np.isfinite(one).all() for one in windows.predicted):
         reason = "The prediction diverges: the model cannot be this vehicle's, or its step is too long."
         return ModelJudgement("re-identify", reason)
@@ -115,7 +154,7 @@ def judge_model(
     if not known.names:
         notes.append("The coefficients' covariance is not known: they count as exact.")
     notes.extend(known.notes)
-    drawn = known.draws(draws, seed) if known.names else None
+    drawn = known.draws(settings.draws, settings.seed) if known.names else None
     stated = reference if isinstance(reference, Mapping) else None
     water = windows.trial.current is None
 
@@ -135,7 +174,9 @@ def judge_model(
     if reference is None:
         judged = settled(judged, power)
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
-    tried = candidates(known.vehicle, identified=known.names, payload_density_kg_m3=payload_density_kg_m3)
+    tried = candidates(
+        known.vehicle, identified=known.names, payload_density_kg_m3=settings.payload_density_kg_m3
+    )
     if not judged.failing:
         listed = suspects(windows, spread, tried, sigma=sigma, current=water) if power.refuted else ()
         return _not_failing(judged, power, tuple(notes), suspects=listed)
@@ -268,7 +309,8 @@ def _some(count: int) -> str:
     return "one channel" if count == 1 else f"{count} channels"
 
 
-def judge_log(
+@takes(settings=LogSettings)
+def verify_log(
     fitted: Fitted | Identification | Vehicle | str | Path,
     log: MissionLog | Trial | str | Path,
     *,
@@ -280,78 +322,108 @@ def judge_log(
     obstacles: Sequence[Obstacle] | None = None,
     sensors: Any = None,
     current: ArrayLike | None = None,
-    ahead_s: float = 10.0,
-    start_s: float | None = None,
-    stop_s: float | None = None,
-    input: Input | None = None,
-    draws: int = 4096,
-    flights: int = 64,
-    seed: int = 0,
-    level: float = LEVEL,
-    payload_density_kg_m3: float = PAYLOAD_DENSITY,
+    settings: LogSettings = USUAL,
 ) -> LogVerdict:
-    """Verdict on a log, as `seatrial.verify_log` explains its parameters and errors."""
-    if draws < len(CHANNELS) / level:
-        raise SimulationError(
-            f"draws: expected at least {len(CHANNELS) / level:.0f}, for a p-value of {level:g} over"
-            f" {len(CHANNELS)} channels, found {draws}; draw more"
-        )
-    clock = Clock()
-    known = Fitted.of(fitted)
-    record = _log(log)
-    hidden = blind(judge_trial(record.trial, known.vehicle))
-    windows = restarts(
-        known.vehicle, record.trial, ahead_s=ahead_s, start_s=start_s, stop_s=stop_s, input=input
-    )
-    wrong = contradictions(record.trial, windows.channels)
-    flown = _loaded(mission)
-    metrics = log_metrics(record, flown, known.vehicle, obstacles=obstacles)
-    judged = (
-        ModelJudgement("not judged", _contradicted(wrong[0]))
-        if wrong
-        else judge_model(
-            known,
-            windows,
-            reference,
-            draws=draws,
-            seed=seed,
-            level=level,
-            payload_density_kg_m3=payload_density_kg_m3,
-            ahead_s=ahead_s,
-            offsets=offsets_of("typical" if sensors is None else sensors, known.vehicle),
-            hidden=hidden,
-        )
-    )
-    steps = logged_steps(record, corridors or {})
-    notes = [*judged.notes, *_without_steps(corridors or {}, [step.loop for step in steps])]
-    envelope, pilot = None, _pilot(autopilot)
-    if pilot is not None and flown is not None:
-        from seatrial.verification.mission_log.envelope import mission_envelope
+    """Verdict on a log: is the model still valid, what is suspected, what did the mission hold.
 
-        if current is None and judged.current is not None:
-            current = [*judged.current, 0.0]
-        envelope = mission_envelope(
-            known, record, pilot, flown, flights=flights, seed=seed, sensors=sensors, current=current
+    By a campaign's trials, requirements, corridors and sensors: ``Campaign.load(file).judge_log(fit, log)``.
+
+    Parameters
+    ----------
+    fitted : Fitted, Identification, Vehicle, str or Path
+        The model, with its covariance where there is one.
+    log : MissionLog, Trial, str or Path
+        What was recorded, with commands; closed or open loop.
+    reference : Trial, sequence of Trial, Spread or mapping, optional
+        Logs on which the model is known to hold, or the root mean square error of each channel there, SI.
+        Without it the log's own noise counts alone, which suits no real vehicle well.
+    autopilot, mission : optional
+        What was flown; both together give the closed-loop envelope, the mission alone the metrics.
+    requirements : sequence of Requirement, optional
+        On the metrics of the log's own mission.
+    corridors : mapping of str to Corridor, optional
+        By loop, for the steps of logged set points.
+    obstacles : sequence of Obstacle, optional
+        What stands in the water besides the mission's own, for ``clearance_m``.
+    sensors, current : optional
+        As of `Conditions` and `Water`. The sensors' offsets belong to the band, those of "typical" ones when
+        omitted; both are those of the envelope.
+    settings : LogSettings, optional
+        Which part of the log is judged, and how.
+
+    Raises
+    ------
+    TrialError
+        The log has no inputs, or cannot be read.
+    SimulationError, CampaignError, VehicleError
+        A part of the mission is not usable.
+    """
+    if callable(getattr(fitted, "judge_log", None)):
+        raise CampaignError("verify_log: found a campaign; use campaign.judge_log(fit, log)")
+    if settings.draws < len(CHANNELS) / settings.level:
+        raise SimulationError(
+            f"draws: expected at least {len(CHANNELS) / settings.level:.0f}, for a p-value of"
+            f" {settings.level:g} over {len(CHANNELS)} channels, found {settings.draws}; draw more"
         )
-    return LogVerdict(
-        log=record,
-        model=judged.model,
-        reason=judged.reason + ("" if wrong else _hidden(hidden, record.trial)),
-        contradictions=wrong,
-        validity=judged.validity,
-        suspects=judged.suspects,
-        power=judged.power,
-        metrics=metrics,
-        requirements=tuple(_required(one, metrics) for one in requirements),
-        steps=steps,
-        envelope=envelope,
-        notes=tuple(notes),
-        current=judged.current,
-        vehicle=known.vehicle,
-        autopilot=pilot,
-        mission=flown,
-        clock=clock.stop(),
-    )
+    with one_blas_thread():
+        clock = Clock()
+        known, record, flown = Fitted.of(fitted), _log(log), _loaded(mission)
+        hidden = blind(judge_trial(record.trial, known.vehicle))
+        windows = restarts(
+            known.vehicle,
+            record.trial,
+            ahead_s=settings.ahead_s,
+            start_s=settings.start_s,
+            stop_s=settings.stop_s,
+            input=settings.input,
+        )
+        metrics = log_metrics(record, flown, known.vehicle, obstacles=obstacles)
+        offsets = offsets_of("typical" if sensors is None else sensors, known.vehicle)
+        # Sensors that contradict one another judge no model.
+        wrong = contradictions(record.trial, windows.channels)
+        judged = (
+            ModelJudgement("not judged", _contradicted(wrong[0]))
+            if wrong
+            else judge_model(known, windows, reference, settings, offsets=offsets, hidden=hidden)
+        )
+        steps = logged_steps(record, corridors or {})
+        notes = [*judged.notes, *_without_steps(corridors or {}, [step.loop for step in steps])]
+        envelope, pilot = None, _pilot(autopilot)
+        # Only what was flown can be flown again, in the current that explains the log where none is given.
+        if pilot is not None and flown is not None:
+            from seatrial.verification.mission_log.envelope import mission_envelope
+
+            if current is None and judged.current is not None:
+                current = [*judged.current, 0.0]
+            envelope = mission_envelope(
+                known,
+                record,
+                pilot,
+                flown,
+                flights=settings.flights,
+                seed=settings.seed,
+                sensors=sensors,
+                current=current,
+            )
+        return LogVerdict(
+            log=record,
+            model=judged.model,
+            reason=judged.reason + ("" if wrong else _hidden(hidden, record.trial)),
+            contradictions=wrong,
+            validity=judged.validity,
+            suspects=judged.suspects,
+            power=judged.power,
+            metrics=metrics,
+            requirements=tuple(_required(requirement, metrics) for requirement in requirements),
+            steps=steps,
+            envelope=envelope,
+            notes=tuple(notes),
+            current=judged.current,
+            vehicle=known.vehicle,
+            autopilot=pilot,
+            mission=flown,
+            clock=clock.stop(),
+        )
 
 
 def _contradicted(wrong: Contradiction) -> str:
@@ -401,7 +473,7 @@ def _loaded(mission: Any) -> Mission | None:
 def _pilot(autopilot: Any) -> Autopilot | None:
     if autopilot is None:
         return None
-    from seatrial.verification.campaign import autopilot_of
+    from seatrial.verification.scenario import autopilot_of
 
     return autopilot_of(autopilot)
 

@@ -34,10 +34,10 @@ from seatrial.flight.mission import Route
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.campaign.verification_table import Obstacle
     from seatrial.control_design.corridor import Corridor
     from seatrial.flight.mission import Mission
     from seatrial.verification.mission_log.log import MissionLog
+    from seatrial.verification.table import Obstacle
 
 _REACTIONS = {2: "surfaced", 3: "aborted"}
 

@@ -26,8 +26,8 @@ from seatrial.verification.mission_log.validity import Validity
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.campaign.campaign import Campaign
     from seatrial.flight.mission import Mission
+    from seatrial.problem.problem import Problem
     from seatrial.verification.mission_log.candidates import Suspect
     from seatrial.verification.mission_log.contradiction import Contradiction
     from seatrial.verification.mission_log.envelope import Envelope
@@ -193,7 +193,7 @@ class LogVerdict:
             found["mission.toml"] = self.mission.to_toml()
         return found
 
-    def save(self, folder: str | Path, *, campaign: Campaign | None = None, source: str | Path = "") -> Path:
+    def save(self, folder: str | Path, *, problem: Problem | None = None, source: str | Path = "") -> Path:
         """Path of a run directory with the verdict, a summary, the inputs and their hashes.
 
         `seatrial.report.plot.mission_log.log_verdict_gallery` draws its figures.
@@ -202,8 +202,8 @@ class LogVerdict:
         ----------
         folder : str or Path
             Made when it does not exist; an earlier run's is replaced.
-        campaign : Campaign, optional
-            What was asked for.
+        problem : Problem, optional
+            That of the campaign, where one judged.
         source : str or Path, optional
             The log, as it was named; by default the name of its trial.
 
@@ -212,9 +212,9 @@ class LogVerdict:
         SeatrialError
             The directory cannot be written; nothing is left half-written.
         """
-        facts = _facts(self, campaign, source or self.log.trial.name)
+        facts = _facts(self, problem, source or self.log.trial.name)
         with RunDirectory(folder) as run:
-            return run.publish(facts, _files(self, campaign))
+            return run.publish(facts, _files(self, problem))
 
     def __str__(self) -> str:
         return self.summary()
@@ -223,34 +223,34 @@ class LogVerdict:
 SHOWN = 6
 
 
-def _files(found: LogVerdict, campaign: Campaign | None) -> dict[str, str | bytes]:
+def _files(found: LogVerdict, problem: Problem | None) -> dict[str, str | bytes]:
     """Files of a run directory by name."""
     return {
-        **_inputs(found, campaign),
+        **_inputs(found, problem),
         "verdict.json": to_json(found.to_dict()),
         "junit.xml": found.junit(),
         **found.report().files(),
     }
 
 
-def _facts(found: LogVerdict, campaign: Campaign | None, source: str | Path) -> dict[str, Any]:
+def _facts(found: LogVerdict, problem: Problem | None, source: str | Path) -> dict[str, Any]:
     """What the verdict rests on."""
-    hashes = {} if campaign is None else campaign.input_hashes(trials=False)
-    hashes |= {name: sha256(text) for name, text in _inputs(found, campaign).items()}
+    hashes = {} if problem is None else problem.input_hashes(trials=False)
+    hashes |= {name: sha256(text) for name, text in _inputs(found, problem).items()}
     if (log := _file(source)) is not None:
         hashes["log"] = sha256(log.read_bytes())
     return run_facts(
         "log verdict",
-        found.log.trial.name if campaign is None else campaign.name,
+        found.log.trial.name if problem is None else problem.name,
         clock=found.clock,
         inputs=hashes,
-        seed=None if campaign is None else campaign.seed,
+        seed=None if problem is None else problem.seed,
         options={"log": str(source)},
     )
 
 
-def _inputs(found: LogVerdict, campaign: Campaign | None) -> dict[str, str]:
-    return found.inputs() if campaign is None else {"campaign.toml": campaign.text, **found.inputs()}
+def _inputs(found: LogVerdict, problem: Problem | None) -> dict[str, str]:
+    return found.inputs() if problem is None else {"campaign.toml": problem.text, **found.inputs()}
 
 
 def _file(source: str | Path) -> Path | None:

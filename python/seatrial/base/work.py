@@ -1,18 +1,60 @@
-"""`takes`: functions that take objects in place of stacks of keywords, and refuse the keywords.
+"""`Work`: on what a run computes, where it keeps its results, and whom it informs.
 
-A keyword that is a field of such an object is refused with the call that replaces it. Held by
-``tests/base/test_takes.py``.
+`takes` marks functions that take such objects in place of stacks of keywords: a keyword that is a field of
+one is refused with the call that replaces it. Held by ``tests/base/test_work.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from seatrial.base.progress import Progress
+
+if TYPE_CHECKING:
+    from seatrial.base.fleet import Workers
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Work:
+    """How the work of a run is done. No result depends on threads or executor.
+
+    Attributes
+    ----------
+    threads : int, optional
+        Threads of the core; by default all, with an executor one per worker.
+    executor : Executor, str or distributed.Client, optional
+        Where parts of the work are done: a `concurrent.futures` executor, the address of a Dask scheduler
+        ("tcp://HOST:8786"), "local" or "local:N" for a Dask cluster on this machine.
+    run_dir : str or Path, optional
+        Folder for the results. Finished parts are kept in it, and in its sibling while the run goes on.
+    resume : bool
+        Reuse the parts that an earlier run in this folder finished from the same inputs.
+    progress : callable, optional
+        Called in the caller's thread with a `Progress` after every part.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.Work(threads=2, run_dir="runs/cwolf").resume
+    True
+    """
+
+    threads: int | None = None
+    executor: Workers | None = None
+    run_dir: str | Path | None = None
+    resume: bool = True
+    progress: Callable[[Progress], None] | None = None
+
+
+HERE = Work()
+"""All threads of this process, nothing kept."""
 
 
 def takes(**kinds: type[Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:

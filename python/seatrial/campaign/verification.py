@@ -1,46 +1,149 @@
-"""A verdict on a log by what a campaign asks for: its vehicle, trials, requirements and corridors.
+"""What a campaign asks of a verification: the scenario of its missions, and a verdict on a log.
 
-A log is the run directory of `seatrial fly`, whose autopilot and mission lie beside it; a trial of the
-campaign, by its name or its file, of which the part is judged that was held out of the fit; or a recording,
-read with the campaign's column map.
+The scenario comes from the table ``[verification]``. A log is the run directory of `seatrial fly`, whose
+autopilot and mission lie beside it; a trial of the campaign, by its name or its file, of which the part is
+judged that was held out of the fit; or a recording, read with the campaign's column map.
 
 How far a valid model may miss a log is told by the campaign's own recordings: what the fitted vehicle leaves
 there, restarted as often and sampled no faster than the log. For a trial of the campaign that is the rest of
 the same trial, which is motion of the same kind, or all trials where the rest is short; for another log all
 trials.
 
-Tests: ``tests/verification/test_recorded_campaign.py``.
+Tests: ``tests/verification/test_verify.py``, ``tests/verification/test_verification_messages.py``,
+``tests/verification/test_recorded_campaign.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from numpy.typing import ArrayLike
+
+from seatrial._core import Autopilot, Vehicle
 from seatrial.base.arrays import runs
-from seatrial.base.errors import CampaignError, SeatrialError, TrialError, nearest
+from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, TrialError, nearest
 from seatrial.base.file_names import no_file
+from seatrial.base.toml_file import loaded
+from seatrial.flight.mission import Mission
 from seatrial.identification.fitted import Fitted
 from seatrial.scoring.windows import default_input
 from seatrial.sensors.sensor import TYPICAL
-from seatrial.verification.campaign import requirement_of, sensors_of_table
-from seatrial.verification.mission_log.judge_log import judge_log
+from seatrial.verification.mission_log.judge_log import USUAL, LogSettings, verify_log
 from seatrial.verification.mission_log.log import MissionLog, thinned
 from seatrial.verification.mission_log.restarts import PredictedLog, check_usable, restarts
 from seatrial.verification.mission_log.spread import Spread, spread_of_reference
 from seatrial.verification.mission_log.validity import FEWEST_WINDOWS
+from seatrial.verification.missions import CampaignFlights
+from seatrial.verification.scenario import Scenario, autopilot_of, requirement_of, sensors_of_table, titled
+from seatrial.verification.table import VerificationTable
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot
     from seatrial.campaign.campaign import Campaign
     from seatrial.control_design.corridor import Corridor
-    from seatrial.flight.mission import Mission
     from seatrial.trial.trial import Input
     from seatrial.verification.mission_log.verdict import LogVerdict
 
 _SHOWN = 6
+
+
+def scenario_of(
+    campaign: Campaign,
+    fit: Any = None,
+    gains: Any = None,
+    *,
+    model: Any = None,
+    runs: int | None = None,
+    missions: Sequence[Mission | str | Path] | None = None,
+    navigation: str | None = None,
+) -> Scenario:
+    """Scenario of a campaign. See `seatrial.Campaign.scenario` for the parameters and errors."""
+    table, flown = _table(campaign, missions)
+    if navigation is not None:
+        if navigation not in ("sensors", "filter"):
+            raise SimulationError(f'navigation: expected "sensors" or "filter", found {navigation!r}')
+        table = table.model_copy(update={"navigation": navigation})
+    if runs is not None:
+        table = table.model_copy(update={"runs": _positive(runs)})
+    autopilot = campaign.autopilot if gains is None else autopilot_of(gains)
+    fitted = Fitted.of(campaign.vehicle if fit is None else fit)
+    if list(fitted.vehicle.actuators) != list(campaign.vehicle.actuators):
+        raise CampaignError(
+            f"{campaign.source}: expected a fit of {campaign.vehicle.name}, found one of"
+            f" {fitted.vehicle.name} with other actuators; give the run directory of this campaign"
+        )
+    environment = campaign.file.environment
+    flights = CampaignFlights(
+        table=table,
+        fitted=fitted,
+        autopilot=autopilot,
+        missions=flown,
+        seed=campaign.seed,
+        model=None if model is None else loaded(Vehicle, model, "model"),
+        sensors=sensors_of_table(table.sensors, campaign.source, campaign.resolve),
+        rho=environment.rho_kg_m3,
+        g=environment.g_m_s2,
+    )
+    return Scenario.of_flights(
+        flights,
+        name=campaign.name,
+        source=campaign.source,
+        text=campaign.text,
+        inputs=campaign.input_hashes(trials=False),
+    )
+
+
+def others_of(campaign: Campaign, gains: Any, compare: bool | Mapping[str, Any]) -> Mapping[str, Any]:
+    """Autopilots to compare with, by name: those given, or the campaign's own as "start".
+
+    Raises
+    ------
+    CampaignError
+        The campaign's own is the one that is verified.
+    """
+    if isinstance(compare, Mapping):
+        return compare
+    if not compare:
+        return {}
+    if gains is None:
+        raise CampaignError(
+            f"{campaign.source}: expected another autopilot than the campaign's own to compare with it, found"
+            " none; give the tuned one as gains (--autopilot), or others by name"
+        )
+    return {"start": campaign.autopilot}
+
+
+def _table(
+    campaign: Campaign, missions: Sequence[Mission | str | Path] | None
+) -> tuple[VerificationTable, tuple[Mission, ...]]:
+    """The table with the missions that fly, and those."""
+    table = campaign.file.verification
+    if missions is None:
+        if table is None:
+            raise CampaignError(
+                f"{campaign.source}: expected the table [verification], found none; add it with"
+                ' missions = ["mission.toml"], or give missions'
+            )
+        return table, tuple(_mission(campaign, mission.file) for mission in table.missions)
+    tables, flown = titled(missions)
+    if table is None:
+        return VerificationTable(missions=tables), flown
+    return table.model_copy(update={"missions": tables}), flown
+
+
+def _mission(campaign: Campaign, file: str) -> Mission:
+    path = campaign.resolve(file, "verification.missions")
+    if wrong := no_file(path):
+        raise CampaignError(f"{campaign.source}: verification, key missions: {wrong}; correct the path")
+    return Mission.load(path)
+
+
+def _positive(runs: Any) -> int:
+    if not isinstance(runs, int) or isinstance(runs, bool) or runs < 1:
+        raise CampaignError(f"runs: expected a whole number of missions from 1 on, found {runs!r}")
+    return runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,8 +397,8 @@ def verify_campaign_log(
     autopilot: Autopilot | str | Path | None = None,
     mission: Mission | str | Path | None = None,
     references: Sequence[str | Path] = (),
-    ahead_s: float = 10.0,
-    **options: Any,
+    current: ArrayLike | None = None,
+    settings: LogSettings = USUAL,
 ) -> tuple[LogVerdict, CampaignLog]:
     """Verdict on a log by the requirements and corridors of a campaign, and what is known of the log.
 
@@ -310,10 +413,10 @@ def verify_campaign_log(
         What was flown, where it does not lie beside the log.
     references : sequence of str or Path, optional
         As names of `campaign_reference`.
-    ahead_s : float, optional
-        Time after which the prediction restarts from the log, s.
-    options
-        Further keywords of `seatrial.verify_log`.
+    current : (3,) array_like, optional
+        Of the envelope, m/s, NED.
+    settings : LogSettings, optional
+        Part, input and seed come from the campaign.
 
     Raises
     ------
@@ -327,26 +430,22 @@ def verify_campaign_log(
             f" {known.vehicle.name} with other actuators; give the run directory of this campaign"
         )
     judged = campaign_log(campaign, source)
-    check_usable(judged.log.trial, ahead_s)  # before a reference of the same interval is refused
+    check_usable(judged.log.trial, settings.ahead_s)  # before a reference of the same interval is refused
     table = campaign.file.verification
     asked = () if table is None else table.requirements
     start, stop = (None, None) if judged.span is None else judged.span
-    found = judge_log(
+    found = verify_log(
         known,
         judged.log,
-        reference=campaign_reference(campaign, known, judged, ahead_s=ahead_s, names=references),
+        reference=campaign_reference(campaign, known, judged, ahead_s=settings.ahead_s, names=references),
         autopilot=judged.autopilot if autopilot is None else autopilot,
         mission=judged.mission if mission is None else mission,
         requirements=[requirement_of(campaign.source, one) for one in asked],
         corridors=_corridors(campaign),
         obstacles=None if table is None else table.obstacles,
         sensors=_sensors(campaign),
-        ahead_s=ahead_s,
-        start_s=start,
-        stop_s=stop,
-        input=judged.input,
-        seed=campaign.seed,
-        **options,
+        current=current,
+        settings=replace(settings, start_s=start, stop_s=stop, input=judged.input, seed=campaign.seed),
     )
     return found, judged
 
@@ -365,4 +464,4 @@ def _corridors(campaign: Campaign) -> dict[str, Corridor]:
 def _sensors(campaign: Campaign) -> str | Path | None:
     """Sensors of the campaign's verification: their offsets belong to the band."""
     table = campaign.file.verification
-    return TYPICAL if table is None else sensors_of_table(campaign, table.sensors)
+    return TYPICAL if table is None else sensors_of_table(table.sensors, campaign.source, campaign.resolve)
