@@ -20,17 +20,17 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 466,
-    "Python lines": 118_100,
-    "modules that import the campaign": 35,
-    "lines that build text below the verbs": 7_200,
-    "functions over 8 parameters": 64,
-    "parameters of the widest function": 32,
-    "numeric constants of modules": 1_708,
-    "numeric constants of modules without a reason": 575,
-    "comment lines per 1,000 lines of long functions, at least": 12,
-    "bindings named by a pronoun or a participle": 2_250,
-    "words of documentation": 115_900,
+    "Python files": 420,
+    "Python lines": 115_500,
+    "modules that import the campaign": 15,
+    "lines that build text below the verbs": 6_900,
+    "functions over 8 parameters": 45,
+    "parameters of the widest function": 20,
+    "numeric constants of modules": 1_660,
+    "numeric constants of modules without a reason": 85,
+    "comment lines per 1,000 lines of long functions, at least": 19,
+    "bindings named by a pronoun or a participle": 390,
+    "words of documentation": 90_700,
 }
 """Beyond these the build fails."""
 

@@ -204,18 +204,20 @@ __all__ = [
     "verify_log",
 ]
 
-_STUDIES = {
-    "Coverage": "coverage",
-    "Restarts": "random_starts",
-    "coverage": "coverage",
-    "restarts": "random_starts",
+_INSTEAD = {
+    **dict.fromkeys(("Coverage", "coverage"), "in a clone, run python -m studies.coverage"),
+    **dict.fromkeys(("Restarts", "restarts"), "in a clone, run python -m studies.random_starts"),
+    "rare_failures": "use st.verify(..., strategy=st.Rare())",
+    "falsify": "use st.verify(..., strategy=st.Falsify())",
+    "failure_boundary": "use st.verify(..., strategy=st.Boundary({NAME: (FROM, TO)}))",
 }
+"""What to use in place of names that went."""
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
 
     def __getattr__(name: str) -> object:
         if name not in _HOME:
-            instead = f"; in a clone, run python -m studies.{_STUDIES[name]}" if name in _STUDIES else ""
+            instead = f"; {_INSTEAD[name]}" if name in _INSTEAD else ""
             raise AttributeError(f"module 'seatrial' has no attribute {name!r}{instead}")
         return getattr(import_module(_HOME[name]), name)
 

@@ -42,3 +42,13 @@ def test_an_unknown_keyword_is_refused_by_python_itself() -> None:
     fly: Any = st.fly
     with pytest.raises(TypeError, match="unexpected keyword argument 'tide'"):
         fly("cwolf", "cwolf", st.Mission.from_toml(MISSION), tide=1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "strategy"),
+    [("rare_failures", "Rare"), ("falsify", "Falsify"), ("failure_boundary", "Boundary")],
+)
+def test_a_function_that_became_a_strategy_names_it(name: str, strategy: str) -> None:
+    with pytest.raises(AttributeError, match=rf"strategy=st\.{strategy}\("):
+        getattr(st, name)
+    assert strategy in st.__all__

@@ -1,4 +1,4 @@
-"""`failure_boundary`: up to which payload, current or latency a requirement still holds.
+"""`Boundary`: up to which payload, current or latency a requirement still holds.
 
 One or two variables get values from given ranges, everything else is drawn as ``[verification]`` says. Few
 missions are flown at a place, more where the failure probability crosses what the requirement allows
@@ -69,7 +69,7 @@ class RequirementBoundary:
 
 @dataclass(frozen=True, eq=False)
 class FailureBoundary(RunResult):
-    """Failure boundaries in one or two variables; made by `seatrial.failure_boundary`.
+    """Failure boundaries in one or two variables; made by `seatrial.verify` with the strategy `Boundary`.
 
     Attributes
     ----------
