@@ -117,8 +117,8 @@ def tune(
     """
     if "relay" in asked:
         raise CampaignError(
-            "tune: relay: relay tuning is not offered, as no loop was better with it than with the search by"
-            " corridors; leave it out, and take start gains from seatrial.start_autopilot"
+            "tune: relay: relay tuning is not offered, as the search by corridors was better on every loop"
+            " that was measured; leave it out, and take start gains from seatrial.start_autopilot"
         )
     checked_threads(work.threads)
     if not isinstance(problem, ControlProblem):
