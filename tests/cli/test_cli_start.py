@@ -87,7 +87,7 @@ def test_the_package_loads_nothing_before_it_is_asked() -> None:
 
 def test_a_function_keeps_its_name_when_the_module_of_that_name_is_imported() -> None:
     names = ("identify", "score", "tune", "verify")
-    modules = ("identification.identify", "trial.score", "tuning.tune", "verification.verify")
+    modules = ("identification.identify", "scoring.score", "tuning.tune", "verification.verify")
     done = started(
         "import seatrial\n"
         + "".join(f"import seatrial.{name}\n" for name in modules)

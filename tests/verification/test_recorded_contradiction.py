@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from seatrial.verification.mission_log.verify_log import verify_log
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.trial.trial import Trial
 from seatrial.verification.mission_log.contradiction import contradictions
+from seatrial.verification.mission_log.judge_log import verify_log
 from tests.verification.recorded_logs import fitted, log
 
 Fault = Callable[[Array, Array], Array]

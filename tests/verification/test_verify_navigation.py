@@ -97,7 +97,8 @@ def test_a_filter_is_told_of_the_seas_that_are_drawn() -> None:
 def test_another_word_is_refused() -> None:
     with pytest.raises(st.CampaignError, match="navigation"):
         found("kalman", outages=False)
-    campaign = st.Campaign.from_toml('format = 1\nname = "c"\nvehicle = "cwolf"\n')
+    verified = '[verification]\nmissions = ["out.toml"]\n'
+    campaign = st.Campaign.from_toml(f'format = 1\nname = "c"\nvehicle = "cwolf"\n{verified}')
     missions = [st.Mission.from_toml(OUT)]
     with pytest.raises(
         st.SimulationError, match='navigation: expected "sensors" or "filter", found \'kalman\''

@@ -19,10 +19,11 @@ one point, and for a model of the right structure.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.plain import Plain
 from seatrial.base.report import listed
+from seatrial.base.run import to_json
 from seatrial.diagnosis.advice import absorbed, inseparable, manoeuvre, role, scaled, strips_twice, unexcited
 from seatrial.diagnosis.weak_combination import ABSENT, WEAK, Group, weak_groups
 from seatrial.problem.parameter import STRIPS
@@ -233,6 +235,10 @@ class Identifiability(Plain, without="names"):
     def verdicts(self) -> dict[str, str]:
         """Verdict by coefficient."""
         return {coefficient.name: coefficient.verdict for coefficient in self.coefficients}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers, texts, lists and dicts; an infinite number is None."""
+        return dict(json.loads(to_json(super().to_dict())))
 
 
 def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Identifiability:

@@ -319,7 +319,15 @@ class Boundary:
     requirements: Sequence[str] = ()
 
     def survey(self, scenario: Scenario, work: Work = HERE) -> FailureBoundary:
-        """Failure boundaries of a scenario; see `seatrial.verify` for errors."""
+        """Failure boundaries of a scenario; see `seatrial.verify` for errors.
+
+        Parameters
+        ----------
+        scenario : Scenario
+            What is flown.
+        work : Work
+            Threads, folder of the results and progress.
+        """
         chosen = scenario.chosen(self.requirements)
         asked = variables_of(self.variables, scenario.flights)
         # Both ends of the range are tried before anything flies.

@@ -270,7 +270,15 @@ class Falsify:
             raise CampaignError(f"budget: expected at least 100 missions, found {self.budget}")
 
     def survey(self, scenario: Scenario, work: Work = HERE) -> Falsification:
-        """The worst missions of a scenario; see `seatrial.verify` for errors."""
+        """The worst missions of a scenario; see `seatrial.verify` for errors.
+
+        Parameters
+        ----------
+        scenario : Scenario
+            What is flown.
+        work : Work
+            Threads, folder of the results and progress.
+        """
         chosen = scenario.chosen(self.requirements)
         clock, worst, interrupted = Clock(), [], False
         with RunDirectory(work.run_dir, "falsification", resume=False) as run:

@@ -86,7 +86,15 @@ class Rare:
             raise CampaignError(f"populations: expected at least 2, found {self.populations}")
 
     def survey(self, scenario: Scenario, work: Work = HERE) -> RareFailures:
-        """Failure probabilities of a scenario; see `seatrial.verify` for errors."""
+        """Failure probabilities of a scenario; see `seatrial.verify` for errors.
+
+        Parameters
+        ----------
+        scenario : Scenario
+            What is flown.
+        work : Work
+            Threads, folder of the results and progress.
+        """
         chosen = scenario.chosen(self.requirements)
         clock, judged, interrupted = Clock(), [], False
         threads = threads_of(work.threads, work.executor)

@@ -430,7 +430,19 @@ class Scenario:
     def facts(
         self, kind: Kind, *, clock: Clock, options: Mapping[str, Any], interrupted: bool
     ) -> dict[str, Any]:
-        """Record of a run over the scenario."""
+        """Record of a run over the scenario.
+
+        Parameters
+        ----------
+        kind : str
+            Of the run.
+        clock : Clock
+            When it ran.
+        options : mapping
+            What it was asked for besides.
+        interrupted : bool
+            Whether it was ended early.
+        """
         return run_facts(
             kind,
             self.name,

@@ -199,7 +199,7 @@ class GroupTest(
 
 
 @dataclass(frozen=True)
-class Power(Plain, only="controlled_axes=controlled unjudged_axes=unjudged windows left grown groups=tests"):
+class Power(Plain, only="controlled_axes unjudged_axes windows left grown groups=tests"):
     """What a log could have refuted, and what it refutes.
 
     Attributes
@@ -221,6 +221,16 @@ class Power(Plain, only="controlled_axes=controlled unjudged_axes=unjudged windo
     windows: int
     left: Mapping[str, float]
     grown: Mapping[str, float]
+
+    @property
+    def controlled_axes(self) -> list[str]:
+        """The controlled axes, one by one."""
+        return list(self.controlled)
+
+    @property
+    def unjudged_axes(self) -> list[str]:
+        """The axes of `unjudged`, one by one."""
+        return list(self.unjudged)
 
     @property
     def refuted(self) -> tuple[GroupTest, ...]:
