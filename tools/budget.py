@@ -30,7 +30,7 @@ LIMITS = {
     "numeric constants of modules without a reason": 85,
     "comment lines per 1,000 lines of long functions, at least": 19,
     "bindings named by a pronoun or a participle": 390,
-    "words of documentation": 90_700,
+    "words of documentation": 90_900,
 }
 """Beyond these the build fails."""
 
