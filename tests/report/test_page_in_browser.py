@@ -316,8 +316,8 @@ def judged_log(folder: Path) -> Path:
     mission, page = EXAMPLES / "missions" / "cage_survey.toml", folder / "log.html"
     flown = ("--sensors", "typical", "--figures", "none", "--out", folder / "flown")
     run("fly", "cwolf", "cwolf", mission, *flown)
-    judged = ("--log", folder / "flown", "--out", folder / "judged", "--report", page)
-    run("verify", EXAMPLES / "cwolf" / "campaign.toml", "--run", "cwolf", "--autopilot", "cwolf", *judged)
+    judged = ("--run", "cwolf", "--autopilot", "cwolf", "--out", folder / "judged", "--report", page)
+    run("verify-log", EXAMPLES / "cwolf" / "campaign.toml", folder / "flown", *judged)
     return page
 
 
