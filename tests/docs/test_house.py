@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import re
 import tomllib
 from functools import cache
 from pathlib import Path
+
+import pytest
 
 from tests.docs.pages import NAMES, ROOT, blocks, text
 from tests.docs.pages import PAGES as DOCUMENTATION
@@ -116,3 +119,10 @@ def test_files_that_are_named_exist() -> None:
         if not any(file.endswith(f"/{name}") for file in known)
     }
     assert not missing, "\n".join(sorted(missing))
+
+
+@pytest.mark.parametrize("room", sorted(_room_folders() - {"cli", "examples"}))
+def test_every_name_of_a_rooms_front_is_where_the_front_says(room: str) -> None:
+    front = importlib.import_module(f"seatrial.{room}")
+    for name in getattr(front, "__all__", ()):
+        assert getattr(front, name) is not None

@@ -19,10 +19,10 @@ if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object
     __getattr__ = front(
         __name__,
         {
-            "Anchor": "anchor",
-            "JointSettings": "joint",
+            "Anchor": "settings",
+            "JointSettings": "settings",
             "Problem": "problem",
-            "Stage": "stage",
-            "TrialUse": "stage",
+            "Stage": "settings",
+            "TrialUse": "settings",
         },
     )
