@@ -259,7 +259,7 @@ def test_a_killed_identification_goes_on_and_equals_an_undisturbed_one(
             if state.what == "heave":
                 die()
         campaign = st.Campaign.load(folder / "made.toml")
-        campaign.identify(run_dir=folder / "run", progress=watch)
+        campaign.identify(work=st.Work(run_dir=folder / "run", progress=watch))
         """,
         tmp_path,
     )

@@ -126,7 +126,7 @@ def test_a_killed_tuning_goes_on_and_equals_an_undisturbed_one(tmp_path: Path) -
         def watch(state):
             if state.what == "surge":
                 die()
-        quick(TWO).tune(run_dir=folder / "run", progress=watch, threads=1)
+        quick(TWO).tune(work=st.Work(run_dir=folder / "run", progress=watch, threads=1))
         """,
         tmp_path,
     )

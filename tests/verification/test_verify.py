@@ -211,7 +211,8 @@ def test_a_killed_verification_goes_on_and_equals_an_undisturbed_one(
         from seatrial.verification import missions
         from tests.verification.verifying import campaign
         missions.CHUNK = 8
-        st.verify(campaign(folder), run_dir=folder / "run", progress=lambda state: state.done == 16 and die())
+        work = st.Work(run_dir=folder / "run", progress=lambda state: state.done == 16 and die())
+        campaign(folder).verify(work=work)
         """,
         tmp_path,
     )
