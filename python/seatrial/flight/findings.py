@@ -90,14 +90,14 @@ def _grave(flight: FlightLog, result: Result) -> list[Finding]:
     """What made a flight fail or put the vehicle at risk, the gravest first; empty for a good flight."""
     if result.outcome == DIVERGED:
         return [Finding("diverged", Severity.DANGER)]
-    found = (
+    wrong = (
         [_nearness(flight, result.metrics)]
         if excesses.too_near(result.metrics, flight.mission.promised_m)
         else []
     )
-    found += broken_limits(flight, result.metrics)
+    wrong += broken_limits(flight, result.metrics)
     if result.alerts:
-        called = reactions.called_for(flight, result.alerts, found)
+        called = reactions.called_for(flight, result.alerts, wrong)
         if result.metrics["pitch_largest_deg"] > STEEP_DEG:
             called = [
                 finding.because(Finding("loops doubtful", Severity.DANGER))
@@ -105,27 +105,27 @@ def _grave(flight: FlightLog, result: Result) -> list[Finding]:
                 else finding
                 for finding in called
             ]
-        found = called
+        wrong = called
     elif missed := [(k, leg) for k, leg in enumerate(result.legs) if not leg.reached]:
         k, leg = missed[0]
         if math.isnan(leg.begin_s) or result.outcome == "out of time":
             words = {"outcome": result.words}
-            found.append(Finding("waypoint out of time", Severity.PROBLEM, leg.label, words))
+            wrong.append(Finding("waypoint out of time", Severity.PROBLEM, leg.label, words))
         else:
-            found.append(missed_waypoint(flight, k, leg))
-    return found + beyond_the_model(flight, result.metrics)
+            wrong.append(missed_waypoint(flight, k, leg))
+    return wrong + beyond_the_model(flight, result.metrics)
 
 
 def beyond_the_model(flight: FlightLog, metrics: Mapping[str, float]) -> list[Finding]:
     """Where the vehicle left the water, or pitched beyond what its model and loops are made for."""
-    found = []
+    wrong = []
     if (pitch := metrics["pitch_largest_deg"]) > STEEP_DEG:
         values = {"pitch_deg": pitch, "limit_deg": STEEP_DEG, **_at(flight, metrics["pitch_time_s"])}
-        found.append(Finding("pitched over", Severity.DANGER, flight.vehicle.name, values))
+        wrong.append(Finding("pitched over", Severity.DANGER, flight.vehicle.name, values))
     if (height := -metrics["depth_smallest_m"]) > IN_THE_AIR_M:
         values = {"height_m": height, **_at(flight, metrics["depth_smallest_time_s"])}
-        found.append(Finding("left the water", Severity.DANGER, flight.vehicle.name, values))
-    return found
+        wrong.append(Finding("left the water", Severity.DANGER, flight.vehicle.name, values))
+    return wrong
 
 
 def tilt(flight: FlightLog) -> Finding | None:
@@ -254,7 +254,7 @@ def saturated_loops(loops: Mapping[str, Loop]) -> list[Finding]:
 
 def broken_limits(flight: FlightLog, metrics: Mapping[str, float]) -> list[Finding]:
     """Bottom, fence and limits of the mission that the vehicle broke, the gravest first."""
-    found = []
+    wrong = []
     name, limits, depth = flight.vehicle.name, flight.mission.limits, flight.position[:, 2]
     altitude = np.where(np.isfinite(flight.altitude), flight.altitude, np.inf)
     lowest = int(np.argmin(altitude))
@@ -265,21 +265,21 @@ def broken_limits(flight: FlightLog, metrics: Mapping[str, float]) -> list[Findi
         return Finding(kind, Severity.DANGER, name, values | where(flight, row), at_s=since)
 
     if touched(metrics):
-        found.append(broken("bottom touched", lowest, altitude <= 0.0))
+        wrong.append(broken("bottom touched", lowest, altitude <= 0.0))
     elif too_low(metrics, least):
         values = {"altitude_m": float(altitude[lowest]), "limit_m": least}
-        found.append(broken("too low", lowest, altitude < least - OFF_LIMIT_M, **values))
+        wrong.append(broken("too low", lowest, altitude < least - OFF_LIMIT_M, **values))
     if len(flight.mission.fence):
         beyond = outside(flight.position[:, :2], flight.mission.fence)
         row = int(np.argmax(beyond))
         if beyond[row] > OFF_LIMIT_M:
-            found.append(broken("outside the fence", row, beyond > OFF_LIMIT_M, beyond_m=float(beyond[row])))
+            wrong.append(broken("outside the fence", row, beyond > OFF_LIMIT_M, beyond_m=float(beyond[row])))
     most = limits["max_depth_m"]
     if too_deep(metrics, most):
         row = int(np.nanargmax(depth))
         values = {"deepest_m": metrics["depth_largest_m"], "limit_m": most}
-        found.append(broken("too deep", row, depth > most + OFF_LIMIT_M, **values))
-    return found
+        wrong.append(broken("too deep", row, depth > most + OFF_LIMIT_M, **values))
+    return wrong
 
 
 def wrong_position(flight: FlightLog, until_s: float, *, off_m: float = math.nan) -> Finding:

@@ -33,8 +33,8 @@ def problem(finding: Finding) -> str:
         return f"{_own(chain[-1])}{', ' if finding.kind == 'pitched over' else '; '}{after}"
     words = _own(finding)
     for link in chain[1:]:
-        told = _own(link)
-        words += f"{_JOINT.get(link.kind, '; ')}{told}" if told else ""
+        clause = _own(link)
+        words += f"{_JOINT.get(link.kind, '; ')}{clause}" if clause else ""
     return words
 
 

@@ -94,37 +94,37 @@ def contradictions(trial: Trial, channels: Sequence[str]) -> tuple[Contradiction
     channels : sequence of str
         Those that are asked for.
     """
-    found = [
+    contradicting = [
         contradiction
         for channel, rates in _INTEGRALS.items()
         if {channel, *rates} & set(channels)
         and (contradiction := _contradiction(trial, channel, rates)) is not None
     ]
     # A wrong angle turns the velocity as well, so that it contradicts the position: angles come first.
-    return tuple(sorted(found, key=lambda each: (len(each.against), -each.evidence)))
+    return tuple(sorted(contradicting, key=lambda each: (len(each.against), -each.evidence)))
 
 
 def _contradiction(trial: Trial, channel: str, rates: tuple[str, ...]) -> Contradiction | None:
     """Contradiction of a channel; None without one, or where it or one of the others is not in the log."""
     place = CHANNELS.index(channel)
     known = trial.valid[:, place]
-    implied, told = _implied_rate(trial, channel, rates)
-    if known.sum() < _SAMPLES or told.sum() < 2:
+    implied, rated = _implied_rate(trial, channel, rates)
+    if known.sum() < _SAMPLES or rated.sum() < 2:
         return None
     t = trial.t
     values = trial.observed[known, place]
     values = np.unwrap(values) if channel in ("roll", "pitch", "yaw") else values
     position = np.interp(t, t[known], values)
-    rate = np.interp(t, t[told], implied[told])
+    rate = np.interp(t, t[rated], implied[rated])
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
     interval = float(np.median(np.diff(t[known])))
     step = max(round(max(_WINDOW_S, _SAMPLES * interval) / trial.dt), 1)
     begins = np.arange(0, len(t) - step, step)
     # A window across a gap of either would compare nothing with nothing.
-    whole = _covered(known, begins, step) & _covered(told, begins, step)
+    whole = _covered(known, begins, step) & _covered(rated, begins, step)
     change, expected = (series[begins + step] - series[begins] for series in (position, integral))
     noise = np.sqrt(2.0) * _noise(values)
-    drift = _noise(implied[told]) * np.sqrt(step) * trial.dt
+    drift = _noise(implied[rated]) * np.sqrt(step) * trial.dt
     turned = np.concatenate([[0.0], np.cumsum(_turning(trial, channel, rates)[1:] * np.diff(t))])
     tolerated = (_ARM_M if len(rates) > 1 else _LEAK) * (turned[begins + step] - turned[begins])
     least = _BEYOND_NOISE * max(noise, drift)
