@@ -15,7 +15,11 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import takewhile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Mask
 
 _STATEMENT = re.compile(r"    const (real|_Bool) (t\d+) = (.*);")
 _READ = re.compile(
@@ -29,6 +33,9 @@ _LEAST_BYTES = 48  # a fold that gains less is not worth its name
 _SEED = 8  # statements: shorter runs are not looked for
 _SECTION = 300  # statements of a function at most
 _MOST_SEEDS = 12  # places compared with the first of a shape
+_COMPARED = 64  # statements compared at once first, then four times as many each time: most runs are short
+
+_Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -60,12 +67,34 @@ class _Block:
 
 
 @dataclass(frozen=True)
+class _Index:
+    """A block as arrays, one row a statement; reads are (n, r), padded with -1, of a call all."""
+
+    made: dict[str, int]
+    """Statement that makes a result, by name."""
+    shapes: _Integers
+    """(n,) number of shape and kind; -1 for a call, which is like no other statement."""
+    commutes: Mask
+    """(n,) whether the first two reads may be exchanged."""
+    last: _Integers
+    """(n,) the last statement that reads a result, -1 where none does."""
+    reads: _Integers
+    """(n, r) number of what is read."""
+    origins: _Integers
+    """(n, r) statement that made it, -1 where that is outside the block."""
+    kinds: _Integers
+    """(n, r) 1 for a truth value, 0 for a real number."""
+
+
+@dataclass(frozen=True)
 class _Run:
     """Equal runs of statements: where they begin as (block, index), how long, and what is gained in bytes."""
 
     places: list[tuple[int, int]]
     length: int
     gain: int
+    outside: list[list[str]]
+    """What each place reads from outside, in the order in which the first place reads it."""
 
 
 def _filled(shape: str, reads: Iterator[str]) -> str:
@@ -132,7 +161,9 @@ def _in_sections(signature: str, block: _Block, count: int) -> str:
         lines = [line for line in block.head if line.split()[2] in reads[k]]
         lines += [replace(statement, reads=tuple(map(named, statement.reads))).text() for statement in part]
         lines += [
-            f"    found->{statement.name} = {statement.name};" for statement in part if statement in handed
+            f"    found->{statement.name} = {statement.name};"
+            for statement in part
+            if not asked.isdisjoint(statement.results)
         ]
         if last:
             stores = (line for line in block.tail if "(void)" not in line)
@@ -180,13 +211,17 @@ class _Folder:
             if (match := _STATEMENT.fullmatch(line)) is not None
         }
         self.kinds |= {statement.name: statement.kind for block in blocks for statement in block.statements}
+        self.width = max(2, *(len(statement.reads) for block in blocks for statement in block.statements))
+        self.index: dict[int, _Index] = {}
+        self.numbers: dict[str, int] = {}
+        self.names: list[str] = []
         self.first = len(blocks)
         self.fresh = 0
 
     def fold(self) -> None:
         """Fold until nothing is gained."""
+        self._index(range(len(self.blocks)))
         while True:
-            self._index()
             # Folds move statements: a run is named by its statements, and weighed again when its turn comes.
             runs = [
                 [(block, self.blocks[block].statements[at].name) for block, at in run.places]
@@ -195,12 +230,13 @@ class _Folder:
             folds = 0
             for named in runs:
                 places = [
-                    (block, self.made[block][name]) for block, name in named if name in self.made[block]
+                    (block, self.index[block].made[name])
+                    for block, name in named
+                    if name in self.index[block].made
                 ]
                 run = self._longest(places[0], places[1:]) if len(places) > 1 else None
                 if run is not None:
                     self._fold(run)
-                    self._index()
                     folds += 1
             if folds == 0:
                 return
@@ -219,49 +255,88 @@ class _Folder:
     def _kind(self, read: str) -> str:
         return self.kinds.get(read, "real")
 
-    def _index(self) -> None:
-        """Where results are made and where they are read last, per block."""
-        self.made: list[dict[str, int]] = []
-        self.read: list[dict[str, int]] = []
-        for block in self.blocks:
-            made = {result: k for k, statement in enumerate(block.statements) for result in statement.results}
+    def _index(self, blocks: Iterable[int]) -> None:
+        """Where results are made and where they are read last, of some blocks."""
+        for number in blocks:
+            block = self.blocks[number]
+            statements = block.statements
+            made = {result: k for k, statement in enumerate(statements) for result in statement.results}
             read: dict[str, int] = {}
-            for k, statement in enumerate(block.statements):
+            for k, statement in enumerate(statements):
                 read.update(dict.fromkeys(statement.reads, k))
             for line in block.tail:
-                read.update(dict.fromkeys(_READ.findall(line), len(block.statements)))
-            self.made.append(made)
-            self.read.append(read)
+                read.update(dict.fromkeys(_READ.findall(line), len(statements)))
+            reads = np.full((3, len(statements), self.width), -1)
+            reads[2] = 0
+            for k, statement in enumerate(statements):
+                for r, name in enumerate(() if statement.is_call else statement.reads):
+                    boolean = self._kind(name) == "_Bool"
+                    reads[:, k, r] = self._numbered(name), made.get(name, -1), boolean
+            shapes = [
+                -1 if statement.is_call else self._numbered(f"{statement.kind} {statement.shape}")
+                for statement in statements
+            ]
+            self.index[number] = _Index(
+                made,
+                np.array(shapes, dtype=np.int64),
+                np.array([statement.shape in ("@ * @", "@ + @") for statement in statements], dtype=bool),
+                np.array([read.get(statement.name, -1) for statement in statements], dtype=np.int64),
+                reads[0],
+                reads[1],
+                reads[2],
+            )
 
-    def _pairs(self, a: tuple[int, int], b: tuple[int, int], k: int) -> tuple[tuple[str, str], ...] | None:
-        """What statement k of two runs reads from outside; None where they do different things."""
-        statement, other = (self.blocks[block].statements[at + k] for block, at in (a, b))
-        if statement.shape != other.shape or statement.kind != other.kind or statement.is_call:
-            return None
-        orders = [other.reads]
-        if statement.shape in ("@ * @", "@ + @"):
-            orders.append(other.reads[::-1])
-        for reads in orders:
-            pairs = []
-            for mine, theirs in zip(statement.reads, reads, strict=True):
-                inside = self.made[a[0]].get(mine, -1) - a[1]
-                if max(inside, -1) != max(self.made[b[0]].get(theirs, -1) - b[1], -1):
-                    break
-                if inside < 0 and self._kind(mine) != self._kind(theirs):
-                    break
-                if inside < 0:
-                    pairs.append((mine, theirs))
-            else:
-                return tuple(pairs)
-        return None
+    def _numbered(self, name: str) -> int:
+        """A number for a name, the same each time."""
+        number = self.numbers.setdefault(name, len(self.numbers))
+        if number == len(self.names):
+            self.names.append(name)
+        return number
+
+    def _alike(self, first: tuple[int, int], other: tuple[int, int], most: int) -> tuple[int, list[str]]:
+        """Statements that two runs share, and what the other reads from outside, as the first orders it."""
+        a, b = self.index[first[0]], self.index[other[0]]
+        length, outside, chunk = 0, [], _COMPARED
+        while length < most:
+            count = min(chunk, most - length)
+            mine = slice(first[1] + length, first[1] + length + count)
+            theirs = slice(other[1] + length, other[1] + length + count)
+            # Results of the run itself count by their place in it, all else only by its kind.
+            own = np.maximum(a.origins[mine] - first[1], -1)
+            others = np.maximum(b.origins[theirs] - other[1], -1)
+            kinds = b.kinds[theirs]
+            same = (own == others) & ((own >= 0) | (a.kinds[mine] == kinds))
+            swapped = np.arange(own.shape[1])
+            swapped[:2] = 1, 0
+            crossed = (own == others[:, swapped]) & ((own >= 0) | (a.kinds[mine] == kinds[:, swapped]))
+            straight = same.all(axis=1)
+            alike = (a.shapes[mine] == b.shapes[theirs]) & (a.shapes[mine] >= 0)
+            alike &= straight | (crossed.all(axis=1) & a.commutes[mine])
+            shared = count if alike.all() else int(np.argmin(alike))
+            reads = b.reads[theirs]
+            reads = np.where(straight[:, None], reads, reads[:, swapped])
+            free = (own < 0) & (a.reads[mine] >= 0)
+            outside += [self.names[name] for name in reads[:shared][free[:shared]].tolist()]
+            length += shared
+            if shared < count:
+                break
+            chunk *= 4
+        return length, outside
+
+    def _outside(self, first: tuple[int, int], length: int) -> tuple[list[str], list[int]]:
+        """What a run reads from outside, and how many of it the statements before each one and all read."""
+        block, at = first
+        index = self.index[block]
+        reads = index.reads[at : at + length]
+        free = (index.origins[at : at + length] < at) & (reads >= 0)
+        return [self.names[name] for name in reads[free].tolist()], [0, *np.cumsum(free.sum(axis=1)).tolist()]
 
     def _results(self, places: Sequence[tuple[int, int]], length: int) -> list[int]:
         """The statements of a run whose results are read after it, in any of its places."""
-        wanted: set[int] = set()
+        wanted = np.zeros(length, dtype=bool)
         for block, at in places:
-            read, run = self.read[block], self.blocks[block].statements[at : at + length]
-            wanted.update(k for k, statement in enumerate(run) if read.get(statement.name, -1) >= at + length)
-        return sorted(wanted)
+            wanted |= self.index[block].last[at : at + length] >= at + length
+        return np.flatnonzero(wanted).tolist()
 
     def _runs(self) -> Iterator[_Run]:
         """Runs whose fold gains something."""
@@ -284,59 +359,52 @@ class _Folder:
 
     def _longest(self, first: tuple[int, int], others: Iterable[tuple[int, int]]) -> _Run | None:
         """The most gainful run from a place on, with those of the others that go on as it does."""
-        matches: list[tuple[tuple[int, int], list[tuple[tuple[str, str], ...]]]] = []
+        matches: list[tuple[tuple[int, int], int, list[str]]] = []
         room = len(self.blocks[first[0]].statements) - first[1]
         for other in others:
             most = min(room, len(self.blocks[other[0]].statements) - other[1])
             # In one block the two must not overlap.
             if other[0] == first[0]:
                 most = min(most, abs(other[1] - first[1]))
-            rows = takewhile(lambda row: row is not None, (self._pairs(first, other, k) for k in range(most)))
-            pairs = [row for row in rows if row is not None]
-            if len(pairs) >= _SEED:
-                matches.append((other, pairs))
+            shared, outside = self._alike(first, other, most)
+            if shared >= _SEED:
+                matches.append((other, shared, outside))
+        if not matches:
+            return None
+        mine, before = self._outside(first, max(shared for _, shared, _ in matches))
+        counted: dict[tuple[int, ...], list[int]] = {}
         # Shorter runs may be found in more places, or need fewer arguments.
         best: _Run | None = None
-        for length in sorted({n for _, pairs in matches for n in _lengths(len(pairs))}, reverse=True):
+        for length in sorted({n for _, shared, _ in matches for n in _lengths(shared)}, reverse=True):
             gained = _STATEMENT_BYTES * length - _CALL_BYTES
             if gained * len(matches) < (_LEAST_BYTES if best is None else best.gain):
                 continue
-            chosen: list[tuple[tuple[int, int], list[tuple[tuple[str, str], ...]]]] = []
-            for other, pairs in matches:
-                apart = all(other[0] != b or abs(other[1] - at) >= length for (b, at), _ in chosen)
-                if len(pairs) >= length and apart:
-                    chosen.append((other, pairs[:length]))
+            chosen: list[int] = []
+            for m, (other, shared, _) in enumerate(matches):
+                taken = (matches[c][0] for c in chosen)
+                apart = all(other[0] != b or abs(other[1] - at) >= length for b, at in taken)
+                if shared >= length and apart:
+                    chosen.append(m)
             if not chosen:
                 continue
-            places = [first, *(other for other, _ in chosen)]
-            columns = self._columns([pairs for _, pairs in chosen])
+            places = [first, *(matches[m][0] for m in chosen)]
+            outside_of = [mine, *(matches[m][2] for m in chosen)]
+            # Of the same places, arguments of a shorter run are the first ones of the longer run.
+            if (distinct := counted.get(tuple(chosen))) is None:
+                distinct = counted[tuple(chosen)] = _distinct(outside_of)
             calls = len(places)
             # A call costs its arguments and results; all places but one save the statements.
-            once = _ARGUMENT_BYTES * len(columns) + _RESULT_BYTES * len(self._results(places, length))
+            arguments = distinct[before[length]]
+            once = _ARGUMENT_BYTES * arguments + _RESULT_BYTES * len(self._results(places, length))
             gain = (calls - 1) * _STATEMENT_BYTES * length - calls * (once + _CALL_BYTES)
             if gain >= _LEAST_BYTES and (best is None or gain > best.gain):
-                best = _Run(places, length, gain)
+                best = _Run(places, length, gain, [names[: before[length]] for names in outside_of])
         return best
-
-    @staticmethod
-    def _columns(pairs: list[list[tuple[tuple[str, str], ...]]]) -> dict[tuple[str, ...], int]:
-        """The arguments: what is read from outside in each place, without the constants that all share."""
-        columns: dict[tuple[str, ...], int] = {}
-        for rows in zip(*pairs, strict=True):
-            for reads in zip(*rows, strict=True):
-                column = (reads[0][0], *(theirs for _, theirs in reads))
-                if not _shared_constant(column):
-                    columns.setdefault(column, len(columns))
-        return columns
 
     def _fold(self, run: _Run) -> None:
         """Make a function of a run, and calls of its places."""
-        first, others = run.places[0], run.places[1:]
-        pairs = [
-            [row for k in range(run.length) if (row := self._pairs(first, other, k)) is not None]
-            for other in others
-        ]
-        columns = self._columns(pairs)
+        first = run.places[0]
+        columns = _arguments(run.outside)
         results = self._results(run.places, run.length)
         number = len(self.signatures)
         block, at = first
@@ -348,13 +416,16 @@ class _Folder:
         self.given.append([f"{self._kind(c[0])} {x}" for c, x in zip(columns, arguments, strict=True)])
         self.kinds |= {x: self._kind(c[0]) for c, x in zip(columns, arguments, strict=True)}
         self.signatures.append((kind, name, [(of, f"o{i}") for i, of in enumerate(kinds)]))
-        self.blocks.append(self._function(first, body, pairs, (columns, arguments), results))
+        self.blocks.append(
+            self._function(first, body, zip(*run.outside, strict=True), (columns, arguments), results)
+        )
         calls = {}
         for p, place in enumerate(run.places):
             calls[place] = (kind, name, tuple(column[p] for column in columns))
         # From the end on, so that the places before stay where they are.
         for block, at in sorted(run.places, reverse=True):
             self._call(block, at, run.length, calls[block, at], results)
+        self._index({*(block for block, _ in run.places), len(self.blocks) - 1})
 
     def _number(self) -> int:
         self.fresh += 1
@@ -364,7 +435,7 @@ class _Folder:
         self,
         first: tuple[int, int],
         body: Sequence[_Statement],
-        pairs: list[list[tuple[tuple[str, str], ...]]],
+        outside: Iterator[tuple[str, ...]],
         given: tuple[dict[tuple[str, ...], int], list[str]],
         results: Sequence[int],
     ) -> _Block:
@@ -372,16 +443,14 @@ class _Folder:
         columns, arguments = given
         own: dict[str, str] = {}
         statements = []
-        for k, statement in enumerate(body):
-            outside = iter(zip(*(rows[k] for rows in pairs), strict=True))
+        for statement in body:
             reads = []
             for read in statement.reads:
-                if self.made[first[0]].get(read, -1) >= first[1]:
+                if self.index[first[0]].made.get(read, -1) >= first[1]:
                     reads.append(own[read])
                     continue
                 column = next(outside)
-                full = (column[0][0], *(theirs for _, theirs in column))
-                reads.append(read if _shared_constant(full) else arguments[columns[full]])
+                reads.append(read if _shared_constant(column) else arguments[columns[column]])
             fresh = f"g{self._number()}"
             own[statement.name] = fresh
             self.kinds[fresh] = statement.kind
@@ -423,6 +492,26 @@ def _lengths(longest: int) -> Iterator[int]:
     """Lengths to try: the longest, and shorter ones that may read and leave less."""
     yield from range(longest, max(longest - 3, _SEED), -1)
     yield from range(_SEED, longest, max(longest // 4, 8))
+
+
+def _arguments(outside: Sequence[Sequence[str]]) -> dict[tuple[str, ...], int]:
+    """The arguments: what is read from outside in each place, without the constants that all share."""
+    columns: dict[tuple[str, ...], int] = {}
+    for column in zip(*outside, strict=True):
+        if not _shared_constant(column):
+            columns.setdefault(column, len(columns))
+    return columns
+
+
+def _distinct(outside: Sequence[Sequence[str]]) -> list[int]:
+    """How many arguments the first reads need, for none of them, one, two, ..."""
+    seen: set[tuple[str, ...]] = set()
+    counts = [0]
+    for column in zip(*outside, strict=False):
+        if not _shared_constant(column):
+            seen.add(column)
+        counts.append(len(seen))
+    return counts
 
 
 def _shared_constant(column: Sequence[str]) -> bool:
