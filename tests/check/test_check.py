@@ -146,8 +146,8 @@ def test_law_natural_period_of_roll() -> None:
     assert statics(CWOLF).roll_period_s == pytest.approx(period, rel=1e-6)
 
 
-def test_built_in_vehicles_pass_but_for_what_their_files_say() -> None:
-    assert check_vehicle(CWOLF).warnings == ()
+def test_built_in_vehicles_pass_but_for_what_their_files_say(cwolf: VehicleCheck) -> None:
+    assert cwolf.warnings == ()
     # Beluga's file itself records 24 kg against 23 kg of displaced water.
     assert all("B - m g" in text for text in check_vehicle(Vehicle.load("beluga")).warnings)
 
@@ -181,8 +181,16 @@ def test_law_growth_is_that_of_the_simulated_disturbance() -> None:
         ({"B": 800.0}, "of the weight"),
         ({"B": 5.3}, "N is -100 % of the weight"),
         ({"X_u": 3.0}, "X_u = +3 is positive"),
-        ({"N_rr": 100.0}, "damping and lift add energy"),
         ({"N_uv": 600.0}, "damping and lift add energy"),
+    ],
+)
+def test_what_is_not_stable_or_drives_on_is_warned_of(change: dict[str, float], words: str) -> None:
+    assert warned(CWOLF.with_coefficients(dict(change)), words)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
         ({"m": 3.0, "B": 29.43}, "of the 230.6 kg of water"),
         ({"I_z": 7.1e4}, "I_z = 7.1e+04 kg m2"),
         ({"X_udot": -3710.0}, "X_udot = -3710 against 135"),
@@ -192,8 +200,8 @@ def test_law_growth_is_that_of_the_simulated_disturbance() -> None:
         ({"SbU.p2": 0.5, "PU.p2": 0.5}, "of SbU and PU is positive"),
     ],
 )
-def test_what_cannot_be_meant_is_named(change: dict[str, float], words: str) -> None:
-    assert warned(CWOLF.with_coefficients(dict(change)), words)
+def test_implausible_coefficients_are_named(change: dict[str, float], words: str) -> None:
+    assert any(words in sentence for sentence in implausible(CWOLF.with_coefficients(dict(change))))
 
 
 def test_damping_that_drives_on_without_end_is_named_beside_what_can_still_be_said() -> None:
@@ -313,10 +321,10 @@ def test_a_tether_that_does_nothing_is_named() -> None:
 
 
 def test_a_vehicle_that_may_rightly_be_unstable_is_not_to_be_corrected_at_any_rate() -> None:
-    said = check_vehicle(Vehicle.load("remus100")).report()
+    remus = Vehicle.load("remus100")
+    said = check_vehicle(remus).report()
     assert said.worst.lower().startswith("course unstable")
     assert said.next_step.startswith("where the real vehicle is stable, correct the vehicle file")
     assert "where it is not, go on" in said.next_step
-    remus = Vehicle.load("remus100")
     other = check_vehicle(remus.with_coefficients({"B": 1.4 * remus.coefficients()["B"]})).report()
     assert other.next_step == "correct the vehicle file and check it again before use"

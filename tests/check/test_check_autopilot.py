@@ -172,17 +172,18 @@ def test_a_loiter_circle_that_is_too_tight_is_told() -> None:
         assert said(found, f"station-keeping is a circle of {radius:g} m")
 
 
-@pytest.mark.parametrize(("name", "law"), [("remus100", "pid"), ("lauv", "pid"), ("remus100", "lqr")])
+@pytest.mark.parametrize(("name", "law"), [("lauv", "pid"), ("remus100", "lqr")])
 def test_a_lookahead_that_is_too_short_is_told(name: str, law: str) -> None:
     vehicle = Vehicle.load(name)
     own = Autopilot.load(name) if law == "pid" else Autopilot.from_toml(start_autopilot(vehicle, law=law))
     assert not warned(check_autopilot(own, vehicle=vehicle), "nearly oscillates")
-    for key, what in (("lookahead_m", "course"), ("lookahead_vertical_m", "depth")):
-        table = tomllib.loads(own.to_toml())["guidance"]
-        short = own.with_gains({f"guidance.{key}": 0.3 * table[key]})
-        assert warned(
-            check_autopilot(short, vehicle=vehicle), f"the {what} nearly oscillates about a path: {key}"
-        )
+    table = tomllib.loads(own.to_toml())["guidance"]
+    paths = {"lookahead_m": "course", "lookahead_vertical_m": "depth"}
+    short = check_autopilot(
+        own.with_gains({f"guidance.{key}": 0.3 * table[key] for key in paths}), vehicle=vehicle
+    )
+    for key, what in paths.items():
+        assert warned(short, f"the {what} nearly oscillates about a path: {key}")
 
 
 def test_every_watch_and_reaction_has_its_words() -> None:

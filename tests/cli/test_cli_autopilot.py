@@ -119,11 +119,11 @@ def test_a_file_that_exists_is_replaced_only_when_told_to() -> None:
 
 
 def test_of_two_that_write_one_file_the_second_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = st.start_autopilot
+    made = st.Autopilot.load("cwolf").to_toml()
 
-    def overtaken(*arguments: object, **options: object) -> str:
+    def overtaken(*_: object, **__: object) -> str:
         Path("autopilot.toml").write_text("the other's")
-        return made(*arguments, **options)  # type: ignore[arg-type]
+        return made
 
     monkeypatch.setattr("seatrial.control_design.start_autopilot.start_autopilot", overtaken)
     refused(call("cwolf"), "autopilot.toml: another program wrote this file meanwhile", "--force")

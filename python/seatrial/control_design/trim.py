@@ -77,6 +77,8 @@ def trim(
     mass = np.asarray(vehicle.mass_matrix())
     scale = np.diag(mass)
     idle = [k for k, row in enumerate(ROWS) if row not in rows]
+    chosen = [ROWS.index(row) for row in rows]
+    mixed = mixing(vehicle, rows, actuators) if chosen else np.zeros((6, 0))
 
     def flight(x: Array) -> Trim:
         attitude, drift = np.zeros(3), 0.0
@@ -88,8 +90,7 @@ def trim(
         nu = np.concatenate([_body(attitude, drift) * speed_m_s, np.zeros(3)])
         force = sum(np.asarray(term) for term in vehicle.forces(nu, attitude).values())
         held = neutral_fins(vehicle, nu[None])[0]
-        chosen = [ROWS.index(row) for row in rows]
-        along = mixing(vehicle, rows, actuators) @ -(force + held)[chosen] if chosen else np.zeros(6)
+        along = mixed @ -(force + held)[chosen]
         return Trim(speed_m_s, rows, attitude, nu, held + along, actuators)
 
     def residual(x: Array) -> Array:
