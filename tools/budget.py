@@ -21,9 +21,9 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 420,
-    "Python lines": 115_500,
+    "Python lines": 115_490,
     "modules that import the campaign": 15,
-    "lines that build text below the verbs": 6_900,
+    "lines that build text below the verbs": 6_850,
     "functions over 8 parameters": 45,
     "parameters of the widest function": 20,
     "numeric constants of modules": 1_660,

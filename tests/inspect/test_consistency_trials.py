@@ -17,13 +17,13 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.inspect.consistency_result import Consistency, Correction
 from seatrial.inspect.consistency_trials import (
-    LATE,
     LateVelocity,
     consistency_of_recording,
     late_velocity,
     mean,
     proposals,
 )
+from seatrial.report.results.trial_findings import problem, remedy
 from seatrial.sensors.log import held, measure, times
 from seatrial.sensors.sensor import parse_sensors
 from seatrial.trial.signals import RecordingReport
@@ -128,11 +128,10 @@ def test_a_late_velocity_that_reading_leaves_is_said_with_the_command_to_run() -
     made = campaign(turn=slowly_placed(0.3))
     found = late(made)
     assert found is not None
-    assert found.sentence.startswith(f"{LATE}turn is 0.30 s late")
-    problem, _, remedy = found.sentence.partition("; ")
-    assert "seatrial check" in remedy
-    assert "delay_s.velocity = 0." in remedy
-    assert "the log has too few positions" in problem
+    assert problem(found.finding).startswith("the velocity of trial turn is 0.30 s late")
+    assert "seatrial check" in remedy(found.finding)
+    assert "delay_s.velocity = 0." in remedy(found.finding)
+    assert "the log has too few positions" in problem(found.finding)
     assert found.spoils == (found.before > 1.5 * found.after)
     # Without any position as well.
     bare = late(campaign(turn=slowly_placed(0.3).drop("x_m", "y_m").drop_nulls("z_m")))
@@ -162,9 +161,10 @@ def test_identify_heads_its_lines_with_a_late_velocity() -> None:
     inputs = {f"cmd.{name}": values for name, values in commands.items()}
     fit = campaign(turn=measure(run, parse_sensors(sensors), seed=2, inputs=inputs, every=10)).identify()
     report = fit.report()
-    assert report.worst.startswith(f"{LATE}turn is 0.4"), report.worst
+    assert report.worst.startswith("the velocity of trial turn is 0.4"), report.worst
     assert report.next_step.startswith("run seatrial check")
-    assert fit.before[0].startswith(LATE)
+    assert fit.findings[0].kind == "late velocity"
+    assert fit.before[0].startswith(report.worst)
 
 
 def bias(value: float, sd: float) -> Consistency:

@@ -11,10 +11,12 @@ import polars as pl
 import pytest
 
 from seatrial._core import State, Vehicle
+from seatrial.base.report import words_of
 from seatrial.check.campaign import check_campaign
 from seatrial.identification.preparation import prepare
-from seatrial.inspect.wiring import WIRED, wiring
+from seatrial.inspect.wiring import wiring
 from seatrial.intake.import_logs import import_logs
+from seatrial.report.results.trial_findings import remedy
 from seatrial.trial.trial import Trial
 
 NOISE = np.array([0.02, 0.02, 0.02, 0.005, 0.005, 0.005])  # m/s, rad/s: a Doppler log and a gyro
@@ -94,7 +96,7 @@ def test_reversed_actuators_are_named(name: str, actuators: tuple[str, ...]) -> 
     assert found is not None
     assert found.reversed == actuators
     assert found.exchanged == ()
-    assert f"sign = -1 to cmd.{actuators[0]}" in found.sentence
+    assert f"sign = -1 to cmd.{actuators[0]}" in remedy(found.finding())
 
 
 @pytest.mark.parametrize(
@@ -111,7 +113,7 @@ def test_exchanged_actuators_are_named(name: str, pair: tuple[str, str]) -> None
     found = wiring(exchanged(read(table(name, 3)), *pair), vehicle, loops=[])
     assert found is not None
     assert found.exchanged == (pair,)
-    assert f"exchange the columns of cmd.{pair[0]} and cmd.{pair[1]}" in found.sentence
+    assert f"exchange the columns of cmd.{pair[0]} and cmd.{pair[1]}" in remedy(found.finding())
 
 
 def test_what_the_log_cannot_tell_is_not_told() -> None:
@@ -167,4 +169,6 @@ def test_import_check_and_identify_say_it_before_the_search(tmp_path: Path) -> N
     said = check_campaign(campaign).report()
     assert "rudder_upper and rudder_lower act against their signs" in said.worst
     assert said.next_step.startswith("toggle the key reversed of these actuators in the vehicle file")
-    assert any(WIRED in sentence for sentence in prepare(campaign.problem()).sentences)
+    ready = prepare(campaign.problem())
+    assert [(finding.kind, finding.subject) for finding in ready.findings] == [("wiring", "zigzag")]
+    assert any(words_of(ready.findings[0]) in sentence for sentence in ready.sentences)

@@ -142,7 +142,6 @@ _COVERED = 0.9
 
 _COVERS_S = 0.3  # between a row and the time for which it stands: three periods of a log at 10 Hz
 
-
 _TOPICS = (
     "RATE", "PIDR", "PIDP", "PIDY", "PIDA", "ANG", "ATT", "PSCD", "PSCN", "PSCE", "PSOT", "CTUN", "RCIN",
     "RCOU", "MODE", "ARM", "EV",

@@ -13,6 +13,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
+from seatrial.base.finding import Finding
+
 REPORT_FILE = "report.json"
 """Name of the report as plain data in a run directory; a page is rendered from it."""
 
@@ -195,6 +197,12 @@ class Report:
 def writer_of(result: object) -> Any:
     """Module that writes the words of a result; it lies above all results and is loaded when first needed."""
     return importlib.import_module("seatrial.report.results").writer_of(result)
+
+
+def words_of(finding: Finding) -> str:
+    """Problem and remedy of a finding about a recording, in the words of `seatrial.report.results`."""
+    words = importlib.import_module("seatrial.report.results.trial_findings")
+    return f"{words.problem(finding)}; {words.remedy(finding)}"
 
 
 def report_of(result: object, **options: Any) -> Report:

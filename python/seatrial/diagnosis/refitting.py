@@ -12,7 +12,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -32,9 +32,6 @@ from seatrial.estimation.joint_estimate import Polished, linearise, polish
 from seatrial.problem.settings import Coefficient, JointSettings, Nuisance, Tie
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import score_tests
-
-if TYPE_CHECKING:
-    pass
 
 _SIGMAS = 4.0
 """Room for a freed term on either side of its suggested value, in its standard deviations."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import VehicleError
 from seatrial.base.fallback import Fallback, is_numerical
+from seatrial.base.finding import Finding
 from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.estimation.stage import StageResult
@@ -48,6 +49,9 @@ class Identification(RunResult):
         where the stages were interrupted or the trials cannot be judged jointly.
     before
         Sentences on what the data cannot tell, known before the search.
+    findings
+        What of it spoils every estimate, the gravest first: a late velocity, actuators that contradict the
+        vehicle file.
     held
         A `Held` per coefficient that was to be identified and that feedback hides: it keeps the value of the
         vehicle file.
@@ -83,6 +87,7 @@ class Identification(RunResult):
     stages: tuple[StageResult, ...]
     assessment: Assessment | None
     before: tuple[str, ...]
+    findings: tuple[Finding, ...]
     held: tuple[Held, ...]
     scale: ScaleReport
     scores: Mapping[str, Mapping[str, Mapping[str, Score]]]
@@ -206,6 +211,7 @@ class Identification(RunResult):
             "derived": derived(self.vehicle),
             "stages": [stage.to_dict() for stage in self.stages],
             "before": list(self.before),
+            "findings": [finding.to_dict() for finding in self.findings],
             "held": [asdict(row) for row in self.held],
             "outcome": "interrupted" if self.interrupted else self.tally.outcome,
             "tally": asdict(self.tally),

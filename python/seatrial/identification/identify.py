@@ -27,6 +27,7 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.fallback import Fallbacks
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass
+from seatrial.base.report import words_of
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.base.work import HERE, Work, takes
 from seatrial.estimation.scale import judge_scale
@@ -371,7 +372,8 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
         late = late_velocity(
             {name: problem.trials[name] for name in fitted}, problem.recordings, problem=str(problem.source)
         )
-        before = (*(() if late is None else (late.sentence,)), *before)
+        findings = (*(() if late is None else (late.finding,)), *ready.findings)
+        before = (*(() if late is None else (words_of(late.finding),)), *before)
         order = StageOrder(problem, plans, run, progress=progress, threads=threads, fleet=fleet)
         if progress is not None and before:
             progress(replace(order.state(plans[0], None), notes=before))
@@ -380,7 +382,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
         if not end.interrupted and not notes:
             if progress is not None:
                 progress(_joint_progress(order))
-            spoilt = late.sentence if late is not None and late.spoils else ""
+            spoilt = words_of(late.finding) if late is not None and late.spoils else ""
             end = concluded(
                 ready,
                 end,
@@ -400,6 +402,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
             assessment=sure,
             scores=judged.scores,
             before=before,
+            findings=findings,
             held=ready.held,
             conditional=end.conditional,
             scale=fallbacks.attempt(

@@ -20,7 +20,8 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import MOTIONS
 from seatrial.base.errors import CampaignError, TrialError
-from seatrial.base.report import listed
+from seatrial.base.finding import Finding
+from seatrial.base.report import listed, words_of
 from seatrial.base.run import sha256
 from seatrial.diagnosis.assessment import conditioning
 from seatrial.estimation.inputs import trained
@@ -40,8 +41,9 @@ if TYPE_CHECKING:
 class Preparation:
     """What an identification runs, and what is known before.
 
-    ``campaign`` frees nothing that is ``held``, ``whole`` does; ``plans`` are its stages, ``sentences`` say
-    what the data cannot tell, ``no_joint`` why there can be no joint estimate.
+    ``campaign`` frees nothing that is ``held``, ``whole`` does; ``plans`` are its stages, ``findings`` name
+    what contradicts the vehicle file, ``sentences`` say this and what the data cannot tell, ``no_joint`` why
+    there can be no joint estimate.
     """
 
     problem: Problem
@@ -50,6 +52,7 @@ class Preparation:
     plans: tuple[StagePlan, ...]
     sentences: tuple[str, ...]
     no_joint: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def prepare(problem: Problem, *, threads: int | None = None) -> Preparation:
@@ -65,7 +68,9 @@ def prepare(problem: Problem, *, threads: int | None = None) -> Preparation:
             f"{problem.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
             " only tunes or verifies an autopilot"
         )
-    silent = (*_wired(problem), *repeated_sentences(problem), *_actuators_without_column(problem))
+    wired = _wired(problem)
+    contradictions = (f"WARNING: {words_of(finding)}" for finding in wired)
+    silent = (*contradictions, *repeated_sentences(problem), *_actuators_without_column(problem))
     whole, commandless = without_commandless(problem)
     problem, held = identifiable(whole)
     plans = plan(problem)
@@ -81,7 +86,7 @@ def prepare(problem: Problem, *, threads: int | None = None) -> Preparation:
     warnings = tuple(f"WARNING: {text}" for text in sentences(held))
     steps = (*step_sentences(plans), *frozen_sentences(plans))
     notes = (*warnings, *commandless, *silent, *diverging, *conditions, *steps)
-    return Preparation(problem, whole, held, plans, notes, no_joint)
+    return Preparation(problem, whole, held, plans, notes, no_joint, wired)
 
 
 def identifiable(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
@@ -140,16 +145,12 @@ def _records(problem: Problem, trial: str, names: Sequence[str]) -> bool:
     return recorded is None or any(name in recorded for name in names)
 
 
-def _wired(problem: Problem) -> tuple[str, ...]:
-    """Sentences on actuators of the trials that are fitted whose signs or places contradict the vehicle."""
+def _wired(problem: Problem) -> tuple[Finding, ...]:
+    """Actuators of the trials that are fitted whose signs or places contradict the vehicle."""
     names = dict.fromkeys(name for stage in problem.stages for name in stage.trials)
     driven = [name for name in names if problem.input_of(name) == "commands"]
     judged = {name: wiring(problem.trials[name], problem.vehicle) for name in driven}
-    return tuple(
-        f"WARNING: {verdict.sentence} (trial {name})"
-        for name, verdict in judged.items()
-        if verdict is not None
-    )
+    return tuple(verdict.finding(name) for name, verdict in judged.items() if verdict is not None)
 
 
 def _actuators_without_column(problem: Problem) -> tuple[str, ...]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.channels import DEGREE
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.rotation import from_euler, product, to_euler
 from seatrial.inspect.consistency import consistency
 from seatrial.inspect.consistency_result import Consistency, Correction, SlowCurrent, current_sentence
@@ -56,9 +57,6 @@ def consistency_of_recording(recording: Recording) -> Consistency:
     return replace(result, corrections=tuple(_on_top(proposal, given) for proposal in result.corrections))
 
 
-LATE = "the velocity of trial "
-"""How a sentence on a late velocity begins."""
-
 _TELLS_DELAY = ("z", "u", "v", "w", "roll", "pitch", "yaw")
 
 _NOT_ESTIMATED = "latency not estimated: a position every"
@@ -88,16 +86,9 @@ class LateVelocity:
         return self.before > _SPOILS * self.after
 
     @property
-    def sentence(self) -> str:
-        """What is wrong, and what to do behind a semicolon."""
-        word = "late" if self.delay_s > 0.0 else "early"
-        return (
-            f"{LATE}{self.trial} is {abs(self.delay_s):.2f} s {word} (it differs from the rate of depth by"
-            f" {self.before:.3g} m/s rms, without the delay by {self.after:.3g}), and the log has too few"
-            " positions to correct this on reading, so forces are fitted at the wrong times; run"
-            f" seatrial check {self.problem}, paste its proposal ({self.line} under [corrections]) and"
-            " identify again"
-        )
+    def finding(self) -> Finding:
+        """The delay, with what it does to the rate of depth and the line that corrects it."""
+        return Finding("late velocity", Severity.DANGER, self.trial, asdict(self))
 
 
 def late_velocity(

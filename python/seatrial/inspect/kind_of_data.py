@@ -17,6 +17,8 @@ import numpy as np
 
 from seatrial.base.arrays import Array, runs
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES, readable
+from seatrial.base.finding import Finding, Severity
+from seatrial.base.report import words_of
 from seatrial.inspect.feedback import Feedback, feedback
 from seatrial.inspect.manoeuvres import Drive, Manoeuvre, counted, drives, manoeuvres
 from seatrial.inspect.trial_windows import TrialWindows, windows
@@ -57,14 +59,11 @@ class KindOfData:
     wiring: Wiring | None = None
 
     @property
-    def impossible(self) -> tuple[str, ...]:
+    def impossible(self) -> tuple[Finding, ...]:
         """How commands contradict the vehicle: their wiring, and values that no actuator follows."""
-        wired = () if self.wiring is None else (self.wiring.sentence,)
+        wired = () if self.wiring is None else (self.wiring.finding(),)
         return wired + tuple(
-            f"command of {excess.command} reaches {excess.reached:g}, and its limit is {excess.limit:g}"
-            f" (beyond it in {100.0 * excess.share:.0f} % of the samples); check the unit of the column and"
-            " the limits in the vehicle file"
-            for excess in self.beyond
+            Finding("command beyond limit", Severity.PROBLEM, values=asdict(excess)) for excess in self.beyond
         )
 
     @property
@@ -74,7 +73,7 @@ class KindOfData:
             f"{contact.sentence}. Leave this part out: split the trial or hold it out"
             for contact in self.contacts
         ]
-        problems = [*self.impossible, *touching]
+        problems = [*map(words_of, self.impossible), *touching]
         dominated = [verdict.sentence for verdict in self.verdicts if verdict.dominated]
         return tuple(
             problems + dominated + _loops(self.loops) + _waves(self.waves) + _saturated(self.saturated)

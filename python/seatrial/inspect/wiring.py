@@ -23,23 +23,20 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
-from seatrial.base.report import listed
 from seatrial.inspect.feedback import Feedback, feedback
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
-
-WIRED = "wiring: "
-"""How a sentence on actuators that contradict the vehicle file begins."""
 
 _WINDOW_S = 0.5  # longer than most lags of motors, short against the time constants of hulls
 
@@ -111,32 +108,9 @@ class Wiring(Plain):
         """All actuators concerned."""
         return tuple(dict.fromkeys((*self.reversed, *itertools.chain(*self.exchanged))))
 
-    @property
-    def sentence(self) -> str:
-        """What is wrong, how sure that is, and what to change."""
-        faults, cure = [], []
-        if self.reversed:
-            several = len(self.reversed) > 1
-            faults.append(
-                f"{listed(self.reversed)} {'act against their signs' if several else 'acts against its sign'}"
-            )
-            cure.append(
-                f"toggle the key reversed of {'these actuators' if several else 'this actuator'} in the"
-                " vehicle file, or give sign = -1 to"
-                f" {listed([f'cmd.{name}' for name in self.reversed])} in the column map"
-            )
-        for a, b in self.exchanged:
-            faults.append(f"{a} and {b} act in one another's place")
-            cure.append(f"exchange the columns of cmd.{a} and cmd.{b} in the column map")
-        shares = ", ".join(
-            f"{100.0 * after:.0f} % instead of {100.0 * max(before, 0.0):.0f} % of {axis}"
-            for axis, (before, after) in self.explained.items()
-        )
-        odds = f"log-likelihood {self.evidence:.0f} higher"
-        return (
-            f"{WIRED}{' and '.join(faults)}: so the commands explain {shares} beyond damping ({odds});"
-            f" {' and '.join(cure)}; check in the water"
-        )
+    def finding(self, trial: str = "") -> Finding:
+        """What contradicts the vehicle file, in the trial of a name."""
+        return Finding("wiring", Severity.DANGER, trial, asdict(self))
 
 
 def wiring(trial: Trial, vehicle: Vehicle, *, loops: Sequence[Feedback] | None = None) -> Wiring | None:

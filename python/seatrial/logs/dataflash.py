@@ -43,7 +43,6 @@ _INSTANCES = ("I", "Inst", "Instance", "C")  # of types whose FMTU is not logged
 _NOT_COUNTED = {"MODE", "PARM", "FMT", "FMTU", "MSG", "UNIT", "MULT", "CMD"}
 _GPS_EPOCH_S, _LEAP_S, _WEEK_S = 315_964_800.0, 18.0, 604_800.0  # 6 January 1980; leap seconds since 2017
 
-
 _TABLES = {"FMT", "FMTU", "UNIT", "MULT"}  # of the log itself: no measurements
 _PREFIXES = {1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
 

@@ -37,7 +37,6 @@ GAP = 1.9
 
 _TICK = 1e-6  # two times closer than this share of an interval are the same
 
-
 _MOST, _SPARSE = 1_000_000, 4
 """A time base has at most so many samples, or so many per row of the recording, whichever is more."""
 

@@ -50,7 +50,6 @@ _INPUT_COLUMNS = {
 
 _STEADY_S = 0.25  # a segment starts where the samples this close are valid too
 
-
 _STEPS = {
     "table": 0.03,
     "units and frames": 0.07,

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 _DIGITS = 4  # of gains in a file: no more is read or set by hand
 
-
 _ANY = ", with any gains within the bounds"
 
 

@@ -34,7 +34,6 @@ KEPT = ("numbers", "mission", "seeds", "perceived_counts", "true_counts")
 
 _METRIC, _CAUSE = "metric ", "cause "
 
-
 COUNTED = 16_384
 """Missions whose samples of the cross-track error are kept for the figure of their distribution."""
 

@@ -43,7 +43,6 @@ _VERIFIED = "verified"
 
 _R = TypeVar("_R")
 
-
 _S = TypeVar("_S", covariant=True)
 
 

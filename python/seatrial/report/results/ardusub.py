@@ -13,7 +13,6 @@ from seatrial.base.report import Column, Report, Section, Table, listed
 
 _STEEP = 2.0  # times the recorded value, beyond which a change is made in two steps
 
-
 _WIDE = 3.0  # half-width over the rms of the log beyond which an envelope tells little
 
 

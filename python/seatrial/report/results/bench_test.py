@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from seatrial.base.report import Report, Section, Table
 from seatrial.bench_test.result import BenchTest, exponent_text, share, verb_of
-
-if TYPE_CHECKING:
-    pass
-
 
 WRITE = (
     "write the results into the vehicle file (seatrial bench FILE --in-place, or --write FILE), then"

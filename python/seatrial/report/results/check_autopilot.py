@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.check.autopilot import AutopilotCheck
-
-if TYPE_CHECKING:
-    pass
 
 
 def report(check: AutopilotCheck, *, authority: Sequence[str] = ()) -> Report:

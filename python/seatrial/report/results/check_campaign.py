@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from seatrial.base.report import Report, Section, Table
 from seatrial.check.campaign import CampaignCheck
 from seatrial.inspect.consistency_result import current_sentence
 from seatrial.inspect.consistency_trials import accepted
-from seatrial.inspect.wiring import WIRED
+from seatrial.report.results import trial_findings
 from seatrial.trial.assembly import MOSTLY_MASKED, UNCOMMANDED
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 
 _MOST_PROPOSALS = 6  # more are among the details
-
 
 _READY = {True: "Ready to identify", False: "Nothing to identify: it only tunes or verifies an autopilot"}
 
@@ -88,12 +88,10 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
         for name, channels in check.consistency.items()
         for contradiction in channels.contradictions
     ]
-    unlike += [
-        f"trial {name}: {contradiction}"
-        for name, kind in check.kinds.items()
-        for contradiction in kind.impossible
+    impossible = [
+        replace(finding, subject=name) for name, kind in check.kinds.items() for finding in kind.impossible
     ]
-    unlike += [
+    mapped = [
         text
         for severity, text in findings
         if severity == "warning" and (UNCOMMANDED in text or MOSTLY_MASKED in text)
@@ -101,8 +99,12 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
     if (text := next((text for severity, text in findings if severity == "error"), None)) is not None:
         return text, correct
     if unlike:
-        problem, _, remedy = unlike[0].partition("; ")
-        return (problem, f"{remedy}; then {identify}") if WIRED in problem else (unlike[0], correct)
+        return unlike[0], correct
+    if impossible:
+        problem, remedy = trial_findings.problem(impossible[0]), trial_findings.remedy(impossible[0])
+        return problem, f"{remedy}; then {identify}"
+    if mapped:
+        return mapped[0], correct
     if open_:
         return open_[0], f"paste the corrections that you accept into the campaign; then {identify}"
     if (text := next((text for severity, text in findings if severity == "warning"), None)) is not None:

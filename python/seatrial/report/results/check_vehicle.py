@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from seatrial.base.report import Report, Section, Table
 from seatrial.check.vehicle import IF_STABLE, VehicleCheck
 from seatrial.vehicle.steady_state import Speed
-
-if TYPE_CHECKING:
-    pass
 
 
 def report(check: VehicleCheck) -> Report:

@@ -26,12 +26,9 @@ from seatrial.vehicle.actuators import beyond_tables
 
 _SWITCHES_PER_MINUTE = 6.0  # more than this looks like a limit cycle around the minimum
 
-
 _LEAST_S = 20.0  # of a flight from which starts per minute can be told
 
-
 _SATURATED = 0.05
-
 
 _OFF_M = 0.05
 

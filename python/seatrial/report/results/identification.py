@@ -14,8 +14,7 @@ from seatrial.identification.estimate import derived, distinct, plus_minus
 from seatrial.identification.held import SHARE, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
-from seatrial.inspect.consistency_trials import LATE
-from seatrial.inspect.wiring import WIRED
+from seatrial.report.results import trial_findings
 from seatrial.scoring.baselines import not_beaten
 from seatrial.scoring.score import LIMITS, baseline_table, limit_text
 from seatrial.scoring.windows import score_text
@@ -131,11 +130,8 @@ def _worst(fit: Identification) -> tuple[str, str]:
     if fit.interrupted:
         left = f"; not run: {', '.join(fit.not_run)}" if fit.not_run else ""
         return f"Ctrl-C ended the search early{left}", "run the same command again; finished stages are kept"
-    if late := [sentence for sentence in fit.before if sentence.startswith(LATE)]:
-        problem, _, remedy = late[0].partition("; ")
-        return problem, remedy
-    if wired := _wired(fit):
-        problem, _, remedy = wired[0].partition("; ")
+    if fit.findings:
+        problem, remedy = trial_findings.problem(fit.findings[0]), trial_findings.remedy(fit.findings[0])
         return problem, f"{remedy}; then identify again"
     if fit.fallbacks:
         first = fit.fallbacks[0]
@@ -430,19 +426,15 @@ def _replayed_words(fit: Identification) -> str:
     return f"; {', '.join(MOTIONS[axis] for axis in axes)} replayed, not predicted" if axes else ""
 
 
-def _wired(fit: Identification) -> list[str]:
-    """Sentences on actuators whose signs or places contradict the vehicle file."""
-    return [text.removeprefix("WARNING: ") for text in fit.before if WIRED in text]
-
-
 def advice(fit: Identification) -> list[str]:
     """Sentences: bounds that were hit, what the data cannot tell, what the model lacks, what did not run."""
-    wired = _wired(fit)
+    # A wrong sign drives coefficients to their bounds.
+    wired = any(finding.kind == "wiring" for finding in fit.findings)
     lines = [
         f"{row.name} is not identified, it ended at its {row.at_bound} bound: widen the bound if the value"
         " is plausible; otherwise hold the coefficient"
         for row in distinct(fit.coefficients)
-        if row.at_bound and not wired  # a wrong sign drives coefficients to their bounds
+        if row.at_bound and not wired
     ]
     lines += [fallback.sentence for fallback in fit.fallbacks]
     lines += _implausible(fit)

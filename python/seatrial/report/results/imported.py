@@ -5,11 +5,10 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import printable
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Section, Table, words_of
 from seatrial.inspect.consistency_trials import proposals
 from seatrial.intake.imported import Imported, ImportedTrial
 from seatrial.intake.vehicle_draft import opposed
@@ -17,15 +16,9 @@ from seatrial.logs.join import SPLIT
 from seatrial.trial.assembly import JUMPED, MOSTLY_MASKED, UNCOMMANDED
 from seatrial.trial.defects import ABOVE
 
-if TYPE_CHECKING:
-    pass
-
-
 _SHOWN = 10  # problems; the others are details
 
-
 _NAMED = 4  # fields of a log that are not used
-
 
 _SHORTEST_S = 10.0  # a segment of a stage, unless the campaign says otherwise
 
@@ -111,7 +104,7 @@ def _problems(made: Imported) -> Iterator[str]:
             f"trial {imported.name}: {contradiction}" for contradiction in imported.consistency.contradictions
         )
     for imported in made.trials:
-        yield from (f"trial {imported.name}: {contradiction}" for contradiction in imported.kind.impossible)
+        yield from (f"trial {imported.name}: {words_of(finding)}" for finding in imported.kind.impossible)
     yield from _findings(made, "warning", MOSTLY_MASKED)
     yield from _findings(made, "warning", UNCOMMANDED)
     for log in made.survey.logs:

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from seatrial.base.channels import readable
 from seatrial.base.report import Report, Section, Table
 from seatrial.verification.mission_log.power import Shown
 from seatrial.verification.mission_log.verdict import SHOWN, LogVerdict
-
-if TYPE_CHECKING:
-    pass
 
 
 def report(verdict: LogVerdict) -> Report:

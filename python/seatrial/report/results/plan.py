@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.report import Report, Section, Table
 from seatrial.experiment.plan_result import BETTER, IDENTIFIED, START, UNKNOWN, VEHICLE, Plan, Ranked
-
-if TYPE_CHECKING:
-    pass
-
 
 _AT = {
     VEHICLE: "",
@@ -22,12 +17,9 @@ _AT = {
 
 _HEAD = ("thrust", "run", "area, m", "to depth, m", "score", "determines best")
 
-
 _OTHERS = 6
 
-
 _WORTH = 0.99
-
 
 _MOST_REFUSED = 4
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 _NAMES = {"deg": "phase margin", "dB": "gain margin", "dB down": "gain margin", "s": "delay margin"}
 
-
 _MARGINS = "margins"
 
 

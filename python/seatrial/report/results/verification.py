@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from importlib import metadata
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,10 +15,6 @@ from seatrial.verification.judgement import JudgedRequirement
 from seatrial.verification.junit import JUnitCase, junit_xml
 from seatrial.verification.regression import FlownCase
 from seatrial.verification.verification import Verification, excess_sentences
-
-if TYPE_CHECKING:
-    pass
-
 
 _CAUSES = 4
 

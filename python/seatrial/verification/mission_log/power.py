@@ -79,7 +79,6 @@ forgive a factor of two in a loop and no more."""
 
 POWER = 0.95
 
-
 _ADDED = re.compile(r"[XYZKMN]_[uvwpqr]dot")
 _OWN = {axis: re.compile(rf"{axis}_({own})\1?") for axis, own in zip("XYZKMN", "uvwpqr", strict=True)}
 _ANY = re.compile(r"[XYZKMN]_[uvwpqr]{1,2}")
