@@ -285,7 +285,7 @@ def test_a_mutated_campaign_ends_in_a_result_or_is_refused_before_the_search(num
 
 
 @pytest.mark.long
-def test_two_hundred_mutated_campaigns_end_in_results_or_are_refused_before_the_search() -> None:
-    ends = [ends_well(number) for number in range(200)]
+def test_sixty_mutated_campaigns_end_in_results_or_are_refused_before_the_search() -> None:
+    ends = [ends_well(number) for number in range(60)]
     # The generator is no use where nearly everything is refused.
-    assert ends.count("result") >= 50
+    assert ends.count("result") >= 15

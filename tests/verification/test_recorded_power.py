@@ -24,7 +24,7 @@ from seatrial.verification.mission_log.power import (
 )
 from seatrial.verification.mission_log.restarts import restarts
 from seatrial.verification.mission_log.unknowns import Point, Unknowns, explained_best, pieces, sensor_noise
-from tests.verification.power_law import FACTORS, SEED, VEHICLES, changed, judged, law
+from tests.verification.power_law import SEED, VEHICLES, changed, judged, law
 from tests.verification.recorded_logs import fitted, log
 
 PITCH = ("M_qdot", "M_q", "M_qq", "M_uq", "M_uw")
@@ -193,6 +193,9 @@ def test_without_any_channel_that_counts_nothing_is_judged() -> None:
     assert judgement.model == "not judged"
 
 
+NEAR = (0.5, 2.0)
+"""Factors that come nearest to a valid model; the table of docs/validation.md has 1/4 and 4, too."""
+
 FAST = (
     ("cwolf", "M", "lift and couplings", 0.5),
     ("remus100", "N", "damping", 2.0),
@@ -212,9 +215,9 @@ def test_law_a_group_off_by_two_is_not_called_valid(name: str, axis: str, kind: 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", VEHICLES)
-@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("factor", NEAR)
 def test_law_no_model_is_valid_that_misses_by_more_than_noise(name: str, factor: float) -> None:
-    """Every group times 1/4, 1/2, 2, 4: what is called valid errs no more than the vehicle itself."""
+    """Every group halved and doubled: what is called valid errs no more than the vehicle itself."""
     for judgement in law(name, SEED, (factor,)):
         print(judgement.row)
         # The vehicle's own errors over ten seconds are what the noise does; half as much again is seen.
