@@ -60,7 +60,7 @@ def tuning_plates(fit: Identification, campaign: Campaign | None) -> Iterator[Pl
 
 def _tuned(fit: Identification, campaign: Campaign) -> Tuning:
     """The surge loop of a campaign, tuned alone on the identified vehicle."""
-    from seatrial.tuning.tune import tune
+    from seatrial.tuning.tuning_run import tune
 
     assert campaign.file.tuning is not None
     asked = campaign.file.tuning.model_dump(exclude_unset=True)

@@ -20,8 +20,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 420,
-    "Python lines": 115_490,
+    "Python files": 414,
+    "Python lines": 115_410,
     "modules that import the campaign": 15,
     "lines that build text below the verbs": 6_850,
     "functions over 8 parameters": 45,

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
     from seatrial.tuning.control_problem import ControlProblem
     from seatrial.tuning.result import Tuning
-    from seatrial.tuning.tune import tune
+    from seatrial.tuning.tuning_run import tune
     from seatrial.verification.boundary import Boundary, FailureBoundary
     from seatrial.verification.falsify import Falsification, Falsify
     from seatrial.verification.mission_log.judge_log import LogSettings, verify_log
@@ -128,7 +128,7 @@ _HOME = {
     "simulate_batch": "seatrial._core",
     "sitl": "seatrial.realtime.ardupilot_link",
     "start_autopilot": "seatrial.control_design.start_autopilot",
-    "tune": "seatrial.tuning.tune",
+    "tune": "seatrial.tuning.tuning_run",
     "verify": "seatrial.verification.verify",
     "verify_log": "seatrial.verification.mission_log.judge_log",
 }

@@ -14,9 +14,9 @@ from typer.testing import CliRunner, Result
 
 import seatrial as st
 from seatrial.cli import app
+from seatrial.cli.console import show
 from seatrial.report.plot.style import save
 from seatrial.report.plot.verification import verification_figures
-from seatrial.report.terminal import show
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.verification import Verification
 from tests.flight.flying import OUT

@@ -35,7 +35,7 @@ from seatrial.experiment.manoeuvre import Manoeuvre, coast_down, dive, free_deca
 from seatrial.experiment.plan import plan
 from seatrial.experiment.plan_result import Change, Plan
 from seatrial.problem.parameter import Parameter
-from seatrial.report.plot.planned_trial import planned_trial
+from seatrial.report.plot.recording import planned_trial
 from seatrial.report.plot.style import save
 from seatrial.statistics.information import covariance
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from seatrial.base.report import Column, Report, Section, Table
-from seatrial.report.terminal import show
+from seatrial.cli.console import show
 
 TABLE = Table.of(
     "Speeds",

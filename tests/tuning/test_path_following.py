@@ -15,7 +15,7 @@ from seatrial.report.results.tuning import sentences
 from seatrial.tuning.control_problem import ControlProblem
 from seatrial.tuning.path_following import GUIDANCE, course_lookahead, path_trials, search_paths
 from seatrial.tuning.step_trial import Samples
-from seatrial.tuning.tune import tune
+from seatrial.tuning.tuning_run import tune
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan
 
 FAR_M = 51.0

@@ -2,7 +2,7 @@
 
 A result holds numbers and findings. Its words are written in `seatrial.report.results`, above all results:
 ``report()`` of a result asks for them by `report_of`, ``summary()`` is `Report.text` of it, and the command
-line shows the same report with rich (`seatrial.report.terminal`). Held by tests/report/test_report.py.
+line shows the same report with rich (`seatrial.cli.console`). Held by tests/report/test_report.py.
 """
 
 from __future__ import annotations

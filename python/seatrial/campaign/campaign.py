@@ -311,7 +311,7 @@ class Campaign:
         work
             As of `seatrial.tune`, whose result and errors these are.
         """
-        from seatrial.tuning.tune import tune
+        from seatrial.tuning.tuning_run import tune
 
         return tune(self.control_problem(fit), work=work)
 

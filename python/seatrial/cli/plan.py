@@ -117,7 +117,7 @@ def plan(
         written += found.write_dithers(first.parent)
 
         def drawn() -> list[Path]:
-            from seatrial.report.plot.planned_trial import planned_trial
+            from seatrial.report.plot.recording import planned_trial
             from seatrial.report.plot.style import save
 
             figures_of = [

@@ -156,7 +156,7 @@ def boundary(
     """
     from seatrial.base.run import check_writable
     from seatrial.cli.console import answer, print_json
-    from seatrial.report.plot.boundary import boundary_gallery
+    from seatrial.report.plot.verification import boundary_gallery
     from seatrial.verification.boundary import Boundary
 
     strategy = Boundary(_ranges(variables), requirement or ())

@@ -61,7 +61,7 @@ class FlownMissions:
         Time that they took, s.
     stored
         The same as columns of files, as of `to_frame`, where metrics and causes are read from there
-        (`seatrial.verification.mission_store`); None where all is in memory.
+        (`seatrial.verification.missions`); None where all is in memory.
     """
 
     numbers: NDArray[np.int_]
