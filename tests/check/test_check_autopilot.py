@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,7 @@ actuators = ["stern"]
 """
 
 
+@cache
 def on_cwolf(*changes: tuple[str, str], more: str = "") -> AutopilotCheck:
     text = TEXT
     for old, new in changes:
@@ -96,13 +98,14 @@ def test_loops_with_little_margin_are_warned_of_by_loop_speed_and_margin() -> No
 
 def test_margins_are_told_with_perfect_sensors_and_what_typical_ones_leave() -> None:
     remus = Vehicle.load("remus100")
-    found = check_autopilot(Autopilot.load("remus100"), vehicle=remus)
+    own = Autopilot.load("remus100")
+    found = check_autopilot(own, vehicle=remus)
     assert found.margins is not None
     assert (
         "sound from 1.54 to 2.44 m/s with perfect sensors, phase margin at least 37 deg"
         in found.report().good
     )
-    late = report_margins(remus, Autopilot.load("remus100"), [2.444], sensors="typical")
+    late = report_margins(remus, own, [2.444], sensors="typical")
     phase = min(row.phase_deg for row in late if row.phase_deg is not None)
     assert phase < 25.0
     assert said(found, f"this table: at 2.44 m/s pitch has little margin (phase {phase:.0f} deg of 30")
