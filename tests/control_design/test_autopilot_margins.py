@@ -17,9 +17,11 @@ from seatrial.control_design.tuning_table import (
     ACCEPTED_SENSITIVITY,
     LeastMargins,
 )
+from tests.control_design.started import started
 
 CWOLF = st.Vehicle.load("cwolf")
-STARTER = st.Vehicle.load(Path(__file__).parents[2] / "examples" / "starter" / "vehicle.toml")
+STARTER_FILE = str(Path(__file__).parents[2] / "examples" / "starter" / "vehicle.toml")
+STARTER = st.Vehicle.load(STARTER_FILE)
 LOOPS = {"hover": ("surge", "heave", "pitch", "heading"), "cruise": ("surge", "pitch", "heading")}
 LEG = """
 format = 1
@@ -36,7 +38,7 @@ depth_m = 5.0
 
 
 def without_feed_forward() -> st.Autopilot:
-    text = st.start_autopilot(CWOLF)
+    text = started("cwolf").to_toml()
     assert "restoring = true" in text
     return st.Autopilot.from_toml(text.replace("restoring = true", "restoring = false"))
 
@@ -67,7 +69,7 @@ def test_law_beyond_the_gain_margin_a_motion_grows_and_within_it_none(point: int
 
 
 def test_the_supporting_points_are_where_the_modes_of_the_file_work() -> None:
-    autopilot = st.Autopilot.from_toml(st.start_autopilot(CWOLF))
+    autopilot = started("cwolf")
     rows = autopilot_margins(CWOLF, autopilot)
     assert [row.speed_m_s for row in rows] == list(autopilot.speeds_m_s)
     start = autopilot.modes[1]["from_speed_m_s"]
@@ -77,7 +79,7 @@ def test_the_supporting_points_are_where_the_modes_of_the_file_work() -> None:
 
 def test_law_margins_of_a_regulators_file_are_those_of_its_design() -> None:
     lauv = st.Vehicle.load("lauv")
-    autopilot = st.Autopilot.from_toml(st.start_autopilot(lauv, law="lqr"))
+    autopilot = started("lauv", "lqr")
     loops = tomllib.loads(autopilot.to_toml())["loops"]
     designed = design_lqr(
         lauv,
@@ -94,13 +96,13 @@ def test_law_margins_of_a_regulators_file_are_those_of_its_design() -> None:
 
 def test_an_undamped_roll_that_nothing_commands_does_not_count() -> None:
     assert STARTER.coefficients()["K_p"] == STARTER.coefficients()["K_pp"] == 0.0
-    autopilot = st.Autopilot.from_toml(st.start_autopilot(STARTER))
+    autopilot = started(STARTER_FILE)
     (row,) = autopilot_margins(STARTER, autopilot, speeds_m_s=[0.2])
     assert row.doubles_s is None
 
 
 def test_law_flights_are_level_at_sound_speeds_and_pitch_up_beyond() -> None:
-    autopilot = st.Autopilot.from_toml(st.start_autopilot(STARTER))
+    autopilot = started(STARTER_FILE)
     between = sound_speeds(STARTER, autopilot)
     assert between is not None
     pitch = {}

@@ -24,6 +24,7 @@ from seatrial.control_design.margin_report import (
 from seatrial.control_design.margins import decibel
 from seatrial.control_design.operating_points import reachable_points
 from seatrial.control_design.tuning_table import Margins
+from tests.control_design.started import started
 
 CWOLF = st.Vehicle.load("cwolf")
 LAUV = st.Vehicle.load("lauv")
@@ -243,7 +244,7 @@ def test_bad_input_is_named() -> None:
     with pytest.raises(CampaignError, match="as many values of each gain"):
         constraint().shortfall({"heading.K_P.3": [1.0, 2.0], "heading.K_P.4": [1.0, 2.0, 3.0]})
     with pytest.raises(CampaignError, match='found "lqr"'):
-        MarginConstraint(LAUV, st.Autopilot.from_toml(st.start_autopilot(LAUV, law="lqr")))
+        MarginConstraint(LAUV, started("lauv", "lqr"))
     with pytest.raises(CampaignError, match="none"):
         MarginConstraint(CWOLF, BUILT_IN, [])
 

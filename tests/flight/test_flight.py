@@ -247,11 +247,10 @@ def test_a_demand_that_the_allocation_gives_up_in_part_is_not_met_and_not_satura
 
 def test_a_supply_that_no_table_of_thrust_reaches_is_warned_of() -> None:
     vehicle = st.Vehicle.load("bluerov2-heavy")
-    autopilot = st.Autopilot.from_toml(start_autopilot(vehicle))
     flights = [
         st.fly(
             vehicle,
-            autopilot,
+            vehicle.name,
             st.Mission.from_toml(OUT),
             conditions=st.Conditions(max_time_s=2.0, voltage_v=supply),
         )

@@ -11,6 +11,7 @@ import pytest
 import seatrial as st
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.report.page.flying import open_loops
+from tests.control_design.started import started
 
 
 def unpacked(series: dict[str, Any]) -> np.ndarray:
@@ -49,6 +50,6 @@ def test_the_parts_of_a_loop_add_up_for_any_gains(name: str) -> None:
 
 def test_an_autopilot_without_such_loops_says_why() -> None:
     lauv = st.Vehicle.load("lauv")
-    found = open_loops(lauv, st.Autopilot.from_toml(st.start_autopilot(lauv, law="lqr")))
+    found = open_loops(lauv, started("lauv", "lqr"))
     assert found["points"] == []
     assert 'control = "pid"' in found["said"]
