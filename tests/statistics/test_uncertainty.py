@@ -15,8 +15,8 @@ from seatrial.base.run import to_json
 from seatrial.diagnosis.resampling import bootstrap, profile
 from seatrial.statistics.blocks import autocorrelation, block_length, blocks
 from seatrial.statistics.information import information_criteria
-from seatrial.statistics.linearisation import Linearisation
-from seatrial.statistics.uncertainty import Uncertainty, covariance
+from seatrial.statistics.linearisation import CONTRADICTED, Linearisation
+from seatrial.statistics.uncertainty import Uncertainty, covariance, tempering
 from tests.statistics.linear_trials import Array, Design, errors, estimates, flat, one, trials, with_column
 
 SEEDS = 300
@@ -157,6 +157,49 @@ def moved(lin: Linearisation, step: Array) -> Linearisation:
         replace(p, residual=np.where(p.counted, p.residual - p.jacobian @ step, 0.0)) for p in lin.pieces
     )
     return replace(lin, values=lin.values + step, pieces=pieces)
+
+
+def posterior(lin: Linearisation, centre: Array, sd: float) -> Linearisation:
+    """Maximum of the posterior, the first unknowns known beforehand."""
+    known = tuple(replace(u, prior=float(x), prior_sd=sd) for u, x in zip(lin.unknowns, centre, strict=False))
+    lin = replace(lin, unknowns=known + lin.unknowns[len(known) :])
+    for _ in range(2):  # the tempering follows the estimate
+        lin = replace(lin, tempering=tempering(lin))
+        for _ in range(5):  # Huber's weights follow it too
+            lin = moved(lin, np.linalg.solve(lin.information(), lin.gradient()))
+    return lin
+
+
+@pytest.mark.parametrize("sd", [0.05, 0.15])
+def test_law_priors_and_correlated_data_give_intervals_that_cover(sd: float) -> None:
+    """No interval wider than the prior's, and no estimate worse than that of the data alone or the prior."""
+    rng, seeds, known = np.random.default_rng(8), 60, 4
+    design = trials([300, 300], inputs=known, seed=1)  # three slow inputs and a white one
+    alone = estimates(design, errors(design, 0.9, rng, seeds))
+    both = [posterior(lin, sd * rng.normal(size=known), sd) for lin in alone]
+    sure = [covariance(lin) for lin in both]
+    assert max(u.sigma[:known].max() for u in sure) <= 1.02 * sd  # the tempering is that of a step before
+    # 240 intervals of probability 0.95, of which those of a seed depend on one another: 0.90 is three off.
+    assert 0.90 <= covered(sure)[:known].mean() <= 0.995
+    size = [np.sqrt(np.mean([lin.values[:known] ** 2 for lin in some], axis=0)) for some in (both, alone)]
+    # Root mean squares of 60 draws err by a tenth.
+    assert (size[0] <= 1.2 * np.minimum(size[1], sd)).all()
+    # The slow inputs have the memory of the errors, (1 + 0.9) / (1 - 0.9) = 19, the white one none.
+    found = np.median([lin.tempering for lin in both], axis=0)
+    assert found[0] > 6.0 > 2.0 > found[3]
+    np.testing.assert_array_equal(tempering(alone[0]), 1.0)
+
+
+def test_a_wrong_belief_pulls_no_further_than_its_weight() -> None:
+    lin = one(trials([300, 300], inputs=4, seed=1), 0.9)
+    sure = covariance(lin).sigma[0]
+    beliefs = (np.array([away * sure, 0.0, 0.0, 0.0]) for away in (0.5, 5.0, 50.0))
+    near, far, farther = (posterior(lin, belief, float(sure)) for belief in beliefs)
+    step = (far.values - lin.values)[0]
+    # As sure as the data: a squared pull leads half of the way.
+    assert (near.values - lin.values)[0] == pytest.approx(0.5 * (0.5 * sure - lin.values[0]), rel=0.5)
+    assert abs(step) < CONTRADICTED * 1.5 * sure
+    assert (farther.values - lin.values)[0] == pytest.approx(step, rel=0.2)
 
 
 def test_pull_on_a_held_unknown_is_no_scatter() -> None:

@@ -203,7 +203,7 @@ def bootstrap(lin: Linearisation, *, draws: int, seed: int, length: BlockLength 
     view = whitened(lin, length)
     generator = np.random.default_rng(seed)
     number, rank = view.score.shape
-    size, vectors = np.linalg.eigh(view.prior)
+    size, vectors = np.linalg.eigh(view.pull)
     spread = (vectors * np.sqrt(np.maximum(size, 0.0))).T
     flat = view.information.reshape(number, -1)
     steps = []

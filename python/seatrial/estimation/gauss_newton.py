@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from seatrial._core import initial_names
 from seatrial.base.arrays import Array
 from seatrial.estimation.joint import Joint
-from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+from seatrial.statistics.linearisation import Linearisation, Piece, Unknown, trust
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 INITIALS: tuple[str, ...] = tuple(initial_names())
@@ -112,7 +112,8 @@ class GaussNewton:
         self.upper = np.array([u.upper for u in self.unknowns])
         self.scale = np.array([u.scale for u in self.unknowns])
         # A bound's width is a weak prior: what the data cannot tell stays where it was.
-        self.prior_sd = np.minimum([u.prior_sd for u in self.unknowns], self.scale)
+        known = np.array([u.prior_sd for u in self.unknowns]) / np.sqrt(joint.tempering)
+        self.prior_sd = np.minimum(known, self.scale)
         self.initial_places = [INITIALS.index(name) for name in joint.initials]
         self.evaluations = 0
         self.held: _Slopes | None = None
@@ -139,9 +140,11 @@ class GaussNewton:
         # One differentiated flight per round; the steps within it reuse derivatives and weights.
         renewed = self.held is None
         locals_, information, gradient = self.differentiated(values, initial)
-        precision = self.prior_sd**-2.0
+        # A contradicted prior pulls with a constant force: it has no stiffness but that of the bounds.
+        loose = trust(self.unknowns, values - centre) < 1.0
+        precision = np.where(loose, self.scale, self.prior_sd) ** -2.0
         information = information + np.diag(precision)
-        gradient = gradient - precision * (values - centre)
+        gradient = gradient - self.drawn(values - centre)
         # The solver sees unknowns in widths of their bounds, so that one trust region fits all.
         free = self.free
         scaled = information[np.ix_(free, free)] * np.outer(self.scale[free], self.scale[free])
@@ -171,7 +174,7 @@ class GaussNewton:
                 return np.full(len(free) + 1, np.inf)
             # The head has the model's gradient, the last entry fills up to the true cost: the solver accepts
             # a step by what the simulation says and not by the linearisation.
-            pull = self.pull(locals_, residuals) - precision * (new - centre)
+            pull = self.pull(locals_, residuals) - self.drawn(new - centre)
             head = -solve_triangular(factor, pull[free] * self.scale[free], trans="T")
             return np.append(head, math.sqrt(max(twice - head @ head, 0.0)))
 
@@ -267,6 +270,10 @@ class GaussNewton:
             total[local.places] += downhill[:count] - local.follow.T @ downhill[count:]
         return total
 
+    def drawn(self, away: Array) -> Array:
+        """Upward gradient (m,) of the priors this far from their centres."""
+        return np.asarray(trust(self.unknowns, away) * self.prior_sd**-2.0 * away)
+
     def followed(self, locals_: Sequence[_Local], initial: Array, step: Array) -> Array:
         """Initial conditions (segments, 12) that go with a step (m,) of the unknowns."""
         moved = initial.copy()
@@ -318,7 +325,8 @@ class GaussNewton:
     def _priors(self, values: Array, initial: Array, centre: Array) -> float:
         """Half the squared distances from the priors' centres, in their standard deviations."""
         inside = initial[:, self.initial_places] / self.joint.initial_sd
-        return 0.5 * float((inside**2).sum() + (((values - centre) / self.prior_sd) ** 2).sum())
+        size, weight = (values - centre) / self.prior_sd, trust(self.unknowns, values - centre)
+        return 0.5 * float((inside**2).sum() + (weight * (2.0 - weight) * size**2).sum())
 
     def estimate_noise(self, residuals: Sequence[Array]) -> None:
         """Set the noise to the residuals' standard deviation, with Huber's loss by their median size."""
@@ -379,4 +387,5 @@ class GaussNewton:
             pieces=tuple(pieces),
             pushed=pushed_axes(joint.vehicle),
             fins=fins_and_groups(joint.vehicle),
+            tempering=np.append(joint.tempering, np.ones(len(extra))),
         )

@@ -243,6 +243,9 @@ class Joint:
         Why the method is what it is; "" where nothing speaks against output error.
     noise_model
         Intensities of the noises with the method "innovations"; None before its first round.
+    tempering
+        Samples (m,) that count as one independent one beside the prior of each unknown
+        (`seatrial.statistics.uncertainty.tempering`); ones before a descent has found it.
     settled
         With it, on data that are held out, fitted or either: the noise model and the values that the last
         motion was found for, and that motion (`seatrial.estimation.one_step.Path`).
@@ -298,6 +301,7 @@ class Joint:
                 for n in self.nuisances
             ),
         )
+        self.tempering = np.ones(len(self.unknowns))
         # Nuisance parameters start at zero, which is also what their priors expect.
         self.start = np.array([*self._start_coefficients(), *np.zeros(len(self.nuisances))])
         self.used = [i for i, weight in enumerate(self.data.weights) if weight > 0]
@@ -344,6 +348,8 @@ class Joint:
         part = copy.copy(self)
         part.data, part.noise = self.data.of_segments(places.tolist()), self.noise.copy()
         part.model = replace(self.model, data=part.data)
+        if self.presumes:  # a part of the data meets a part of what is known beforehand
+            part.tempering = self.tempering * len(places) / len(self.data.segments)
         part.coarser = tuple(replace(model, data=part.data) for model in self.coarser)
         return part, places
 
@@ -410,6 +416,12 @@ class Joint:
         staged = {name for stage in self.problem.stages for name in stage.coefficients}
         free = tuple(i for i, parameter in enumerate(self.parameters) if parameter.name not in staged)
         return free if len(free) < len(self.parameters) else ()
+
+    @property
+    def presumes(self) -> bool:
+        """Whether a coefficient is known beforehand, and simulations have to be weighed against that."""
+        known = any(u.kind == "coefficient" and math.isfinite(u.prior_sd) for u in self.unknowns)
+        return known and self.method == "output"
 
     def coefficients(self, values: Array) -> dict[str, float]:
         """Coefficients that the values (m,) of the unknowns set."""

@@ -20,6 +20,7 @@ Tests: ``tests/estimation/test_polish.py``.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,6 +29,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError
 from seatrial.base.fallback import is_numerical
 from seatrial.base.progress import Step
 from seatrial.estimation.gauss_newton import INITIALS, GaussNewton
@@ -36,6 +38,7 @@ from seatrial.estimation.joint import Joint
 from seatrial.estimation.method import Method
 from seatrial.estimation.specification import Horizon, LogAlone, OtherDamping, horizons, log_alone
 from seatrial.statistics.linearisation import Linearisation
+from seatrial.statistics.uncertainty import tempering
 
 _CLOSE = 0.1
 """A round that gains less than this many units of twice the log-likelihood ends the polish: a step of a third
@@ -157,6 +160,9 @@ def polish(
     limit = joint.polish.rounds if rounds is None else rounds
     if joint.method == "innovations":
         return _with_noise_model(joint, first, limit, fixed, watch)
+    # What is known beforehand meets samples that resemble their neighbours: these count as fewer.
+    if joint.presumes and np.all(joint.tempering == 1.0):
+        joint.tempering = _tempered(joint, first)
     # Many segments: a part of them, with coarser steps, leads to the optimum; all of them end it.
     whole = near or len(joint.data.segments) < _MANY * _PART
     searched = joint if whole or not limit else joint.thinned(_PART)[0].at_search_step()
@@ -185,7 +191,10 @@ def polish(
     best, interrupted = searches[int(costs.argmin())], searches[-1].interrupted
     start_cost = searches[0].start_cost + float(costs[0] - costs.min())
     evaluations = sum(attempt.evaluations for attempt in searches)
-    if searched is not joint:
+    weighed = joint.presumes and limit > 0 and not interrupted
+    if weighed:
+        joint.tempering = _tempered(joint, best.values)
+    if searched is not joint or weighed:
         last = _Descent(joint, frozenset(fixed), 0 if interrupted else limit, watch).run(first, best.values)
         # Costs of the other searches are of a part of the segments; they are brought to all of them.
         more = len(joint.data.segments) / len(searched.data.segments)
@@ -203,6 +212,13 @@ def polish(
         spread=np.array([attempt.values for attempt in searches]),
         costs=costs,
     )
+
+
+def _tempered(joint: Joint, values: Array) -> Array:
+    """`tempering` (m,) at the values of the unknowns; what it was where the model diverges there."""
+    with contextlib.suppress(CampaignError):
+        return tempering(linearise(joint, values))
+    return joint.tempering
 
 
 def with_horizons(joint: Joint, polished: Polished) -> Polished:

@@ -20,6 +20,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import Span
+from seatrial.statistics.linearisation import trust
 
 BLOCK_S = 20.0
 """Length of the blocks of time over which sums are taken for standard deviations, s."""
@@ -57,6 +58,7 @@ class PredictionErrorCriterion:
     """
 
     def __init__(self, joint: Joint) -> None:
+        self.unknowns = joint.unknowns
         self.lower = np.array([u.lower for u in joint.unknowns])
         self.upper = np.array([u.upper for u in joint.unknowns])
         self.scale = np.array([u.scale for u in joint.unknowns])
@@ -104,7 +106,7 @@ class PredictionErrorCriterion:
         """
         from scipy.optimize import lsq_linear
 
-        precision = overlap * self.prior_sd**-2.0
+        precision = overlap * trust(self.unknowns, at - centre) * self.prior_sd**-2.0
         metric, information = np.diag(precision), np.diag(precision)
         blocks = []
         instrumented = any(part.instrument is not part.slope for part in errors)

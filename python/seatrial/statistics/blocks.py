@@ -322,6 +322,8 @@ def _score_slope(lin: Linearisation) -> Array:
 _SINGULAR = 1e-11
 """Eigenvalue of the information, scaled to a unit diagonal, that is indistinguishable from rounding."""
 
+_UNTOLD = 1e-9  # of the information of data and priors: what the data do not tell has no optimum
+
 _PART = 1e-6
 """Squared part in the undetermined combinations from which an unknown counts as undetermined."""
 
@@ -330,8 +332,8 @@ _PART = 1e-6
 class Whitened:
     """Blocks in coordinates z (r,) with ``values = transform @ z``.
 
-    Scores are those at the optimum of the linearised problem, so that an estimate held by a bound, or a
-    coefficient that is only differentiated, does not pass its pull off as scatter.
+    Scores are those at the optimum of the linearised data, so that an estimate held by a bound or a prior, or
+    a coefficient that is only differentiated, does not pass its pull off as scatter.
 
     Attributes
     ----------
@@ -347,6 +349,9 @@ class Whitened:
         `seatrial.statistics.blocks.Blocks.coloured` (r, r).
     prior
         Information (r, r) of the priors; with the blocks' it adds up to one.
+    pull
+        Covariance (r, r) of the score of the priors: theirs is independent, and counts as often as
+        `Linearisation.tempering` says.
     """
 
     length: BlockLength
@@ -356,6 +361,7 @@ class Whitened:
     information: Array
     coloured: Array
     prior: Array
+    pull: Array
 
 
 def whitened(lin: Linearisation, length: BlockLength | None = None) -> Whitened:
@@ -372,17 +378,21 @@ def whitened(lin: Linearisation, length: BlockLength | None = None) -> Whitened:
 def views(lin: Linearisation, length: BlockLength | None = None) -> tuple[Whitened, ...]:
     """The divisions of `divided` in the coordinates of `whitened`, which they share."""
     length = block_length(lin) if length is None else length
-    divisions = divided(lin, length)
-    precision = np.array([unknown.prior_sd**-2.0 for unknown in lin.unknowns])
-    centre = np.array([unknown.prior for unknown in lin.unknowns])
+    return viewed(lin, length, divided(lin, length))
+
+
+def viewed(lin: Linearisation, length: BlockLength, divisions: Sequence[Blocks]) -> tuple[Whitened, ...]:
+    """Divisions of a linearisation, whatever its tempering, in the coordinates of `whitened`."""
+    precision = lin.precision
     transform, undetermined = determined(divisions[0].information.sum(axis=0) + np.diag(precision))
     coloured = transform.T @ divisions[0].coloured @ transform
     whitened_views = []
     for data in divisions:
         score = data.score @ transform
         information = transform.T @ data.information @ transform
-        # Newton's step to the optimum of the linearised problem; scores are taken there, not at a bound.
-        step = score.sum(axis=0) - transform.T @ (precision * (lin.values - centre))
+        # Newton's step to the optimum of the data alone; scores are taken there, not at a bound and not where
+        # a prior has drawn the estimate: its pull is no scatter.
+        step = np.linalg.pinv(information.sum(axis=0), rcond=_UNTOLD, hermitian=True) @ score.sum(axis=0)
         whitened_views.append(
             Whitened(
                 length=length,
@@ -392,6 +402,7 @@ def views(lin: Linearisation, length: BlockLength | None = None) -> tuple[Whiten
                 information=information,
                 coloured=coloured,
                 prior=transform.T @ (precision[:, None] * transform),
+                pull=transform.T @ ((lin.tempering * precision)[:, None] * transform),
             )
         )
     return tuple(whitened_views)

@@ -163,7 +163,7 @@ def information_criteria(lin: Linearisation, *, effective: ArrayLike | None = No
     size = np.where(samples > 0, squares / counts, 1.0) * lin.noise**2
     twice = float(samples @ np.log(np.where(samples > 0, np.maximum(size, 1e-300), 1.0)))
     information = information_of(lin)
-    transform, _ = determined(information + np.diag([unknown.prior_sd**-2.0 for unknown in lin.unknowns]))
+    transform, _ = determined(information + np.diag(lin.precision))
     # A parameter that its prior determines counts in part, as the share of its information from data.
     parameters = float(np.trace(transform.T @ information @ transform))
     return InformationCriteria(

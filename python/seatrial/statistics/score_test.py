@@ -296,11 +296,9 @@ def _sums(
     if inside:
         unknowns = [lin.unknowns[i] for i in indices]
         # The width of the bounds is the prior of what the data cannot determine, as in the fit.
-        precision = np.array([min(u.prior_sd, u.scale) ** -2.0 for u in unknowns])
-        pull += np.array([
-            (u.prior - x) * u.prior_sd**-2.0
-            for u, x in zip(unknowns, np.asarray(lin.values)[indices], strict=True)
-        ])
+        known = lin.precision[indices]
+        precision = np.maximum(known, [u.scale**-2.0 for u in unknowns])
+        pull += known * ([u.prior for u in unknowns] - np.asarray(lin.values)[indices])
         square = normal[:, :inside, :inside] + np.diag(precision)
         size = np.sqrt(np.maximum(np.diagonal(square[0]), 1e-300))
         square = square / np.outer(size, size) + _JITTER * np.eye(inside)
