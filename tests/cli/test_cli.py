@@ -16,6 +16,7 @@ from typing import Any
 
 import polars as pl
 import pytest
+import typer
 from typer.testing import CliRunner, Result
 
 from seatrial._core import Vehicle
@@ -84,11 +85,17 @@ def test_version_is_that_of_the_package() -> None:
     assert call("--version").stdout.strip() == f"seatrial {version('seatrial')}"
 
 
-@pytest.mark.parametrize("verb", ["demo", "new", "check", "simulate", "identify", "score"])
-def test_every_verb_explains_itself(verb: str) -> None:
-    result = call(verb, "--help")
-    assert result.exit_code == 0
-    assert "Usage" in result.output
+def test_every_verb_explains_itself_on_one_screen_with_an_example() -> None:
+    for verb, command in getattr(typer.main.get_command(app), "commands").items():  # noqa: B009
+        result = call(verb, "--help")
+        assert result.exit_code == 0
+        assert f"Example: seatrial {verb}" in result.output, verb
+        assert len(result.output.splitlines()) <= 40, verb
+        whole = call(verb, "--help-all").output
+        for option in (known for known in command.params if known.param_type_name == "option"):
+            # What the screen does not explain it names.
+            assert option.opts[0] in result.output, (verb, option)
+            assert f" {option.opts[0]}" in whole, (verb, option)
 
 
 @pytest.mark.long

@@ -10,6 +10,7 @@ import inspect
 import math
 import sys
 from collections.abc import Callable
+from textwrap import fill
 from typing import Any
 
 import typer
@@ -53,6 +54,11 @@ _ELSEWHERE = {
 """Verbs and options that a reader of older files may ask for, and what to do in their place."""
 
 
+_HELP_ALL = "--help-all"
+
+_HELP_LINES = 40  # of a terminal that is not maximised
+
+
 class _Verbs(ExitCodes, TyperGroup):
     """The verbs; what they raise on purpose becomes one message and an exit code."""
 
@@ -66,8 +72,25 @@ class _Verbs(ExitCodes, TyperGroup):
 class _Verb(TyperCommand):
     """A verb: infinity, which a number of the command line may say, is none that it takes."""
 
+    def get_help(self, ctx: Any) -> str:
+        """The help on one screen: where there are more options than that, the last ones are only named."""
+        text, rest = super().get_help(ctx), ""
+        options: list[Any] = [known for known in self.params if known.param_type_name == "option"]
+        named: list[str] = []
+        while options and len(f"{text}{rest}".splitlines()) > _HELP_LINES:
+            options[-1].hidden = True
+            named.insert(0, options.pop().opts[0])
+            text = super().get_help(ctx)
+            rest = "\n\n" + fill(f"More options, which {_HELP_ALL} explains: {', '.join(named)}.", width=78)
+        for parameter in self.params:
+            parameter.hidden = False
+        return text + rest
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """What is left of the arguments; an option that moved is refused with what takes its place."""
+        if _HELP_ALL in args:
+            typer.echo(super().get_help(ctx))
+            ctx.exit()
         for argument in args:
             asked = f"{ctx.info_name} {argument.partition('=')[0]}"
             if asked in _ELSEWHERE:
@@ -94,7 +117,6 @@ app = typer.Typer(
     name="seatrial",
     cls=_Verbs,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     # Rich's panels cut long words and defaults at 80 columns and take "[tuning]" for a style.
     rich_markup_mode=None,

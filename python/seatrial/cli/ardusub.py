@@ -51,6 +51,8 @@ def ardusub(
     The exit code is 0 when the law explains the log, the vehicle flies the log's mission inside the envelope,
     and what changes is better with margins kept; 1 when not, 2 for bad input. With --replay-only it is that
     of the replay. Ctrl-C keeps what is finished; the same command goes on.
+
+    Example: seatrial ardusub dive.BIN
     """
     from seatrial.ardusub.from_log import tune_log
     from seatrial.ardusub.log_replay import replay

@@ -31,7 +31,10 @@ def autopilot(
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
-    """Write an autopilot with start gains from a vehicle's model, and say what they are worth."""
+    """Write an autopilot with start gains from a vehicle's model, and say what they are worth.
+
+    Example: seatrial autopilot vehicle.toml --out autopilot.toml
+    """
     from seatrial._core import Autopilot, Vehicle
     from seatrial.base.atomic_write import write_atomic
     from seatrial.base.file_names import check_place

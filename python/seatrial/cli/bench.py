@@ -33,7 +33,10 @@ def bench(
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
-    """Fit thrust and motor of every tested group, say how sure they are, write them into the vehicle file."""
+    """Fit thrust and motor of every tested group, say how sure they are, write them into the vehicle file.
+
+    Example: seatrial bench bench.toml --in-place
+    """
     from seatrial.base.errors import SeatrialError
     from seatrial.bench_test.evaluate import bench as evaluate
     from seatrial.cli.console import answer, print_json

@@ -96,7 +96,10 @@ def check(
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
-    """Check a vehicle (signs, speeds, turns, stability), an autopilot, a mission or a campaign beforehand."""
+    """Check a vehicle (signs, speeds, turns, stability), an autopilot, a mission or a campaign beforehand.
+
+    Example: seatrial check vehicle.toml
+    """
     _check_options(voltage, speed_kn or [], seabed)
     if current is not None:
         from seatrial.flight.checks import checked_rows

@@ -31,6 +31,8 @@ def data(
     """Fetch recordings of real vehicles (beluga, t200, bluerov2) into SEATRIAL_DATA or the user's cache.
 
     A file counts only with its SHA-256; one that is there is not fetched again.
+
+    Example: seatrial data get beluga
     """
     from seatrial.base.data_sets import DATA_SETS, data_folder, get
     from seatrial.base.errors import TrialError

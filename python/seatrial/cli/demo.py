@@ -42,6 +42,8 @@ def demo(
 
     Beluga's turn comes where its recordings are at hand. The exit code is 1 where CWolf's verdict is not
     held.
+
+    Example: seatrial demo
     """
     from seatrial.base.folder_lock import only_user
     from seatrial.cli.console import output, print_json

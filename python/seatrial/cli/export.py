@@ -79,6 +79,8 @@ def export(
 
     c and fmu write vehicle and autopilot as C99 and as functional mock-up units; sdf writes the vehicle for
     gz-sim, and says what is lost.
+
+    Example: seatrial export c vehicle.toml --out build
     """
     from seatrial.cli.console import answer, print_json
 

@@ -55,6 +55,8 @@ def identify(
     """Identify a vehicle from the trials of a campaign.
 
     Ctrl-C keeps the best so far; the same command goes on with the stages that are not finished.
+
+    Example: seatrial identify campaign.toml
     """
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign

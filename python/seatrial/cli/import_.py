@@ -40,6 +40,8 @@ def import_(
     Without --out it lists every topic and field with rate, range, unit and what it is taken for. A model of
     gz-sim (.sdf, .world, .xml) becomes a vehicle file, --out FILE.toml, with a report on what contradicts
     itself.
+
+    Example: seatrial import dive.BIN --out dive
     """
     from seatrial.simulators.convert import ENDINGS
 

@@ -41,6 +41,8 @@ def new(
     """Write a starter project: vehicle, bench, campaign and mission file, generated example records.
 
     With --from-report: the vehicle, autopilot, mission and campaign files that a page carries, as they were.
+
+    Example: seatrial new my-vehicle
     """
     if from_report is not None:
         _from_report(from_report, folder)

@@ -76,6 +76,8 @@ def plan(
     Everything is simulated: open loop, on the model as it is, a campaign at what it identified. Plan again
     after each trial. Where waves and
     the autopilot hide a gain in a campaign's trials, a dither for the autopilot's output is written too.
+
+    Example: seatrial plan vehicle.toml --duration 60 --count 3 --out next.csv
     """
     from seatrial.base.file_names import check_place
     from seatrial.base.folder_lock import only_user

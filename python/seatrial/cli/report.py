@@ -45,6 +45,8 @@ def report(
     """Write runs as one HTML file that opens anywhere without a network: results, evidence, inputs.
 
     Vehicle, autopilot, mission and campaign files are inside; `seatrial new --from-report` takes them out.
+
+    Example: seatrial report runs/mine runs/mine-tuned --out mine.html
     """
     reported(out, runs, title=title)
 

@@ -66,6 +66,8 @@ def score(
     """Score a vehicle on trials: R2 and errors per channel, some seconds ahead again and again.
 
     With --against, which vehicle or table of predictions is better, and whether these trials can tell.
+
+    Example: seatrial score vehicle.toml dive.csv --ahead 5
     """
     from seatrial._core import Vehicle
     from seatrial.base.channels import AXES

@@ -73,6 +73,8 @@ def simulate(
     """Simulate a vehicle under commands; it starts from the first recorded state, else at rest in O.
 
     Of a recipe alone: write the log of its sensors, and with --run what really happened.
+
+    Example: seatrial simulate vehicle.toml steps.csv --out run.csv
     """
     from seatrial._core import Vehicle
     from seatrial.base.errors import TrialError

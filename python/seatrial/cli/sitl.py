@@ -56,6 +56,8 @@ def sitl(
 
     Start ArduSub with --model JSON:127.0.0.1. The exit code is 0, 1 when the motion diverged, 2 for bad
     input.
+
+    Example: seatrial sitl vehicle.toml
     """
     import math
 
