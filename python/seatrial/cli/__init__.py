@@ -75,14 +75,15 @@ class _Verb(TyperCommand):
     def get_help(self, ctx: Any) -> str:
         """The help on one screen: where there are more options than that, the last ones are only named."""
         text, rest = super().get_help(ctx), ""
-        options: list[Any] = [known for known in self.params if known.param_type_name == "option"]
+        known: list[Any] = self.params
+        options = [parameter for parameter in known if parameter.param_type_name == "option"]
         named: list[str] = []
         while options and len(f"{text}{rest}".splitlines()) > _HELP_LINES:
             options[-1].hidden = True
             named.insert(0, options.pop().opts[0])
             text = super().get_help(ctx)
             rest = "\n\n" + fill(f"More options, which {_HELP_ALL} explains: {', '.join(named)}.", width=78)
-        for parameter in self.params:
+        for parameter in known:
             parameter.hidden = False
         return text + rest
 
