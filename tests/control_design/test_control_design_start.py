@@ -20,7 +20,7 @@ from seatrial.control_design.loops import (
 from seatrial.control_design.margins import least_margins
 from seatrial.control_design.mode_table import flies, top_speeds
 from seatrial.control_design.pole_placement import law
-from seatrial.control_design.start_autopilot import autopilot_text, commented, start_autopilot
+from seatrial.control_design.start_autopilot import autopilot_text, commented
 from seatrial.control_design.start_gains import StartGains, start_gains
 from seatrial.control_design.start_guidance import (
     CLOSEST,
@@ -127,7 +127,7 @@ def test_weak_points_are_told() -> None:
     # The faster REMUS goes, the faster it turns about by itself; its fins keep less margin than asked for.
     fast = [f"{u:.2f}" for u in start("remus100").speeds_m_s if u > 1.85]
     assert all(any(speed in text for speed in fast) for text in start("remus100").weak)
-    assert "# Weak: hover at -2.33 m/s" in start_autopilot(Vehicle.load("cwolf"))
+    assert "# Weak: hover at -2.33 m/s" in start_text("cwolf")
 
 
 def test_start_gains_of_cwolf_are_of_the_size_of_the_tuning_examples() -> None:

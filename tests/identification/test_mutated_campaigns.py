@@ -39,7 +39,7 @@ OWN = (
 
 CROSS = ("Y_uv", "Y_ur", "Z_uw", "Z_uq", "M_uw", "M_uq", "N_uv", "N_ur", "Y_r", "N_v", "Z_q", "M_w")
 
-QUICK = (61, 70, 76, 118, 145, 150, 152, 163, 167, 193)
+QUICK = (61, 70, 76, 118, 145, 150, 163)
 """Those of every run of the tests: one is refused, a stage fails in two, the noise of a filter in two."""
 
 

@@ -6,7 +6,9 @@ from functools import cache
 
 import seatrial as st
 from seatrial.identification.fitted import Fitted
+from seatrial.verification.mission_log.judge_log import verify_log
 from seatrial.verification.mission_log.log import MissionLog
+from seatrial.verification.mission_log.verdict import LogVerdict
 
 MISSION = st.Mission.from_toml("""
 format = 1
@@ -56,3 +58,9 @@ def flight(seed: int, changes: tuple[tuple[str, float], ...] = ()) -> st.Flight:
 def log(seed: int, changes: tuple[tuple[str, float], ...] = ()) -> MissionLog:
     """What the flight's sensors told."""
     return MissionLog.read(flight(seed, changes).table(), name=f"seed {seed}")
+
+
+@cache
+def compared(seed: int, changes: tuple[tuple[str, float], ...] = ()) -> LogVerdict:
+    """Verdict on a log, held against one of the vehicle that the model is."""
+    return verify_log(fitted(), log(seed, changes), reference=log(100).trial)

@@ -25,7 +25,7 @@ from seatrial.verification.mission_log.spread import (
     spread_of_reference,
 )
 from seatrial.verification.mission_log.validity import validity
-from tests.verification.recorded_logs import MISSION, fitted, log
+from tests.verification.recorded_logs import MISSION, compared, fitted, log
 
 WEAK = (("SbU.gain", 0.8),)
 
@@ -60,7 +60,7 @@ def test_law_the_interval_of_a_share_of_whole_samples_is_clopper_and_pearsons(hi
 
 def test_a_weak_propeller_inside_the_doubt_of_few_windows_is_refuted_by_the_groups() -> None:
     """16 windows held against 14: 42 % of q outside, p = 0.015, yet far beyond the noise in seconds."""
-    verdict = verify_log(fitted(), log(7, WEAK), reference=log(100).trial)
+    verdict = compared(7, WEAK)
     assert verdict.model == "re-identify", verdict.summary()
     assert verdict.validity is not None
     assert verdict.power is not None
@@ -72,7 +72,7 @@ def test_a_weak_propeller_inside_the_doubt_of_few_windows_is_refuted_by_the_grou
 
 
 def test_a_large_share_that_does_not_refute_does_not_pass_either() -> None:
-    verdict = verify_log(fitted(), log(7, WEAK), reference=log(100).trial)
+    verdict = compared(7, WEAK)
     assert verdict.validity is not None
     assert verdict.power is not None
     quiet = replace(
@@ -84,7 +84,7 @@ def test_a_large_share_that_does_not_refute_does_not_pass_either() -> None:
 
 
 def test_the_first_line_names_the_channel_that_fails_not_the_one_that_is_outside_most() -> None:
-    verdict = verify_log(fitted(), log(7, WEAK), reference=log(100).trial)
+    verdict = compared(7, WEAK)
     assert verdict.validity is not None
     channels = dict(verdict.validity.channels)
     for name, outside, p, fails in (
@@ -104,7 +104,7 @@ def test_the_first_line_names_the_channel_that_fails_not_the_one_that_is_outside
 @pytest.mark.long
 @pytest.mark.parametrize("known", ["reference", "noise"])
 def test_an_unchanged_vehicle_is_valid_in_closed_loop(known: str) -> None:
-    verdict = verify_log(fitted(), log(2), reference=log(100).trial if known == "reference" else None)
+    verdict = compared(2) if known == "reference" else verify_log(fitted(), log(2))
     assert verdict.model == "model still valid", verdict.summary()
     assert verdict.held
     assert not verdict.suspects
@@ -178,7 +178,7 @@ def test_a_reference_of_few_windows_is_refused() -> None:
 
 
 def test_a_weak_propeller_is_noticed_though_the_mission_was_flown() -> None:
-    verdict = verify_log(fitted(), log(2, (("SbU.gain", 0.7),)), reference=log(100).trial)
+    verdict = compared(2, (("SbU.gain", 0.7),))
     assert verdict.model == "re-identify"
     assert not verdict.held
     assert verdict.validity is not None
