@@ -346,7 +346,7 @@ def _readings(record: Record) -> tuple[Array, Mask]:
     trial = record.trial
     observed, mask = trial.observed.copy(), trial.valid.copy()
     for finding in trial.report.findings:
-        if finding.message.startswith("derived from"):
+        if finding.kind == "derived":
             mask[:, [CHANNELS.index(name) for name in finding.channel.split() if name in VELOCITIES]] = False
     absent = [index for index, name in enumerate(CHANNELS) if name not in trial.channels]
     mask[:, absent] = False

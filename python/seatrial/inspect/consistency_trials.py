@@ -59,8 +59,6 @@ def consistency_of_recording(recording: Recording) -> Consistency:
 
 _TELLS_DELAY = ("z", "u", "v", "w", "roll", "pitch", "yaw")
 
-_NOT_ESTIMATED = "latency not estimated: a position every"
-
 _SPOILS = 1.5
 """Times the error of a rate of depth that a delay leaves, from which an estimate on it is none."""
 
@@ -111,7 +109,7 @@ def late_velocity(
         if not {"x", "y"} & set(trial.channels):
             return True
         return any(
-            finding.channel == "velocity" and finding.message.startswith(_NOT_ESTIMATED)
+            finding.channel == "velocity" and finding.kind == "latency not estimated"
             for finding in trial.report.findings
         )
 
@@ -265,9 +263,6 @@ def _done(key: str, report: RecordingReport) -> bool:
         return name in report.latencies
     if key == "tilt_deg.frame":
         return report.tilt is not None
-    reversed_ = [
-        finding
-        for finding in report.findings
-        if finding.channel == name and "sign reversed" in finding.message
-    ]
-    return kind == "signs" and bool(reversed_)
+    return kind == "signs" and any(
+        finding.channel == name and finding.kind == "sign reversed" for finding in report.findings
+    )

@@ -110,9 +110,8 @@ def align(
             continue
         if name == "velocity" and "depth" in signals and signals["position"].step > _SLOWEST_S:
             step = signals["position"].step
-            report.add(
-                "info", name, f"latency not estimated: a position every {step:.2g} s is too slow for it"
-            )
+            message = f"latency not estimated: a position every {step:.2g} s is too slow for it"
+            report.add("info", name, message, kind="latency not estimated")
             continue
         compared = gyro if name == "rates" else _compared(signals, name)
         automatic = given.automatic and convention is None
@@ -327,7 +326,7 @@ def _correct_signs(
             signs[k] = -1.0
             found.curves.axes[channel] = (channel, -1.0)
             words = f"{runs}; sign reversed here. State it {state}"
-        report.add("warning", channel, words)
+        report.add("warning", channel, words, kind="sign reversed" if signs[k] < 0.0 else "")
     return replace(sensor, y=sensor.y * signs)
 
 
@@ -471,6 +470,7 @@ def _same_signs(
                 water.channels[column],
                 f"runs as {channel} did before its sign was reversed; sign reversed here. State it in the"
                 f" column map: {name} = {entry}",
+                kind="sign reversed",
             )
     return replace(water, y=water.y * signs)
 

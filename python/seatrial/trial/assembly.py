@@ -146,15 +146,6 @@ def _sure(samples: Array) -> Array:
     return np.asarray(quarters.std(axis=0, ddof=1) / 2.0)
 
 
-JUMPED = "the clock may have jumped"
-"""What is said of a gap across which the motion goes on."""
-
-UNCOMMANDED = "no command from"
-"""What is said of commands that fall silent."""
-
-MOSTLY_MASKED = "of the samples are masked, most of them for"
-"""What is said of a channel of which more than a quarter is lost, before its cause."""
-
 _MUCH = 0.25  # of the samples masked: good data have a few per cent, and a rule that masks more may be wrong
 
 _ASIDE, _ONE_INTERVAL = 20, 5.0
@@ -238,8 +229,9 @@ def _report_masked(report: RecordingReport) -> None:
         report.add(
             "warning",
             " ".join(channels),
-            f"{100.0 * share:.0f} % {MOSTLY_MASKED} {cause}; look at these samples, and give another"
-            " column or a part of the log if they are wrong",
+            f"{100.0 * share:.0f} % of the samples are masked, most of them for {cause}; look at these"
+            " samples, and give another column or a part of the log if they are wrong",
+            kind="mostly masked",
         )
 
 
@@ -302,7 +294,7 @@ def _derive(
         observed[:, columns] = filled[:, columns] = motion[:, missing]
         valid[:, columns] = good[:, None]
         names = " ".join(CHANNELS[k] for k in columns)
-        report.add("info", names, f"derived from {origin} by smoothing differentiation")
+        report.add("info", names, f"derived from {origin} by smoothing differentiation", kind="derived")
 
 
 def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingReport) -> None:
@@ -329,14 +321,15 @@ def _report_gaps(signal: Signal, report: RecordingReport) -> None:
     intervals = np.diff(signal.t)
     gaps = intervals > GAP * signal.interval
     longest = float(intervals.max()) if gaps.any() else 0.0
-    message = f"gaps in time, the longest {longest:.2f} s; masked"
+    message, kind = f"gaps in time, the longest {longest:.2f} s; masked", ""
     if gaps.any() and _goes_on(signal, int(intervals.argmax())):
+        kind = "clock jumped"
         message += (
-            f"; across it the vehicle moved no further than in one interval: {JUMPED}. If it"
+            "; across it the vehicle moved no further than in one interval: the clock may have jumped. If it"
             " did, take the jump out of the stamps, or import the parts before and after it as trials of"
             " their own"
         )
-    report.add("warning", signal.label, message, int(gaps.sum()))
+    report.add("warning", signal.label, message, int(gaps.sum()), kind=kind)
 
 
 def _goes_on(signal: Signal, at: int) -> bool:
@@ -382,8 +375,9 @@ def _silent(signals: Mapping[str, Signal], t: Array, report: RecordingReport) ->
         report.add(
             "warning",
             "commands",
-            f"{names}: {UNCOMMANDED} {listed}{more}, otherwise one every {usual:.2g} s; all channels are"
+            f"{names}: no command from {listed}{more}, otherwise one every {usual:.2g} s; all channels are"
             " masked there. If a command was held there, add rows with its value to the log",
+            kind="uncommanded",
         )
     return silent
 

@@ -461,10 +461,6 @@ def stuck(angles: Mapping[str, Array]) -> dict[str, float]:
     return {name: value for name, value in still.items() if abs(value) > _STUCK}
 
 
-ABOVE = "above the surface"
-"""Beginning of what is said of a depth with the wrong sign."""
-
-
 def report_height(signals: Mapping[str, Signal], report: RecordingReport) -> None:
     """Report a vehicle that is above the surface for most of its record: a depth with the wrong sign."""
     for signal in (signals[name] for name in ("depth", "position") if name in signals):
@@ -477,10 +473,11 @@ def report_height(signals: Mapping[str, Signal], report: RecordingReport) -> Non
             report.add(
                 "warning",
                 "z",
-                f"{ABOVE} in {100.0 * above:.0f} % of the record ({np.median(z):.3g} m at the"
+                f"above the surface in {100.0 * above:.0f} % of the record ({np.median(z):.3g} m at the"
                 " median; z counts downwards from the surface): if the sensor counts upwards, give its column"
                 ' sign = -1, or the whole position frame = "ENU" or "NWU"; if its zero is not the surface,'
                 " shift it",
+                kind="above the surface",
             )
 
 

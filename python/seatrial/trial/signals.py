@@ -69,12 +69,23 @@ Severity = Literal["info", "warning", "error"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One fact about a channel of a recording; `count` is the number of samples or events it concerns."""
+    """One fact about a channel of a recording.
+
+    Attributes
+    ----------
+    severity, channel, message
+    count
+        Number of samples or events that it concerns.
+    kind
+        What others ask for: "clock jumped", "uncommanded", "mostly masked", "above the surface", "latency not
+        estimated", "sign reversed", "derived"; empty for all else.
+    """
 
     severity: Severity
     channel: str
     message: str
     count: int | None = None
+    kind: str = ""
 
     def __str__(self) -> str:
         number = "" if self.count is None else f"{self.count} "
@@ -114,7 +125,9 @@ class RecordingReport(Plain):
     masked: dict[str, int] = field(default_factory=dict)
     corrections: dict[str, Any] = field(default_factory=dict)
 
-    def add(self, severity: Severity, channel: str, message: str, count: int | None = None) -> None:
+    def add(
+        self, severity: Severity, channel: str, message: str, count: int | None = None, *, kind: str = ""
+    ) -> None:
         """Append a finding; a count of zero is no finding, and one gap, spike or jump is singular."""
         if count == 1:
             message = re.sub(
@@ -124,7 +137,7 @@ class RecordingReport(Plain):
             )
             message = re.sub(r"^samples are no (.*)s \(", r"sample is no \1 (", message)
         if count != 0:
-            self.findings.append(Finding(severity, channel, message, count))
+            self.findings.append(Finding(severity, channel, message, count, kind))
 
     @property
     def errors(self) -> list[str]:

@@ -10,7 +10,6 @@ from seatrial.check.campaign import CampaignCheck
 from seatrial.inspect.consistency_result import current_sentence
 from seatrial.inspect.consistency_trials import accepted
 from seatrial.report.results import trial_findings
-from seatrial.trial.assembly import MOSTLY_MASKED, UNCOMMANDED
 
 if TYPE_CHECKING:
     from seatrial.inspect.consistency_result import Consistency
@@ -78,7 +77,7 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
         identify = "run seatrial tune or seatrial verify on this campaign"
     correct = f"correct the trial or its column map if it is used; then {identify}"
     findings = [
-        (finding.severity, f"trial {name}: {str(finding).removeprefix(finding.severity).strip()}")
+        (finding, f"trial {name}: {str(finding).removeprefix(finding.severity).strip()}")
         for name, report in check.reports.items()
         for finding in report.findings
     ]
@@ -91,12 +90,8 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
     impossible = [
         replace(finding, subject=name) for name, kind in check.kinds.items() for finding in kind.impossible
     ]
-    mapped = [
-        text
-        for severity, text in findings
-        if severity == "warning" and (UNCOMMANDED in text or MOSTLY_MASKED in text)
-    ]
-    if (text := next((text for severity, text in findings if severity == "error"), None)) is not None:
+    mapped = [text for finding, text in findings if finding.kind in ("uncommanded", "mostly masked")]
+    if (text := next((text for finding, text in findings if finding.severity == "error"), None)) is not None:
         return text, correct
     if unlike:
         return unlike[0], correct
@@ -107,8 +102,8 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
         return mapped[0], correct
     if open_:
         return open_[0], f"paste the corrections that you accept into the campaign; then {identify}"
-    if (text := next((text for severity, text in findings if severity == "warning"), None)) is not None:
-        return text, correct
+    if warned := [text for finding, text in findings if finding.severity == "warning"]:
+        return warned[0], correct
     scale_sentences = [] if check.scale is None else check.scale.sentences()
     for sentence in (
         *check.warnings,

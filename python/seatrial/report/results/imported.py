@@ -13,8 +13,6 @@ from seatrial.inspect.consistency_trials import proposals
 from seatrial.intake.imported import Imported, ImportedTrial
 from seatrial.intake.vehicle_draft import opposed
 from seatrial.logs.join import SPLIT
-from seatrial.trial.assembly import JUMPED, MOSTLY_MASKED, UNCOMMANDED
-from seatrial.trial.defects import ABOVE
 
 _SHOWN = 10  # problems; the others are details
 
@@ -105,8 +103,8 @@ def _problems(made: Imported) -> Iterator[str]:
         )
     for imported in made.trials:
         yield from (f"trial {imported.name}: {words_of(finding)}" for finding in imported.kind.impossible)
-    yield from _findings(made, "warning", MOSTLY_MASKED)
-    yield from _findings(made, "warning", UNCOMMANDED)
+    yield from _findings(made, "warning", "mostly masked")
+    yield from _findings(made, "warning", "uncommanded")
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
     yield from _left_out(made)
@@ -149,7 +147,7 @@ def _problems(made: Imported) -> Iterator[str]:
         )
     yield from _upside_down(made)
     for imported in made.trials:  # of the pose once
-        yield from list(_findings(replace(made, trials=(imported,)), "warning", JUMPED))[:1]
+        yield from list(_findings(replace(made, trials=(imported,)), "warning", "clock jumped"))[:1]
     guesses = [canonical for canonical, column in made.columns.items() if not column.certain]
     if guesses:
         shown = ", ".join(guesses[:4]) + (f" and {len(guesses) - 4} more" if len(guesses) > 4 else "")
@@ -192,11 +190,11 @@ def _unused(made: Imported, imported: ImportedTrial) -> Iterator[str]:
             )
 
 
-def _findings(made: Imported, severity: str, words: str = "") -> Iterator[str]:
-    """What the readers found about the recordings, of one severity, with some words in it."""
+def _findings(made: Imported, severity: str, kind: str = "") -> Iterator[str]:
+    """What the readers found about the recordings, of one severity, and of one kind if given."""
     for imported in made.trials:
         for finding in imported.trial.report.findings:
-            if finding.severity == severity and words in finding.message:
+            if finding.severity == severity and kind in ("", finding.kind):
                 yield f"trial {imported.name}: {str(finding).removeprefix(severity).strip()}"
 
 
@@ -207,7 +205,7 @@ def _upside_down(made: Imported) -> Iterator[str]:
     names = [
         imported.name
         for imported in made.trials
-        if any(f.channel == "z" and f.message.startswith(ABOVE) for f in imported.trial.report.findings)
+        if any(finding.kind == "above the surface" for finding in imported.trial.report.findings)
         and set("YZN") <= set(against := opposed(made.vehicle, imported.trial))
         and "X" not in against
     ]
