@@ -20,10 +20,10 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 414,
+    "Python files": 413,
     "Python lines": 115_460,
     "modules that import the campaign": 15,
-    "lines that build text below the verbs": 6_850,
+    "lines that build text below the verbs": 6_670,
     "functions over 8 parameters": 45,
     "parameters of the widest function": 20,
     "numeric constants of modules": 1_660,

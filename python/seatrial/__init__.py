@@ -55,8 +55,7 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.judge_log import LogSettings, verify_log
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.verdict import LogVerdict
-    from seatrial.verification.rare import Rare
-    from seatrial.verification.rare_result import RareFailures
+    from seatrial.verification.rare import Rare, RareFailures
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.scenario import Scenario
     from seatrial.verification.verification import Verification
@@ -94,7 +93,7 @@ _HOME = {
     "Plan": "seatrial.experiment.plan_result",
     "Problem": "seatrial.problem.problem",
     "Rare": "seatrial.verification.rare",
-    "RareFailures": "seatrial.verification.rare_result",
+    "RareFailures": "seatrial.verification.rare",
     "Requirement": "seatrial.verification.requirement",
     "Run": "seatrial._core",
     "Scenario": "seatrial.verification.scenario",

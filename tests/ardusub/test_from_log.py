@@ -48,7 +48,7 @@ def found(folder: Path) -> LogTuning:
         one["reversed"] = one["name"] in {f"thruster_{k}" for k in (3, 4, 6, 7)}
     stated = folder.with_name("stated.toml")
     stated.write_text(tomlkit.dumps(tables))
-    return tune_log(RECORDED, out=folder, vehicle=stated, missions=120)
+    return tune_log(RECORDED, out=folder, vehicle=stated, missions=48)
 
 
 @pytest.mark.parametrize(("lost", "chance"), [(0, True), (1, True), (2, True), (3, False), (12, False)])
@@ -128,7 +128,7 @@ def test_the_same_run_again_takes_what_is_finished(found: LogTuning, folder: Pat
     said: list[str] = []
     stated = folder.with_name("stated.toml")
     again = tune_log(
-        RECORDED, out=folder, vehicle=stated, missions=120, say=lambda share, words: said.append(words)
+        RECORDED, out=folder, vehicle=stated, missions=48, say=lambda share, words: said.append(words)
     )
     assert again.to_dict() == found.to_dict()
     assert not any("missions" in one or "generation" in one for one in said)

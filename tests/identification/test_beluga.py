@@ -30,8 +30,8 @@ def identified() -> Identification:
     """The example's campaign with a third of its budget, half its data, few rounds of its joint estimate."""
     text = (EXAMPLE / "campaign.toml").read_text(encoding="utf-8")
     text = re.sub(r"(?m)^budget = .*\n", "", text)
-    text = text.replace("seed = 1\n", "seed = 1\nbudget = { generations = 100, simplex_rounds = 20 }\n", 1)
-    text = text.replace("rounds = 15", "rounds = 3", 1)
+    text = text.replace("seed = 1\n", "seed = 1\nbudget = { generations = 40, simplex_rounds = 10 }\n", 1)
+    text = text.replace("rounds = 15", "rounds = 2", 1)
     text, shortened = re.subn(r"hold_out_s = \[\[[56]00\.0, ", "hold_out_s = [[300.0, ", text)
     assert shortened == 4
     return Campaign.from_toml(text, folder=EXAMPLE).identify()

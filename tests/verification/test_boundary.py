@@ -45,7 +45,7 @@ def test_the_boundary_lies_where_plain_sampling_finds_the_allowed_failures() -> 
 
 def test_a_requirement_without_a_boundary_says_on_which_side_it_is() -> None:
     found = along_the_current()
-    assert "safe" in found.requirement("number 1").side()
+    assert found.requirement("number 1").side in ("safe", "probably safe")
     assert not found.crossings("number 1")
     text = found.summary()
     assert "number 0" in text

@@ -12,7 +12,8 @@ import pytest
 import seatrial as st
 from seatrial.base.errors import CampaignError
 from seatrial.base.work import Work
-from seatrial.verification.falsify import Falsification, Falsify, _lines
+from seatrial.report.results.surveys import disturbance
+from seatrial.verification.falsify import Falsification, Falsify
 from seatrial.verification.regression import check_cases, draws_of, fly_cases
 from seatrial.verification.scenario import Scenario
 from seatrial.verification.table import CaseTable, parse_verification
@@ -47,11 +48,14 @@ def test_the_least_disturbance_fails_and_less_does_not() -> None:
 
 def test_what_cannot_be_searched_and_what_withstands_is_said() -> None:
     found = falsified()
-    assert "no usable robustness" in found.requirements[1].why_not
+    reason = found.requirements[1].why_not
+    assert reason is not None
+    assert reason.kind == "no distance"
     assert not found.requirements[2].falsified
     assert found.requirements[2].worst > 0.0
     text = found.summary()
     assert "Least disturbance that fails: number 0" in text
+    assert "no usable robustness" in text
     assert found.report().outcome == "falsified"
     with pytest.raises(CampaignError, match="none to fly again"):
         found.replay("number 2")
@@ -144,6 +148,6 @@ def test_where_the_middle_of_all_ranges_fails_its_values_are_named() -> None:
     assert one.middle
     assert {name: middle for name, (_, middle) in one.disturbance.items()}.items() <= one.middle.items()
     already = replace(one, disturbance={}, middle={"current north, m/s": 0.3, "gain of stern": 1.0})
-    assert _lines(already) == [
+    assert disturbance(already) == [
         "the middle of all ranges fails already: current north, m/s 0.3, gain of stern 1"
     ]

@@ -17,8 +17,7 @@ from seatrial.identification.fitted import Fitted
 from seatrial.verification.boundary import FailureBoundary
 from seatrial.verification.falsify import Falsification
 from seatrial.verification.mission_space import MissionSpace
-from seatrial.verification.rare import Rare
-from seatrial.verification.rare_result import RareFailures
+from seatrial.verification.rare import Rare, RareFailures
 from seatrial.verification.robustness import completion, robustness
 from seatrial.verification.scenario import Scenario
 
@@ -103,7 +102,9 @@ def test_what_has_no_distance_is_refused_with_the_reason() -> None:
     found = rare()
     one = found.requirements[1]
     assert one.event is None
-    assert "no usable robustness" in one.why_not
+    assert one.why_not is not None
+    assert one.why_not.kind == "no distance"
+    assert "no usable robustness" in found.report().text()
     assert one.verdict == "not judged"
     assert found.outcome in ("failed", "not judged")
     assert "number 1" in found.report().text()

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -20,11 +20,10 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunDirectory, RunResult, to_json
 from seatrial.base.work import HERE, Work
 from seatrial.statistics.failure_boundary import BoundarySurface
-from seatrial.statistics.proportions import share
 from seatrial.verification.boundary_survey import BoundarySurvey, coefficients_at, flights_at, variables_of
 from seatrial.verification.requirement import named
 from seatrial.verification.scenario import check_table
@@ -32,6 +31,8 @@ from seatrial.verification.scenario import check_table
 if TYPE_CHECKING:
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.scenario import Scenario
+
+Side = Literal["boundary", "safe", "fails", "probably safe", "probably fails"]
 
 _ROWS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the second variable, in the table
 
@@ -53,18 +54,18 @@ class RequirementBoundary:
     surface: BoundarySurface
     failures: int
 
-    def side(self) -> str:
+    @property
+    def side(self) -> Side:
         """Whether there is a boundary, or which side everything is on."""
         sides = self.surface.sides
         if (sides == 1).all():
-            return "safe in the whole range"
+            return "safe"
         if (sides == -1).all():
-            return "fails in the whole range"
+            return "fails"
         mean = self.surface.mean - self.surface.level
         if (mean < 0.0).all() or (mean > 0.0).all():
-            side = "safe" if (mean < 0.0).all() else "failing"
-            return f"probably {side} in the whole range; more missions would tell"
-        return "has a boundary"
+            return "probably safe" if (mean < 0.0).all() else "probably fails"
+        return "boundary"
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +151,7 @@ class FailureBoundary(RunResult):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        seconds: list[float | None] = [None] if len(self.variables) == 1 else list(self._seconds())
+        seconds: list[float | None] = [None] if len(self.variables) == 1 else list(self.seconds())
         return {
             "campaign": self.scenario.name,
             "variables": {name: list(ends) for name, ends in self.variables.items()},
@@ -163,7 +164,7 @@ class FailureBoundary(RunResult):
                     "name": one.requirement.name,
                     "holds": one.requirement.holds,
                     "allowed": one.requirement.allowed,
-                    "side": one.side(),
+                    "side": one.side,
                     "boundaries": [
                         {"second": second, "value": value, "interval": [low, high], "safe_below": rising}
                         for second in seconds
@@ -178,7 +179,8 @@ class FailureBoundary(RunResult):
             "runs_per_place": self.runs_per_place,
         }
 
-    def _seconds(self) -> list[float]:
+    def seconds(self) -> list[float]:
+        """Values of the second variable at which boundaries in the first are told."""
         return [self.value(1, x) for x in _ROWS]
 
     def files(self) -> dict[str, str | bytes]:
@@ -191,106 +193,7 @@ class FailureBoundary(RunResult):
 
     def report(self) -> Report:
         """Three lines, and a table of the boundaries."""
-        flights = self.scenario.flights
-        worst, next_step = flights.doubting(*_worst(self))
-        names = " and ".join(self.variables)
-        bounded = sum(one.side() == "has a boundary" for one in self.requirements)
-        return Report(
-            title=self.scenario.name,
-            outcome="boundary" + (" (interrupted)" if self.interrupted else ""),
-            good=(
-                f"{bounded} of {len(self.requirements)} requirements have a boundary in {names} with"
-                f" {flights.autopilot.name} on {flights.fitted.vehicle.name};"
-                f" {len(self.places) * self.runs_per_place} missions at {len(self.places)} places"
-            ),
-            worst=worst,
-            next_step=next_step,
-            sections=(
-                Section(tables=(_table(self),)),
-                Section(
-                    "Notes",
-                    (
-                        "A boundary is where the failure probability is what the requirement allows;"
-                        " everything but the variables is drawn as [verification] says.",
-                        "The probability is taken to change smoothly: a jump is found on its safe side, by up"
-                        " to some hundredths of the range.",
-                        *self.scenario.notes,
-                        *flights.left_out,
-                    ),
-                    details=True,
-                ),
-            ),
-        )
-
-
-def _worst(found: FailureBoundary) -> tuple[str, str]:
-    if found.interrupted:
-        return "Ctrl-C ended it early", "run the same command again; the places flown are kept"
-    python = found.scenario.without_file
-    failing = [one for one in found.requirements if one.side().startswith("fails")]
-    if failing:
-        return f"{failing[0].requirement.name} {failing[0].side()}", "change the autopilot or the range"
-    first = next(iter(found.variables))
-    nearest_one: tuple[float, str] | None = None
-    for one in found.requirements:
-        seconds: list[float | None] = [None] if len(found.variables) == 1 else list(found._seconds())
-        for second in seconds:
-            beside = "" if second is None else f" at {list(found.variables)[1]} = {second:.3g}"
-            for value, low, high, rising in found.crossings(one.requirement.name, second):
-                reach = value - found.value(0, 0.0) if rising else found.value(0, 1.0) - value
-                text = (
-                    f"{one.requirement.name} holds {'up to' if rising else 'from'} {first} ="
-                    f" {value:.3g} ({low:.3g} to {high:.3g}){beside}"
-                )
-                if nearest_one is None or reach < nearest_one[0]:
-                    nearest_one = (reach, text)
-    runs = len(found.places) * found.runs_per_place
-    more = f"runs={4 * runs}" if python else f"--runs {4 * runs}"
-    if nearest_one is not None:
-        return nearest_one[1], f"plan on the safe end of the interval; {more} halves its width"
-    open_ = [one for one in found.requirements if "more missions" in one.side()]
-    if open_:
-        return f"{open_[0].requirement.name} is {open_[0].side()}", f"fly more missions: {more}"
-    return "no requirement fails in the range", "widen the range until one does"
-
-
-def _table(found: FailureBoundary) -> Table:
-    names = list(found.variables)
-    rows: list[tuple[str, ...]] = []
-    for one in found.requirements:
-        seconds: list[float | None] = [None] if len(names) == 1 else list(found._seconds())
-        for second in seconds:
-            lines = found.crossings(one.requirement.name, second)
-            head = (
-                one.requirement.name,
-                share(one.requirement.allowed),
-                "" if second is None else f"{second:.3g}",
-            )
-            if not lines:
-                rows.append((*head, "none", "", _side_at(found, one, second)))
-            for value, low, high, rising in lines:
-                rows.append((
-                    *head,
-                    f"{value:.3g}",
-                    f"{low:.3g} to {high:.3g}",
-                    f"safe {'below' if rising else 'above'}",
-                ))
-    sure = f"{100.0 * found.scenario.flights.table.confidence:g} %"
-    second_name = names[1] if len(names) > 1 else ""
-    columns = ("requirement", "allowed", second_name, names[0], f"{sure} interval", "side")
-    return Table.of("Failure boundaries", columns, rows)
-
-
-def _side_at(found: FailureBoundary, one: RequirementBoundary, second: float | None) -> str:
-    """The side of a whole line without a boundary."""
-    sides = one.surface.sides
-    mean = one.surface.mean
-    if second is not None:
-        low, high = list(found.variables.values())[1]
-        k = round((second - low) / (high - low) * (len(one.surface.axis) - 1))
-        sides, mean = sides[:, k], mean[:, k]
-    words = "safe" if (mean < one.surface.level).all() else "fails"
-    return words if abs(int(sides.sum())) == len(sides) else f"probably {words}"
+        return report_of(self)
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,10 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
+from seatrial.base.finding import Finding
 from seatrial.base.plain import Plain
 from seatrial.base.progress import Clock, Progress
-from seatrial.base.report import Report, Section
+from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunDirectory, RunResult, to_json
 from seatrial.base.work import HERE, Work
 from seatrial.verification.mission_space import MissionSpace
@@ -40,8 +41,6 @@ WITHIN = 3.0
 """Standard deviations of every draw within which is searched."""
 
 _MISSIONS, _GENERATION = 2000, 32
-
-_NAMED = 6  # values of the middle that are named
 
 _AFTER = 10  # generations beyond the first failure, to find what is really bad
 
@@ -79,7 +78,7 @@ class FalsifiedRequirement(
     case
         TOML of the entry ``[[verification.cases]]``; empty where none failed.
     why_not
-        Why the requirement cannot be searched; empty otherwise.
+        Why the requirement cannot be searched.
     """
 
     requirement: Requirement
@@ -90,7 +89,7 @@ class FalsifiedRequirement(
     disturbance: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     middle: Mapping[str, float] = field(default_factory=dict)
     case: str = ""
-    why_not: str = ""
+    why_not: Finding | None = None
 
     @property
     def falsified(self) -> bool:
@@ -179,56 +178,7 @@ class Falsification(
 
     def report(self) -> Report:
         """Three lines, then by requirement the least disturbance that fails."""
-        bad, flown = self.falsified, sum(one.missions for one in self.requirements)
-        tried = [one for one in self.requirements if not one.why_not]
-        worst, then = "no requirement can be searched", "add a number that comes near its limit"
-        if bad:
-            one = max(bad, key=lambda each: -each.worst)
-            worst = f"{one.requirement.name} fails: {_told(one)}"
-            then = "fly it (its folder is below), mend what it shows, and add cases.toml to the campaign"
-        elif tried:
-            one = min(tried, key=lambda each: each.worst)
-            worst = f"{one.requirement.name} comes nearest to failing, robustness {one.worst:.3g}"
-            then = (
-                "widen the ranges in [verification] if worse can happen; `seatrial rare` gives the"
-                " probability of failure"
-            )
-        worst, then = self.scenario.flights.doubting(worst, then)
-        return Report(
-            title=self.scenario.name,
-            outcome=("falsified" if bad else "not falsified")
-            + (" (interrupted)" if self.interrupted else ""),
-            good=(
-                f"{len(tried) - len(bad)} of {len(self.requirements)} requirements withstood a search within"
-                f" {self.within:g} standard deviations of everything that is drawn; {flown} missions flown"
-            ),
-            worst=worst,
-            next_step=then,
-            sections=(
-                *(
-                    Section(
-                        f"Least disturbance that fails: {one.requirement.name} ({one.requirement.holds},"
-                        f" robustness {one.robustness:.3g})",
-                        tuple(_lines(one)),
-                    )
-                    for one in bad
-                ),
-                Section("Not searched", tuple(one.why_not for one in self.requirements if one.why_not)),
-            ),
-        )
-
-
-def _told(one: FalsifiedRequirement) -> str:
-    """The least disturbance in a few words."""
-    return ", ".join(_lines(one)[:3])
-
-
-def _lines(one: FalsifiedRequirement) -> list[str]:
-    said = [f"{name} {value:.3g} (middle {middle:.3g})" for name, (value, middle) in one.disturbance.items()]
-    if said:
-        return said
-    middle = [f"{name} {value:.3g}" for name, value in one.middle.items()][:_NAMED]
-    return [f"the middle of all ranges fails already{': ' if middle else ''}{', '.join(middle)}"]
+        return report_of(self)
 
 
 @dataclass(frozen=True, kw_only=True)

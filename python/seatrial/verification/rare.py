@@ -4,14 +4,15 @@ Everything that is drawn of a mission is a coordinate (`seatrial.verification.mi
 function is a requirement's robustness (`seatrial.verification.robustness`); the probability is that of the
 distributions of ``[verification]``, and no surer than these.
 
-Tests: ``tests/verification/test_rare.py``.
+`RareFailures` holds what the failures of a requirement have in common, too. Tests:
+``tests/verification/test_rare.py``.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,14 +20,17 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.fleet import fleet_of, threads_of
+from seatrial.base.plain import Plain
 from seatrial.base.progress import Clock, Progress
-from seatrial.base.run import RunDirectory, sha256
+from seatrial.base.report import Report, report_of
+from seatrial.base.run import RunDirectory, RunResult, sha256, to_json
 from seatrial.base.work import HERE, Work
 from seatrial.statistics.draws import generator
-from seatrial.statistics.subset_simulation import Population, importance, population, rare_event
+from seatrial.statistics.subset_simulation import Population, RareEvent, importance, population, rare_event
 from seatrial.verification.mission_space import MissionSpace
-from seatrial.verification.rare_result import SIZE, RareFailures, RareRequirement
+from seatrial.verification.requirement import named
 from seatrial.verification.robustness import robustness, unusable
 
 if TYPE_CHECKING:
@@ -34,6 +38,137 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.scenario import Scenario
+
+SIZE = 500
+"""Missions of a level."""
+
+
+@dataclass(frozen=True, eq=False)
+class RareRequirement:
+    """How rarely a requirement fails.
+
+    Attributes
+    ----------
+    requirement
+    event
+        Probability, interval, missions spent; None where the robustness cannot be used.
+    why_not
+        Why it cannot.
+    likeliest
+        What was drawn in the failing mission that is nearest to the middle of all draws, by readable names.
+    nearest_deviations
+        How far that is, in standard deviations.
+    common
+        What the failing missions have in common, by readable names, the most telling first: their mean, that
+        of all draws, and by how many of its standard deviations it is shifted.
+    sample, seed
+        Its standard normal numbers (d,) and the seed of its noise, with which it is flown again.
+    """
+
+    requirement: Requirement
+    event: RareEvent | None
+    why_not: Finding | None = None
+    likeliest: Mapping[str, float] = field(default_factory=dict)
+    nearest_deviations: float = math.nan
+    common: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    sample: tuple[float, ...] = ()
+    seed: float = math.nan
+
+    @property
+    def verdict(self) -> str:
+        """Held or failed where the interval lies on one side of what is allowed; undecided else."""
+        if self.event is None:
+            return "not judged"
+        low, high = self.event.interval
+        if high <= self.requirement.allowed:
+            return "held"
+        return "failed" if low > self.requirement.allowed else "undecided"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "name": self.requirement.name,
+            "holds": self.requirement.holds,
+            "allowed": self.requirement.allowed,
+            "verdict": self.verdict,
+            "event": None if self.event is None else self.event.to_dict(),
+            "why_not": None if self.why_not is None else self.why_not.to_dict(),
+            "likeliest": dict(self.likeliest),
+            "nearest_deviations": self.nearest_deviations if self.likeliest else None,
+            "common": {name: list(row) for name, row in self.common.items()},
+            "sample": list(self.sample),
+            "seed": self.seed if self.sample else None,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class RareFailures(
+    RunResult,
+    Plain,
+    only="campaign=scenario.name held interrupted warnings=scenario.flights.warnings requirements",
+):
+    """Failure probabilities of rare events; made by `st.Rare`.
+
+    Attributes
+    ----------
+    scenario
+        What was flown.
+    requirements
+        A `RareRequirement` each.
+    interrupted
+        Whether Ctrl-C ended it early: requirements that were not finished are missing.
+    facts
+        What the result rests on.
+    """
+
+    scenario: Scenario
+    requirements: tuple[RareRequirement, ...]
+    interrupted: bool
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def outcome(self) -> str:
+        """The worst verdict: failed, not judged, undecided or held."""
+        verdicts = {one.verdict for one in self.requirements}
+        return next((one for one in ("failed", "not judged", "undecided") if one in verdicts), "held")
+
+    @property
+    def held(self) -> bool:
+        """Whether all requirements are held."""
+        return not self.interrupted and self.outcome == "held"
+
+    def replay(self, name: str) -> Any:
+        """Flight of the likeliest failing mission of a requirement, with its log.
+
+        Parameters
+        ----------
+        name : str
+            Of the requirement.
+
+        Raises
+        ------
+        CampaignError
+            There is no such requirement, or it did not fail.
+        """
+        [found] = named([name], {one.requirement.name: one for one in self.requirements})
+        if not found.sample:
+            raise CampaignError(f'requirement "{name}": no mission failed, there is none to fly again')
+        space = MissionSpace(self.scenario.flights)
+        drawn = space.draws(np.array([found.sample]), np.array([found.seed]))
+        return self.scenario.flights.replay_drawn(drawn)
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        return {**self.scenario.files(), "rare.json": to_json(self.to_dict()), **self.report().files()}
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
+    def report(self) -> Report:
+        """Three lines, a table of the requirements, the likeliest failing missions."""
+        return report_of(self)
+
 
 _POPULATIONS, _CHECKED = 4, 1000
 
@@ -156,10 +291,8 @@ class _Search:
         confidence = flights.table.confidence
         event = rare_event(tuple(parts), check, confidence=confidence)
         if event.stood_still:
-            why = (
-                f'"{self.requirement.name}" has no usable robustness: half of a level\'s missions share one'
-                f" value; {self.requirement.holds} needs a number that falls on the way to a failure"
-            )
+            values = {"holds": self.requirement.holds}
+            why = Finding("values shared", Severity.PROBLEM, self.requirement.name, values)
             return RareRequirement(self.requirement, None, why)
         if not len(samples):
             return RareRequirement(self.requirement, event)

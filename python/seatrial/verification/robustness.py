@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.finding import Finding, Severity
 from seatrial.verification.requirement import COMPLETION
 
 if TYPE_CHECKING:
@@ -61,8 +62,8 @@ def completion(flown: FlownMissions, flights: CampaignFlights) -> Array:
     return np.asarray(np.where(complete, np.maximum(left, 1e-9), -behind))
 
 
-def unusable(requirement: Requirement, values: Array) -> str:
-    """Why a requirement's robustness (k,) ranks no missions; empty where it does.
+def unusable(requirement: Requirement, values: Array) -> Finding | None:
+    """Why a requirement's robustness (k,) ranks no missions; None where it does.
 
     Parameters
     ----------
@@ -72,9 +73,5 @@ def unusable(requirement: Requirement, values: Array) -> str:
     """
     held = values > 0.0
     if not held.any() or np.isfinite(values[held]).mean() >= _FINITE:
-        return ""
-    return (
-        f'"{requirement.name}" has no usable robustness: {requirement.holds} is held or not, without a'
-        " distance; add a number that comes near its limit before it fails, for example a clearance, a depth"
-        " or a cross-track error"
-    )
+        return None
+    return Finding("no distance", Severity.PROBLEM, requirement.name, {"holds": requirement.holds})

@@ -1,0 +1,345 @@
+"""The words of surveys of missions beside a verification: rare failures, the worst missions, boundaries.
+
+Held by ``tests/verification/test_rare.py``, ``tests/verification/test_falsify.py`` and
+``tests/verification/test_boundary.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import singledispatch
+
+from seatrial.base.finding import Finding
+from seatrial.base.report import Report, Section, Table
+from seatrial.statistics.proportions import share
+from seatrial.verification.boundary import FailureBoundary, RequirementBoundary
+from seatrial.verification.falsify import Falsification, FalsifiedRequirement
+from seatrial.verification.rare import SIZE, RareFailures, RareRequirement
+
+_SHOWN, _SHIFTED = 5, 0.8
+"""How many common causes of failures are printed, and from which shift on, in standard deviations."""
+_NAMED = 6  # values of the middle that are named
+
+
+@singledispatch
+def report(result: object) -> Report:
+    """Report of a survey."""
+    raise TypeError(f"expected a survey of missions, found {type(result).__name__}")
+
+
+def _unusable(finding: Finding) -> tuple[str, str]:
+    """Why the robustness of a requirement ranks no missions, and what to do about it."""
+    name, holds = finding.subject, finding["holds"]
+    if finding.kind == "no distance":
+        return (
+            f'"{name}" has no usable robustness: {holds} is held or not, without a distance',
+            "add a number that comes near its limit before it fails, for example a clearance, a depth or a"
+            " cross-track error",
+        )
+    return (
+        f'"{name}" has no usable robustness: half of a level\'s missions share one value',
+        f"{holds} needs a number that falls on the way to a failure",
+    )
+
+
+def _not_judged(requirements: Sequence[RareRequirement | FalsifiedRequirement]) -> tuple[str, ...]:
+    return tuple("; ".join(_unusable(one.why_not)) for one in requirements if one.why_not is not None)
+
+
+@report.register
+def _rare(result: RareFailures) -> Report:
+    """Three lines, a table of the requirements, the likeliest failing missions."""
+    judged = [one for one in result.requirements if one.event is not None]
+    held = sum(one.verdict == "held" for one in result.requirements)
+    spent = sum(one.event.evaluations for one in judged if one.event is not None)
+    worst, next_step = result.scenario.flights.doubting(*_worst_of_rare(result))
+    return Report(
+        title=result.scenario.name,
+        outcome=result.outcome + (" (interrupted)" if result.interrupted else ""),
+        good=(
+            f"{held} of {len(result.requirements)} requirements held by"
+            f" {result.scenario.flights.autopilot.name} on {result.scenario.flights.fitted.vehicle.name};"
+            f" {spent} missions flown"
+        ),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(tables=(_rare_table(result.requirements),)),
+            *(
+                Section(f"Failures of: {one.requirement.name}", tuple(_drawn(one)))
+                for one in judged
+                if one.likeliest
+            ),
+            Section("Not judged", _not_judged(result.requirements)),
+            Section(
+                "Notes",
+                (
+                    "The probability is that of the distributions in [verification] and of the"
+                    " covariance; it is no surer than these.",
+                    *result.scenario.notes,
+                    *result.scenario.flights.left_out,
+                ),
+                details=True,
+            ),
+        ),
+    )
+
+
+def _worst_of_rare(found: RareFailures) -> tuple[str, str]:
+    """The worst problem, and what to do about it."""
+    again = f"seatrial rare {found.scenario.source}"
+    if found.interrupted:
+        return "Ctrl-C ended it early", "run the same command again; finished populations are kept"
+    judged = [(one, one.event) for one in found.requirements if one.event is not None]
+    apart = [one for one, event in judged if event.agrees is False]
+    if apart:
+        return (
+            f"{apart[0].requirement.name}: importance sampling about the failures disagrees: failures"
+            " of another kind may be missing",
+            f"fly larger populations: {again} --population {2 * SIZE}",
+        )
+    failing = [(one, event) for one, event in judged if one.verdict != "held" and event.estimate > 0.0]
+    if failing:
+        one, event = max(failing, key=lambda pair: pair[1].estimate / pair[0].requirement.allowed)
+        return (
+            f"{one.requirement.name} fails in {event.estimate:.2g} of the missions"
+            f" ({event.interval[0]:.2g} to {event.interval[1]:.2g}); {one.requirement.allowed:.2g} is"
+            " allowed",
+            "see below what its failures have in common, then change that or tune",
+        )
+    if reasons := [each.why_not for each in found.requirements if each.why_not is not None]:
+        return _unusable(reasons[0])
+    if not judged:
+        return "no requirement was judged", "state requirements in the campaign"
+    one, event = max(judged, key=lambda pair: pair[1].interval[1])
+    if one.verdict != "held":
+        return (
+            f"{one.requirement.name}: at most {event.interval[1]:.2g} of the missions fail, more than the"
+            f" {one.requirement.allowed:.2g} that are allowed",
+            f"fly larger populations: {again} --population {2 * SIZE}",
+        )
+    return (
+        f"{one.requirement.name} fails most often, in at most {event.interval[1]:.2g} of the missions",
+        "ask whether the distributions in [verification] are wide enough: the figure is no surer than they",
+    )
+
+
+def _rare_table(requirements: Sequence[RareRequirement]) -> Table:
+    rows = []
+    for one in requirements:
+        event = one.event
+        if event is None:
+            rows.append((
+                one.requirement.name,
+                one.verdict,
+                "",
+                "",
+                f"{one.requirement.allowed:.2g}",
+                "",
+                "",
+                "",
+            ))
+            continue
+        low, high = event.interval
+        check = event.check
+        rows.append((
+            one.requirement.name,
+            one.verdict,
+            f"{event.estimate:.2g}" if event.estimate else "none found",
+            f"{low:.2g} to {high:.2g}",
+            f"{one.requirement.allowed:.2g}",
+            "" if check is None or event.agrees is None else f"{check.estimate:.2g}",
+            f"{event.evaluations}",
+            f"{event.plain:.2g}" if math.isfinite(event.plain) else "",
+        ))
+    head = (
+        "requirement",
+        "verdict",
+        "fails in",
+        f"{100 * (requirements[0].event.confidence if requirements and requirements[0].event else 0.95):g} %",
+        "allowed",
+        "check",
+        "missions",
+        "plain sampling",
+    )
+    return Table.of(
+        "Failure probabilities", head, rows, left=2, note="plain sampling: missions for the same interval"
+    )
+
+
+def _drawn(one: RareRequirement) -> list[str]:
+    """What failing missions have in common, and how far out the likeliest is."""
+    said = [
+        f"{name}: mean {mean:.3g} in failures, {usual:.3g} in all draws ({shift:+.1f} sd);"
+        f" {one.likeliest[name]:.3g} in the likeliest failure"
+        for name, (mean, usual, shift) in list(one.common.items())[:_SHOWN]
+        if abs(shift) >= _SHIFTED
+    ]
+    return [
+        *(said or ["nothing that is drawn stands out: noise, gusts or many small things"]),
+        f"the likeliest failure lies {one.nearest_deviations:.1f} standard deviations from the middle of all"
+        " draws, besides noise and gusts",
+    ]
+
+
+@report.register
+def _falsification(result: Falsification) -> Report:
+    """Three lines, then by requirement the least disturbance that fails."""
+    bad, flown = result.falsified, sum(one.missions for one in result.requirements)
+    tried = [one for one in result.requirements if not one.why_not]
+    worst, then = "no requirement can be searched", "add a number that comes near its limit"
+    if bad:
+        one = max(bad, key=lambda each: -each.worst)
+        worst = f"{one.requirement.name} fails: {_told(one)}"
+        then = "fly it (its folder is below), mend what it shows, and add cases.toml to the campaign"
+    elif tried:
+        one = min(tried, key=lambda each: each.worst)
+        worst = f"{one.requirement.name} comes nearest to failing, robustness {one.worst:.3g}"
+        then = (
+            "widen the ranges in [verification] if worse can happen; `seatrial rare` gives the"
+            " probability of failure"
+        )
+    worst, then = result.scenario.flights.doubting(worst, then)
+    return Report(
+        title=result.scenario.name,
+        outcome=("falsified" if bad else "not falsified") + (" (interrupted)" if result.interrupted else ""),
+        good=(
+            f"{len(tried) - len(bad)} of {len(result.requirements)} requirements withstood a search within"
+            f" {result.within:g} standard deviations of everything that is drawn; {flown} missions flown"
+        ),
+        worst=worst,
+        next_step=then,
+        sections=(
+            *(
+                Section(
+                    f"Least disturbance that fails: {one.requirement.name} ({one.requirement.holds},"
+                    f" robustness {one.robustness:.3g})",
+                    tuple(disturbance(one)),
+                )
+                for one in bad
+            ),
+            Section("Not searched", _not_judged(result.requirements)),
+        ),
+    )
+
+
+def _told(one: FalsifiedRequirement) -> str:
+    """The least disturbance in a few words."""
+    return ", ".join(disturbance(one)[:3])
+
+
+def disturbance(one: FalsifiedRequirement) -> list[str]:
+    """The least disturbance that fails, a text per number that was drawn."""
+    said = [f"{name} {value:.3g} (middle {middle:.3g})" for name, (value, middle) in one.disturbance.items()]
+    if said:
+        return said
+    middle = [f"{name} {value:.3g}" for name, value in one.middle.items()][:_NAMED]
+    return [f"the middle of all ranges fails already{': ' if middle else ''}{', '.join(middle)}"]
+
+
+@report.register
+def _boundary(result: FailureBoundary) -> Report:
+    """Three lines, and a table of the boundaries."""
+    flights = result.scenario.flights
+    worst, next_step = flights.doubting(*_worst_of_boundary(result))
+    names = " and ".join(result.variables)
+    bounded = sum(one.side == "boundary" for one in result.requirements)
+    return Report(
+        title=result.scenario.name,
+        outcome="boundary" + (" (interrupted)" if result.interrupted else ""),
+        good=(
+            f"{bounded} of {len(result.requirements)} requirements have a boundary in {names} with"
+            f" {flights.autopilot.name} on {flights.fitted.vehicle.name};"
+            f" {len(result.places) * result.runs_per_place} missions at {len(result.places)} places"
+        ),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(tables=(_boundary_table(result),)),
+            Section(
+                "Notes",
+                (
+                    "A boundary is where the failure probability is what the requirement allows;"
+                    " everything but the variables is drawn as [verification] says.",
+                    "The probability is taken to change smoothly: a jump is found on its safe side, by up"
+                    " to some hundredths of the range.",
+                    *result.scenario.notes,
+                    *flights.left_out,
+                ),
+                details=True,
+            ),
+        ),
+    )
+
+
+def _worst_of_boundary(found: FailureBoundary) -> tuple[str, str]:
+    if found.interrupted:
+        return "Ctrl-C ended it early", "run the same command again; the places flown are kept"
+    python = found.scenario.without_file
+    if failing := [one.requirement.name for one in found.requirements if one.side == "fails"]:
+        return f"{failing[0]} fails in the whole range", "change the autopilot or the range"
+    first = next(iter(found.variables))
+    nearest_one: tuple[float, str] | None = None
+    for one in found.requirements:
+        seconds: list[float | None] = [None] if len(found.variables) == 1 else list(found.seconds())
+        for second in seconds:
+            beside = "" if second is None else f" at {list(found.variables)[1]} = {second:.3g}"
+            for value, low, high, rising in found.crossings(one.requirement.name, second):
+                reach = value - found.value(0, 0.0) if rising else found.value(0, 1.0) - value
+                text = (
+                    f"{one.requirement.name} holds {'up to' if rising else 'from'} {first} ="
+                    f" {value:.3g} ({low:.3g} to {high:.3g}){beside}"
+                )
+                if nearest_one is None or reach < nearest_one[0]:
+                    nearest_one = (reach, text)
+    runs = len(found.places) * found.runs_per_place
+    more = f"runs={4 * runs}" if python else f"--runs {4 * runs}"
+    if nearest_one is not None:
+        return nearest_one[1], f"plan on the safe end of the interval; {more} halves its width"
+    if unsure := [one for one in found.requirements if one.side.startswith("probably")]:
+        side = "safe" if unsure[0].side == "probably safe" else "failing"
+        return (
+            f"{unsure[0].requirement.name} is probably {side} in the whole range; more missions would tell",
+            f"fly more missions: {more}",
+        )
+    return "no requirement fails in the range", "widen the range until one does"
+
+
+def _boundary_table(found: FailureBoundary) -> Table:
+    names = list(found.variables)
+    rows: list[tuple[str, ...]] = []
+    for one in found.requirements:
+        seconds: list[float | None] = [None] if len(names) == 1 else list(found.seconds())
+        for second in seconds:
+            lines = found.crossings(one.requirement.name, second)
+            head = (
+                one.requirement.name,
+                share(one.requirement.allowed),
+                "" if second is None else f"{second:.3g}",
+            )
+            if not lines:
+                rows.append((*head, "none", "", _side_at(found, one, second)))
+            for value, low, high, rising in lines:
+                rows.append((
+                    *head,
+                    f"{value:.3g}",
+                    f"{low:.3g} to {high:.3g}",
+                    f"safe {'below' if rising else 'above'}",
+                ))
+    sure = f"{100.0 * found.scenario.flights.table.confidence:g} %"
+    second_name = names[1] if len(names) > 1 else ""
+    columns = ("requirement", "allowed", second_name, names[0], f"{sure} interval", "side")
+    return Table.of("Failure boundaries", columns, rows)
+
+
+def _side_at(found: FailureBoundary, one: RequirementBoundary, second: float | None) -> str:
+    """The side of a whole line without a boundary."""
+    sides = one.surface.sides
+    mean = one.surface.mean
+    if second is not None:
+        low, high = list(found.variables.values())[1]
+        k = round((second - low) / (high - low) * (len(one.surface.axis) - 1))
+        sides, mean = sides[:, k], mean[:, k]
+    words = "safe" if (mean < one.surface.level).all() else "fails"
+    return words if abs(int(sides.sum())) == len(sides) else f"probably {words}"
