@@ -81,10 +81,10 @@ def test_stamps_a_microsecond_apart_make_no_window_wider_than_the_series(tmp_pat
     assert (ended, found) == ("project", "")
 
 
-@pytest.mark.long  # 5,005 files
-def test_law_five_thousand_files_of_strangers(tmp_path: Path) -> None:
+@pytest.mark.long  # 2,002 files
+def test_law_two_thousand_files_of_strangers(tmp_path: Path) -> None:
     ends: Counter[tuple[str, str]] = Counter()
-    for seed in range(1000, 1385):
+    for seed in range(1000, 1154):
         for format in WRITERS:
             folder = tmp_path / "file"
             folder.mkdir()
@@ -95,7 +95,7 @@ def test_law_five_thousand_files_of_strangers(tmp_path: Path) -> None:
             shutil.rmtree(folder)
             shutil.rmtree(tmp_path / "project", ignore_errors=True)
     print(*(f"{format:15} {ended:20} {count:5}" for (format, ended), count in sorted(ends.items())), sep="\n")
-    assert ends.total() >= 5000
+    assert ends.total() >= 2000
 
 
 def test_a_file_that_gzip_packed_a_thousand_times_is_refused_before_it_fills_the_memory(
