@@ -21,7 +21,7 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 413,
-    "Python lines": 115_460,
+    "Python lines": 115_640,
     "modules that import the campaign": 15,
     "lines that build text below the verbs": 6_670,
     "functions over 8 parameters": 45,

@@ -130,3 +130,19 @@ def with_column(design: Design, unknown: Unknown, column: Sequence[Array]) -> De
         ),
         unknowns=(*design.unknowns, unknown),
     )
+
+
+def own_coefficients(
+    design: Design, drawn: Sequence[Array], sd: Array, rng: np.random.Generator, *, part: int
+) -> list[Array]:
+    """Errors, and in each part of so many samples coefficients of its own that scatter by ``sd``."""
+    total = []
+    for jacobian, error in zip(design.jacobians, drawn, strict=True):
+        moved = error.copy()
+        for first in range(0, len(jacobian), part):
+            own = rng.normal(size=(error.shape[1], len(sd))) * sd
+            moved[first : first + part] += np.einsum(
+                "nci,si->nsc", jacobian[first : first + part, :, : len(sd)], own
+            )
+        total.append(moved)
+    return total

@@ -198,9 +198,7 @@ def divided(lin: Linearisation, length: BlockLength) -> tuple[Blocks, ...]:
     What a trial has left before its first block and after its last one is one block (Politis & Romano 1992).
     """
     slope_ratio, unknowns = _score_slope(lin), len(lin.unknowns)
-    square = np.sum([((p.weight * p.residual * p.counted) ** 2).sum(axis=0) for p in lin.pieces], axis=0)
-    counts = np.maximum(np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0), 1)
-    colour = length.memory * square / counts
+    colour = length.memory * _mean_square(lin.pieces)
     coloured = np.zeros((unknowns, unknowns))
     score: list[list[Array]] = [[] for _ in range(_SHIFTS)]
     information: list[list[Array]] = [[] for _ in range(_SHIFTS)]
@@ -241,6 +239,49 @@ def information_of(lin: Linearisation) -> Array:
         matrix = piece.jacobian.reshape(-1, unknowns)
         total += matrix.T @ ((slope_ratio * piece.weight).reshape(-1, 1) * matrix)
     return total
+
+
+def parts(
+    lin: Linearisation, length: BlockLength, seconds: float
+) -> tuple[NDArray[np.intp], Array, Array, Array]:
+    """Trial (G,), score (G, m), information and covariance of the errors (G, m, m) of parts of the trials.
+
+    A part has so many seconds at least, or is the whole of a shorter trial. Its errors have the memory and
+    the mean square of their channel (`Blocks.coloured`).
+    """
+    slope_ratio, unknowns = _score_slope(lin), len(lin.unknowns)
+    colour = length.memory * _mean_square(lin.pieces)
+    sums, trials = [], []
+    for trial, (pieces, grid, rows) in enumerate(_on_grid(lin)):
+        place = np.searchsorted(np.unique(grid[rows]), grid)
+        number = max(int(np.sum(np.bincount(grid[rows]) > 0) * lin.dt / seconds), 1)
+        first, whole = 0, max(int(place.max(initial=0)) + 1, 1)
+        of_trial = np.zeros((number, unknowns, 1 + 2 * unknowns))
+        for piece in pieces:
+            # A segment is not divided: its initial conditions were fitted to all of it.
+            index = min(int(place[first : first + len(piece.t)].mean() * number / whole), number - 1)
+            first += len(piece.t)
+            matrix, weight = piece.jacobian.reshape(-1, unknowns), piece.weight
+            of_errors = np.broadcast_to(colour, weight.shape).reshape(-1, 1)
+            of_trial[index, :, 0] += matrix.T @ (weight * piece.residual).ravel()
+            of_trial[index, :, 1 : 1 + unknowns] += matrix.T @ (
+                (slope_ratio * weight).reshape(-1, 1) * matrix
+            )
+            of_trial[index, :, 1 + unknowns :] += matrix.T @ (of_errors * matrix)
+        sums.append(of_trial)
+        trials += [trial] * number
+    total = np.concatenate(sums)
+    telling = total.any(axis=(1, 2))
+    total = total[telling]
+    information, errors = total[:, :, 1 : 1 + unknowns], total[:, :, 1 + unknowns :]
+    return np.array(trials, dtype=np.intp)[telling], total[:, :, 0], information, errors
+
+
+def _mean_square(pieces: Sequence[Piece]) -> Array:
+    """Mean square (C,) of the score of each channel's samples."""
+    square = np.sum([((p.weight * p.residual * p.counted) ** 2).sum(axis=0) for p in pieces], axis=0)
+    counts = np.sum([piece.counted.sum(axis=0) for piece in pieces], axis=0)
+    return np.asarray(square / np.maximum(counts, 1))
 
 
 def _units(pieces: Sequence[Piece], length: int) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:

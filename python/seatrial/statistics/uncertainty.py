@@ -46,6 +46,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.statistics.blocks import BlockLength, Whitened, block_length, divided, viewed, views
 from seatrial.statistics.linearisation import Linearisation
+from seatrial.statistics.random_effects import random_effects
 
 _AT_BOUND = 0.005  # of the box, from which a value counts as having come to its bound
 
@@ -86,6 +87,9 @@ class Uncertainty:
         the undetermined.
     covariance
         Matrix (m, m) on the determined combinations.
+    between
+        Standard deviation of each coefficient between parts of the recordings
+        (`seatrial.statistics.random_effects`); zero where they show none.
     correlation
         Matrix (m, m), not a number for undetermined unknowns.
     block_samples, block_s, blocks
@@ -103,6 +107,7 @@ class Uncertainty:
     alone: NDArray[np.bool_]
     dof: Array
     covariance: Array
+    between: Array
     correlation: Array
     block_samples: int
     block_s: float
@@ -110,7 +115,7 @@ class Uncertainty:
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain numbers, texts and lists, one dict per unknown."""
-        columns = ("estimate", "sigma", "naive", "lower", "upper", "alone", "dof")
+        columns = ("estimate", "sigma", "naive", "lower", "upper", "alone", "dof", "between")
         values = zip(*(getattr(self, column).tolist() for column in columns), strict=True)
         labels = zip(self.names, self.units, self.at_bound, strict=True)
         return {
@@ -162,11 +167,19 @@ def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Unce
     view = divisions[0]
     scatters, alone, dofs = zip(*(_scatter(division) for division in divisions), strict=True)
     matrix = view.transform @ (np.mean(scatters, axis=0) + view.pull) @ view.transform.T
-    variance = np.diag(matrix)
+    variance, dof = np.diag(matrix).copy(), np.mean(dofs, axis=0)
+    # Coefficients that differ between parts of the recordings by more than errors explain.
+    effects = random_effects(lin, view.length)
+    if effects is not None:
+        more, its_dof = effects.spread(view.transform @ view.transform.T)
+        matrix = matrix + more
+        added = np.diag(more)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            both = (variance + added) ** 2 / (variance**2 / dof + added**2 / its_dof)
+        dof = np.where(added > 0.0, both, dof)
     naive = np.einsum("ij,ij->i", view.transform, view.transform)
     with np.errstate(divide="ignore", invalid="ignore"):
-        dof = np.mean(dofs, axis=0)
-        sigma = np.where(view.undetermined, np.inf, np.sqrt(variance))
+        sigma = np.where(view.undetermined, np.inf, np.sqrt(np.diag(matrix)))
         correlation = matrix / np.outer(sigma, sigma)
     correlation[view.undetermined] = correlation[:, view.undetermined] = np.nan
     half = stdtrit(np.where(view.undetermined, 1.0, np.minimum(dof, _MANY)), 0.975) * sigma
@@ -184,6 +197,7 @@ def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Unce
         alone=np.mean(alone, axis=0) > 0.5 * variance,
         dof=np.where(view.undetermined, 0.0, dof),
         covariance=matrix,
+        between=np.zeros(len(dof)) if effects is None else effects.sd,
         correlation=correlation,
         block_samples=view.length.samples,
         block_s=view.length.seconds,
@@ -211,6 +225,7 @@ def tempering(lin: Linearisation) -> Array:
         return own
     length = block_length(lin)
     divisions = divided(lin, length)
+    effects = random_effects(lin, length)
 
     def spread() -> tuple[Array, Array, Array]:
         """Variances (m,) by the data's errors, were these independent, and by the priors' errors."""
@@ -219,6 +234,8 @@ def tempering(lin: Linearisation) -> Array:
         inside = scatter, np.eye(len(scatter)) - seen[0].prior, seen[0].pull
         transform = seen[0].transform
         first, second, third = (np.einsum("ij,jk,ik->i", transform, part, transform) for part in inside)
+        if effects is not None:
+            first = first + np.diag(effects.spread(transform @ transform.T)[0])
         return first, second, third
 
     for _ in range(_ROUNDS):
