@@ -41,6 +41,15 @@ def identify(
             help="Mode of the axes that a stage does not free, instead of the campaign's; runs/NAME-MODE.",
         ),
     ] = None,
+    rounds: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=0,
+            help="Rounds in which proposals of the residual analysis are tried; 0 for none. By default the"
+            " campaign's proposal_rounds.",
+        ),
+    ] = None,
     leave_one_out: Annotated[
         bool,
         typer.Option(
@@ -76,7 +85,7 @@ def identify(
     if leave_one_out:
         check_writable(without, "leave one out")
     endings, computing = figures.endings(page), Computing(resume, threads, dask)
-    fit = run_identification(loaded, folder, computing=computing, quiet=json)
+    fit = run_identification(loaded, folder, computing=computing, rounds=rounds, quiet=json)
     left_out: LeaveOneOut | None = None
 
     def drawn() -> list[Path]:
@@ -105,11 +114,32 @@ def identify(
 
 
 def run_identification(
-    campaign: Campaign, folder: Path, *, computing: Computing = Computing(), quiet: bool = False
+    campaign: Campaign,
+    folder: Path,
+    *,
+    computing: Computing = Computing(),
+    rounds: int | None = None,
+    quiet: bool = False,
 ) -> Identification:
-    """Identification of a campaign into a run directory, with progress on standard error."""
+    """Identification of a campaign into a run directory, with progress on standard error.
+
+    Raises
+    ------
+    CampaignError
+        Rounds of proposals are asked for, and the campaign has no joint estimate that they could change.
+    """
+    from seatrial.base.errors import CampaignError
+
+    problem = campaign.problem()
+    if rounds is not None and problem.joint is not None:
+        problem = problem.with_joint(problem.joint.model_copy(update={"proposal_rounds": rounds}))
+    elif rounds:
+        raise CampaignError(
+            f"--rounds {rounds}: {campaign.source} has no [polish]; add it: proposals change the joint"
+            " estimate"
+        )
     with computing.work(folder, "reading the trials", quiet=quiet) as work:
-        return campaign.identify(work=work)
+        return problem.identify(work=work)
 
 
 def draw(fit: Identification, folder: Path, endings: tuple[str, ...] = ("png",)) -> list[Path]:

@@ -60,20 +60,23 @@ _DELAYS = {"T_t": "dead time", "T_1": "lag"}
 class Candidate:
     """A coefficient that might be missing; of an actuator group, the coefficients that it sets together.
 
-    With a ``trial`` it is a constant force of that trial alone, and its member the bias of all of them.
+    With ``factors`` each member changes in proportion to its value: the first's change times its factor. With
+    a ``trial`` it is a constant force of that trial alone, and its member the bias of all of them.
     """
 
     name: str
     members: tuple[str, ...]
     trial: str = ""
+    factors: tuple[float, ...] = ()
 
 
 def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tuple[Candidate, ...]:
     """Coefficients of a vehicle that are not estimated and act on a free axis.
 
-    Of an actuator group those of all its actuators together where they are equal, and of each actuator its
-    gain and levers. Lag and dead time of a group are there always, of those actuators that are not estimated;
-    where that is a part of the group, under the name of its first.
+    Of an actuator group those of all its actuators together where they are equal, its levers in proportion
+    (the arm of all vertical thrusters about the roll axis), and of each actuator its gain and levers. Lag and
+    dead time of a group are there always, of those actuators that are not estimated; where that is a part of
+    the group, under the name of its first.
 
     Parameters
     ----------
@@ -103,8 +106,14 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
             candidates.append(Candidate(name, (name,)))
     for group, own_actuators in groups.items():
         of_first = [name.partition(".")[2] for name in known if name.startswith(f"{own_actuators[0]}.")]
-        for suffix in (suffix for suffix in of_first if not suffix.startswith("lever_")):
+        for suffix in of_first:
             own = tuple(f"{member}.{suffix}" for member in own_actuators)
+            if suffix.startswith("lever_"):
+                arms = [present.get(name, 0.0) for name in own]
+                if len(own) > 1 and all(arms) and not fixed & set(own):
+                    factors = tuple(arm / arms[0] for arm in arms)
+                    candidates.append(Candidate(f"{group}.{suffix}", own, factors=factors))
+                continue
             if suffix in _DELAYS:
                 held = tuple(name for name in own if name in known and name not in fixed)
                 if held:
@@ -143,7 +152,7 @@ def columns_of(lin: Linearisation, tried: Sequence[Candidate]) -> list[Array]:
     first = [place[candidate.members[0]] for candidate in tried]
     # Most candidates are one coefficient: their columns are taken, and only those of groups are added up.
     others = [
-        (column, [place[member] for member in candidate.members[1:]])
+        (column, [place[member] for member in candidate.members[1:]], candidate.factors[1:] or 1.0)
         for column, candidate in enumerate(tried)
         if len(candidate.members) > 1
     ]
@@ -151,8 +160,8 @@ def columns_of(lin: Linearisation, tried: Sequence[Candidate]) -> list[Array]:
     for piece in lin.pieces:
         columns = piece.jacobian[:, :, first]
         columns[:, :, [bool(candidate.trial) and candidate.trial != piece.trial for candidate in tried]] = 0.0
-        for column, places in others:
-            columns[:, :, column] += piece.jacobian[:, :, places].sum(axis=2)
+        for column, places, factors in others:
+            columns[:, :, column] += (piece.jacobian[:, :, places] * factors).sum(axis=2)
         pieces.append(columns)
     return pieces
 
@@ -279,6 +288,8 @@ class Suggestion(Plain):
         Coefficients that it sets, all alike; empty where that is itself.
     line
         Line for the campaign's coefficients that frees it; empty where nothing is to be freed.
+    relative
+        Whether its members keep their proportion: `present` and `value` are those of the first.
     """
 
     name: str
@@ -294,6 +305,7 @@ class Suggestion(Plain):
     sentence: str
     members: tuple[str, ...] = ()
     line: str = ""
+    relative: bool = False
 
     @property
     def faster(self) -> bool:
@@ -365,9 +377,14 @@ def missing_terms(
     count = max(tested or 0, int(tests.testable.sum()))
     open_ = tests.testable.copy()
     place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
-    # A force of one trial comes on top of the vehicle's bias: none is present.
+    # A force of one trial comes on top of the vehicle's bias: none is present. Where members keep their
+    # proportion, the first stands for them.
     present = np.array([
-        0.0 if candidate.trial else np.mean([lin.values[place[name]] for name in candidate.members])
+        0.0
+        if candidate.trial
+        else lin.values[place[candidate.members[0]]]
+        if candidate.factors
+        else np.mean([lin.values[place[name]] for name in candidate.members])
         for candidate in tried
     ])
     delays = np.array([candidate.members[0].rpartition(".")[2] in _DELAYS for candidate in tried], dtype=bool)
@@ -404,6 +421,7 @@ def missing_terms(
             p=float(adjusted[group].min()),
             sentence="",
             members=tried[leader].members if len(tried[leader].members) > 1 else (),
+            relative=bool(tried[leader].factors),
         )
         suggestions.append(worded(suggestion))
         open_[group] = False

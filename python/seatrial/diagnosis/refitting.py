@@ -73,11 +73,36 @@ def campaign_line(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]])
         trial, name = suggestion.nuisance
         return f"{name} = {{ trials = {json.dumps([trial])} }}"
     lower, upper = suggested_bounds(suggestion, info)
+    if suggestion.relative:
+        lower, upper = sorted((round(lower / suggestion.present, 3), round(upper / suggestion.present, 3)))
     key = f'"{suggestion.name}"' if "." in suggestion.name else suggestion.name
     written = f"[{lower!r}, {upper!r}]"
+    if suggestion.relative:
+        written = f"{{ bounds = {written}, relative = true }}"
     if suggestion.tied:
         written = f"{{ bounds = {written}, tie = {json.dumps(list(suggestion.tied))} }}"
     return f"{key} = {written}"
+
+
+def freed(
+    section: JointSettings, suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]]
+) -> JointSettings:
+    """Settings of a joint estimate with what a suggestion frees; ``info`` as of `suggested_bounds`."""
+    if suggestion.nuisance is not None:
+        trial, key = suggestion.nuisance
+        before = section.nuisances.get(key, Nuisance())
+        force = before.model_copy(update={"trials": (*before.trials, trial)})
+        return section.model_copy(update={"nuisances": {**section.nuisances, key: force}})
+    lower, upper = suggested_bounds(suggestion, info)
+    if suggestion.relative:
+        lower, upper = sorted((lower / suggestion.present, upper / suggestion.present))
+    entry = Coefficient(
+        bounds=(lower, upper),
+        start=1.0 if suggestion.relative else suggestion.present,
+        relative=suggestion.relative,
+        tie=tuple(Tie(name=name) for name in suggestion.tied),
+    )
+    return section.model_copy(update={"coefficients": {**section.coefficients, suggestion.name: entry}})
 
 
 def _outwards(number: float, direction: int) -> float:
@@ -189,26 +214,13 @@ def _fit(joint: Joint, section: JointSettings, start: Mapping[str, float]) -> _F
 
 def _freed(here: _Fit, suggestion: Suggestion) -> _Fit:
     """The estimate with a suggested coefficient or force free, from where it is."""
-    section = here.joint.problem.joint or JointSettings()
-    names = [unknown.name for unknown in here.joint.unknowns]
+    joint = here.joint
+    names = [unknown.name for unknown in joint.unknowns]
     start = dict(zip(names, here.polished.values.tolist(), strict=True)) | {
-        suggestion.name: suggestion.present
+        suggestion.name: 0.0 if suggestion.nuisance is not None else suggestion.present
     }
-    if suggestion.nuisance is not None:
-        trial, key = suggestion.nuisance
-        before = section.nuisances.get(key, Nuisance())
-        force = before.model_copy(update={"trials": (*before.trials, trial)})
-        return _fit(
-            here.joint, section.model_copy(update={"nuisances": {**section.nuisances, key: force}}), start
-        )
-    ties = tuple(Tie(name=name) for name in suggestion.tied)
-    bounds = suggested_bounds(suggestion, here.joint.vehicle.coefficient_info())
-    entry = Coefficient(bounds=bounds, start=suggestion.present, tie=ties)
-    return _fit(
-        here.joint,
-        section.model_copy(update={"coefficients": {**section.coefficients, suggestion.name: entry}}),
-        start,
-    )
+    section = joint.problem.joint or JointSettings()
+    return _fit(joint, freed(section, suggestion, joint.vehicle.coefficient_info()), start)
 
 
 def _linearised(here: _Fit, left: Sequence[Candidate]) -> Linearisation:

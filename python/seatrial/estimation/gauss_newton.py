@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -219,12 +219,16 @@ class GaussNewton:
         """Segments at a point, the information (m, m) and the downhill gradient (m,) of what they tell."""
         size = len(self.unknowns)
         information, gradient, locals_ = np.zeros((size, size)), np.zeros(size), []
-        for index, (error, jacobian, places) in enumerate(self._slopes(values, initial)):
-            local, reduced, downhill = self._eliminated(error, jacobian, places, initial[index])
-            information[np.ix_(places, places)] += reduced
-            gradient[places] += downhill
+        for local, reduced, downhill in self.by_segment(values, initial):
+            information[np.ix_(local.places, local.places)] += reduced
+            gradient[local.places] += downhill
             locals_.append(local)
         return locals_, information, gradient
+
+    def by_segment(self, values: Array, initial: Array) -> Iterator[tuple[_Local, Array, Array]]:
+        """Every segment at a point, with information (k, k) and downhill gradient (k,) of its k unknowns."""
+        for index, (error, jacobian, places) in enumerate(self._slopes(values, initial)):
+            yield self._eliminated(error, jacobian, places, initial[index])
 
     def _slopes(self, values: Array, initial: Array) -> _Slopes:
         """Residuals and derivatives of every segment, the derivatives perhaps those of the round before."""

@@ -26,6 +26,7 @@ from seatrial.identification.damping import quadratic_or_strips
 from seatrial.identification.held import Conditional, conditional, joint_estimate_of
 from seatrial.identification.hold_out import PartScores, Restarts, part_scores
 from seatrial.identification.noise_of_filter import with_model_error
+from seatrial.identification.rounds import Proposal, in_rounds
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -48,7 +49,7 @@ class Conclusion:
     """The result so far: campaign, vehicle, and what is known of them.
 
     The fields are those of `seatrial.identification.identification.Identification`; ``nuisances`` are the
-    nuisance parameters of the trials' records, by trial and name.
+    nuisance parameters of the trials' records, by trial and name, ``proposals`` what was tried in rounds.
     """
 
     problem: Problem
@@ -59,6 +60,7 @@ class Conclusion:
     nuisances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     conditional: tuple[Conditional, ...] = ()
     restarts: Restarts = field(default_factory=Restarts)
+    proposals: tuple[Proposal, ...] = ()
     interrupted: bool = False
 
 
@@ -180,11 +182,17 @@ def jointly(
         kept="the joint estimate with quadratic damping",
         remedy=_CHECK,
     )
+    rich, best_rich, accepted, proposals = fallbacks.attempt(
+        "rounds of proposals",
+        lambda: in_rounds(other, best_other, rounds=other.polish.proposal_rounds, watch=watch),
+        (other, best_other, same, tuple[Proposal, ...]()),
+        kept="the joint estimate without what its residuals ask for",
+        remedy="free what the residual analysis names by hand",
+    )
+    changed = accepted(kind(problem))
     choice = fallbacks.attempt(
         "choice between stages and joint estimate",
-        lambda: choose(
-            kind(problem), other, _finite(best_other), stages=stages, begun=begun, threads=threads
-        ),
+        lambda: choose(changed, rich, _finite(best_rich), stages=stages, begun=begun, threads=threads),
         None,
         kept=f"{_STAGES}, because nothing judged the joint estimate",
         remedy="hold out data on which the model does not diverge (hold_out_s)",
@@ -194,14 +202,15 @@ def jointly(
         problem=problem,
         notes=notes,
         choice=choice,
-        interrupted=start.interrupted or best_other.interrupted,
+        proposals=proposals,
+        interrupted=start.interrupted or best_rich.interrupted,
     )
     if choice is None or choice.result == "stages":
         return result, begun, None
     result = replace(
-        result, problem=kind(problem), notes=(*notes, *compared), nuisances=other.records(best_other.values)
+        result, problem=changed, notes=(*notes, *compared), nuisances=rich.records(best_rich.values)
     )
-    return result, other, best_other
+    return result, rich, best_rich
 
 
 def _assessed(

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.assessment import Assessment
     from seatrial.diagnosis.identifiability import Identifiability
     from seatrial.estimation.scale import ScaleReport
+    from seatrial.identification.rounds import Proposal
     from seatrial.problem.problem import Problem
     from seatrial.scoring.score import Score
 
@@ -75,6 +76,8 @@ class Identification(RunResult):
     restarts
         Where the simulations of the scores restart and how far they run (`Restarts`): the state that the
         filter of a joint estimate knew, less than ten seconds where the vehicle runs away.
+    proposals
+        A `Proposal` per change of the model that was tried in rounds, and whether it was kept.
     doubt
         Heading where many vehicles drawn from the covariance are physically impossible; empty otherwise.
     fallbacks
@@ -100,6 +103,7 @@ class Identification(RunResult):
     conditional: tuple[Conditional, ...] = ()
     restarts: Restarts = field(default_factory=Restarts)
     fallbacks: tuple[Fallback, ...] = ()
+    proposals: tuple[Proposal, ...] = ()
 
     def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
         """How good, the worst problem, what to do next; then tables and remarks.
@@ -232,6 +236,7 @@ class Identification(RunResult):
             },
             "replayed": list(replayed(self.problem)),
             "choice": None if self.choice is None else self.choice.to_dict(),
+            "proposals": [proposal.to_dict() for proposal in self.proposals],
             "notes": list(self.notes),
             "fallbacks": [asdict(fallback) for fallback in self.fallbacks],
             "doubt": self.doubt,

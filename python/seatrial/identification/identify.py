@@ -425,6 +425,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
             not_run=tuple(s.name for s in problem.stages if s.name not in {stage.name for stage in stages}),
             choice=end.choice,
             restarts=end.restarts,
+            proposals=end.proposals,
         )
         fit = replace(
             fit,

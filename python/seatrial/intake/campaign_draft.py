@@ -22,7 +22,7 @@ import numpy as np
 from seatrial.base.channels import AXES, CHANNELS, MOTIONS, VELOCITIES
 from seatrial.inspect.consistency_trials import common, mean
 from seatrial.inspect.feedback import runs_away
-from seatrial.vehicle.actuators import drivers
+from seatrial.vehicle.actuators import actuator_groups, drivers
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -45,6 +45,18 @@ _THRUST = {"bounds": [0.25, 4.0], "sd": 0.15}
 """What is known beforehand of one thruster's thrust over its curve: propellers of a batch differ by some per
 cent, the flow about the hull and the wash of the others by more. Another propeller than the table's may push
 several times as much: of Beluga's eight, seven were 0.71 to 1.13 and one 2.1."""
+
+_ROUNDS = 6
+"""Rounds of proposals that a drafted campaign asks for: Beluga's log kept four, and a further one costs a
+minute."""
+
+_ARM_M, _ARM = 0.03, 0.1
+"""What is known beforehand of a lever, m and as a part of it: thrusters are measured to their flange by tape,
+while the thrust acts in their duct and pushes on the frame by its wash. Beluga's arm about the roll axis is
+0.30 m where its file says 0.22."""
+
+_OFF_CENTRE_M = 0.1
+"""How far off O the drag of an open frame may act, m: it bounds ``K_v``, ``M_u`` and ``N_v``."""
 
 _ALONG = 0.25
 """Largest lift along the drift, over that of the vehicle file."""
@@ -329,22 +341,64 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
             *textwrap.wrap(words, 95, initial_indent="# ", subsequent_indent="# "),
             line("method", "innovations"),
         ]
-    return lines + _thrusts(vehicle, usable)
+    elif not any(trial.rate_hz for trial in usable):
+        lines.append(
+            f"{line('proposal_rounds', _ROUNDS)} # what the residuals ask for is tried, and kept if better"
+        )
+    frame = [] if slender else [*_levers(vehicle, freed), *_off_centre(vehicle, freed)]
+    return lines + _known(vehicle, usable, frame)
 
 
-def _thrusts(vehicle: Vehicle, usable: Sequence[DraftedTrial]) -> list[str]:
-    """A gain for every thruster, about one: a difference between two is a moment of its own."""
+def _known(vehicle: Vehicle, usable: Sequence[DraftedTrial], frame: Sequence[str]) -> list[str]:
+    """Coefficients of the joint estimate alone: gains of thrusters, and what an open frame needs."""
     kinds = {name: facts["kind"] for name, facts in vehicle.actuator_info().items()}
     known = vehicle.coefficient_info()
     gains = [name for name, kind in kinds.items() if kind != "fin" and f"{name}.gain" in known]
     if len(gains) < 2 or all(trial.input != "commands" for trial in usable):
         return []
-    return [
+    lines = [
         "# No two thrusters push alike, and a difference turns the vehicle. sd: how well the gain is known",
         "# beforehand.",
         "[polish.coefficients]",
         *(line(f"{name}.gain", _THRUST) for name in gains),
     ]
+    if frame:
+        lines += [
+            "# Levers, in proportion within a group, are known as well as a tape tells; the drag of a",
+            "# frame acts off O.",
+            *frame,
+        ]
+    return lines
+
+
+def _levers(vehicle: Vehicle, freed: str) -> list[str]:
+    """Levers of every group of thrusters about the free axes, in proportion."""
+    present, kinds = vehicle.coefficients(), vehicle.actuator_info()
+    lines = []
+    for group, members in actuator_groups(vehicle).items():
+        if len(members) < 2 or any(kinds[name]["kind"] == "fin" for name in members):
+            continue
+        for axis in (axis for axis in "KMN" if axis in freed):
+            arms = [present.get(f"{name}.lever_{axis}", 0.0) for name in members]
+            if all(arms):
+                sd = max(_ARM, _ARM_M / float(np.mean(np.abs(arms))))
+                bounds = [1.0 - 4.0 * sd, 1.0 + 4.0 * sd]
+                entry = {"bounds": [round(end, 2) for end in bounds], "relative": True, "sd": round(sd, 2)}
+                lines.append(line(f"{group}.lever_{axis}", entry))
+    return lines
+
+
+def _off_centre(vehicle: Vehicle, freed: str) -> list[str]:
+    """Moments of a drag that acts off O, where both the force's and the moment's axis are free."""
+    info = vehicle.coefficient_info()
+    lines = []
+    for moment, force, velocity in (("K", "Y", "v"), ("M", "X", "u"), ("N", "Y", "v")):
+        name = f"{moment}_{velocity}"
+        if {moment, force} <= set(freed) and name in info:
+            start = info[f"{force}_{velocity}"]["start"] or 0.0
+            most = _rounded(_OFF_CENTRE_M * max(_DAMPING * 10.0 * abs(float(start)), 100.0))
+            lines.append(line(name, [-most, most]))
+    return lines
 
 
 def _finned(vehicle: Vehicle) -> dict[str, list[str]]:

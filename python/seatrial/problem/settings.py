@@ -288,6 +288,8 @@ class JointSettings(Section):
         Whether initial velocities of segments are estimated, or those of the smoothed recording.
     starts, rounds : int
         Starts, and rounds of Gauss and Newton at most; 0 rounds keep the stages' result.
+    proposal_rounds : int
+        Rounds of proposals of the residual analysis that are tried (`seatrial.identification.rounds`).
     method : "automatic", "output" or "innovations"
         Residuals of a simulation, or innovations of a Kalman filter.
     horizon_s, horizons_s
@@ -319,6 +321,9 @@ class JointSettings(Section):
     """Further starts lie in the middle half of the bounds."""
     rounds: Annotated[int, Field(strict=True, ge=0)] = 20
     """Most rounds; 0 judges the stages' result."""
+    proposal_rounds: Annotated[int, Field(strict=True, ge=0)] = 0
+    """With a simulation compared: most rounds in which what the residuals ask for is tried, and kept where it
+    predicts parts better that it has not seen."""
     method: Literal["automatic", "output", "innovations"] = "automatic"
     """What is compared with the log: a simulation of each segment, or predictions of a filter, without
     ``nuisances``; ``"automatic"`` chooses."""

@@ -45,6 +45,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         _held_out_table(fit),
         *_beside_baselines(fit),
         _choice_table(fit),
+        _proposal_table(fit),
     )
     return Report(
         title=fit.problem.name,
@@ -366,6 +367,34 @@ def _choice_table(fit: Identification) -> Table:
     head = ["channel", f"{ahead}stages", f"{ahead}joint estimate"]
     head += [] if choice is None else list(choice.rivals)
     return Table.of(f"Stages and joint estimate outside the fit{words}", head, rows)
+
+
+_VERDICTS = {
+    "within chance": "no: within chance",
+    "too little": "no: too small to matter",
+    "another gains more": "not in this round: another gains more",
+    "cannot be tried": "no: the model diverges with it",
+}
+
+
+def _proposal_table(fit: Identification) -> Table:
+    """What was tried in rounds beside the campaign's coefficients, and why it was kept or not."""
+    rows = [
+        (
+            str(proposal.round),
+            proposal.line if proposal.verdict == "kept" else proposal.name,
+            "wider bound" if proposal.kind == "bound" else "free",
+            f"{proposal.channel} {proposal.gain:+.1f} %" if proposal.channel else "",
+            f"{proposal.p:.2g}" if proposal.channel else "",
+            "kept" if proposal.verdict == "kept" else _VERDICTS[proposal.verdict],
+        )
+        for proposal in fit.proposals
+    ]
+    head = ("round", Column("proposal", align="left"), Column("change", align="left"))
+    judged = ("squared error falls by", "p", Column("kept", align="left"))
+    title = "Proposals of the residual analysis, judged on parts of the log that each fit left out"
+    note = "To keep them in the campaign, add the lines to [polish.coefficients]." if rows else ""
+    return Table.of(title, (*head, *judged), rows, left=1, note=note)
 
 
 def _meaning_table(fit: Identification) -> Table:
