@@ -15,12 +15,12 @@ with information H and gradient g of all parts and H_p, g_p of the left-out one;
 part at theta_p. Source: Rad and Maleki, *J. R. Stat. Soc. B* 82 (2020) 965 (approximate leave-out by a Newton
 step).
 
-More than chance. A part says of a channel with squared errors S, in the noise of the whole log, and n
-samples ``0.5 ln((S + n) / (S' + n))``, before over after: nats per sample, in which a stormy part counts no
-more than a calm one, and errors below the noise hardly count. The mean over the channels is tested over the
-parts by Student's t, one-sided (Diebold and Mariano, *J. Bus. Econ. Stat.* 13 (1995) 253, for blocks that are
-longer than the memory of the errors), and the p-value is multiplied by the number of proposals of the round
-(Bonferroni).
+More than chance. A part says of a channel ``(e - e') / mean(e)``, with the root mean square errors e before
+and e' after, the mean over all parts: neither do calm parts count as much as those that move, as their ratios
+would, nor does one stormy part decide alone, as its squared error would. The sum over the channels is tested
+over the parts by Student's t, one-sided (Diebold and Mariano, *J. Bus. Econ. Stat.* 13 (1995) 253, for blocks
+that are longer than the memory of the errors), and the p-value is multiplied by the number of proposals of
+the round (Bonferroni).
 
 Tests: ``tests/identification/test_rounds.py``.
 """
@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
@@ -65,12 +66,24 @@ standard deviation and more."""
 LEVEL = 0.05
 """Chance of keeping any proposal of a round where none is true."""
 
-LEAST_GAIN = 2.0
-"""Percent of the squared error of the parts, in the channel that a proposal improves most, below which a gain
-counts as none: at an R2 of 0.7 it is 0.006."""
+LEAST_GAIN = 1.0
+"""Percent of the error of the parts, in the channel that a proposal improves most, below which a gain counts
+as none: at an R2 of 0.7 it is 0.006."""
 
-_TRIED = 3
-"""Proposals of a round: the following ones are asked again by the next round, beside what this one kept."""
+_TRIED = 4
+"""Terms of a round, half of them usual ones: the next round asks again, beside what this one kept."""
+
+_ANY = 2.0
+"""A level that every p-value is below."""
+
+_WORTH = 0.5
+"""Percent of the cost that a term gains at first order before it is tried: it cannot come to more."""
+
+_USUAL = re.compile(
+    r".+\.(loss|T_1|T_t|lever_[KMN])|[KN]_v|M_u|[XYZKMN]_0|Y_u[rv]|N_u[rv]|Z_u[wq]|M_u[wq]|X_(vv|ww|rr)|K_vv"
+)
+"""Terms that vehicles often need: thrust lost in the wash of others, lag and levers, drag that acts off O,
+lift and the Munk moment, the drag of a drift in surge (Fossen 2011, sections 6.3 to 6.4 and 8.1)."""
 
 _REFIT = 6
 """Rounds of Gauss and Newton of a trial at most: all but one unknown are at their best already."""
@@ -101,7 +114,7 @@ class Proposal(Plain):
     channel
         The channel that gains most.
     gain
-        By how much the squared error of that channel falls on parts not seen, percent.
+        By how much its root mean square error falls on parts not seen, percent.
     p
         Probability of a gain as large by chance, times the proposals of the round.
     verdict
@@ -138,9 +151,11 @@ class _Fit:
     unseen: Array
 
 
-def _nats(before: Array, after: Array, samples: Array) -> Array:
-    """Gain (parts,) in log-likelihood per sample, mean over the channels, of sums (parts, C) of squares."""
-    return np.asarray(0.5 * np.log((before + samples) / (after + samples)).mean(axis=1))
+def _fall(before: Array, after: Array) -> Array:
+    """Fall (parts, C) of the root mean square error, over its mean, from sums (parts, C) of squares."""
+    size = np.sqrt(before)
+    mean = size.mean(axis=0)
+    return np.asarray((size - np.sqrt(after)) / np.where(mean > 0.0, mean, np.inf))
 
 
 def in_rounds(
@@ -180,7 +195,7 @@ def in_rounds(
             break
         before = _Fit(sparse, here, _unseen(sparse, here, parts, memory=memory))
         fits = [_tried(before, change, parts, memory, watch) for change in changes]
-        judged = _judged(number, changes, before, fits, parts)
+        judged = _judged(number, changes, before, fits)
         proposals += judged
         best = next((k for k, proposal in enumerate(judged) if proposal.verdict == "kept"), None)
         if best is None:
@@ -242,14 +257,26 @@ def _changes(joint: Joint, polished: Polished, tried: Tried) -> list[_Change]:
     changes += [change for change in widened if change is not None][:1]
     info = joint.vehicle.coefficient_info()
     block, _ = independent_blocks(tried.lin, tried.held)
-    for suggestion in missing_terms(
-        tried.lin, tried.held, block=block, info=info, tested=tried.count, most=_TRIED
-    ):
-        if suggestion.faster or suggestion.name in STRIPS:
-            # No delay is shorter than none; strips replace what is free, which is a choice of its own.
-            continue
-        changes.append(_freed(joint, section, suggestion, start))
-    return changes
+    # What vehicles often need is tried for its gain alone, and the parts judge: a single run may show it, in
+    # too few blocks for a score test.
+    usual = [candidate for candidate in tried.held if _USUAL.fullmatch(candidate.name)]
+    suggestions = {
+        suggestion.name: suggestion
+        for family, count, level in ((usual, len(usual), _ANY), (tried.held, tried.count, LEVEL))
+        for suggestion in missing_terms(
+            tried.lin,
+            family,
+            block=block,
+            info=info,
+            tested=count,
+            level=level,
+            least_gain=_WORTH,
+            most=_TRIED // 2,
+        )
+        # No delay is shorter than none; strips replace what is free, which is a choice of its own.
+        if not suggestion.faster and suggestion.name not in STRIPS
+    }
+    return [*changes, *(_freed(joint, section, suggestion, start) for suggestion in suggestions.values())]
 
 
 def _freed(
@@ -385,36 +412,28 @@ def _errors(joint: Joint, values: Array, initial: Array, places: NDArray[np.intp
 
 
 def _judged(
-    number: int,
-    changes: Sequence[_Change],
-    before: _Fit,
-    fits: Sequence[_Fit | None],
-    parts: Sequence[NDArray[np.intp]],
+    number: int, changes: Sequence[_Change], before: _Fit, fits: Sequence[_Fit | None]
 ) -> list[Proposal]:
     """The proposals of a round with their verdicts; at most one is kept."""
     from scipy.stats import t as student
 
-    counted = [before.joint.counted(k).sum(axis=0) for k in range(len(before.joint.data.segments))]
-    samples = np.array([
-        np.sum([counted[place] for place in places], axis=0, dtype=float) for places in parts
-    ])
-    rows, nats = [], []
+    rows, sizes = [], []
     for fit in fits:
         if fit is None:
             rows.append(("", math.nan, 1.0))
-            nats.append(-math.inf)
+            sizes.append(-math.inf)
             continue
-        gained = _nats(before.unseen, fit.unseen, samples)
+        falls = _fall(before.unseen, fit.unseen)
+        gained = falls.sum(axis=1)
         spread = float(gained.std(ddof=1)) / math.sqrt(len(gained))
         statistic = float(gained.mean()) / spread if spread > 0.0 else 0.0
         p = min(float(student.sf(statistic, len(gained) - 1)) * len(changes), 1.0)
-        own = before.unseen.sum(axis=0)
-        falls = 100.0 * (own - fit.unseen.sum(axis=0)) / np.where(own > 0.0, own, np.inf)
-        most = int(np.argmax(falls))
-        rows.append((before.joint.channels[most], float(falls[most]), p))
-        nats.append(float(gained.mean()))
+        by_channel = 100.0 * falls.mean(axis=0)
+        most = int(np.argmax(by_channel))
+        rows.append((before.joint.channels[most], float(by_channel[most]), p))
+        sizes.append(float(gained.mean()))
     able = [k for k, (_, gain, p) in enumerate(rows) if p < LEVEL and gain >= LEAST_GAIN]
-    best = max(able, key=lambda k: nats[k]) if able else None
+    best = max(able, key=lambda k: sizes[k]) if able else None
     judged = []
     for k, (change, (channel, gain, p)) in enumerate(zip(changes, rows, strict=True)):
         verdict: Verdict

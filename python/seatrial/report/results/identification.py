@@ -391,7 +391,7 @@ def _proposal_table(fit: Identification) -> Table:
         for proposal in fit.proposals
     ]
     head = ("round", Column("proposal", align="left"), Column("change", align="left"))
-    judged = ("squared error falls by", "p", Column("kept", align="left"))
+    judged = ("error falls by", "p", Column("kept", align="left"))
     title = "Proposals of the residual analysis, judged on parts of the log that each fit left out"
     note = "To keep them in the campaign, add the lines to [polish.coefficients]." if rows else ""
     return Table.of(title, (*head, *judged), rows, left=1, note=note)
