@@ -250,12 +250,12 @@ def _rows(
 
 
 def distinct(coefficients: Sequence[Estimate]) -> tuple[Estimate, ...]:
-    """Rows with one for the equal coefficients of an actuator group, under the group's name."""
+    """Rows with one for the coefficients of an actuator group that are equal but for their sign."""
     names = {row.name for row in coefficients}
     rows: dict[tuple[str, float], Estimate] = {}
     for row in coefficients:
         name = row.name if row.parameter in names else row.parameter
-        rows.setdefault((name, row.estimate), replace(row, name=name))
+        rows.setdefault((name, abs(row.estimate)), replace(row, name=name))
     return tuple(rows.values())
 
 
