@@ -20,13 +20,13 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 413,
-    "Python lines": 116_000,
+    "Python files": 414,
+    "Python lines": 116_250,
     "modules that import the campaign": 15,
     "lines that build text below the verbs": 6_680,
     "functions over 8 parameters": 45,
     "parameters of the widest function": 20,
-    "numeric constants of modules": 1_670,
+    "numeric constants of modules": 1_675,
     "numeric constants of modules without a reason": 85,
     "comment lines per 1,000 lines of long functions, at least": 19,
     "bindings named by a pronoun or a participle": 390,
