@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.arrays import Array
+from seatrial.diagnosis.missing_terms import Suggestion
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
 from seatrial.identification.identification import Identification
@@ -127,6 +129,20 @@ def test_the_result_has_what_was_kept_and_says_so(fit: Identification) -> None:
     assert "N_v" in {row.name for row in fit.coefficients}
     assert "Proposals of the residual analysis" in fit.summary()
     assert fit.to_dict()["proposals"][0]["line"].startswith("N_v = [")
+
+
+def test_what_was_tried_in_vain_is_not_advised_again(fit: Identification) -> None:
+    assert fit.assessment is not None
+    term = Suggestion(
+        "X_vv", "N s2/m2", (), "u", "|v| v", 0.0, -9.0, 1.0, 30.0, 1e-9, "", line="X_vv = [-20.0, 0.0]"
+    )
+    analysis = replace(fit.assessment.residual_analysis, suggestions=(term,))
+    inside = tuple(replace(row, at_bound=None) for row in fit.coefficients)
+    sure = replace(fit.assessment, residual_analysis=analysis, bounds=None)
+    asked = replace(fit, assessment=sure, coefficients=inside)
+    assert "X_vv" in asked.report().next_step
+    vain = Proposal(1, "X_vv", "term", term.line, "u", 0.1, 0.7, "within chance")
+    assert "X_vv" not in replace(asked, proposals=(*fit.proposals, vain)).report().next_step
 
 
 def test_no_rounds_by_default() -> None:

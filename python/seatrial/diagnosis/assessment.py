@@ -17,7 +17,7 @@ Optimization* (2006), section 16.4 (multipliers of active bounds). Tests:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -164,8 +164,11 @@ class Assessment:
             )
         return lines
 
-    def refused(self) -> list[str]:
-        """Sentences on coefficients that other horizons, damping or bounds contradict, worst first."""
+    def refused(self, tried: Collection[str] = ()) -> list[str]:
+        """Sentences on coefficients that other horizons, damping or bounds contradict, worst first.
+
+        ``tried`` are coefficients whose wider bounds were tried already, and predict no better.
+        """
         names = [unknown.name for unknown in self.unknowns]
         fit = dict(zip(names, self.uncertainty.estimate.tolist(), strict=True))
         refusals = [
@@ -188,7 +191,7 @@ class Assessment:
             for away, name, both in self._contradicted(horizon, fit)
         ]
         refusals += self._unlogged(fit)
-        refusals += self._bent(fit)
+        refusals += self._bent(fit, tried)
         # Gains of actuators first: an autopilot rests on them.
         ranked = [
             sentence
@@ -236,20 +239,23 @@ class Assessment:
             contradictions.append((away, name, both))
         return contradictions
 
-    def _bent(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
+    def _bent(self, fit: Mapping[str, float], tried: Collection[str]) -> list[tuple[float, str]]:
         """Sentences on coefficients that make up for a bound that the data contradict, with their size."""
         if self.bounds is None:
             return []
         bounded, pull = max(self.bounds.pulls.items(), key=lambda pull: pull[1])
         end = self.uncertainty.at_bound[self.uncertainty.names.index(bounded)]
+        names = ", ".join(self.bounds.pulls)
+        widen = f"widen the bounds of {names} if values beyond are plausible, otherwise hold"
+        if bounded in tried:
+            widen = f"wider bounds of {bounded} were tried and predict no better: hold"
         return [
             (
                 abs(self.bounds.away[name]),
                 f"{name} is not identified: it compensates for the {end} bound of {bounded}, which the data"
                 f" contradict by {pull:.1f} standard deviations; without such bounds it would be"
-                f" {self.bounds.values[name]:.3g} instead of {fit[name]:.3g}; widen the bounds of"
-                f" {', '.join(self.bounds.pulls)} if values beyond are plausible, otherwise hold {name} at a"
-                " value that you trust: the model lacks something there",
+                f" {self.bounds.values[name]:.3g} instead of {fit[name]:.3g}; {widen} {name} at a value that you"
+                " trust: the model lacks something there",
             )
             for name in self.bounds.refused
         ]

@@ -146,14 +146,21 @@ def _worst(fit: Identification) -> tuple[str, str]:
         return problem, remedy
     score = judged_score(fit)
     residual_analysis = None if fit.assessment is None else fit.assessment.residual_analysis
-    suggestions = () if residual_analysis is None else residual_analysis.suggestions
+    # What the rounds have tried in vain is not advised again.
+    last = {proposal.name: proposal.verdict for proposal in fit.proposals}
+    tried = {name for name, verdict in last.items() if verdict in ("within chance", "too little")}
+    suggestions = [
+        suggestion
+        for suggestion in (() if residual_analysis is None else residual_analysis.suggestions)
+        if suggestion.name not in tried
+    ]
     # What is missing where a baseline predicts better comes before what the data do not tell.
     for suggestion in suggestions:
         if score is not None and not_beaten(
             {c: r2 for c, r2 in score.evidence.items() if c == suggestion.channel}, score.baselines
         ):
             return _missing(suggestion)
-    if refused := [] if fit.assessment is None else fit.assessment.refused():
+    if refused := [] if fit.assessment is None else fit.assessment.refused(tried):
         problem, _, remedy = refused[0].rpartition("; ")
         return problem, remedy
     if fit.choice is not None and fit.choice.result == "joint estimate" and fit.choice.spoilt:
@@ -177,9 +184,12 @@ def _worst(fit: Identification) -> tuple[str, str]:
         names = ", ".join(
             f"{row.name} ({row.at_bound} bound {row.estimate:.4g} {row.unit})" for row in bounds
         )
+        hold = "hold them, the data do not determine them"
+        if all(row.parameter in tried for row in bounds):
+            return f"not identified, ended at a bound: {names}", hold
         return f"not identified, ended at a bound: {names}", (
             "widen the bounds of these coefficients in the campaign if the values are plausible; otherwise"
-            " hold them, the data do not determine them"
+            f" {hold}"
         )
     if suggestions:
         return _missing(suggestions[0])
