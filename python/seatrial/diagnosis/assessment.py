@@ -254,8 +254,8 @@ class Assessment:
                 abs(self.bounds.away[name]),
                 f"{name} is not identified: it compensates for the {end} bound of {bounded}, which the data"
                 f" contradict by {pull:.1f} standard deviations; without such bounds it would be"
-                f" {self.bounds.values[name]:.3g} instead of {fit[name]:.3g}; {widen} {name} at a value that you"
-                " trust: the model lacks something there",
+                f" {self.bounds.values[name]:.3g} instead of {fit[name]:.3g}; {widen} {name} at a value that"
+                " you trust: the model lacks something there",
             )
             for name in self.bounds.refused
         ]
