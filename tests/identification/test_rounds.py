@@ -17,7 +17,7 @@ from seatrial.estimation.joint_estimate import polish
 from seatrial.identification.identification import Identification
 from seatrial.identification.rounds import LEVEL, Proposal, in_rounds
 from seatrial.problem.problem import Problem
-from seatrial.problem.settings import Coefficient, JointSettings
+from seatrial.problem.settings import JointSettings
 
 START = st.Vehicle.load("bluerov2-heavy")
 FREE: dict[str, tuple[float, float] | None] = {
@@ -143,8 +143,3 @@ def test_what_was_tried_in_vain_is_not_advised_again(fit: Identification) -> Non
     assert "X_vv" in asked.report().next_step
     vain = Proposal(1, "X_vv", "term", term.line, "u", 0.1, 0.7, "within chance")
     assert "X_vv" not in replace(asked, proposals=(*fit.proposals, vain)).report().next_step
-
-
-def test_no_rounds_by_default() -> None:
-    assert JointSettings().proposal_rounds == 0
-    assert JointSettings(coefficients={"N_v": Coefficient(bounds=(-1.0, 1.0))}).proposal_rounds == 0

@@ -73,9 +73,6 @@ as none: at an R2 of 0.7 it is 0.006."""
 _TRIED = 4
 """Terms of a round, half of them usual ones: the next round asks again, beside what this one kept."""
 
-_ANY = 2.0
-"""A level that every p-value is below."""
-
 _WORTH = 0.5
 """Percent of the cost that a term gains at first order before it is tried: it cannot come to more."""
 
@@ -262,7 +259,7 @@ def _changes(joint: Joint, polished: Polished, tried: Tried) -> list[_Change]:
     usual = [candidate for candidate in tried.held if _USUAL.fullmatch(candidate.name)]
     suggestions = {
         suggestion.name: suggestion
-        for family, count, level in ((usual, len(usual), _ANY), (tried.held, tried.count, LEVEL))
+        for family, count, level in ((usual, len(usual), math.inf), (tried.held, tried.count, LEVEL))
         for suggestion in missing_terms(
             tried.lin,
             family,
