@@ -21,7 +21,7 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 414,
-    "Python lines": 116_260,
+    "Python lines": 116_330,
     "modules that import the campaign": 15,
     "lines that build text below the verbs": 6_680,
     "functions over 8 parameters": 45,

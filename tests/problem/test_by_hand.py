@@ -210,6 +210,30 @@ def test_a_nuisance_far_from_its_prior_heads_the_summary() -> None:
     assert fit.assessment.to_dict()["nuisances"][0]["away"] == row["away"]
 
 
+PRIORS = NUISANCE.replace("polish = { nuisances = { latency_u = 0.02 } }", "polish = {}").replace(
+    "X_uu = [-40.0, -1.0] }",
+    "X_uu = { bounds = [-40.0, -1.0], start = -38.0, sd = 0.5 },"
+    " X_u = { bounds = [-20.0, 0.0], start = -1.0, sd = 0.01 } }",
+)
+
+
+def test_the_table_says_what_data_and_what_priors_tell_and_what_contradicts() -> None:
+    fit = st.Campaign.from_toml(PRIORS, trials={"straight": trial()}, vehicle=START).identify(
+        work=st.Work(threads=1)
+    )
+    rows = {row.name: row for row in fit.coefficients}
+    quadratic, linear = rows["X_uu"], rows["X_u"]
+    assert quadratic.prior == (-38.0, 0.5)
+    assert quadratic.contradiction > 3.0
+    assert linear.told is not None
+    assert linear.told > 0.5
+    assert linear.verdict != "identifiable"
+    assert replace(quadratic, estimate=-38.2).contradiction == 0.0
+    text = " ".join(fit.report().text(verbose=True).split())
+    assert f"prior ({linear.told:.2f})" in text
+    assert "standard deviations from what was known beforehand (-38 ± 0.5 N s2/m2)" in text
+
+
 def test_replayed_axes_are_named_with_the_scores(fit: st.Identification) -> None:
     said = fit.report().text(verbose=True)
     replayed = "sway, heave, roll, pitch, yaw replayed, not predicted"

@@ -29,7 +29,8 @@ class Estimate:
     ``at_bound`` is "lower" or "upper" where the estimate lies within 0.5 % of the box at a bound, else None.
     ``sigma`` is its standard deviation, ``interval`` the 95 % interval, ``verdict`` "identifiable", "weak" or
     "not identifiable"; None where the coefficient is not in the joint estimate. What ended at a bound is not
-    identified: the deviation of the fit without bounds says nothing there, ``sigma`` is infinite.
+    identified: the deviation of the fit without bounds says nothing there, ``sigma`` is infinite. ``prior``
+    is what was known of it beforehand, value and standard deviation; None without.
     """
 
     name: str
@@ -44,6 +45,25 @@ class Estimate:
     sigma: float | None = None
     interval: tuple[float, float] | None = None
     verdict: str | None = None
+    prior: tuple[float, float] | None = None
+
+    @property
+    def told(self) -> float | None:
+        """Standard deviation over what it was beforehand; None where nothing was known, or nothing is."""
+        known = self.prior is not None and self.sigma is not None and math.isfinite(self.sigma)
+        return self.sigma / self.prior[1] if known and self.sigma and self.prior else None
+
+    @property
+    def contradiction(self) -> float:
+        """By how many standard deviations the data contradict what was known beforehand; zero below three.
+
+        The change has the variance that the data took away from it, a quarter of it at least.
+        """
+        if self.prior is None or self.told is None:
+            return 0.0
+        change = math.sqrt(max(1.0 - self.told**2, 0.25)) * self.prior[1]
+        away = abs(self.estimate - self.prior[0]) / change
+        return away if away > 3.0 else 0.0
 
     @property
     def factor(self) -> float | None:
@@ -245,6 +265,9 @@ def _rows(
             sigma=None if known is None else math.inf if at_bound else abs(factor) * known["sigma"],
             interval=interval,
             verdict="not identifiable" if at_bound else None if known is None else known["verdict"],
+            prior=None
+            if known is None or not math.isfinite(known["prior_sd"])
+            else (factor * known["prior"], abs(factor) * known["prior_sd"]),
         )
     return rows
 

@@ -33,8 +33,6 @@ from seatrial.statistics.linearisation import Linearisation
 PART_S = 60.0
 """Least length of a part, s: four and more memories of the residuals, and some manoeuvres."""
 
-_FEWEST = 3  # parts between which a scatter shows
-
 _ROUNDS = 60
 """Rounds of the search for the variances: those beyond move deviations by less than their own scatter."""
 
@@ -87,7 +85,7 @@ def random_effects(lin: Linearisation, length: BlockLength) -> RandomEffects | N
     """
     trial, scores, informations, errors = parts(lin, length, PART_S)
     own = [i for i, unknown in enumerate(lin.unknowns) if unknown.kind == "coefficient"]
-    if len(scores) < _FEWEST or not own:
+    if len(scores) < 3 or not own:  # parts between which a scatter shows
         return None
     # Unknowns in their deviations of independent samples, so that ranks mean something.
     whole = informations.sum(axis=0)
@@ -122,7 +120,7 @@ def _levels(trial: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
     size = 1
     while True:
         _, group = np.unique(np.column_stack([trial, place // size]), axis=0, return_inverse=True)
-        if group.max() + 1 >= _FEWEST:
+        if group.max() + 1 >= 3:
             yield group.ravel()
         if size > place.max():
             return

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from seatrial.base.channels import CHANNELS, MOTIONS, readable
 from seatrial.base.report import Column, Report, Section, Table, appended
+from seatrial.diagnosis.assessment import TOLD
 from seatrial.identification.apparent_mass import implausible_masses, masses_of
 from seatrial.identification.choice import Choice
-from seatrial.identification.estimate import derived, distinct, plus_minus
+from seatrial.identification.estimate import Estimate, derived, distinct, plus_minus
 from seatrial.identification.held import SHARE, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
@@ -258,16 +259,39 @@ def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table
             plus_minus(row.estimate, None if row.at_bound else row.sigma),
             "" if row.factor is None else f"{row.factor:.3g}",
             error,
+            _told(row),
             row.verdict or "not judged" if doubtful else "",
             f"at {row.at_bound} {row.lower if row.at_bound == 'lower' else row.upper:.4g}"
             if row.at_bound
             else "",
             row.stage,
         ))
-    head = ["coefficient", "unit", "truth", "start", "estimate", "factor", "error", "verdict", "bound"]
+    head = ["coefficient", "unit", "truth", "start", "estimate", "factor", "error", "told by"]
+    head += ["verdict", "bound"]
     return Table.of(
         f"{fit.vehicle.name}: identified coefficients", [*head, Column("stage", align="left")], rows, left=2
     )
+
+
+def _told(row: Estimate) -> str:
+    """Whether data or prior tell a coefficient, with the deviation over the prior's; "" without a prior."""
+    if row.told is None:
+        return ""
+    return f"{'data' if row.told <= TOLD else 'prior'} ({row.told:.2f})"
+
+
+def contradictions(fit: Identification) -> list[str]:
+    """Sentences on coefficients of which something else was known beforehand, the farthest first."""
+    lines = []
+    for row in sorted(distinct(fit.coefficients), key=lambda row: -row.contradiction):
+        if row.contradiction and row.prior is not None:
+            known = f"{row.prior[0]:.3g} ± {row.prior[1]:.2g} {row.unit}"
+            lines.append(
+                f"{row.name} is {row.estimate:.3g} {row.unit}, {row.contradiction:.2g} standard deviations"
+                f" from what was known beforehand ({known}): compare part, size and wiring with the vehicle"
+                " file; the estimate holds where the others are as they were known"
+            )
+    return lines
 
 
 def _held_table(fit: Identification, truth: Mapping[str, float]) -> Table:
@@ -476,7 +500,7 @@ def advice(fit: Identification) -> list[str]:
         if row.at_bound and not wired
     ]
     lines += [fallback.sentence for fallback in fit.fallbacks]
-    lines += _implausible(fit)
+    lines += _implausible(fit) + contradictions(fit)
     if fit.choice is not None:
         lines += _joint_remarks(fit.choice)
     if fit.assessment is not None:
