@@ -672,6 +672,9 @@ class Vehicle:
     def coefficient_info(self, /) -> dict[str, dict[str, Any]]:
         """
         Per coefficient, absent ones too: unit, start value, default bounds (lower, upper), description.
+
+        Of what the geometry tells, else None: `formula`, the value by it, SI; `low` and `high`, the ends of its stated 95 % interval; `sd`, the
+        standard deviation of a normal distribution whose interval is as wide; `source`.
         """
     def coefficients(self, /) -> dict[str, float]:
         """
@@ -716,7 +719,7 @@ class Vehicle:
     @property
     def hull_shape(self, /) -> str | None:
         """
-        "spheroid" or "box"; None when the file has no geometry.
+        "spheroid", "box" or "frame"; None when the file has no geometry.
         """
     def hull_top(self, /) -> NDArray[float64]:
         """

@@ -36,6 +36,11 @@ Z_ww = -50.0
 K_p = -0.5
 M_q = -0.5
 N_r = -0.5
+Y_v = 0.0
+Z_w = 0.0
+K_pp = 0.0
+M_qq = 0.0
+N_rr = 0.0
 [characteristics.direct]
 kind = "direct"
 """

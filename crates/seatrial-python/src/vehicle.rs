@@ -182,12 +182,13 @@ impl Vehicle {
         facts::table_voltages(&self.description)
     }
 
-    /// "spheroid" or "box"; None when the file has no geometry.
+    /// "spheroid", "box" or "frame"; None when the file has no geometry.
     #[getter]
     fn hull_shape(&self) -> Option<&'static str> {
         self.description.file.geometry.as_ref().map(|geometry| match geometry.shape {
             Shape::Spheroid => "spheroid",
             Shape::Box => "box",
+            Shape::Frame => "frame",
         })
     }
 
@@ -212,6 +213,9 @@ impl Vehicle {
     }
 
     /// Per coefficient, absent ones too: unit, start value, default bounds (lower, upper), description.
+    ///
+    /// Of what the geometry tells, else None: `formula`, the value by it, SI; `low` and `high`, the ends of its stated 95 % interval; `sd`, the
+    /// standard deviation of a normal distribution whose interval is as wide; `source`.
     fn coefficient_info(&self) -> BTreeMap<String, BTreeMap<&'static str, Fact>> {
         let info = facts::coefficients(&self.description);
         info.into_iter().map(|(name, facts)| (name, fact_map(facts))).collect()

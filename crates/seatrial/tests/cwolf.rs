@@ -71,7 +71,7 @@ fn cwolf_added_mass_is_lambs_factors_times_mass_and_cylinder() {
         assert!((found + factor * normaliser).abs() < 6e-4 * normaliser, "{name} = {found}");
     }
     // C: the spheroid's own mass and inertia; the digits that the documentation quotes.
-    let start = |i: usize| cwolf.start_values[added_mass(i, i)].expect("filled from the geometry");
+    let start = |i: usize| cwolf.start_values[added_mass(i, i)].expect("filled from the geometry").value;
     for (i, quoted, digits) in [(0, -3.32, 5e-3), (1, -114.5, 0.05), (4, -32.5, 0.05)] {
         assert!((start(i) - quoted).abs() < digits, "{}", start(i));
     }
@@ -93,10 +93,10 @@ fn cwolf_drag_follows_from_formulas_and_assumed_coefficients() {
     assert!((cross_flow_drag(2.5 / 0.3) - 0.80).abs() < 0.01);
     // The start values differ by the drag coefficient alone: 0.793 of White's curve instead of 0.80.
     for (name, index) in [("Y_vv", quadratic(1, 1)), ("M_qq", quadratic(4, 4)), ("N_rr", quadratic(5, 5))] {
-        let start = cwolf.start_values[index].expect("filled from the geometry");
+        let start = cwolf.start_values[index].expect("filled from the geometry").value;
         assert!((start / value(&cwolf, name) - cross_flow_drag(2.5 / 0.3) / 0.80).abs() < 1e-4, "{name}");
     }
-    let roll = cwolf.start_values[quadratic(3, 3)].expect("filled from the geometry");
+    let roll = cwolf.start_values[quadratic(3, 3)].expect("filled from the geometry").value;
     assert!((roll - value(&cwolf, "K_pp")).abs() < 1e-9);
     // C: (25), (26) of the bare hull, 15.6 N at 3 kn; density and viscosity of sea water.
     let bare = cwolf.file.geometry.as_ref().expect("a geometry").axial_drag();

@@ -245,7 +245,39 @@ fn geometry_fills_what_is_missing_and_nothing_else() {
     assert_eq!((value(&filled, "X_u"), value(&filled, "Y_uv")), (0.0, 0.0));
     let box_text = text.replace("[geometry]", "[geometry]\nshape = \"box\"");
     let message = Description::from_toml(&box_text, "boat.toml").unwrap_err().to_string();
-    says(&message, &["I_x", "positive"]);
+    says(&message, &["3 facts are missing", "geometry.height_m", "coefficients.B", "coefficients.z_b"]);
+}
+
+#[test]
+fn a_box_and_a_frame_are_filled_from_three_measures() {
+    let lines = "[geometry]\nshape = \"box\"\nlength_m = 0.6\nwidth_m = 0.4\nheight_m = 0.3\n[trim]\nweight_in_water_kg = -0.5\nrighting_arm_m = 0.02\n[coefficients]";
+    let text = FILE.replace("[coefficients]", lines).replace("I_x = 1.0\nI_y = 2.0\n", "");
+    let closed = Description::from_toml(&text, "boat.toml").unwrap();
+    let open = Description::from_toml(&text.replace("\"box\"", "\"frame\""), "boat.toml").unwrap();
+    // A homogeneous box of 30 kg, to rounding.
+    assert!((value(&closed, "I_x") - 30.0 * (0.16 + 0.09) / 12.0).abs() < 1e-14);
+    // DNV-RP-H103: plate of 0.3 m by 0.4 m, C_A = 0.658 between 0.642 and 0.690, sides 0.6 m deep.
+    let lambda = 0.12_f64.sqrt() / (0.12_f64.sqrt() + 0.6);
+    let sides = 1.0 + ((1.0 - lambda * lambda) / (2.0 * (1.0 + lambda * lambda))).sqrt();
+    let ahead = 1000.0 * 0.658 * std::f64::consts::FRAC_PI_4 * 0.09 * 0.4 * sides;
+    // What the file gives stays: X_udot. The same plate moves in no other axis.
+    assert_eq!(value(&closed, "X_udot"), -5.0);
+    let formula = |d: &Description, name: &str| d.start_values[d.layout.index(name).unwrap()].unwrap();
+    assert!((formula(&closed, "X_udot").value + ahead).abs() < 1e-10);
+    assert!((formula(&open, "X_udot").value + 0.343 * ahead).abs() < 1e-10);
+    for d in [&closed, &open] {
+        for (name, expected) in [("B", 30.5 * 9.81), ("z_b", -0.02)] {
+            assert!((value(d, name) - expected).abs() < 1e-12, "{name}");
+        }
+        for name in ["Y_vdot", "K_pdot", "X_uu", "K_pp", "X_u", "K_p", "N_r"] {
+            assert!(value(d, name) < 0.0, "{name}");
+            let [low, high] = formula(d, name).interval();
+            assert!(low < value(d, name) && value(d, name) < high, "{name}");
+        }
+    }
+    // Written and read again it is the same, a zero in the place of a start value too.
+    let still = with(&open, &[("Y_v", 0.0)]);
+    assert_eq!(again(&still).coefficients, still.coefficients);
 }
 
 #[test]

@@ -96,7 +96,7 @@ fn geometry(length_m: f64, diameter_m: f64) -> Geometry {
 /// The start value of a coefficient for a hull of mass `m`.
 fn start_value(geometry: &Geometry, m: f64, rho: f64, index: usize) -> f64 {
     let values = geometry.start_values(m, rho);
-    values.iter().find(|(i, _)| *i == index).expect("filled from the geometry").1
+    values.iter().find(|start| start.index == index).expect("filled from the geometry").value
 }
 
 #[test]

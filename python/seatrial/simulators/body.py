@@ -97,6 +97,9 @@ class Body:
                         name = f"{_FORCES[j]}_{_VELOCITIES[i]}dot"
                     values[name] = -float(self.added_mass[i, j])
         needed = {"m", "B", "I_x", "I_y", "I_z", "z_b"}
+        # A geometry would fill what is left out.
+        for force, velocity in zip(_FORCES, _VELOCITIES, strict=True):
+            needed |= {f"{force}_{velocity}{end}" for end in ("", velocity, "dot")}
         return {name: value for name, value in values.items() if name in needed or abs(value) > _SMALL}
 
     def toml(self, comments: tuple[str, ...] = ()) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import DivergenceError
+from seatrial.base.errors import DivergenceError, VehicleError
 from seatrial.vehicle.actuators import NOMINAL_V, can_push, command, largest, settling_s, voltage_for
 from seatrial.vehicle.stability import positive_damping
 
@@ -109,6 +109,7 @@ def steady(
     return Steady(last.mean(axis=0), wrench.mean(axis=0), signals, settled)
 
 
+_FASTEST_M_S = 15.0  # with a margin over underwater vehicles: faster, damping or thrust has a wrong size
 KNOT_M_S = 1852.0 / 3600.0  # a nautical mile an hour, by definition
 _SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest command: the rows of a table of speeds
 TURN_SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest command: the rows of a table of turns
@@ -200,6 +201,29 @@ def speeds(
 def top_speed(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Speed | None:
     """Steady speed ahead at the largest command; None where nothing drives ahead, or it has no bounds."""
     return next(iter(speeds(vehicle, voltage_v=voltage_v, shares=(1.0,))), None)
+
+
+def refuse_impossible_speed(vehicle: Vehicle, rows: Sequence[Speed]) -> None:
+    """Refuse a vehicle that its thrust drives faster than any underwater vehicle goes.
+
+    Raises
+    ------
+    VehicleError
+        Its damping is missing or far too small, or its thrust far too large.
+    """
+    top = max(rows, key=lambda row: row.speed_m_s, default=None)
+    # Damping of the wrong sign is said coefficient by coefficient, with the rest of the check.
+    runaway = top is None and bool(drivers(vehicle)) and not positive_damping(vehicle)
+    if not runaway and (top is None or top.speed_m_s <= _FASTEST_M_S):
+        return
+    known = vehicle.coefficients()
+    damping = ", ".join(f"{name} = {known.get(name, 0.0):g}" for name in ("X_u", "X_uu"))
+    raise VehicleError(
+        f"{vehicle.name}: top speed {'without bounds' if top is None else f'{top.speed_m_s:.3g} m/s'} against"
+        f" {damping}: faster than any underwater vehicle ({_FASTEST_M_S:g} m/s); give X_u and X_uu, or"
+        ' [geometry] with shape = "spheroid", "box" or "frame", from which they are filled; else correct the'
+        " thrust (N, and p1 in revolutions per second)"
+    )
 
 
 def unbounded(vehicle: Vehicle) -> str:

@@ -19,7 +19,7 @@ impl Description {
     /// Default bounds of a coefficient for its identification, around its geometric start value or
     /// its present one; none where nothing is known.
     pub fn default_bounds(&self, index: usize) -> Option<(f64, f64)> {
-        let reference = self.start_values[index].unwrap_or(self.coefficients[index]);
+        let reference = self.reference(index);
         let factors = |low: f64, high: f64| {
             let (a, b) = (low * reference, high * reference);
             (reference != 0.0).then(|| (a.min(b), a.max(b)))
@@ -39,7 +39,7 @@ impl Description {
         }
         let weight = self.coefficients[MASS] * self.file.environment.g_m_s2;
         let size = self.file.geometry.as_ref().map_or(1.0, |g| g.length_m);
-        let drag = self.start_values[quadratic(0, 0)].unwrap_or(self.coefficients[quadratic(0, 0)]).abs();
+        let drag = self.reference(quadratic(0, 0)).abs();
         match index {
             MASS => factors(0.5, 2.0),
             names::BUOYANCY => Some((0.9 * weight, 1.1 * weight)),

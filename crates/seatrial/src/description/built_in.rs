@@ -1,8 +1,9 @@
 //! The vehicles that come with the core.
 
 /// The embedded vehicles.
-const BUILT_IN: [(&str, &str); 5] = [
+const BUILT_IN: [(&str, &str); 6] = [
     ("beluga", include_str!("../../vehicles/beluga.toml")),
+    ("bluerov2", include_str!("../../vehicles/bluerov2.toml")),
     ("bluerov2-heavy", include_str!("../../vehicles/bluerov2-heavy.toml")),
     ("cwolf", include_str!("../../vehicles/cwolf.toml")),
     ("lauv", include_str!("../../vehicles/lauv.toml")),

@@ -116,15 +116,23 @@ pub fn actuator(d: &Description, k: usize) -> Facts {
     ])
 }
 
-/// Per coefficient that the vehicle can have: unit, start value, default bounds, description.
+/// Per coefficient that the vehicle can have: unit, start value, default bounds, description; and of what its geometry
+/// tells, the value by the formula, the ends of its stated 95 % interval, its standard deviation and its source.
 pub fn coefficients(d: &Description) -> BTreeMap<String, Facts> {
     let known = (0..d.layout.len()).filter(|&i| d.uses(i));
     known
         .map(|i| {
             let bounds = d.default_bounds(i);
+            let formula = d.start_values[i].filter(|start| start.value != 0.0);
+            let [low, high] = formula.map_or([None; 2], |start| start.interval().map(Some));
             let facts = BTreeMap::from([
                 ("unit", Value::Text(d.layout.unit(i, d.command_unit(i)))),
-                ("start", Value::Number(d.start_values[i].unwrap_or(d.coefficients[i]))),
+                ("start", Value::Number(d.reference(i))),
+                ("formula", formula.map(|start| start.value).into()),
+                ("low", low.into()),
+                ("high", high.into()),
+                ("sd", formula.map(|start| start.sd()).into()),
+                ("source", formula.map_or(Value::None, |start| Value::Text(start.source.to_owned()))),
                 ("lower", bounds.map(|b| b.0).into()),
                 ("upper", bounds.map(|b| b.1).into()),
                 ("description", Value::Text(d.layout.description(i))),
@@ -137,7 +145,7 @@ pub fn coefficients(d: &Description) -> BTreeMap<String, Facts> {
 /// Measures of the hull, m; none when the file has no geometry.
 pub fn geometry(d: &Description) -> BTreeMap<&'static str, f64> {
     let measures = |g: &crate::description::geometry::Geometry| {
-        [("length", g.length_m), ("diameter", g.diameter_m), ("height", g.height_m.unwrap_or(g.diameter_m))]
+        [("length", g.length_m), ("diameter", g.diameter_m), ("height", g.height())]
     };
     d.file.geometry.iter().flat_map(measures).collect()
 }

@@ -1,4 +1,4 @@
-//! Start values from a tape measure: inertia, added mass and drag of a body of revolution.
+//! Start values from a tape measure: inertia, added mass and drag of a body of revolution; of a box in [`super::box_hull`].
 //!
 //! * Inertia of a solid cylinder: `I_x = ½ m r²`, `I_y = I_z = m (l² + 3 r²)/12`.
 //! * Added mass of a prolate spheroid a = l/2, b = r by Lamb's factors of the eccentricity e:
@@ -23,18 +23,61 @@ const FLAT_PLATE: f64 = 1.2;
 /// Added roll inertia of fins and tower as a share of I_x: no closed formula; a start value.
 const ROLL_ADDED_INERTIA: f64 = 0.3;
 
+/// Factors on the start value within which 95 % of torpedoes are expected: from the hulls of REMUS 100 and LAUV, whose
+/// fixed fins and fairings the spheroid does not have; what no formula gives is wider.
+const INERTIA_95: [f64; 2] = [0.5, 1.5];
+const ADDED_AHEAD_95: [f64; 2] = [0.4, 2.5];
+const ADDED_ACROSS_95: [f64; 2] = [0.7, 2.0];
+const ADDED_ROLL_95: [f64; 2] = [0.2, 5.0];
+const ADDED_TURN_95: [f64; 2] = [0.5, 3.0];
+const DRAG_AHEAD_95: [f64; 2] = [0.5, 3.0];
+const DRAG_ACROSS_95: [f64; 2] = [0.5, 3.0];
+const DRAG_ROLL_95: [f64; 2] = [0.2, 5.0];
+const DRAG_TURN_95: [f64; 2] = [0.3, 15.0];
+
+/// Standard deviations between the ends of a normal distribution's 95 % interval.
+const WIDTH_95: f64 = 3.92;
+
+/// A start value of a coefficient, with what is known of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StartValue {
+    /// Index of the coefficient.
+    pub index: usize,
+    /// The value, SI.
+    pub value: f64,
+    /// Factors on it that bound the stated 95 % interval.
+    pub factors: [f64; 2],
+    /// Where it comes from.
+    pub source: &'static str,
+}
+
+impl StartValue {
+    /// Lower and upper end of the stated 95 % interval.
+    pub fn interval(&self) -> [f64; 2] {
+        let [a, b] = self.factors.map(|factor| factor * self.value);
+        [a.min(b), a.max(b)]
+    }
+
+    /// Standard deviation of a normal distribution whose 95 % interval is as wide.
+    pub fn sd(&self) -> f64 {
+        let [low, high] = self.interval();
+        (high - low) / WIDTH_95
+    }
+}
+
 /// Measures of a hull.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Geometry {
     /// Length over all, m.
     pub length_m: f64,
-    /// Largest diameter, m; of a box-shaped vehicle its width.
+    /// Largest diameter, m; of a box or frame its width, which may be written `width_m`.
+    #[serde(alias = "width_m")]
     pub diameter_m: f64,
-    /// Height, m, where it differs from the diameter.
+    /// Height, m, where it differs from the diameter; a box or frame needs it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height_m: Option<f64>,
-    /// `spheroid` (start values are filled in) or `box` (they are not).
+    /// `spheroid`, a body of revolution; `box`, a closed hull; `frame`, an open frame with floats and bars.
     #[serde(default)]
     pub shape: Shape,
     /// Speed at which the friction line is read, m/s.
@@ -55,8 +98,10 @@ pub enum Shape {
     /// A slender body of revolution.
     #[default]
     Spheroid,
-    /// An open frame: no start values.
+    /// A closed box.
     Box,
+    /// An open frame of floats, bars and instruments.
+    Frame,
 }
 
 /// A plate that damps roll.
@@ -93,15 +138,25 @@ pub fn lamb_factors(length: f64, radius: f64) -> [f64; 3] {
 pub fn cross_flow_drag(slenderness: f64) -> f64 {
     const CURVE: [(f64, f64); 7] =
         [(1.0, 0.64), (2.0, 0.68), (3.0, 0.72), (5.0, 0.74), (10.0, 0.82), (20.0, 0.91), (40.0, 0.98)];
-    let upper = CURVE.partition_point(|(x, _)| *x < slenderness).clamp(1, CURVE.len() - 1);
-    let ((x0, y0), (x1, y1)) = (CURVE[upper - 1], CURVE[upper]);
-    y0 + (y1 - y0) * ((slenderness - x0) / (x1 - x0)).clamp(0.0, 1.0)
+    interpolated(&CURVE, slenderness)
+}
+
+/// A curve read linearly in between, and held beyond its ends.
+pub(super) fn interpolated(curve: &[(f64, f64)], at: f64) -> f64 {
+    let upper = curve.partition_point(|(x, _)| *x < at).clamp(1, curve.len() - 1);
+    let ((x0, y0), (x1, y1)) = (curve[upper - 1], curve[upper]);
+    y0 + (y1 - y0) * ((at - x0) / (x1 - x0)).clamp(0.0, 1.0)
 }
 
 impl Geometry {
     /// Radius of the hull, m.
     pub fn radius(&self) -> f64 {
         0.5 * self.diameter_m
+    }
+
+    /// Height, m: the diameter where none is given.
+    pub fn height(&self) -> f64 {
+        self.height_m.unwrap_or(self.diameter_m)
     }
 
     /// Axial drag coefficient on the frontal area π r².
@@ -116,17 +171,16 @@ impl Geometry {
     pub fn complaint(&self) -> Option<String> {
         (self.shape == Shape::Spheroid && self.length_m <= self.diameter_m).then(|| {
             format!(
-                "geometry: a spheroid hull is longer than wide, found length_m = {} and diameter_m = {}; use shape = \"box\" for an open frame",
+                "geometry: a spheroid hull is longer than wide, found length_m = {} and diameter_m = {}; use shape = \"frame\" for an open frame, \"box\" for a closed one",
                 self.length_m, self.diameter_m
             )
         })
     }
 
-    /// Start values `(index, value)` of the coefficients at mass `m` (kg) in water of density `rho`
-    /// (kg/m³); none for a box.
-    pub fn start_values(&self, m: f64, rho: f64) -> Vec<(usize, f64)> {
-        if self.shape == Shape::Box {
-            return Vec::new();
+    /// Start values of the coefficients at mass `m` (kg) in water of density `rho` (kg/m³).
+    pub fn start_values(&self, m: f64, rho: f64) -> Vec<StartValue> {
+        if self.shape != Shape::Spheroid {
+            return super::box_hull::start_values(self, m, rho);
         }
         let (l, r) = (self.length_m, self.radius());
         let i_x = 0.5 * m * r * r;
@@ -141,22 +195,37 @@ impl Geometry {
             * rho
             * FLAT_PLATE
             * self.appendages.iter().map(|a| a.area_m2 * plain::powi(a.arm_m, 3)).sum::<f64>();
-        vec![
-            (INERTIA, i_x),
-            (INERTIA + 1, i_y),
-            (INERTIA + 2, i_y),
-            (added_mass(0, 0), -k1 * m_e),
-            (added_mass(1, 1), -k2 * m_e),
-            (added_mass(2, 2), -k2 * m_e),
-            (added_mass(3, 3), -ROLL_ADDED_INERTIA * i_x),
-            (added_mass(4, 4), -k_rotation * i_e),
-            (added_mass(5, 5), -k_rotation * i_e),
-            (quadratic(0, 0), -0.5 * rho * self.axial_drag() * PI * r * r),
-            (quadratic(1, 1), lateral),
-            (quadratic(2, 2), lateral),
-            (quadratic(3, 3), roll),
-            (quadratic(4, 4), rotation),
-            (quadratic(5, 5), rotation),
-        ]
+        let of = |source: &'static str, rows: &[(usize, f64, [f64; 2])]| {
+            rows.iter().map(|&(index, value, factors)| StartValue { index, value, factors, source }).collect()
+        };
+        let groups: [Vec<StartValue>; 5] = [
+            of(
+                "homogeneous cylinder",
+                &[(INERTIA, i_x, INERTIA_95), (INERTIA + 1, i_y, INERTIA_95), (INERTIA + 2, i_y, INERTIA_95)],
+            ),
+            of(
+                "Lamb (1932), §§ 114-115: prolate spheroid",
+                &[
+                    (added_mass(0, 0), -k1 * m_e, ADDED_AHEAD_95),
+                    (added_mass(1, 1), -k2 * m_e, ADDED_ACROSS_95),
+                    (added_mass(2, 2), -k2 * m_e, ADDED_ACROSS_95),
+                    (added_mass(4, 4), -k_rotation * i_e, ADDED_TURN_95),
+                    (added_mass(5, 5), -k_rotation * i_e, ADDED_TURN_95),
+                ],
+            ),
+            of("share of I_x", &[(added_mass(3, 3), -ROLL_ADDED_INERTIA * i_x, ADDED_ROLL_95)]),
+            of(
+                "Taubert et al. (2014), equations 24-31: drag of a round hull",
+                &[
+                    (quadratic(0, 0), -0.5 * rho * self.axial_drag() * PI * r * r, DRAG_AHEAD_95),
+                    (quadratic(1, 1), lateral, DRAG_ACROSS_95),
+                    (quadratic(2, 2), lateral, DRAG_ACROSS_95),
+                    (quadratic(4, 4), rotation, DRAG_TURN_95),
+                    (quadratic(5, 5), rotation, DRAG_TURN_95),
+                ],
+            ),
+            of("plates of fins and tower", &[(quadratic(3, 3), roll, DRAG_ROLL_95)]),
+        ];
+        groups.concat()
     }
 }

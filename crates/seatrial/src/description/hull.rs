@@ -23,11 +23,9 @@ impl Description {
         let file = &self.file;
         let half = match &file.geometry {
             Some(geometry) => {
-                let height = match geometry.shape {
-                    Shape::Spheroid => None,
-                    Shape::Box => geometry.height_m,
-                };
-                [geometry.length_m, geometry.diameter_m, height.unwrap_or(geometry.diameter_m)]
+                let round = geometry.shape == Shape::Spheroid;
+                let height = if round { geometry.diameter_m } else { geometry.height() };
+                [geometry.length_m, geometry.diameter_m, height]
             }
             None => {
                 let weight = file.environment.rho_kg_m3 * file.environment.g_m_s2;

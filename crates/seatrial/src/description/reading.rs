@@ -4,6 +4,7 @@
 //! Tests: `tests/files.rs`.
 
 use super::coefficients::{self as names, FORCES, Layout, MASS};
+use super::missing;
 use super::placement::{place, place_fin};
 use super::values::Description;
 use super::vehicle_file::{CrossFlowTable, ModelErrorTable, TetherTable, VehicleFile};
@@ -19,7 +20,15 @@ impl Description {
     /// # Errors
     /// What is wrong with the file, where, and what to do.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, Error> {
-        Self::new(VehicleFile::parse(text, source_name)?, source_name)
+        let read = VehicleFile::parse(text, source_name);
+        // One message for all that is missing, whether the reader stumbles over it or the physics would.
+        match (missing::complaint(text), read) {
+            (Some(message), Ok(_)) => Err(Error::vehicle(source_name, message)),
+            (Some(message), Err(error)) if error.to_string().contains("missing field") => {
+                Err(Error::vehicle(source_name, message))
+            }
+            (_, read) => Self::new(read?, source_name),
+        }
     }
 
     /// Fills and checks a parsed file.
@@ -87,14 +96,30 @@ impl Description {
         }
         let m = coefficients[MASS];
         let mut start_values = vec![None; layout.len()];
-        for (index, value) in file.geometry.iter().flat_map(|g| g.start_values(m, environment.rho_kg_m3)) {
-            start_values[index] = Some(value);
+        for start in file.geometry.iter().flat_map(|g| g.start_values(m, environment.rho_kg_m3)) {
+            let index = start.index;
+            start_values[index] = Some(start);
             if given[index].is_none() && !by_strips(index, &coefficients) {
-                coefficients[index] = value;
+                coefficients[index] = start.value;
             }
         }
-        if given[names::BUOYANCY].is_none() {
-            coefficients[names::BUOYANCY] = m * environment.g_m_s2;
+        let trim = file.trim.unwrap_or_default();
+        for (index, value) in [
+            (names::BUOYANCY, (m - trim.weight_in_water_kg.unwrap_or(0.0)) * environment.g_m_s2),
+            (
+                names::CENTRE_OF_BUOYANCY + 2,
+                coefficients[names::CENTRE_OF_GRAVITY + 2] - trim.righting_arm_m.unwrap_or(0.0),
+            ),
+        ] {
+            let measured =
+                if index == names::BUOYANCY { trim.weight_in_water_kg } else { trim.righting_arm_m };
+            if given[index].is_none() && (index == names::BUOYANCY || measured.is_some()) {
+                coefficients[index] = value;
+            } else if let (Some(name), Some(_)) = (given[index], measured) {
+                return Err(fail(format!(
+                    "coefficients.{name}: found together with what [trim] says of it; keep one of the two"
+                )));
+            }
         }
         let description = Self { file, layout, coefficients, start_values, strips, tabulated, actuators };
         description.check().map_err(fail)?;

@@ -1,6 +1,7 @@
 //! What is known of a vehicle: its file, its coefficients, its actuators in their places. Immutable.
 
 use super::coefficients::{self as names, Layout, Scaling, added_mass, linear, quadratic};
+use super::geometry::{Shape, StartValue};
 use super::placement::ActuatorDescription;
 use super::vehicle_file::VehicleFile;
 use crate::model::cross_flow::Strips;
@@ -16,7 +17,7 @@ pub struct Description {
     /// The coefficients, SI.
     pub coefficients: Vec<f64>,
     /// The geometry's start value per coefficient, where there is one.
-    pub start_values: Vec<Option<f64>>,
+    pub start_values: Vec<Option<StartValue>>,
     /// The hull in strips; none where the file says nothing of its shape.
     pub strips: Option<Strips>,
     /// The actuators' coefficients as their motors and characteristics give them.
@@ -30,6 +31,14 @@ impl Description {
     pub fn group(&self, k: usize) -> usize {
         let name = |i: usize| &self.actuators[i].group;
         (0..k).find(|&i| name(i) == name(k)).unwrap_or(k)
+    }
+
+    /// The value around which a coefficient is sought: the geometry's start value of a body of revolution; what the
+    /// file says of a box or frame, whose start values are wide.
+    pub fn reference(&self, index: usize) -> f64 {
+        let own = self.coefficients[index];
+        let round = self.file.geometry.as_ref().is_some_and(|geometry| geometry.shape == Shape::Spheroid);
+        self.start_values[index].map_or(own, |start| if round || own == 0.0 { start.value } else { own })
     }
 
     /// The names and values that are not zero by nature: what the file gives, the geometry fills, or
@@ -46,12 +55,15 @@ impl Description {
 
     /// The file with every coefficient written out.
     pub fn filled_file(&self) -> VehicleFile {
-        let mut file = self.file.clone();
+        // The coefficients hold what the trim told.
+        let mut file = VehicleFile { trim: None, ..self.file.clone() };
+        let asked = file.geometry.as_ref().is_some_and(|geometry| geometry.shape != Shape::Spheroid);
         file.coefficients = (0..self.layout.len())
             .filter(|&i| {
                 let value = self.coefficients[i];
                 if i < names::HULL {
-                    value != 0.0 || i == names::BUOYANCY
+                    // Without z_b the file of a box or frame would be asked for it.
+                    value != 0.0 || i == names::BUOYANCY || (asked && i == names::CENTRE_OF_BUOYANCY + 2)
                 } else {
                     value != self.tabulated[i]
                 }

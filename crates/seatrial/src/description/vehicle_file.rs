@@ -44,6 +44,9 @@ pub struct VehicleFile {
     /// Measures of the hull.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub geometry: Option<Geometry>,
+    /// How it lies in the water.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trim: Option<Trim>,
     /// Measures of the hull along its length, for the cross-flow drag by strips.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cross_flow: Option<CrossFlowTable>,
@@ -104,6 +107,20 @@ impl Environment {
         }
         Ok(Self { rho_kg_m3: rho.unwrap_or(self.rho_kg_m3), g_m_s2: g.unwrap_or(self.g_m_s2) })
     }
+}
+
+/// How it lies in the water, measured in a tub: what gives `B` and `z_b` where the file does not.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Trim {
+    /// Reading of a hanging scale with the vehicle under water, kg; negative where it floats: the weight in water of
+    /// the lead that just sinks it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight_in_water_kg: Option<f64>,
+    /// Height of the centre of buoyancy over that of gravity, m: lead of weight w hung at the arm a heels it by φ,
+    /// w a/(m tan φ).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub righting_arm_m: Option<f64>,
 }
 
 /// Battery and hotel load: what endurance needs.

@@ -46,7 +46,7 @@ const ADDED: &str =
     "X_udot = -6.0\nY_vdot = -20.0\nZ_wdot = -25.0\nK_pdot = -0.2\nM_qdot = -0.9\nN_rdot = -0.8\n";
 const DRAG: &str =
     "X_u = -3.0\nX_uu = -12.0\nY_vv = -60.0\nZ_ww = -80.0\nK_p = -0.3\nM_qq = -3.0\nN_r = -0.9\n";
-const NO_DRAG: &str = "X_uu = 0.0\nY_vv = 0.0\nZ_ww = 0.0\nK_pp = 0.0\nM_qq = 0.0\nN_rr = 0.0\n";
+const NO_DRAG: &str = "X_uu = 0.0\nY_vv = 0.0\nZ_ww = 0.0\nK_pp = 0.0\nM_qq = 0.0\nN_rr = 0.0\nX_u = 0.0\nY_v = 0.0\nZ_w = 0.0\nK_p = 0.0\nM_q = 0.0\nN_r = 0.0\n";
 
 fn surface(description: &Description) -> Surface<f64> {
     let vehicle = Vehicle::nominal(description).beneath(description, GRAVITY, Some(0.0));

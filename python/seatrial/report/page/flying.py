@@ -214,7 +214,7 @@ def _shape(vehicle: Vehicle) -> dict[str, Any]:
     ]
     return {
         "size": [float(size.get(key, 0.0)) for key in ("length", "diameter", "height")],
-        "box": vehicle.hull_shape == "box",
+        "box": vehicle.hull_shape in ("box", "frame"),
         "actuators": placed,
         "gravity": [values.get(f"{axis}_g", 0.0) for axis in "xyz"],
         "buoyancy": [values.get(f"{axis}_b", 0.0) for axis in "xyz"],

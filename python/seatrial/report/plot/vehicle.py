@@ -254,7 +254,7 @@ def three_views(vehicle: Vehicle) -> Figure:
             axes = figure.add_axes((box[0] / WIDTH_IN, box[1] / total, box[2] / WIDTH_IN, box[3] / total))
             _axes(axes, view, layout.window(view, _LABELS_IN / inch))
             if measures:
-                hull(axes, view, size, box_shaped=vehicle.hull_shape == "box")
+                hull(axes, view, size, box_shaped=vehicle.hull_shape in ("box", "frame"))
             fins(axes, view, vehicle)
             centres(axes, view, vehicle)
             thrust(axes, view, places, directions, layout.arrow, inch)

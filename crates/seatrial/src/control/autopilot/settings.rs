@@ -13,8 +13,9 @@ use crate::error::{Error, nearest};
 use crate::number::real::Real;
 
 /// The embedded autopilots, each for the built-in vehicle of its name.
-const BUILT_IN: [(&str, &str); 5] = [
+const BUILT_IN: [(&str, &str); 6] = [
     ("beluga", include_str!("../../../autopilots/beluga.toml")),
+    ("bluerov2", include_str!("../../../autopilots/bluerov2.toml")),
     ("bluerov2-heavy", include_str!("../../../autopilots/bluerov2-heavy.toml")),
     ("cwolf", include_str!("../../../autopilots/cwolf.toml")),
     ("lauv", include_str!("../../../autopilots/lauv.toml")),
