@@ -75,7 +75,7 @@ def navigation(index: str, names: list[Path], reference: list[tuple[str, str]], 
         match list(name.parts):
             case ["index.md"]:
                 continue
-            case ["tour.md"] | ["how-to", "your_own_vehicle.md" | "real_log.md"]:
+            case ["tour.md"] | ["how-to", "i_have_a_vehicle.md" | "your_own_vehicle.md" | "real_log.md"]:
                 parts["First"].append(entry)
             case ["how-to", *_]:
                 parts["How to"].append(entry)

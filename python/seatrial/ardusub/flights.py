@@ -186,6 +186,21 @@ def check_rig(vehicle: Vehicle, rig: Rig) -> None:
     TrialError
         A thruster pushes the wrong way, or their number is not the frame's.
     """
+    if wrong := against(vehicle, rig):
+        raise TrialError(
+            f"{vehicle.name}: {', '.join(wrong)} push against MOT_n_DIRECTION of the log; set reversed of"
+            " these thrusters in vehicle.toml the other way, and run again with --vehicle"
+        )
+
+
+def against(vehicle: Vehicle, rig: Rig) -> list[str]:
+    """Thrusters that push against what frame and directions of the motors tell them.
+
+    Raises
+    ------
+    TrialError
+        Their number is not the frame's.
+    """
     shares = np.asarray(ardusub_frames()[rig.frame])
     columns = np.asarray(vehicle.allocation_matrix())
     if columns.shape[1] != len(shares):
@@ -197,11 +212,6 @@ def check_rig(vehicle: Vehicle, rig: Rig) -> None:
     # Roll, pitch, yaw, throttle (up), forward, lateral.
     pushes = np.stack([columns[3], columns[4], columns[5], -columns[2], columns[0], columns[1]], 1)
     agree = (pushes * shares).sum(axis=1) * np.array(signs) * np.asarray(rig.direction)
-    wrong = [
+    return [
         name for name, agreement in zip(vehicle.actuators, agree.tolist(), strict=True) if agreement < 0.0
     ]
-    if wrong:
-        raise TrialError(
-            f"{vehicle.name}: {', '.join(wrong)} push against MOT_n_DIRECTION of the log; set reversed of"
-            " these thrusters in vehicle.toml the other way, and run again with --vehicle"
-        )

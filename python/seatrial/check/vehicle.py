@@ -27,6 +27,7 @@ from seatrial.vehicle.steady_state import (
     cruise,
     drivers,
     farthest,
+    refuse_impossible_speed,
     round_speeds_kn,
     speeds,
     turn_kinds,
@@ -40,6 +41,9 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 _GROWS = 1e-3  # 1/s; what grows more slowly than in ten minutes is as good as stable
+
+_SLOW = 0.02  # of the top speed: what is unstable even there, is so at rest
+_MARGIN = 0.75  # of the speed at which pitch gives way: what the advice of a flight that failed leaves, too
 
 _SLENDER = 3.0  # length over the larger of diameter and height
 
@@ -74,10 +78,16 @@ def stability_sentences(
         else:
             doubles = f"unstable at {worst:.2f} m/s{held}: without control a disturbance doubles in"
             doubles += f" {_time(np.log(2.0) / rate)}"
+            limit = 0.0 if held or _slender(vehicle) else _steady_to(vehicle, plane, worst)
             if _MOMENT[plane][0] in able and not _slender(vehicle) and not held:
                 notes.append(
                     f"{plane.capitalize()} {doubles}; usual for a hull that is not slender, and its actuators"
                     " can hold it"
+                )
+            elif limit > 0.0:
+                warnings.append(
+                    f"{plane} rights itself up to {limit:.2f} m/s, and no actuator holds it above: {SLOWER}"
+                    f" {_MARGIN * limit:.2f} m/s or slower, or raise the buoyancy over the weight (z_b)"
                 )
             else:
                 warnings.append(f"{plane} {doubles}. {_cure(vehicle, plane)}")
@@ -88,6 +98,17 @@ def stability_sentences(
                 f" {_time(np.log(2.0) / astern)}"
             )
     return notes, warnings
+
+
+def _steady_to(vehicle: Vehicle, plane: str, top_m_s: float) -> float:
+    """Speed ahead up to which a plane is stable without control, m/s, by bisection; 0 where it never is."""
+    low, high = 0.0, top_m_s
+    if growth(vehicle, _SLOW * top_m_s, plane) > _GROWS:
+        return 0.0
+    while high - low > 0.005:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if growth(vehicle, middle, plane) > _GROWS else (middle, high)
+    return low
 
 
 def _cure(vehicle: Vehicle, plane: str) -> str:
@@ -128,8 +149,6 @@ def _slender(vehicle: Vehicle) -> bool:
 def _time(seconds: float) -> str:
     return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds / 60.0:.0f} min"
 
-
-_FASTEST_M_S = 15.0  # with a margin over underwater vehicles: faster, damping or thrust has a wrong size
 
 _NO_POWER = {"direct": "thrust commanded in newtons", "table": "a table of thrust"}
 
@@ -203,6 +222,7 @@ class VehicleCheck:
 
 
 IF_STABLE = "if the real vehicle is stable"
+SLOWER = "plan missions at"
 
 
 def check_vehicle(
@@ -219,6 +239,11 @@ def check_vehicle(
         Speeds through the water at which revolutions, power, endurance and range are told, kn; round ones up
         to the top speed when missing.
 
+    Raises
+    ------
+    VehicleError
+        It would be faster than any underwater vehicle: damping is missing, or the thrust has a wrong size.
+
     Examples
     --------
     >>> import seatrial as st
@@ -226,6 +251,7 @@ def check_vehicle(
     +1000 rpm on SbU: 19 N ahead, bow to port, bow down; also 5.2 N to starboard, 5.3 N up
     """
     rows = speeds(vehicle, voltage_v=voltage_v)
+    refuse_impossible_speed(vehicle, rows)
     cruises, missed = _cruises(vehicle, rows, speeds_kn, voltage_v)
     turning = turns(vehicle, voltage_v=voltage_v)
     rest = statics(vehicle)
@@ -250,11 +276,6 @@ def check_vehicle(
             f"{_forces(vehicle)} add energy: at {gain.speed_m_s:+.2f} m/s along x a disturbance of"
             f" {gain.words} receives {gain.power_w:.3g} W; check signs and sizes of the off-diagonal and lift"
             " coefficients"
-        )
-    if running and max(running) > _FASTEST_M_S:
-        warnings.append(
-            f"top speed {max(running):.3g} m/s is not that of an underwater vehicle; check X_u, X_uu and the"
-            " thrust"
         )
     return VehicleCheck(
         name=vehicle.name,

@@ -1,7 +1,12 @@
-"""`seatrial new`: a commented project to start from."""
+"""`seatrial new`: a commented project to start from.
+
+Tests: ``tests/cli/test_new.py``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +23,22 @@ _RECORDS = {
 }
 
 
+LIKE = {
+    "rov6": ("like/rov6.toml", "like/rov-mission.toml"),
+    "rov8": ("like/rov8.toml", "like/rov-mission.toml"),
+    "torpedo-fins": ("like/torpedo-fins.toml", "like/torpedo-mission.toml"),
+    "torpedo-thrusters": ("starter/vehicle.toml", "starter/mission.toml"),
+}
+"""Kinds of vehicle, with the examples of their vehicle and mission file."""
+
+_FRAMES = {"Vectored": "rov6", "Vectored_6DOF": "rov8"}
+"""Frames of ArduSub, by the kind of vehicle that has their thrusters in this order."""
+
+_LIKE_STEPS = (
+    "fly {0}/vehicle.toml {0}/autopilot.toml {0}/mission.toml --sensors typical",
+    "verify {0}/campaign.toml",
+)
+
 _STEPS = (
     "bench {0}/bench.toml",
     "check {0}/campaign.toml",
@@ -29,6 +50,14 @@ _STEPS = (
 
 def new(
     folder: Annotated[Path, typer.Argument(help="Folder to make; it must be empty or not exist.")],
+    like: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join([*LIKE, "LOG.BIN"]),
+            help="Instead of the starter's: vehicle, autopilot and mission of a vehicle like this, or like"
+            " the one that wrote the log of ArduSub.",
+        ),
+    ] = None,
     from_report: Annotated[
         Path | None,
         typer.Option(
@@ -40,34 +69,31 @@ def new(
 ) -> None:
     """Write a starter project: vehicle, bench, campaign and mission file, generated example records.
 
+    With --like: what tape measure, scales and a tub tell of a vehicle, an autopilot and a mission that fly.
     With --from-report: the vehicle, autopilot, mission and campaign files that a page carries, as they were.
 
-    Example: seatrial new my-vehicle
+    Example: seatrial new my-rov --like rov6
     """
+    if like is not None and from_report is not None:
+        raise typer.BadParameter("--like and --from-report exclude each other")
     if from_report is not None:
         _from_report(from_report, folder)
         return
-    from seatrial.base.atomic_write import whole_folder
-    from seatrial.base.errors import SeatrialError
+    if like is not None:
+        _like(like, folder)
+        return
     from seatrial.base.report import Report, Section
     from seatrial.cli.console import answer
     from seatrial.trial.generated import Recipe
 
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SeatrialError(f"{folder}: expected an empty or a new folder, found files; choose another name")
     starter = EXAMPLES / "starter"
-    try:
-        with whole_folder(folder):
-            for records, names in _RECORDS.items():
-                (folder / records).mkdir(exist_ok=True)
-                for name in names:
-                    Recipe.load(starter / records / f"{name}.toml").save(folder / records / f"{name}.csv")
-            for name in _FILES:
-                (folder / name).write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
-    except OSError as error:
-        raise SeatrialError(
-            f"{folder}: cannot be written ({error.strerror}); choose a folder that you may write to"
-        ) from None
+    with _fresh(folder):
+        for records, names in _RECORDS.items():
+            (folder / records).mkdir(exist_ok=True)
+            for name in names:
+                Recipe.load(starter / records / f"{name}.toml").save(folder / records / f"{name}.csv")
+        for name in _FILES:
+            (folder / name).write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
     count = sum(map(len, _RECORDS.values()))
     report = Report(
         title=str(folder),
@@ -79,6 +105,86 @@ def new(
         sections=(Section("Then", tuple(f"seatrial {step.format(folder)}" for step in _STEPS)),),
     )
     answer(report)
+
+
+@contextmanager
+def _fresh(folder: Path) -> Iterator[None]:
+    """A new folder, written whole or not at all; what the system says is one message."""
+    from seatrial.base.atomic_write import whole_folder
+    from seatrial.base.errors import SeatrialError
+
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise SeatrialError(f"{folder}: expected an empty or a new folder, found files; choose another name")
+    try:
+        with whole_folder(folder):
+            yield
+    except OSError as error:
+        raise SeatrialError(
+            f"{folder}: cannot be written ({error.strerror}); choose a folder that you may write to"
+        ) from None
+
+
+def _like(asked: str, folder: Path) -> None:
+    """Write vehicle, autopilot, mission and campaign like a kind of `LIKE`, or like the vehicle of a log."""
+    from seatrial._core import Vehicle
+    from seatrial.base.report import Report, Section
+    from seatrial.cli.console import answer
+    from seatrial.control_design.start_autopilot import start_autopilot
+
+    kind, reversed_ = (asked, []) if asked in LIKE else _kind_of_log(asked)
+    vehicle, mission, campaign = (
+        (EXAMPLES / name).read_text(encoding="utf-8") for name in (*LIKE[kind], "like/campaign.toml")
+    )
+    for name in reversed_:
+        vehicle = vehicle.replace(f'name = "{name}"\n', f'name = "{name}"\nreversed = true # by the log\n')
+    loaded = Vehicle.from_toml(vehicle, "vehicle.toml")
+    if not any(facts["needs_voltage"] or facts["unit"] == "us" for facts in loaded.actuator_info().values()):
+        campaign = campaign.replace("voltage_v = 16.0\n", "")
+    files = {
+        "vehicle.toml": vehicle,
+        "autopilot.toml": start_autopilot(loaded),
+        "mission.toml": mission,
+        "campaign.toml": campaign,
+    }
+    with _fresh(folder):
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    source = "" if asked == kind else f", the frame of {Path(asked).name}"
+    answer(
+        Report(
+            title=str(folder),
+            outcome=f"project written, like {kind}{source}",
+            good=f"{len(files)} commented files: {', '.join(files)}",
+            worst="the numbers marked [you] are an example's; replace them by your own"
+            if "[you]" in vehicle
+            else "the vehicle is an example; replace its measures and thrusters by your own",
+            next_step=f"seatrial check {folder}/vehicle.toml",
+            sections=(Section("Then", tuple(f"seatrial {step.format(folder)}" for step in _LIKE_STEPS)),),
+        )
+    )
+
+
+def _kind_of_log(log: str) -> tuple[str, list[str]]:
+    """Kind of `LIKE` that has the frame of a log of ArduSub, and its thrusters that run reversed."""
+    from seatrial._core import Vehicle
+    from seatrial.ardusub.flights import Rig, against
+    from seatrial.ardusub.log_replay import replay
+    from seatrial.base.errors import SeatrialError, nearest
+
+    kinds = ", ".join(LIKE)
+    if not Path(log).is_file():
+        raise SeatrialError(
+            f"--like {log}: expected {kinds}, or a log of ArduSub, found no such file{nearest(log, LIKE)}"
+        )
+    frame = replay(log).frame
+    kind = None if frame is None else _FRAMES.get(frame[0])
+    if frame is None or kind is None:
+        frame_name = "no frame that its pulses tell" if frame is None else f"the frame {frame[0]}"
+        raise SeatrialError(
+            f"--like {log}: expected one of the frames {', '.join(_FRAMES)}, found {frame_name}; begin with"
+            f" one of {kinds} and correct its thrusters"
+        )
+    return kind, against(Vehicle.load(EXAMPLES / LIKE[kind][0]), Rig(*frame))
 
 
 def _from_report(page: Path, folder: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from seatrial.base.report import Report, Section, Table
-from seatrial.check.vehicle import IF_STABLE, VehicleCheck
+from seatrial.check.vehicle import IF_STABLE, SLOWER, VehicleCheck
 from seatrial.vehicle.steady_state import Speed
 
 
@@ -48,6 +48,8 @@ def report(check: VehicleCheck) -> Report:
 
 def _next(warnings: Sequence[str]) -> str:
     """What to do about warnings; a vehicle may rightly be unstable on its course or in pitch by itself."""
+    if all(SLOWER in text for text in warnings):
+        return "write start gains (seatrial autopilot), and fly missions no faster than that"
     if all("unstable at" in text and IF_STABLE in text for text in warnings):
         return (
             "where the real vehicle is stable, correct the vehicle file and check it again; where it is not,"
