@@ -21,16 +21,16 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 414,
-    "Python lines": 116_330,
+    "Python lines": 116_490,
     "modules that import the campaign": 15,
-    "lines that build text below the verbs": 6_680,
+    "lines that build text below the verbs": 6_690,
     "functions over 8 parameters": 45,
     "parameters of the widest function": 20,
     "numeric constants of modules": 1_675,
     "numeric constants of modules without a reason": 85,
     "comment lines per 1,000 lines of long functions, at least": 19,
     "bindings named by a pronoun or a participle": 390,
-    "words of documentation": 90_900,
+    "words of documentation": 91_750,
 }
 """Beyond these the build fails."""
 
