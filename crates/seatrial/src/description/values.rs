@@ -38,7 +38,7 @@ impl Description {
     pub fn reference(&self, index: usize) -> f64 {
         let own = self.coefficients[index];
         let round = self.file.geometry.as_ref().is_some_and(|geometry| geometry.shape == Shape::Spheroid);
-        self.start_values[index].map_or(own, |start| if round || own == 0.0 { start.value } else { own })
+        self.start_values[index].filter(|_| round).map_or(own, |start| start.value)
     }
 
     /// The names and values that are not zero by nature: what the file gives, the geometry fills, or
