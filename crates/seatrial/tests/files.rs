@@ -93,7 +93,7 @@ fn missing_keys_are_named() {
     says(&complaint("name = \"test\"\n", ""), &["name"]);
     says(&complaint("characteristic = \"thrust\"", ""), &["characteristic"]);
     says(&complaint("m = 30.0\n", ""), &["coefficients.m", "missing", "weigh"]);
-    says(&complaint("I_y = 2.0\n", ""), &["I_y", "positive", "geometry"]);
+    says(&complaint("I_y = 2.0\n", ""), &["missing coefficients.I_y", "moment of inertia", "geometry"]);
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn a_thruster_has_one_place() {
     let either = ["bow", "either position_m and direction, or wrench_per_newton"];
     let both = "direction = [1.0, 0.0, 0.0]\nwrench_per_newton = [1, 0, 0, 0, 0, 0]";
     says(&complaint("direction = [1.0, 0.0, 0.0]", both), &either);
-    says(&complaint("direction = [1.0, 0.0, 0.0]\n", ""), &either);
+    says(&complaint("direction = [1.0, 0.0, 0.0]\n", ""), &["missing thrusters[0].direction", "thrust"]);
     says(&complaint("direction = [1.0, 0.0, 0.0]", "direction = [0.0, 0.0, 0.0]"), &["bow", "no length"]);
 }
 
