@@ -118,6 +118,20 @@ def test_levers_of_a_group_are_proposed_in_proportion() -> None:
     assert names & {"horizontal.lever_N", "I_z", "N_rdot", "horizontal.gain"}, proposals
 
 
+def test_ctrl_c_keeps_the_estimate_before_the_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*_args: object, **_options: object) -> None:
+        raise KeyboardInterrupt
+
+    joint = Joint(problem(trial((("N_v", -12.0),)), JointSettings(segment_s=5.0)), START)
+    before = polish(joint)
+    monkeypatch.setattr("seatrial.identification.rounds.polish", stopped)
+    after, best, _, proposals = in_rounds(joint, before, rounds=2)
+    assert after is joint
+    assert best.interrupted
+    assert np.array_equal(best.values, before.values)
+    assert not proposals
+
+
 @pytest.fixture(scope="module")
 def fit() -> Identification:
     asked = problem(trial((("N_v", -12.0),)), JointSettings(segment_s=5.0, proposal_rounds=1))

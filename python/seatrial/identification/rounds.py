@@ -182,24 +182,15 @@ def in_rounds(
     here = replace(polished, initial=polished.initial[places])
     proposals: list[Proposal] = []
     kept = False
-    for number in range(1, rounds + 1):
-        tried = tried_terms(sparse, here.values, initial=here.initial, noise=here.noise)
-        parts, memory = _parts(sparse, tried)
-        if len(parts) < FEWEST_PARTS:
-            break
-        changes = _changes(sparse, here, tried)
-        if not changes:
-            break
-        before = _Fit(sparse, here, _unseen(sparse, here, parts, memory=memory))
-        fits = [_tried(before, change, parts, memory, watch) for change in changes]
-        judged = _judged(number, changes, before, fits)
-        proposals += judged
-        best = next((k for k, proposal in enumerate(judged) if proposal.verdict == "kept"), None)
-        if best is None:
-            break
-        winner = fits[best]
-        assert winner is not None
-        sparse, here, kept = winner.joint, winner.polished, True
+    try:
+        for number in range(1, rounds + 1):
+            judged, winner = _round(number, sparse, here, watch)
+            proposals += judged
+            if winner is None:
+                break
+            sparse, here, kept = winner.joint, winner.polished, True
+    except KeyboardInterrupt:
+        return joint, replace(polished, interrupted=True), same, tuple(proposals)
     if not kept:
         return joint, polished, same, tuple(proposals)
     # The estimate with all that was kept, on all segments, from where the trials ended.
@@ -212,6 +203,22 @@ def in_rounds(
     if again.interrupted:
         return joint, replace(polished, interrupted=True), same, tuple(proposals)
     return whole, again, change, tuple(proposals)
+
+
+def _round(
+    number: int, joint: Joint, polished: Polished, watch: Callable[[Step], None] | None
+) -> tuple[list[Proposal], _Fit | None]:
+    """Proposals of one round, and the estimate with the one that is kept; None where none is."""
+    tried = tried_terms(joint, polished.values, initial=polished.initial, noise=polished.noise)
+    parts, memory = _parts(joint, tried)
+    changes = _changes(joint, polished, tried) if len(parts) >= FEWEST_PARTS else []
+    if not changes:
+        return [], None
+    before = _Fit(joint, polished, _unseen(joint, polished, parts, memory=memory))
+    fits = [_tried(before, change, parts, memory, watch) for change in changes]
+    judged = _judged(number, changes, before, fits)
+    best = next((k for k, proposal in enumerate(judged) if proposal.verdict == "kept"), None)
+    return judged, None if best is None else fits[best]
 
 
 def _sparse(joint: Joint) -> tuple[Joint, NDArray[np.intp]]:

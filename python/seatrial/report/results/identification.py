@@ -427,7 +427,8 @@ def _proposal_table(fit: Identification) -> Table:
     head = ("round", Column("proposal", align="left"), Column("change", align="left"))
     judged = ("error falls by", "p", Column("kept", align="left"))
     title = "Proposals of the residual analysis, judged on parts of the log that each fit left out"
-    note = "To keep them in the campaign, add the lines to [polish.coefficients]." if rows else ""
+    kept = any(proposal.verdict == "kept" for proposal in fit.proposals)
+    note = "To keep them in the campaign, add the lines to [polish.coefficients]." if kept else ""
     return Table.of(title, (*head, *judged), rows, left=1, note=note)
 
 
