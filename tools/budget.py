@@ -21,7 +21,7 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 414,
-    "Python lines": 116_490,
+    "Python lines": 116_495,
     "modules that import the campaign": 15,
     "lines that build text below the verbs": 6_690,
     "functions over 8 parameters": 45,
