@@ -30,7 +30,7 @@ legs = [{north_m = 15.0, east_m = 0.0, depth_m = 5.0}, {north_m = 15.0, east_m =
 ''')
 flown = st.fly_batch(
     "cwolf", "cwolf", mission, coefficients={"X_uu": np.linspace(-14.0, -9.0, 9)}, seeds=range(9),
-    sensors="typical", navigation="filter", max_time_s=30.0,
+    conditions=st.Conditions(sensors="typical", navigation="filter", max_time_s=30.0),
 )
 figures = np.stack([np.asarray(x, float).reshape(9, -1).sum(axis=1) for x in flown.figures.values()])
 draw = np.random.default_rng(2)
