@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -11,8 +13,12 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.campaign import Campaign
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.joint_estimate import linearise, polish
 from seatrial.estimation.stage import plan
 from seatrial.identification.identification import Identification
+from seatrial.statistics.linearisation import Linearisation, Piece
+from seatrial.statistics.uncertainty import Uncertainty, covariance
 
 EXAMPLE = Path(__file__).parents[2] / "python" / "seatrial" / "examples" / "beluga"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"
@@ -66,3 +72,51 @@ def test_the_frame_of_the_motion_capture_is_tilted_alike_in_all_runs(run: str) -
     assert tilt is not None
     # four runs on one day, each within its own deviation of 0.1 to 0.4 deg
     np.testing.assert_allclose(np.rad2deg(tilt), [2.0, -2.7], atol=0.6)
+
+
+@cache
+def linearised() -> Linearisation:
+    """The joint estimate of the whole example, begun at what half of its data told."""
+    joint = Joint(Campaign.load(EXAMPLE / "campaign.toml").problem(), identified().vehicle, threads=2)
+    estimate = polish(joint)
+    return linearise(joint, estimate.values, initial=estimate.initial, noise=estimate.noise)
+
+
+def alone(whole: Linearisation, chosen: Callable[[Piece], bool]) -> tuple[Linearisation, Uncertainty]:
+    """The estimate from a part of the segments, one step from that of all, and its uncertainty."""
+    part = replace(whole, pieces=tuple(piece for piece in whole.pieces if chosen(piece)))
+    information = part.information()
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information / np.outer(size, size), rcond=1e-9, hermitian=True)
+    step = np.asarray(inverse @ (part.gradient() / size) / size, dtype=float)
+    pieces = tuple(
+        replace(p, residual=np.where(p.counted, p.residual - p.jacobian @ step, 0.0)) for p in part.pieces
+    )
+    part = replace(part, values=part.values + step, pieces=pieces)
+    return part, covariance(part)
+
+
+@pytest.mark.parametrize("divided", ["halves", "minutes"])
+def test_law_intervals_hold_between_parts_of_the_recordings(divided: str) -> None:
+    """First against second halves of every run, odd against even minutes: what both know agrees."""
+    whole = linearised()
+    middle = {
+        name: np.median([piece.t.mean() for piece in whole.pieces if piece.trial == name])
+        for name in {piece.trial for piece in whole.pieces}
+    }
+
+    def second(piece: Piece) -> bool:
+        time = float(piece.t.mean())
+        return time > middle[piece.trial] if divided == "halves" else time // 60 % 2 == 1
+
+    (one, sure), (other, as_sure) = alone(whole, lambda p: not second(p)), alone(whole, second)
+    own = [unknown.kind == "coefficient" for unknown in whole.unknowns]
+    free = [a is None and b is None for a, b in zip(sure.at_bound, as_sure.at_bound, strict=True)]
+    known = np.array(own) & free
+    for part, uncertainty in ((one, sure), (other, as_sure)):
+        known &= uncertainty.sigma < 0.25 * np.abs(part.values)
+    away = ((one.values - other.values) / np.hypot(sure.sigma, as_sure.sigma))[known]
+    # What the deviations of blocks call known differs by 1.7 of them.
+    assert len(away) >= 6
+    assert np.mean(np.abs(away) < 1.96) >= 0.9
+    assert np.sqrt(np.mean(away**2)) < 1.3
