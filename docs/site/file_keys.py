@@ -39,6 +39,7 @@ FILES = {
 HEADINGS = {
     "VehicleFile": "Top level",
     "Environment": "`[environment]`",
+    "Trim": "`[trim]`",
     "Power": "`[power]`",
     "MotorTable": "`[motors.NAME]`",
     "CharacteristicTable.Table": '`[characteristics.NAME]`, `kind = "table"`',

@@ -15,7 +15,8 @@
 //! Tests: `tests/files.rs`, `tests/vehicle/test_box_hulls.py`.
 
 use super::coefficients::{INERTIA, added_mass, linear, quadratic};
-use super::geometry::{Geometry, Shape, StartValue, interpolated};
+use super::geometry::{Geometry, Shape, interpolated};
+use super::values::StartValue;
 use std::f64::consts::PI;
 
 /// C_A of a rectangular plate by its longer over its shorter side: DNV-RP-H103, table A-2.

@@ -14,6 +14,7 @@
 //! Tests: `tests/golden.rs` (Lamb factors, MSS `imlay61`, CWolf's integrals).
 
 use crate::description::coefficients::{INERTIA, added_mass, quadratic};
+use crate::description::values::StartValue;
 use crate::number::plain;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -34,36 +35,6 @@ const DRAG_AHEAD_95: [f64; 2] = [0.5, 3.0];
 const DRAG_ACROSS_95: [f64; 2] = [0.5, 3.0];
 const DRAG_ROLL_95: [f64; 2] = [0.2, 5.0];
 const DRAG_TURN_95: [f64; 2] = [0.3, 15.0];
-
-/// Standard deviations between the ends of a normal distribution's 95 % interval.
-const WIDTH_95: f64 = 3.92;
-
-/// A start value of a coefficient, with what is known of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StartValue {
-    /// Index of the coefficient.
-    pub index: usize,
-    /// The value, SI.
-    pub value: f64,
-    /// Factors on it that bound the stated 95 % interval.
-    pub factors: [f64; 2],
-    /// Where it comes from.
-    pub source: &'static str,
-}
-
-impl StartValue {
-    /// Lower and upper end of the stated 95 % interval.
-    pub fn interval(&self) -> [f64; 2] {
-        let [a, b] = self.factors.map(|factor| factor * self.value);
-        [a.min(b), a.max(b)]
-    }
-
-    /// Standard deviation of a normal distribution whose 95 % interval is as wide.
-    pub fn sd(&self) -> f64 {
-        let [low, high] = self.interval();
-        (high - low) / WIDTH_95
-    }
-}
 
 /// Measures of a hull.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq)]

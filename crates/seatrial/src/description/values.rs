@@ -1,11 +1,41 @@
 //! What is known of a vehicle: its file, its coefficients, its actuators in their places. Immutable.
 
 use super::coefficients::{self as names, Layout, Scaling, added_mass, linear, quadratic};
-use super::geometry::{Shape, StartValue};
+use super::geometry::Shape;
 use super::placement::ActuatorDescription;
 use super::vehicle_file::VehicleFile;
 use crate::model::cross_flow::Strips;
 use crate::number::algebra::Vec6;
+
+/// Standard deviations between the ends of a normal distribution's 95 % interval.
+const WIDTH_95: f64 = 3.92;
+
+/// A start value of a coefficient, with what is known of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StartValue {
+    /// Index of the coefficient.
+    pub index: usize,
+    /// The value, SI.
+    pub value: f64,
+    /// Factors on it that bound the stated 95 % interval.
+    pub factors: [f64; 2],
+    /// Where it comes from.
+    pub source: &'static str,
+}
+
+impl StartValue {
+    /// Lower and upper end of the stated 95 % interval.
+    pub fn interval(&self) -> [f64; 2] {
+        let [a, b] = self.factors.map(|factor| factor * self.value);
+        [a.min(b), a.max(b)]
+    }
+
+    /// Standard deviation of a normal distribution whose 95 % interval is as wide.
+    pub fn sd(&self) -> f64 {
+        let [low, high] = self.interval();
+        (high - low) / WIDTH_95
+    }
+}
 
 /// A checked vehicle.
 #[derive(Clone, Debug)]
