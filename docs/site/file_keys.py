@@ -29,6 +29,7 @@ FILES = {
         "control/guidance/table.rs",
         "control/allocation/table.rs",
         "control/safety.rs",
+        "control/safety/table.rs",
         "control/contradiction.rs",
         "control/lqr/table.rs",
     ),

@@ -153,7 +153,14 @@ def test_keys_of_the_mission_file_are_those_of_its_pages() -> None:
 
 
 def test_keys_of_the_autopilot_file_are_those_of_its_generated_page() -> None:
-    files = ("autopilot/file", "guidance/table", "allocation/table", "safety", "contradiction", "lqr/table")
+    files = (
+        "autopilot/file",
+        "guidance/table",
+        "allocation/table",
+        "safety/table",
+        "contradiction",
+        "lqr/table",
+    )
     known = _keys_of_rust(*(f"control/{file}.rs" for file in files))
     assert {"format", "K_I_per_s", "lookahead_m", "fin_inflow", "after_s", "tracking_s"} <= known
     assert _generated("autopilot") == known

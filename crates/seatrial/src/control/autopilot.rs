@@ -143,6 +143,7 @@ impl<T: Real> Autopilot<T> {
                 contradiction: Some(state.screen.contradiction()),
                 speed: state.speed,
                 battery_age: state.intake.battery_age(),
+                battery_wrong: state.intake.battery_wrong(),
                 surfaced: state.surfaced,
             },
         );

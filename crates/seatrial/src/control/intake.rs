@@ -106,12 +106,15 @@ pub struct Intake<T> {
     /// For how long no possible reading of the battery has come, s; zero before the first.
     battery_age: T,
     battery_known: T,
+    /// 1 where its last reading was impossible, and for how long no possible one has come since the first of them, s.
+    battery_refused: T,
+    battery_wrong: T,
     /// How many samples were refused, and the last of them, by [`Quantity::place`].
     count: [T; QUANTITIES],
     last: [T; QUANTITIES],
 }
 
-crate::memory!(Intake: measured, battery_age, battery_known, count, last;);
+crate::memory!(Intake: measured, battery_age, battery_known, battery_refused, battery_wrong, count, last;);
 
 impl<T: Real> Intake<T> {
     /// Nothing has arrived.
@@ -120,6 +123,8 @@ impl<T: Real> Intake<T> {
             measured: Measurement::nothing(unit),
             battery_age: unit.zero(),
             battery_known: unit.zero(),
+            battery_refused: unit.zero(),
+            battery_wrong: unit.zero(),
             count: [unit.zero(); QUANTITIES],
             last: [unit.zero(); QUANTITIES],
         }
@@ -135,6 +140,11 @@ impl<T: Real> Intake<T> {
         self.battery_age
     }
 
+    /// For how long, s, the battery has shown nothing but what is impossible; silence is none of it.
+    pub fn battery_wrong(&self) -> T {
+        self.battery_wrong
+    }
+
     /// Lets `seconds` pass: everything grows older.
     #[inline(always)]
     pub fn elapse(&mut self, seconds: f64) {
@@ -142,6 +152,7 @@ impl<T: Real> Intake<T> {
             *age = *age + seconds;
         }
         self.battery_age += self.battery_known * seconds;
+        self.battery_wrong += self.battery_refused * seconds;
     }
 
     /// Takes a whole measurement, `seconds` after the last one: every sample with the age that comes with it.
@@ -165,7 +176,9 @@ impl<T: Real> Intake<T> {
                 self.measured.battery = T::select(possible, value, self.measured.battery);
                 self.battery_age = T::select(possible, value.zero(), self.battery_age);
                 self.battery_known = T::select(possible, value.splat(1.0), self.battery_known);
-                self.refuse(of, value, (value.zero().lt(value.splat(1.0)), possible));
+                let refused = self.refuse(of, value, (value.zero().lt(value.splat(1.0)), possible));
+                self.battery_refused = T::select(possible, value.zero(), self.battery_refused.max(refused));
+                self.battery_wrong *= self.battery_refused;
             }
             Quantity::Voltage => {
                 let possible = self.possible(of, value);
@@ -189,15 +202,16 @@ impl<T: Real> Intake<T> {
         self.refuse(of, value, (comes, possible));
     }
 
-    /// Counts a sample that `comes`, is a number and is not `possible`.
+    /// Counts a sample that `comes`, is a number and is not `possible`; 1 where it is one.
     #[inline(always)]
-    fn refuse(&mut self, of: Quantity, value: T, (comes, possible): (T::Mask, T::Mask)) {
+    fn refuse(&mut self, of: Quantity, value: T, (comes, possible): (T::Mask, T::Mask)) -> T {
         let place = of.place();
         let number = T::either(value.lt(value.splat(f64::INFINITY)), value.zero().lt(value));
         let (one, zero) = (value.splat(1.0), value.zero());
         let refused = T::select(possible, zero, T::select(T::both(comes, number), one, zero));
         self.count[place] += refused;
         self.last[place] = T::select(zero.lt(refused), value, self.last[place]);
+        refused
     }
 
     /// Where a sample of now can be true.

@@ -230,6 +230,7 @@ fn law_safety_limits_need_more_than_a_sample() {
             contradiction: None,
             speed: 0.0,
             battery_age: 0.0,
+            battery_wrong: 0.0,
             surfaced: 0.0,
         };
         alert = watch(&table, &alert, &measured, &around);
@@ -264,6 +265,7 @@ fn law_safety_the_depth_watch_believes_the_deeper_of_sensor_and_estimate() {
                 contradiction: None,
                 speed: 0.0,
                 battery_age: 0.0,
+                battery_wrong: 0.0,
                 surfaced: 0.0,
             };
             alert = watch(&table, &alert, &measured, &around);

@@ -242,3 +242,21 @@ properties! {
         }
     }
 }
+
+/// A reading of the battery that cannot be true is no silence, and none that lasts beyond the next possible one.
+#[test]
+fn law_samples_an_impossible_battery_is_no_silent_one() {
+    for (value, wrong_s) in [(f64::NAN, 0.0), (-1.0, 9.9), (5.0, 9.9)] {
+        let mut intake = Intake::new(0.0);
+        intake.take(Quantity::Battery, 0.8);
+        for _ in 0..100 {
+            intake.elapse(0.1);
+            intake.take(Quantity::Battery, value);
+        }
+        assert!((intake.battery_wrong() - wrong_s).abs() < 1e-9, "{value}: {} s", intake.battery_wrong());
+        assert!((intake.battery_age() - 10.0).abs() < 1e-9);
+        intake.take(Quantity::Battery, 0.7);
+        intake.elapse(1.0);
+        assert_eq!((intake.battery_wrong(), intake.battery_age()), (0.0, 1.0));
+    }
+}
