@@ -212,7 +212,8 @@ def tempering(lin: Linearisation) -> Array:
     ``1/T`` is right (Pauli, Racugno & Ventura 2011, Statistica Sinica 21:149), which without priors changes
     nothing. T is the variance that the data give an unknown over that of independent samples: more for one
     whose derivatives are slow. The sandwich holds for any T; here all grow until no posterior is wider than
-    its prior.
+    its prior. The scatter between parts is not in it: with it, what is known beforehand outweighed Beluga's
+    data, a thruster of 2.1 times its table came out at 1.3, and roll was predicted worse (R2 0.81 to 0.71).
 
     Raises
     ------
@@ -225,7 +226,6 @@ def tempering(lin: Linearisation) -> Array:
         return own
     length = block_length(lin)
     divisions = divided(lin, length)
-    effects = random_effects(lin, length)
 
     def spread() -> tuple[Array, Array, Array]:
         """Variances (m,) by the data's errors, were these independent, and by the priors' errors."""
@@ -234,8 +234,6 @@ def tempering(lin: Linearisation) -> Array:
         inside = scatter, np.eye(len(scatter)) - seen[0].prior, seen[0].pull
         transform = seen[0].transform
         first, second, third = (np.einsum("ij,jk,ik->i", transform, part, transform) for part in inside)
-        if effects is not None:
-            first = first + np.diag(effects.spread(transform @ transform.T)[0])
         return first, second, third
 
     for _ in range(_ROUNDS):
