@@ -248,6 +248,7 @@ def _r2(value: float) -> str:
 def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table:
     rows = []
     doubtful = fit.tally.identifiable < fit.tally.asked  # else the first line says it of all
+    origins = dict.fromkeys(row.stage for row in fit.coefficients)
     for row in distinct(fit.coefficients):
         true = truth.get(row.name, 0.0)
         error = f"{round(100.0 * (row.estimate / true - 1.0), 1) + 0.0:+.1f} %" if true else ""
@@ -264,13 +265,14 @@ def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table
             f"at {row.at_bound} {row.lower if row.at_bound == 'lower' else row.upper:.4g}"
             if row.at_bound
             else "",
-            row.stage,
+            row.stage if len(origins) > 1 else "",
         ))
     head = ["coefficient", "unit", "truth", "start", "estimate", "factor", "error", "told by"]
     head += ["verdict", "bound"]
-    return Table.of(
-        f"{fit.vehicle.name}: identified coefficients", [*head, Column("stage", align="left")], rows, left=2
-    )
+    title = f"{fit.vehicle.name}: identified coefficients"
+    if len(origins) == 1:
+        title += f" ({next(iter(origins))})"
+    return Table.of(title, [*head, Column("stage", align="left")], rows, left=2)
 
 
 def _told(row: Estimate) -> str:
