@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from seatrial.base.errors import CampaignError
 from seatrial.base.run import to_json
+from seatrial.diagnosis.resampling import bootstrap, profile
 from seatrial.statistics.blocks import autocorrelation, block_length, blocks
 from seatrial.statistics.information import information_criteria
 from seatrial.statistics.linearisation import CONTRADICTED, Linearisation
@@ -79,6 +81,18 @@ def test_law_deviations_do_not_hang_on_where_blocks_end() -> None:
         np.testing.assert_allclose(covariance(lin, length=other).sigma, found, rtol=0.12)
 
 
+def test_law_bootstrap_agrees_with_the_sandwich() -> None:
+    lin = one(trials([6000, 6000], inputs=4, seed=2), 0.8)
+    again = bootstrap(lin, draws=2000, seed=5)
+    found = covariance(lin)
+    # 2000 draws give a standard deviation to 2 %; what is left is 1/blocks, of which there are 70.
+    np.testing.assert_allclose(again.sigma, found.sigma, rtol=0.12)
+    np.testing.assert_allclose(again.upper - again.lower, found.upper - found.lower, rtol=0.2)
+    np.testing.assert_array_equal(
+        bootstrap(lin, draws=50, seed=5).draws, bootstrap(lin, draws=50, seed=5).draws
+    )
+
+
 def test_duplicated_column_is_not_determined() -> None:
     base = trials([600, 600], inputs=4, seed=1)
     twin = with_column(base, flat("twin"), [2.5 * jacobian[:, :, 1] for jacobian in base.jacobians])
@@ -91,6 +105,7 @@ def test_duplicated_column_is_not_determined() -> None:
     alone = covariance(one(base, 0.5))
     # The rest does not feel it; squared condition of the scaled information times rounding.
     np.testing.assert_allclose(found.sigma[others], alone.sigma[others], rtol=1e-6)
+    assert np.isinf(bootstrap(one(twin, 0.5), draws=10, seed=0).sigma[[1, 6]]).all()
 
 
 def test_unseen_unknown_is_not_determined() -> None:
@@ -107,6 +122,8 @@ def test_prior_alone_keeps_its_standard_deviation() -> None:
     # Exact: no data, so the sandwich is the prior; 1.959964 is the normal quantile.
     assert found.sigma[-1] == pytest.approx(0.3, rel=1e-9)
     assert found.upper[-1] == pytest.approx(0.3 * 1.959964, rel=1e-6)
+    # 4000 draws give a standard deviation to 1.1 %.
+    assert bootstrap(lin, draws=4000, seed=1).sigma[-1] == pytest.approx(0.3, rel=0.04)
 
 
 def test_prior_and_data_add_up() -> None:
@@ -149,7 +166,7 @@ def posterior(lin: Linearisation, centre: Array, sd: float) -> Linearisation:
     for _ in range(2):  # the tempering follows the estimate
         lin = replace(lin, tempering=tempering(lin))
         for _ in range(5):  # Huber's weights follow it too
-            lin = moved(lin, np.asarray(np.linalg.solve(lin.information(), lin.gradient()), dtype=float))
+            lin = moved(lin, np.linalg.solve(lin.information(), lin.gradient()))
     return lin
 
 
@@ -321,11 +338,78 @@ def test_priors_take_their_part_of_the_parameters() -> None:
     assert information_criteria(lin).parameters == pytest.approx(3.5, rel=1e-9)
 
 
+def held_cost(lin: Linearisation, held: Mapping[str, float], *, bend: float = 0.0) -> float:
+    """Half the sum of squares of the linear model with unknowns held, by elimination; a quartic on top."""
+    names = [unknown.name for unknown in lin.unknowns]
+    fixed = [names.index(name) for name in held]
+    step = np.array(list(held.values())) - lin.values[fixed]
+    inverse = np.linalg.inv(lin.information())[np.ix_(fixed, fixed)]
+    half = 0.5 * float(step @ np.linalg.solve(inverse, step))
+    return 7.0 + half + bend * half**2
+
+
+def test_profile_of_a_linear_model_is_its_parabola() -> None:
+    lin = one(SLOW, 0.9)
+    found = covariance(lin)
+    curve = profile(
+        lin, lambda held: held_cost(lin, held), uncertainty=found, direction={"c2": -0.1}, points=13
+    )
+    assert len(curve.step) == 13
+    np.testing.assert_allclose(curve.cost, curve.quadratic, atol=1e-9)
+    # It ends where the interval does.
+    ends = [lin.values[2] - found.sigma[2] * end for end in (curve.lower, curve.upper)]
+    np.testing.assert_allclose(sorted(ends), [found.lower[2], found.upper[2]], rtol=1e-9)
+    both = profile(
+        lin,
+        lambda held: held_cost(lin, held),
+        uncertainty=found,
+        direction={"c0": 1.0, "bias 0": -2.0},
+        points=3,
+    )
+    np.testing.assert_allclose(both.cost, both.quadratic, atol=1e-9)
+    assert json.loads(to_json(both.to_dict()))["names"] == ["c0", "bias 0"]
+
+
+def test_profile_shows_a_stiffer_criterion_and_stops_at_bounds() -> None:
+    lin = one(SLOW, 0.9)
+    found = covariance(lin)
+    stiff = profile(
+        lin, lambda held: held_cost(lin, held, bend=0.2), uncertainty=found, direction={"c2": 1.0}, points=31
+    )
+    assert stiff.upper < 0.8 * (found.upper[2] - found.estimate[2]) / found.sigma[2]
+    box = replace(lin.unknowns[2], upper=lin.values[2] + 1.2 * found.sigma[2])
+    cut = replace(lin, unknowns=(*lin.unknowns[:2], box, *lin.unknowns[3:]))
+    ended = profile(
+        cut, lambda held: held_cost(lin, held), uncertainty=found, direction={"c2": 1.0}, points=7
+    )
+    assert ended.step.max() == pytest.approx(1.0)
+    assert ended.upper == math.inf
+
+
+@pytest.mark.parametrize(
+    ("direction", "points", "words"),
+    [({"c9": 1.0}, 9, "unknowns: c0"), ({}, 9, "not all zero"), ({"c0": 1.0}, 4, "odd number")],
+)
+def test_profile_says_what_it_expects(direction: dict[str, float], points: int, words: str) -> None:
+    lin = one(SLOW, 0.0)
+    with pytest.raises(ValueError, match=words):
+        profile(lin, lambda _: 0.0, uncertainty=covariance(lin), direction=direction, points=points)
+
+
+def test_profile_refuses_what_is_not_determined() -> None:
+    twin = with_column(SLOW, flat("twin"), [j[:, :, 1] for j in SLOW.jacobians])
+    lin = one(twin, 0.0)
+    with pytest.raises(ValueError, match="not determine twin separately"):
+        profile(lin, lambda _: 0.0, uncertainty=covariance(lin), direction={"twin": 1.0})
+
+
 def test_nothing_counted_is_an_error() -> None:
     lin = one(SLOW, 0.0)
     empty = replace(lin, pieces=tuple(replace(p, counted=np.zeros_like(p.counted)) for p in lin.pieces))
     with pytest.raises(CampaignError, match="no sample that counts"):
         covariance(empty)
+    with pytest.raises(ValueError, match="at least 2"):
+        bootstrap(lin, draws=1, seed=0)
 
 
 def test_result_is_plain() -> None:

@@ -1,6 +1,6 @@
 """The front of a room: names that users import from it, loaded when they are first used.
 
-`from seatrial.diagnosis import judge` works wherever `judge` is defined inside the room, and importing
+`from seatrial.diagnosis import profile` works wherever `profile` is defined inside the room, and importing
 one module of a room loads no other. Held by tests/docs/test_public_names.py.
 """
 

@@ -12,9 +12,20 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.assessment import conditioning as conditioning
     from seatrial.diagnosis.identifiability import judge as judge
     from seatrial.diagnosis.identifiability import warnings_before as warnings_before
+    from seatrial.diagnosis.resampling import bootstrap as bootstrap
+    from seatrial.diagnosis.resampling import profile as profile
     from seatrial.diagnosis.residual_analysis import analyse_joint as analyse_joint
 
-__all__ = ["Assessment", "analyse_joint", "assess", "conditioning", "judge", "warnings_before"]
+__all__ = [
+    "Assessment",
+    "analyse_joint",
+    "assess",
+    "bootstrap",
+    "conditioning",
+    "judge",
+    "profile",
+    "warnings_before",
+]
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
     __getattr__ = front(
@@ -23,8 +34,10 @@ if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object
             "Assessment": "assessment",
             "analyse_joint": "residual_analysis",
             "assess": "assessment",
+            "bootstrap": "resampling",
             "conditioning": "assessment",
             "judge": "identifiability",
+            "profile": "resampling",
             "warnings_before": "identifiability",
         },
     )

@@ -13,8 +13,9 @@ variance (Carter, Schnepel and Steigerwald 2017, Rev. Econ. Stat. 99:698, for al
 block holds most of the information on a combination, blocks cannot estimate its scatter; its variance is that
 of errors with the memory and the mean square of the whole channel (``alone``).
 
-Not in it: a wrong model structure, and how the model bends across the interval. An unknown at a bound is
-treated as free, which widens the intervals of the others.
+Not in it: a wrong model structure, and how the model bends across the interval
+(`seatrial.diagnosis.resampling`). An unknown at a bound is treated as free, which widens the intervals of the
+others.
 
 Measured with one division: AR(1) errors, two channels correlated by 0.4, inputs stepped, periodic, drifting
 and white, a bias per trial, 500 seeds; cover of the 95 % intervals, mean over the unknowns. CR1: plain block
