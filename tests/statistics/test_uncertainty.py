@@ -166,7 +166,7 @@ def posterior(lin: Linearisation, centre: Array, sd: float) -> Linearisation:
     for _ in range(2):  # the tempering follows the estimate
         lin = replace(lin, tempering=tempering(lin))
         for _ in range(5):  # Huber's weights follow it too
-            lin = moved(lin, np.linalg.solve(lin.information(), lin.gradient()))
+            lin = moved(lin, np.asarray(np.linalg.solve(lin.information(), lin.gradient()), dtype=float))
     return lin
 
 
