@@ -344,6 +344,9 @@ def _tried(
             hidden=joint.hidden,
         )
         sparse, _ = _sparse(grown)
+        # Priors weigh as they did before the change, or the two estimates would differ by more than it.
+        weights = dict(zip([u.name for u in joint.unknowns], joint.tempering.tolist(), strict=True))
+        sparse.tempering = np.array([weights.get(unknown.name, 1.0) for unknown in sparse.unknowns])
         values = np.array([
             change.start.get(unknown.name, own)
             for unknown, own in zip(sparse.unknowns, sparse.start.tolist(), strict=True)
@@ -368,8 +371,8 @@ def _unseen(
 ) -> Array:
     """Sums of squared errors (parts, C), in the noise, of every part when the estimate has not seen it.
 
-    ``memory`` is how many samples of the residual stand for one independent one: a prior weighs as much more
-    beside the rest of the log.
+    ``memory`` is how many samples of the residual stand for one independent one: the width of a bound weighs
+    as much more beside the rest of the log.
     """
     search = GaussNewton(joint)
     search.noise = (polished.noise if noise is None else noise).copy()
@@ -383,9 +386,10 @@ def _unseen(
             slopes[part, local.places] += downhill
     # Where the rest of the log tells a combination of unknowns hardly at all, the step stays inside what is
     # known beforehand, at least the widths of the bounds.
-    known = memory * search.prior_sd**-2.0
+    stated = np.array([math.isfinite(unknown.prior_sd) for unknown in joint.unknowns])
+    known = np.where(stated, 1.0, memory) * search.prior_sd**-2.0
     information = each.sum(axis=0) + np.diag(known)
-    gradient = slopes.sum(axis=0) - known * (polished.values - joint.centres(polished.values))
+    gradient = slopes.sum(axis=0) - search.drawn(polished.values - joint.centres(polished.values))
     # What lies at a bound and is pulled beyond it stays there.
     at_lower, at_upper = polished.values <= search.lower, polished.values >= search.upper
     free = np.flatnonzero(~(at_lower & (gradient < 0.0) | at_upper & (gradient > 0.0)))
