@@ -21,7 +21,7 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 415,
-    "Python lines": 116_730,
+    "Python lines": 116_740,
     "modules that import the campaign": 15,
     "lines that build text below the verbs": 6_700,
     "functions over 8 parameters": 45,
