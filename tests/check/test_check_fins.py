@@ -112,9 +112,10 @@ def test_a_pitch_that_no_actuator_holds_needs_no_fins_on_an_open_frame() -> None
     """Advice on the lift of a slender hull does not fit an open frame."""
     values = {"Z_wdot": 20.0 * ROV.coefficients()["Z_wdot"], "z_b": 0.0}
     _, warnings = stability_sentences(ROV.with_coefficients(values), [1.0, 1.5], "XYZN")
-    (pitch,) = [text for text in warnings if text.startswith("pitch unstable")]
+    (pitch,) = [text for text in warnings if text.startswith("pitch rights itself")]
     assert "Munk" not in pitch
-    assert "not slender, but no actuator holds it" in pitch
+    assert "fin" not in pitch
+    assert "no actuator holds it above" in pitch
 
 
 def test_a_supply_beyond_the_table_is_said() -> None:
