@@ -51,14 +51,14 @@ def _not_judged(requirements: Sequence[RareRequirement | FalsifiedRequirement]) 
 def _rare(result: RareFailures) -> Report:
     """Three lines, a table of the requirements, the likeliest failing missions."""
     judged = [one for one in result.requirements if one.event is not None]
-    held = sum(one.verdict == "held" for one in result.requirements)
+    count = sum(one.verdict == "held" for one in result.requirements)
     spent = sum(one.event.evaluations for one in judged if one.event is not None)
     worst, next_step = result.scenario.flights.doubting(*_worst_of_rare(result))
     return Report(
         title=result.scenario.name,
         outcome=result.outcome + (" (interrupted)" if result.interrupted else ""),
         good=(
-            f"{held} of {len(result.requirements)} requirements held by"
+            f"{count} of {len(result.requirements)} requirements held by"
             f" {result.scenario.flights.autopilot.name} on {result.scenario.flights.fitted.vehicle.name};"
             f" {spent} missions flown"
         ),
@@ -86,12 +86,12 @@ def _rare(result: RareFailures) -> Report:
     )
 
 
-def _worst_of_rare(found: RareFailures) -> tuple[str, str]:
+def _worst_of_rare(survey: RareFailures) -> tuple[str, str]:
     """The worst problem, and what to do about it."""
-    again = f"seatrial rare {found.scenario.source}"
-    if found.interrupted:
+    again = f"seatrial rare {survey.scenario.source}"
+    if survey.interrupted:
         return "Ctrl-C ended it early", "run the same command again; finished populations are kept"
-    judged = [(one, one.event) for one in found.requirements if one.event is not None]
+    judged = [(one, one.event) for one in survey.requirements if one.event is not None]
     apart = [one for one, event in judged if event.agrees is False]
     if apart:
         return (
@@ -108,7 +108,7 @@ def _worst_of_rare(found: RareFailures) -> tuple[str, str]:
             " allowed",
             "see below what its failures have in common, then change that or tune",
         )
-    if reasons := [each.why_not for each in found.requirements if each.why_not is not None]:
+    if reasons := [each.why_not for each in survey.requirements if each.why_not is not None]:
         return _unusable(reasons[0])
     if not judged:
         return "no requirement was judged", "state requirements in the campaign"
@@ -170,14 +170,14 @@ def _rare_table(requirements: Sequence[RareRequirement]) -> Table:
 
 def _drawn(one: RareRequirement) -> list[str]:
     """What failing missions have in common, and how far out the likeliest is."""
-    said = [
+    lines = [
         f"{name}: mean {mean:.3g} in failures, {usual:.3g} in all draws ({shift:+.1f} sd);"
         f" {one.likeliest[name]:.3g} in the likeliest failure"
         for name, (mean, usual, shift) in list(one.common.items())[:_SHOWN]
         if abs(shift) >= _SHIFTED
     ]
     return [
-        *(said or ["nothing that is drawn stands out: noise, gusts or many small things"]),
+        *(lines or ["nothing that is drawn stands out: noise, gusts or many small things"]),
         f"the likeliest failure lies {one.nearest_deviations:.1f} standard deviations from the middle of all"
         " draws, besides noise and gusts",
     ]
@@ -231,9 +231,9 @@ def _told(one: FalsifiedRequirement) -> str:
 
 def disturbance(one: FalsifiedRequirement) -> list[str]:
     """The least disturbance that fails, a text per number that was drawn."""
-    said = [f"{name} {value:.3g} (middle {middle:.3g})" for name, (value, middle) in one.disturbance.items()]
-    if said:
-        return said
+    lines = [f"{name} {value:.3g} (middle {middle:.3g})" for name, (value, middle) in one.disturbance.items()]
+    if lines:
+        return lines
     middle = [f"{name} {value:.3g}" for name, value in one.middle.items()][:_NAMED]
     return [f"the middle of all ranges fails already{': ' if middle else ''}{', '.join(middle)}"]
 
@@ -273,31 +273,31 @@ def _boundary(result: FailureBoundary) -> Report:
     )
 
 
-def _worst_of_boundary(found: FailureBoundary) -> tuple[str, str]:
-    if found.interrupted:
+def _worst_of_boundary(survey: FailureBoundary) -> tuple[str, str]:
+    if survey.interrupted:
         return "Ctrl-C ended it early", "run the same command again; the places flown are kept"
-    python = found.scenario.without_file
-    if failing := [one.requirement.name for one in found.requirements if one.side == "fails"]:
+    python = survey.scenario.without_file
+    if failing := [one.requirement.name for one in survey.requirements if one.side == "fails"]:
         return f"{failing[0]} fails in the whole range", "change the autopilot or the range"
-    first = next(iter(found.variables))
+    first = next(iter(survey.variables))
     nearest_one: tuple[float, str] | None = None
-    for one in found.requirements:
-        seconds: list[float | None] = [None] if len(found.variables) == 1 else list(found.seconds())
+    for one in survey.requirements:
+        seconds: list[float | None] = [None] if len(survey.variables) == 1 else list(survey.seconds())
         for second in seconds:
-            beside = "" if second is None else f" at {list(found.variables)[1]} = {second:.3g}"
-            for value, low, high, rising in found.crossings(one.requirement.name, second):
-                reach = value - found.value(0, 0.0) if rising else found.value(0, 1.0) - value
+            beside = "" if second is None else f" at {list(survey.variables)[1]} = {second:.3g}"
+            for value, low, high, rising in survey.crossings(one.requirement.name, second):
+                reach = value - survey.value(0, 0.0) if rising else survey.value(0, 1.0) - value
                 text = (
                     f"{one.requirement.name} holds {'up to' if rising else 'from'} {first} ="
                     f" {value:.3g} ({low:.3g} to {high:.3g}){beside}"
                 )
                 if nearest_one is None or reach < nearest_one[0]:
                     nearest_one = (reach, text)
-    runs = len(found.places) * found.runs_per_place
+    runs = len(survey.places) * survey.runs_per_place
     more = f"runs={4 * runs}" if python else f"--runs {4 * runs}"
     if nearest_one is not None:
         return nearest_one[1], f"plan on the safe end of the interval; {more} halves its width"
-    if unsure := [one for one in found.requirements if one.side.startswith("probably")]:
+    if unsure := [one for one in survey.requirements if one.side.startswith("probably")]:
         side = "safe" if unsure[0].side == "probably safe" else "failing"
         return (
             f"{unsure[0].requirement.name} is probably {side} in the whole range; more missions would tell",
@@ -306,20 +306,20 @@ def _worst_of_boundary(found: FailureBoundary) -> tuple[str, str]:
     return "no requirement fails in the range", "widen the range until one does"
 
 
-def _boundary_table(found: FailureBoundary) -> Table:
-    names = list(found.variables)
+def _boundary_table(survey: FailureBoundary) -> Table:
+    names = list(survey.variables)
     rows: list[tuple[str, ...]] = []
-    for one in found.requirements:
-        seconds: list[float | None] = [None] if len(names) == 1 else list(found.seconds())
+    for one in survey.requirements:
+        seconds: list[float | None] = [None] if len(names) == 1 else list(survey.seconds())
         for second in seconds:
-            lines = found.crossings(one.requirement.name, second)
+            lines = survey.crossings(one.requirement.name, second)
             head = (
                 one.requirement.name,
                 share(one.requirement.allowed),
                 "" if second is None else f"{second:.3g}",
             )
             if not lines:
-                rows.append((*head, "none", "", _side_at(found, one, second)))
+                rows.append((*head, "none", "", _side_at(survey, one, second)))
             for value, low, high, rising in lines:
                 rows.append((
                     *head,
@@ -327,18 +327,18 @@ def _boundary_table(found: FailureBoundary) -> Table:
                     f"{low:.3g} to {high:.3g}",
                     f"safe {'below' if rising else 'above'}",
                 ))
-    sure = f"{100.0 * found.scenario.flights.table.confidence:g} %"
+    sure = f"{100.0 * survey.scenario.flights.table.confidence:g} %"
     second_name = names[1] if len(names) > 1 else ""
     columns = ("requirement", "allowed", second_name, names[0], f"{sure} interval", "side")
     return Table.of("Failure boundaries", columns, rows)
 
 
-def _side_at(found: FailureBoundary, one: RequirementBoundary, second: float | None) -> str:
+def _side_at(survey: FailureBoundary, one: RequirementBoundary, second: float | None) -> str:
     """The side of a whole line without a boundary."""
     sides = one.surface.sides
     mean = one.surface.mean
     if second is not None:
-        low, high = list(found.variables.values())[1]
+        low, high = list(survey.variables.values())[1]
         k = round((second - low) / (high - low) * (len(one.surface.axis) - 1))
         sides, mean = sides[:, k], mean[:, k]
     words = "safe" if (mean < one.surface.level).all() else "fails"
