@@ -128,7 +128,7 @@ class Falsification(
     @property
     def falsified(self) -> tuple[FalsifiedRequirement, ...]:
         """Requirements that a mission was found to fail."""
-        return tuple(one for one in self.requirements if one.falsified)
+        return tuple(requirement for requirement in self.requirements if requirement.falsified)
 
     def drawn(self, name: str) -> Draws:
         """The failing mission of a requirement, with the least disturbance.
@@ -143,11 +143,11 @@ class Falsification(
         CampaignError
             There is no such requirement, or none of its missions failed.
         """
-        [found] = named([name], {one.requirement.name: one for one in self.requirements})
-        if not found.falsified:
+        [result] = named([name], {entry.requirement.name: entry for entry in self.requirements})
+        if not result.falsified:
             raise CampaignError(f'requirement "{name}": no mission failed, there is none to fly again')
         space = MissionSpace(self.scenario.flights)
-        return space.draws(np.array([found.sample]), np.array([_SEED]))
+        return space.draws(np.array([result.sample]), np.array([_SEED]))
 
     def replay(self, name: str) -> Flight:
         """Flight of that mission, with its log.
@@ -161,7 +161,7 @@ class Falsification(
 
     def cases(self) -> str:
         """TOML to add to the campaign, so that `verify` flies the failing missions again."""
-        return "\n".join(one.case for one in self.falsified)
+        return "\n".join(requirement.case for requirement in self.falsified)
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
@@ -310,12 +310,12 @@ class _Search:
     def _robustness(self, x: Array) -> Array:
         """Robustness (k,) of samples (k, d); infinite where no vehicle can be."""
         can = self.space.possible(x)
-        found = np.full(len(x), np.inf)
+        robustness = np.full(len(x), np.inf)
         if can.any():
             seeds = np.full(int(can.sum()), _SEED)
-            found[can] = self.space.robustness(self.requirement, x[can], seeds, threads=self.threads)
+            robustness[can] = self.space.robustness(self.requirement, x[can], seeds, threads=self.threads)
         self.flown += int(can.sum())
-        return found
+        return robustness
 
     def _worst(self, watch: Callable[[float, str], None]) -> tuple[float, Array | None]:
         """The least robustness that was found, and where."""

@@ -129,8 +129,8 @@ class RareFailures(
     @property
     def outcome(self) -> str:
         """The worst verdict: failed, not judged, undecided or held."""
-        verdicts = {one.verdict for one in self.requirements}
-        return next((one for one in ("failed", "not judged", "undecided") if one in verdicts), "held")
+        verdicts = {requirement.verdict for requirement in self.requirements}
+        return next((v for v in ("failed", "not judged", "undecided") if v in verdicts), "held")
 
     @property
     def held(self) -> bool:
@@ -150,11 +150,11 @@ class RareFailures(
         CampaignError
             There is no such requirement, or it did not fail.
         """
-        [found] = named([name], {one.requirement.name: one for one in self.requirements})
-        if not found.sample:
+        [worst] = named([name], {entry.requirement.name: entry for entry in self.requirements})
+        if not worst.sample:
             raise CampaignError(f'requirement "{name}": no mission failed, there is none to fly again')
         space = MissionSpace(self.scenario.flights)
-        drawn = space.draws(np.array([found.sample]), np.array([found.seed]))
+        drawn = space.draws(np.array([worst.sample]), np.array([worst.seed]))
         return self.scenario.flights.replay_drawn(drawn)
 
     def files(self) -> dict[str, str | bytes]:
@@ -282,8 +282,8 @@ class _Search:
             return space.robustness(self.requirement, x, seeds, threads=self.threads)
 
         parts = self._parts(watch)
-        samples = np.vstack([one.samples for one in parts])
-        seeds = np.concatenate([one.seeds for one in parts])
+        samples = np.vstack([part.samples for part in parts])
+        seeds = np.concatenate([part.seeds for part in parts])
         check = None
         if self.asked.checked and len(samples):
             own = generator(flights.seed, self.asked.populations, cause=_CAUSE)
@@ -383,17 +383,17 @@ def rare_population(
     )
 
 
-def _packed(found: Population) -> dict[str, Any]:
-    told = {one.name: getattr(found, one.name) for one in fields(found)}
-    return told | {
-        "samples": found.samples.tolist(),
-        "seeds": found.seeds.tolist(),
-        "dimensions": found.samples.shape[1],
+def _packed(population: Population) -> dict[str, Any]:
+    values = {key.name: getattr(population, key.name) for key in fields(population)}
+    return values | {
+        "samples": population.samples.tolist(),
+        "seeds": population.seeds.tolist(),
+        "dimensions": population.samples.shape[1],
     }
 
 
 def _unpacked(kept: Mapping[str, Any]) -> Population:
-    values = {one.name: kept[one.name] for one in fields(Population)}
+    values = {key.name: kept[key.name] for key in fields(Population)}
     if values["relative_variance"] is None:  # JSON has no infinite numbers
         values["relative_variance"] = math.inf
     samples = np.array(kept["samples"], float).reshape(-1, kept["dimensions"])

@@ -44,15 +44,15 @@ def _unusable(finding: Finding) -> tuple[str, str]:
 
 
 def _not_judged(requirements: Sequence[RareRequirement | FalsifiedRequirement]) -> tuple[str, ...]:
-    return tuple("; ".join(_unusable(one.why_not)) for one in requirements if one.why_not is not None)
+    return tuple("; ".join(_unusable(entry.why_not)) for entry in requirements if entry.why_not is not None)
 
 
 @report.register
 def _rare(result: RareFailures) -> Report:
     """Three lines, a table of the requirements, the likeliest failing missions."""
-    judged = [one for one in result.requirements if one.event is not None]
-    count = sum(one.verdict == "held" for one in result.requirements)
-    spent = sum(one.event.evaluations for one in judged if one.event is not None)
+    judged = [entry for entry in result.requirements if entry.event is not None]
+    count = sum(entry.verdict == "held" for entry in result.requirements)
+    spent = sum(entry.event.evaluations for entry in judged if entry.event is not None)
     worst, next_step = result.scenario.flights.doubting(*_worst_of_rare(result))
     return Report(
         title=result.scenario.name,
@@ -67,9 +67,9 @@ def _rare(result: RareFailures) -> Report:
         sections=(
             Section(tables=(_rare_table(result.requirements),)),
             *(
-                Section(f"Failures of: {one.requirement.name}", tuple(_drawn(one)))
-                for one in judged
-                if one.likeliest
+                Section(f"Failures of: {entry.requirement.name}", tuple(_drawn(entry)))
+                for entry in judged
+                if entry.likeliest
             ),
             Section("Not judged", _not_judged(result.requirements)),
             Section(
@@ -91,20 +91,20 @@ def _worst_of_rare(survey: RareFailures) -> tuple[str, str]:
     again = f"seatrial rare {survey.scenario.source}"
     if survey.interrupted:
         return "Ctrl-C ended it early", "run the same command again; finished populations are kept"
-    judged = [(one, one.event) for one in survey.requirements if one.event is not None]
-    apart = [one for one, event in judged if event.agrees is False]
+    judged = [(entry, entry.event) for entry in survey.requirements if entry.event is not None]
+    apart = [entry for entry, event in judged if event.agrees is False]
     if apart:
         return (
             f"{apart[0].requirement.name}: importance sampling about the failures disagrees: failures"
             " of another kind may be missing",
             f"fly larger populations: {again} --population {2 * SIZE}",
         )
-    failing = [(one, event) for one, event in judged if one.verdict != "held" and event.estimate > 0.0]
+    failing = [(entry, event) for entry, event in judged if entry.verdict != "held" and event.estimate > 0.0]
     if failing:
-        one, event = max(failing, key=lambda pair: pair[1].estimate / pair[0].requirement.allowed)
+        entry, event = max(failing, key=lambda pair: pair[1].estimate / pair[0].requirement.allowed)
         return (
-            f"{one.requirement.name} fails in {event.estimate:.2g} of the missions"
-            f" ({event.interval[0]:.2g} to {event.interval[1]:.2g}); {one.requirement.allowed:.2g} is"
+            f"{entry.requirement.name} fails in {event.estimate:.2g} of the missions"
+            f" ({event.interval[0]:.2g} to {event.interval[1]:.2g}); {entry.requirement.allowed:.2g} is"
             " allowed",
             "see below what its failures have in common, then change that or tune",
         )
@@ -112,30 +112,30 @@ def _worst_of_rare(survey: RareFailures) -> tuple[str, str]:
         return _unusable(reasons[0])
     if not judged:
         return "no requirement was judged", "state requirements in the campaign"
-    one, event = max(judged, key=lambda pair: pair[1].interval[1])
-    if one.verdict != "held":
+    entry, event = max(judged, key=lambda pair: pair[1].interval[1])
+    if entry.verdict != "held":
         return (
-            f"{one.requirement.name}: at most {event.interval[1]:.2g} of the missions fail, more than the"
-            f" {one.requirement.allowed:.2g} that are allowed",
+            f"{entry.requirement.name}: at most {event.interval[1]:.2g} of the missions fail, more than the"
+            f" {entry.requirement.allowed:.2g} that are allowed",
             f"fly larger populations: {again} --population {2 * SIZE}",
         )
     return (
-        f"{one.requirement.name} fails most often, in at most {event.interval[1]:.2g} of the missions",
+        f"{entry.requirement.name} fails most often, in at most {event.interval[1]:.2g} of the missions",
         "ask whether the distributions in [verification] are wide enough: the figure is no surer than they",
     )
 
 
 def _rare_table(requirements: Sequence[RareRequirement]) -> Table:
     rows = []
-    for one in requirements:
-        event = one.event
+    for entry in requirements:
+        event = entry.event
         if event is None:
             rows.append((
-                one.requirement.name,
-                one.verdict,
+                entry.requirement.name,
+                entry.verdict,
                 "",
                 "",
-                f"{one.requirement.allowed:.2g}",
+                f"{entry.requirement.allowed:.2g}",
                 "",
                 "",
                 "",
@@ -144,11 +144,11 @@ def _rare_table(requirements: Sequence[RareRequirement]) -> Table:
         low, high = event.interval
         check = event.check
         rows.append((
-            one.requirement.name,
-            one.verdict,
+            entry.requirement.name,
+            entry.verdict,
             f"{event.estimate:.2g}" if event.estimate else "none found",
             f"{low:.2g} to {high:.2g}",
-            f"{one.requirement.allowed:.2g}",
+            f"{entry.requirement.allowed:.2g}",
             "" if check is None or event.agrees is None else f"{check.estimate:.2g}",
             f"{event.evaluations}",
             f"{event.plain:.2g}" if math.isfinite(event.plain) else "",
@@ -168,34 +168,34 @@ def _rare_table(requirements: Sequence[RareRequirement]) -> Table:
     )
 
 
-def _drawn(one: RareRequirement) -> list[str]:
+def _drawn(entry: RareRequirement) -> list[str]:
     """What failing missions have in common, and how far out the likeliest is."""
     lines = [
         f"{name}: mean {mean:.3g} in failures, {usual:.3g} in all draws ({shift:+.1f} sd);"
-        f" {one.likeliest[name]:.3g} in the likeliest failure"
-        for name, (mean, usual, shift) in list(one.common.items())[:_SHOWN]
+        f" {entry.likeliest[name]:.3g} in the likeliest failure"
+        for name, (mean, usual, shift) in list(entry.common.items())[:_SHOWN]
         if abs(shift) >= _SHIFTED
     ]
     return [
         *(lines or ["nothing that is drawn stands out: noise, gusts or many small things"]),
-        f"the likeliest failure lies {one.nearest_deviations:.1f} standard deviations from the middle of all"
-        " draws, besides noise and gusts",
+        f"the likeliest failure lies {entry.nearest_deviations:.1f} standard deviations from the middle of"
+        " all draws, besides noise and gusts",
     ]
 
 
 @report.register
 def _falsification(result: Falsification) -> Report:
     """Three lines, then by requirement the least disturbance that fails."""
-    bad, flown = result.falsified, sum(one.missions for one in result.requirements)
-    tried = [one for one in result.requirements if not one.why_not]
+    bad, flown = result.falsified, sum(entry.missions for entry in result.requirements)
+    tried = [entry for entry in result.requirements if not entry.why_not]
     worst, then = "no requirement can be searched", "add a number that comes near its limit"
     if bad:
-        one = max(bad, key=lambda each: -each.worst)
-        worst = f"{one.requirement.name} fails: {_told(one)}"
+        entry = max(bad, key=lambda each: -each.worst)
+        worst = f"{entry.requirement.name} fails: {_told(entry)}"
         then = "fly it (its folder is below), mend what it shows, and add cases.toml to the campaign"
     elif tried:
-        one = min(tried, key=lambda each: each.worst)
-        worst = f"{one.requirement.name} comes nearest to failing, robustness {one.worst:.3g}"
+        entry = min(tried, key=lambda each: each.worst)
+        worst = f"{entry.requirement.name} comes nearest to failing, robustness {entry.worst:.3g}"
         then = (
             "widen the ranges in [verification] if worse can happen; `seatrial rare` gives the"
             " probability of failure"
@@ -213,28 +213,30 @@ def _falsification(result: Falsification) -> Report:
         sections=(
             *(
                 Section(
-                    f"Least disturbance that fails: {one.requirement.name} ({one.requirement.holds},"
-                    f" robustness {one.robustness:.3g})",
-                    tuple(disturbance(one)),
+                    f"Least disturbance that fails: {entry.requirement.name} ({entry.requirement.holds},"
+                    f" robustness {entry.robustness:.3g})",
+                    tuple(disturbance(entry)),
                 )
-                for one in bad
+                for entry in bad
             ),
             Section("Not searched", _not_judged(result.requirements)),
         ),
     )
 
 
-def _told(one: FalsifiedRequirement) -> str:
+def _told(entry: FalsifiedRequirement) -> str:
     """The least disturbance in a few words."""
-    return ", ".join(disturbance(one)[:3])
+    return ", ".join(disturbance(entry)[:3])
 
 
-def disturbance(one: FalsifiedRequirement) -> list[str]:
+def disturbance(entry: FalsifiedRequirement) -> list[str]:
     """The least disturbance that fails, a text per number that was drawn."""
-    lines = [f"{name} {value:.3g} (middle {middle:.3g})" for name, (value, middle) in one.disturbance.items()]
+    lines = [
+        f"{name} {value:.3g} (middle {middle:.3g})" for name, (value, middle) in entry.disturbance.items()
+    ]
     if lines:
         return lines
-    middle = [f"{name} {value:.3g}" for name, value in one.middle.items()][:_NAMED]
+    middle = [f"{name} {value:.3g}" for name, value in entry.middle.items()][:_NAMED]
     return [f"the middle of all ranges fails already{': ' if middle else ''}{', '.join(middle)}"]
 
 
@@ -244,7 +246,7 @@ def _boundary(result: FailureBoundary) -> Report:
     flights = result.scenario.flights
     worst, next_step = flights.doubting(*_worst_of_boundary(result))
     names = " and ".join(result.variables)
-    bounded = sum(one.side == "boundary" for one in result.requirements)
+    bounded = sum(entry.side == "boundary" for entry in result.requirements)
     return Report(
         title=result.scenario.name,
         outcome="boundary" + (" (interrupted)" if result.interrupted else ""),
@@ -277,18 +279,18 @@ def _worst_of_boundary(survey: FailureBoundary) -> tuple[str, str]:
     if survey.interrupted:
         return "Ctrl-C ended it early", "run the same command again; the places flown are kept"
     python = survey.scenario.without_file
-    if failing := [one.requirement.name for one in survey.requirements if one.side == "fails"]:
+    if failing := [entry.requirement.name for entry in survey.requirements if entry.side == "fails"]:
         return f"{failing[0]} fails in the whole range", "change the autopilot or the range"
     first = next(iter(survey.variables))
     nearest_one: tuple[float, str] | None = None
-    for one in survey.requirements:
+    for entry in survey.requirements:
         seconds: list[float | None] = [None] if len(survey.variables) == 1 else list(survey.seconds())
         for second in seconds:
             beside = "" if second is None else f" at {list(survey.variables)[1]} = {second:.3g}"
-            for value, low, high, rising in survey.crossings(one.requirement.name, second):
+            for value, low, high, rising in survey.crossings(entry.requirement.name, second):
                 reach = value - survey.value(0, 0.0) if rising else survey.value(0, 1.0) - value
                 text = (
-                    f"{one.requirement.name} holds {'up to' if rising else 'from'} {first} ="
+                    f"{entry.requirement.name} holds {'up to' if rising else 'from'} {first} ="
                     f" {value:.3g} ({low:.3g} to {high:.3g}){beside}"
                 )
                 if nearest_one is None or reach < nearest_one[0]:
@@ -297,7 +299,7 @@ def _worst_of_boundary(survey: FailureBoundary) -> tuple[str, str]:
     more = f"runs={4 * runs}" if python else f"--runs {4 * runs}"
     if nearest_one is not None:
         return nearest_one[1], f"plan on the safe end of the interval; {more} halves its width"
-    if unsure := [one for one in survey.requirements if one.side.startswith("probably")]:
+    if unsure := [entry for entry in survey.requirements if entry.side.startswith("probably")]:
         side = "safe" if unsure[0].side == "probably safe" else "failing"
         return (
             f"{unsure[0].requirement.name} is probably {side} in the whole range; more missions would tell",
@@ -309,17 +311,17 @@ def _worst_of_boundary(survey: FailureBoundary) -> tuple[str, str]:
 def _boundary_table(survey: FailureBoundary) -> Table:
     names = list(survey.variables)
     rows: list[tuple[str, ...]] = []
-    for one in survey.requirements:
+    for entry in survey.requirements:
         seconds: list[float | None] = [None] if len(names) == 1 else list(survey.seconds())
         for second in seconds:
-            lines = survey.crossings(one.requirement.name, second)
+            lines = survey.crossings(entry.requirement.name, second)
             head = (
-                one.requirement.name,
-                share(one.requirement.allowed),
+                entry.requirement.name,
+                share(entry.requirement.allowed),
                 "" if second is None else f"{second:.3g}",
             )
             if not lines:
-                rows.append((*head, "none", "", _side_at(survey, one, second)))
+                rows.append((*head, "none", "", _side_at(survey, entry, second)))
             for value, low, high, rising in lines:
                 rows.append((
                     *head,
@@ -333,13 +335,13 @@ def _boundary_table(survey: FailureBoundary) -> Table:
     return Table.of("Failure boundaries", columns, rows)
 
 
-def _side_at(survey: FailureBoundary, one: RequirementBoundary, second: float | None) -> str:
+def _side_at(survey: FailureBoundary, entry: RequirementBoundary, second: float | None) -> str:
     """The side of a whole line without a boundary."""
-    sides = one.surface.sides
-    mean = one.surface.mean
+    sides = entry.surface.sides
+    mean = entry.surface.mean
     if second is not None:
         low, high = list(survey.variables.values())[1]
-        k = round((second - low) / (high - low) * (len(one.surface.axis) - 1))
+        k = round((second - low) / (high - low) * (len(entry.surface.axis) - 1))
         sides, mean = sides[:, k], mean[:, k]
-    words = "safe" if (mean < one.surface.level).all() else "fails"
+    words = "safe" if (mean < entry.surface.level).all() else "fails"
     return words if abs(int(sides.sum())) == len(sides) else f"probably {words}"
