@@ -21,7 +21,7 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 415,
-    "Python lines": 116_740,
+    "Python lines": 116_710,
     "modules that import the campaign": 15,
     "lines that build text below the verbs": 6_700,
     "functions over 8 parameters": 45,

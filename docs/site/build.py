@@ -27,6 +27,8 @@ _TITLE = re.compile(r"^# (.+)$", re.MULTILINE)
 # Links out of docs/ lead to sources, which a site has no copy of.
 _SOURCE = re.compile(r"\[([^\]]+)\]\((?:\.\./)+((?:crates|python|tests|benchmarks)/[^)\s]+)\)")
 
+_NOTEBOOK = re.compile(r"(\]\([\w./-]+\.)ipynb(?=\))")
+
 FLYING = """\
 <iframe class="flying" src="report.html" loading="lazy"
  title="The report of the demo: a vehicle and its autopilot fly in the page"></iframe>
@@ -60,11 +62,15 @@ def titles(index: str, names: list[Path], docs: Path) -> dict[Path, str]:
 
 
 def navigation(index: str, names: list[Path], reference: list[tuple[str, str]], docs: Path = DOCS) -> str:
-    """Tables of contents of the side bar: a part per folder, and the reference that was generated."""
+    """Tables of contents of the side bar: a part per folder, and the reference that was generated.
+
+    Notebooks, which become pages when the site is built, stand in a part of their own.
+    """
     words = titles(index, names, docs)
     parts: dict[str, list[str]] = {
         "First": [],
         "How to": [],
+        "Notebooks": [],
         "Files": [],
         "Reference": [],
         "Theory": [],
@@ -87,6 +93,7 @@ def navigation(index: str, names: list[Path], reference: list[tuple[str, str]], 
                 parts["Reference"].append(entry)
             case _:
                 parts["About"].append(entry)
+    parts["Notebooks"] = [f"notebooks/{path.stem}" for path in sorted((docs / "notebooks").glob("*.ipynb"))]
     parts["Reference"] += [f"{title} <{page}>" for page, title in reference]
     blocks = [
         f"```{{toctree}}\n:hidden:\n:caption: {part}\n\n" + "\n".join(entries) + "\n```\n"
@@ -98,6 +105,7 @@ def navigation(index: str, names: list[Path], reference: list[tuple[str, str]], 
 
 def gather(source: Path, report: Path | None) -> None:
     """Write what Sphinx reads: the pages, the reference and the front page with the report."""
+    from docs.site.notebooks import NOTEBOOKS, page
     from docs.site.reference import write_reference
 
     shutil.rmtree(source, ignore_errors=True)
@@ -105,7 +113,12 @@ def gather(source: Path, report: Path | None) -> None:
     for name in names:
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         text = (DOCS / name).read_text(encoding="utf-8")
-        (source / name).write_text(_SOURCE.sub(r"\1 (`\2`)", text), encoding="utf-8")
+        text = _NOTEBOOK.sub(r"\1md", _SOURCE.sub(r"\1 (`\2`)", text))
+        (source / name).write_text(text, encoding="utf-8")
+    for notebook in sorted(NOTEBOOKS.glob("*.ipynb")):
+        target = source / notebook.relative_to(DOCS).with_suffix(".md")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(page(notebook, target.parent / "outputs"), encoding="utf-8")
     for picture in (file for kind in ("png", "svg") for file in DOCS.rglob(f"*.{kind}")):
         target = source / picture.relative_to(DOCS)
         target.parent.mkdir(parents=True, exist_ok=True)

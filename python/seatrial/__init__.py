@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle as Vehicle
     from seatrial._core import simulate_batch as simulate_batch
     from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, TrialError, VehicleError
+    from seatrial.base.progress import ProgressBar
     from seatrial.base.work import Work
     from seatrial.bench_test.evaluate import bench
     from seatrial.bench_test.result import BenchTest
@@ -92,6 +93,7 @@ _HOME = {
     "Outage": "seatrial.flight.failures",
     "Plan": "seatrial.experiment.plan_result",
     "Problem": "seatrial.problem.problem",
+    "ProgressBar": "seatrial.base.progress",
     "Rare": "seatrial.verification.rare",
     "RareFailures": "seatrial.verification.rare",
     "Requirement": "seatrial.verification.requirement",
@@ -163,6 +165,7 @@ __all__ = [
     "Outage",
     "Plan",
     "Problem",
+    "ProgressBar",
     "Rare",
     "RareFailures",
     "Requirement",

@@ -15,7 +15,8 @@ from seatrial import TrialError
 from seatrial.ardusub.log_replay import Replay, replay
 from seatrial.ardusub.parameters import ParameterFile
 from seatrial.cli import app
-from seatrial.report.plot.ardusub import replay_figure, replay_gallery
+from seatrial.report.plot import gallery
+from seatrial.report.plot.ardusub import replay_figure
 from tests.ardusub import text_log
 
 mpl.use("Agg")
@@ -63,7 +64,7 @@ def test_every_panel_of_the_figure_shows_rows(dive: Replay, tmp_path: Path) -> N
     figure = replay_figure(dive)
     assert len(figure.axes) == 12
     assert all(np.isfinite(line.get_ydata()).any() for panel in figure.axes for line in panel.get_lines())
-    assert [path.name for path in replay_gallery(dive, tmp_path)] == ["replay.png"]
+    assert [path.name for path in gallery(dive, tmp_path)] == ["replay.png"]
 
 
 def test_gains_and_frame_of_another_vehicle_are_found(tmp_path: Path) -> None:

@@ -222,15 +222,13 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(arguments: list[str], mess
 
 @pytest.mark.usefixtures("here")
 def test_no_other_flight_replaces_the_folder_while_figures_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    from seatrial.cli import fly as verb
-
     beside: list[Result] = []
 
-    def draw(flight: st.Flight, folder: Path, endings: tuple[str, ...]) -> list[Path]:
-        beside.append(quick("--out", folder))
+    def draw(flight: st.Flight, folder: Path, **_: Any) -> list[Path]:
+        beside.append(quick("--out", folder.parent))
         return []
 
-    monkeypatch.setattr(verb, "draw_flight", draw)
+    monkeypatch.setattr("seatrial.report.plot.gallery", draw)
     assert call("cwolf", "cwolf", "out.toml", "--out", "run").exit_code == 0
     assert beside[0].exit_code == 2
     assert "only user" in beside[0].stderr

@@ -15,8 +15,8 @@ from typer.testing import CliRunner, Result
 import seatrial as st
 from seatrial.cli import app
 from seatrial.cli.console import show
+from seatrial.report.plot import plotted
 from seatrial.report.plot.style import save
-from seatrial.report.plot.verification import verification_figures
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.verification import Verification
 from tests.flight.flying import OUT
@@ -40,9 +40,9 @@ def call(*arguments: object) -> Result:
 @pytest.mark.usefixtures("here")
 def test_a_held_verdict_is_exit_code_0_and_leaves_a_run_directory(monkeypatch: pytest.MonkeyPatch) -> None:
     def drawn(found: Verification, folder: Path, **options: Any) -> list[Path]:
-        return save(next(verification_figures(found))[1], folder / "requirements", **options)
+        return save(plotted(found), folder / "requirements", **options)
 
-    monkeypatch.setattr("seatrial.report.plot.verification.verification_gallery", drawn)
+    monkeypatch.setattr("seatrial.report.plot.gallery", drawn)
     # A flight that a fault ends before anything settles does not keep its path.
     Path("campaign.toml").write_text(text(SHORT.replace("probability = 0.5", "probability = 0.2")))
     result = call("--junit", "reports/junit.xml")

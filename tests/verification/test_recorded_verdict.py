@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seatrial.report.plot.mission_log import _sensible, log_verdict_gallery, suspect_bars
+from seatrial.report.plot import gallery
+from seatrial.report.plot.mission_log import _sensible, suspect_bars
 from seatrial.verification.mission_log.judge_log import LogSettings, verify_log
 from seatrial.verification.mission_log.verdict import LogVerdict
 from seatrial.verification.requirement import Requirement
@@ -72,7 +73,7 @@ def test_a_verdict_without_reference_says_what_is_missing() -> None:
 
 @pytest.mark.long
 def test_figures_are_written(tmp_path: Path) -> None:
-    written = log_verdict_gallery(verdict(), tmp_path, formats=("png",))
+    written = gallery(verdict(), tmp_path, formats=("png",))
     assert {path.name for path in written} >= {"residuals.png", "suspects.png", "envelope.png"}
     assert all(path.stat().st_size > 10_000 for path in written if path.suffix == ".png")
 

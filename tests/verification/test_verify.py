@@ -18,7 +18,7 @@ from scipy.stats import binom, norm
 import seatrial as st
 from seatrial.base.progress import Progress
 from seatrial.identification.fitted import Fitted
-from seatrial.report.plot.verification import WorstFlight, verification_figures, worst_missions
+from seatrial.report.plot.verification import WorstFlight, drawings, worst_missions
 from seatrial.verification import missions as mission_series
 from seatrial.verification.comparison import compared, mcnemar
 from seatrial.verification.flown_missions import FlownMissions, metrics_for_requirements
@@ -494,7 +494,7 @@ def test_what_the_draws_do_not_contain_is_said_wherever_the_verdict_is_read(fold
 
 
 def test_figures_can_be_printed_and_show_the_worst_missions(found: Verification) -> None:
-    names = [name for name, _ in verification_figures(found)]
+    names = list(drawings(found))
     assert names[:2] == ["requirements", "cross_track"]
     assert {"worst_keeps_its_path", "causes_keeps_its_path"} <= set(names)
     flight = found.replay(found.worst()["keeps its path"][0])

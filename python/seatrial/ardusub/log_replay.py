@@ -30,7 +30,7 @@ from seatrial.base.run import RunResult, run_facts, sha256, to_json
 from seatrial.logs.formats import open_log
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Replay(RunResult):
     """What the law makes of a log's inputs, beside what the log says.
 
@@ -247,10 +247,6 @@ class Replay(RunResult):
         reasons = [f"{each.controller}, {each.name}: {each.why}." for each in self.quantities if each.why]
         reasons += [f"{gap.controller}, {gap.name}: {gap.why}." for gap in self.impossible]
         return tuple(dict.fromkeys(reasons))
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
 
 
 def _short(value: float) -> str:

@@ -18,14 +18,13 @@ from seatrial.ardusub.log_replay import Replay
 from seatrial.ardusub.parameters import Change, changes_text, of_generation
 from seatrial.ardusub.reflight import Reflight
 from seatrial.ardusub.tuning import Missions, Tuned
-from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, to_json
 
 _CHANCE = 1.645  # standard errors of a mean
 NO_WORSE = 1.05  # violation after over before up to which a loop that nothing changed is no worse
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LogTuning(RunResult):
     """What a log of ArduSub said, and the parameters that come of it.
 
@@ -164,14 +163,6 @@ class LogTuning(RunResult):
             "margins_kept": self.margins_kept,
             "folders": [str(folder) for folder in self.folders],
         }
-
-    def report(self) -> Report:
-        """How good, the worst, what to do next; tables."""
-        return report_of(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
 
 
 def worst_tail(missions: Missions, channel: str) -> float:

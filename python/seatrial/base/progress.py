@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import math
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,6 +14,10 @@ from typing import Any, ParamSpec, Self, TypeVar, cast
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+_TELLING_GENERATIONS = 5
+"""Generations of a search from which on its time left is told."""
 
 
 class Clock:
@@ -103,6 +109,59 @@ class Progress:
     def best(self) -> float:
         """Best cost of the search so far; NaN where nothing is searched."""
         return math.nan if self.step is None else self.step.best
+
+    @property
+    def words(self) -> str:
+        """What runs, how far, the best cost and the time left, in a line."""
+        head, step = self.what, self.step
+        if self.total and not self.detail:
+            head += f" [{min(self.done + 1, self.total)}/{self.total}]"
+        words = [self.detail] if self.detail else []
+        if step is not None:
+            what = ["round"] if step.phase == "polish" else [step.phase, "generation"]
+            words += [*what[:-1], f"{what[-1]} {step.generation} of at most {step.generations}"]
+            words.append(f"best {step.best:.4g}")
+        # The first generations load and warm up what the later ones find ready.
+        if math.isfinite(self.left_s) and (step is None or step.generation >= _TELLING_GENERATIONS):
+            left = f"{self.left_s:.0f} s" if self.left_s < 90 else f"{self.left_s / 60:.0f} min"
+            words.append(f"{'about' if step is None else 'at most'} {left} left")
+        return f"{head}: {', '.join(words)}" if words else head
+
+
+class ProgressBar:
+    """Progress of a run as a bar, in a notebook or on a terminal: ``st.Work(progress=st.ProgressBar())``.
+
+    In a notebook the bar stands in the cell's output; elsewhere a line on standard error takes its place.
+
+    Parameters
+    ----------
+    every_s : float
+        Least time between two states that are shown, s: a notebook keeps every one.
+    """
+
+    def __init__(self, *, every_s: float = 0.2) -> None:
+        self._every_s = every_s
+        ipython = sys.modules.get("IPython")  # nobody else has loaded it than a notebook or its shell
+        shell = ipython.get_ipython() if ipython is not None else None
+        self._display = ipython.display if ipython is not None and hasattr(shell, "kernel") else None
+        self._cell: Any = None
+        self._last = -math.inf
+
+    def __call__(self, state: Progress) -> None:
+        """Show the state of the work; its end always."""
+        if time.monotonic() - self._last < self._every_s and state.fraction < 1.0:
+            return
+        self._last = time.monotonic()
+        text = f"{100 * state.fraction:3.0f} %  {state.words}"
+        if self._display is None:
+            end = "\n" if state.fraction >= 1.0 else ""
+            print(f"\r{text[:110]:110}", end=end, file=sys.stderr, flush=True)
+            return
+        bar = self._display.HTML(f"<progress value={state.fraction:.4f}></progress> {html.escape(text)}")
+        if self._cell is None:
+            self._cell = self._display.display(bar, display_id=True)
+        else:
+            self._cell.update(bar)
 
 
 Watch = Callable[[Step], None]

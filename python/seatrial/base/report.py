@@ -11,9 +11,12 @@ import importlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from seatrial.base.finding import Finding
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 REPORT_FILE = "report.json"
 """Name of the report as plain data in a run directory; a page is rendered from it."""
@@ -165,6 +168,10 @@ class Report:
             parts += body
         return "\n\n".join(parts)
 
+    def _repr_html_(self) -> str:
+        """The three lines and the first table, for a notebook."""
+        return str(importlib.import_module("seatrial.report.results").html(self))
+
     def to_dict(self) -> dict[str, Any]:
         """The report as plain data, for `of_dict`."""
         return asdict(self)
@@ -192,6 +199,44 @@ class Report:
         """Files of a run directory by name: the report as text, and as plain data."""
         data = json.dumps(self.to_dict(), ensure_ascii=False, indent=1)
         return {"summary.txt": self.text() + "\n", REPORT_FILE: data + "\n"}
+
+
+class Reported:
+    """What every result with a report has: its text, a line, its look in a notebook, its figures."""
+
+    def report(self) -> Report:
+        """How good, the worst problem, what to do next; then tables and sentences."""
+        return report_of(self)
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def __repr__(self) -> str:
+        report = self.report()
+        return f"{type(self).__name__}({report.title}: {report.outcome})"
+
+    def _repr_html_(self) -> str:
+        return self.report()._repr_html_()
+
+    def plot(self, name: str = "") -> Figure:
+        """Figure of the result, one of those that ``--figures`` writes.
+
+        Parameters
+        ----------
+        name : str, optional
+            Its name there; by default that which says most.
+
+        Raises
+        ------
+        SeatrialError
+            There is no such figure; the sentence names those that there are.
+        """
+        figure: Figure = importlib.import_module("seatrial.report.plot").plotted(self, name)
+        return figure
 
 
 def writer_of(result: object) -> Any:

@@ -57,6 +57,7 @@ from seatrial.base.errors import SeatrialError
 from seatrial.base.file_names import file_name
 from seatrial.base.folder_lock import absolute, lock, refusal, refuse_name, unlock
 from seatrial.base.progress import Clock
+from seatrial.base.report import Reported
 
 Content = str | bytes | Callable[[Path], None]
 """What stands in a file, or what writes it to a path: for a table that memory may not hold."""
@@ -327,7 +328,7 @@ class RunDirectory:
             self._release()
 
 
-class RunResult(ABC):
+class RunResult(Reported, ABC):
     """A result of a run, with ``facts`` for ``run.json`` (`run_facts`) and `files` that `save` writes."""
 
     if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError, reason
-from seatrial.base.report import Report, report_of
+from seatrial.base.report import Reported
 from seatrial.base.run import RunDirectory, to_json
 from seatrial.bench_test.characteristic import actuator_ratios
 from seatrial.bench_test.vehicle_text import PER_MINUTE
@@ -150,8 +150,8 @@ def _table(fit: UnitFit) -> list[str]:
     return lines
 
 
-@dataclass(frozen=True, eq=False)
-class BenchTest:
+@dataclass(frozen=True, eq=False, repr=False)
+class BenchTest(Reported):
     """A bench test, evaluated.
 
     Attributes
@@ -203,14 +203,6 @@ class BenchTest:
         for unit, motor in self.motors.items():
             lines += motor_sentences(unit, motor)
         return lines + [f"WARNING: {text}" for text in self.warnings] + list(self.notes)
-
-    def report(self) -> Report:
-        """How well the thrust is known, the worst problem, what to do next; then tables and sentences."""
-        return report_of(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain data for JSON."""

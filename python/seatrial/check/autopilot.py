@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.report import Report, report_of
+from seatrial.base.report import Report, Reported, report_of
 from seatrial.check.autopilot_on_vehicle import on_vehicle
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts
 from seatrial.flight.watches import GROUPS
@@ -128,8 +128,8 @@ class GainRow:
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class AutopilotCheck:
+@dataclass(frozen=True, repr=False)
+class AutopilotCheck(Reported):
     """What was found about an autopilot; printed, a page of sentences.
 
     Attributes
@@ -178,13 +178,6 @@ class AutopilotCheck:
             why a row has no loop.
         """
         return report_of(self, authority=authority)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
-    def __str__(self) -> str:
-        return self.summary()
 
 
 def check_autopilot(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from seatrial.base.errors import SeatrialError
 from seatrial.base.plain import Plain
-from seatrial.base.report import Report, report_of
+from seatrial.base.report import Reported
 from seatrial.inspect.consistency_result import UNTOLD
 from seatrial.inspect.consistency_trials import Proposal, consistency_of_recording, proposals
 from seatrial.inspect.kind_of_data import KindOfData, kind_of_data
@@ -35,8 +35,8 @@ class StageOutline:
     step_s: float
 
 
-@dataclass(frozen=True)
-class CampaignCheck(Plain, without="reports kinds", also="trials=reports kind_of_data=kinds"):
+@dataclass(frozen=True, repr=False)
+class CampaignCheck(Reported, Plain, without="reports kinds", also="trials=reports kind_of_data=kinds"):
     """Recording reports by trial, stages in the order of their run, and what stops the campaign.
 
     ``inputs`` and ``scale`` say what the inputs can tell and what the scale of all forces rests on; None
@@ -57,14 +57,6 @@ class CampaignCheck(Plain, without="reports kinds", also="trials=reports kind_of
     data: tuple[str, ...] = ()
     consistency: Mapping[str, Consistency] = field(default_factory=dict)
     proposals: tuple[Proposal, ...] = ()
-
-    def report(self) -> Report:
-        """Whether it is ready, the worst problem, what to do next; then trials, stages, inputs, scale."""
-        return report_of(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
 
 
 def check_campaign(campaign: Campaign) -> CampaignCheck:

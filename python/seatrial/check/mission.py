@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.report import Report, Section
+from seatrial.base.report import Report, Reported, Section
 from seatrial.check.flown import FlownCheck, flown_sentences, flown_table, fly_beforehand
 from seatrial.check.legs import LegRow, fence_sentences, leg_rows, legs_table, turn_sentences
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
@@ -215,8 +215,8 @@ class Energy:
         return self.driving_wh + self.hotel_wh
 
 
-@dataclass(frozen=True)
-class MissionCheck:
+@dataclass(frozen=True, repr=False)
+class MissionCheck(Reported):
     """What was found about a mission; printed, a page of sentences.
 
     Attributes
@@ -298,13 +298,6 @@ class MissionCheck:
                 ),
             ),
         )
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
-    def __str__(self) -> str:
-        return self.summary()
 
 
 def check_mission(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.report import Report, report_of
+from seatrial.base.report import Reported
 from seatrial.check.plausibility import implausible, unused_rows
 from seatrial.vehicle.actuators import NOMINAL_V, Push, beyond_tables, pushes
 from seatrial.vehicle.authority import commanded_rows
@@ -153,8 +153,8 @@ def _time(seconds: float) -> str:
 _NO_POWER = {"direct": "thrust commanded in newtons", "table": "a table of thrust"}
 
 
-@dataclass(frozen=True)
-class VehicleCheck:
+@dataclass(frozen=True, repr=False)
+class VehicleCheck(Reported):
     """What was found about a vehicle; printed, a page of sentences.
 
     Attributes
@@ -208,17 +208,6 @@ class VehicleCheck:
         for push in self.pushes:
             pushes.setdefault(push.actuator, []).append(push)
         return list(pushes.values())
-
-    def report(self) -> Report:
-        """Top speed, the worst problem, what to do next; then actuators, speeds, turns and notes."""
-        return report_of(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
-    def __str__(self) -> str:
-        return self.summary()
 
 
 IF_STABLE = "if the real vehicle is stable"

@@ -83,12 +83,9 @@ def ardusub(
         results = f"Results in {folder}: changes.param, found.param, ardusub.json, replay.json, summary.txt"
 
     def drawn() -> list[Path]:
-        from seatrial.report.plot.ardusub import replay_gallery, tuning_gallery
+        from seatrial.report.plot import gallery
 
-        if not figures.endings():
-            return []
-        draw = replay_gallery if replay_only else tuning_gallery
-        return draw(found, folder / "figures", formats=figures.endings(page))  # type: ignore[arg-type]
+        return gallery(found, folder / "figures", formats=figures.endings(page))
 
     if json:
         print_json(found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})

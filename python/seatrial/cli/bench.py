@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.base.file_names import file_name, free_name
 from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
-    from seatrial.bench_test.result import BenchTest
+    pass
 
 
 def bench(
@@ -65,7 +64,9 @@ def bench(
         written = found.save_vehicle(found.vehicle_path, replace=True)
 
     def drawn() -> list[Path]:
-        return _draw(found, folder, figures.endings(page))
+        from seatrial.report.plot import gallery
+
+        return gallery(found, folder, formats=figures.endings(page))
 
     if json:
         files = {"figures": [str(path) for path in drawn()], "vehicle_file": written and str(written)}
@@ -82,16 +83,3 @@ def bench(
         report = replace(report, next_step=report.next_step.replace(WRITE, f"run seatrial check {written}"))
     answer(report, verbose=verbose, results=results, draw=drawn)
     reported(page, [folder])
-
-
-def _draw(found: BenchTest, folder: Path, endings: tuple[str, ...]) -> list[Path]:
-    from seatrial.report.plot.bench import bollard_test, motor_step
-    from seatrial.report.plot.style import save
-
-    drawn = save(bollard_test(found), folder / "bollard_test", formats=endings) if found.pulls else []
-    taken: list[str] = []
-    for unit, motor in found.motors.items():
-        taken.append(free_name(file_name(unit, instead="+"), taken))
-        figure = motor_step(motor, found.step_records[unit][0])
-        drawn += save(figure, folder / f"motor_{taken[-1]}", formats=endings)
-    return drawn

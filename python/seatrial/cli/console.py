@@ -7,7 +7,6 @@ tables and sentences (`show`); rich fits tables to the width.
 from __future__ import annotations
 
 import errno
-import math
 import os
 import sys
 import time
@@ -34,8 +33,6 @@ if TYPE_CHECKING:
 _PIPED_WIDTH = 118
 
 _LINE_EVERY_S = 5.0
-
-_TELLING_GENERATIONS = 5
 
 _SLOW_S = 2.0
 """Recordings that are read faster need no word."""
@@ -156,7 +153,7 @@ def search_progress(first: str, *, quiet: bool = False) -> Iterator[Callable[[St
     with long_work(first, quiet=quiet) as show:
         yield lambda state: show(
             state.fraction,
-            _words(state),
+            state.words,
             [note if state.done else f"before the search: {note}" for note in state.notes],
         )
 
@@ -193,7 +190,7 @@ def reading_progress(*, quiet: bool = False) -> Callable[[State], None] | None:
 
     def show(state: State) -> None:
         if state.elapsed_s > _SLOW_S:
-            note(f"{100 * state.fraction:3.0f} %  {_words(state)}")
+            note(f"{100 * state.fraction:3.0f} %  {state.words}")
 
     return None if quiet else show
 
@@ -210,23 +207,6 @@ def _lines() -> Callable[[float, str, Sequence[str]], None]:
             note(f"{100 * share:3.0f} %  {words}")
 
     return show
-
-
-def _words(state: State) -> str:
-    head = state.what
-    if state.total and not state.detail:
-        head += f" [{min(state.done + 1, state.total)}/{state.total}]"
-    words = [state.detail] if state.detail else []
-    step = state.step
-    if step is not None:
-        what = ["round"] if step.phase == "polish" else [step.phase, "generation"]
-        words += [*what[:-1], f"{what[-1]} {step.generation} of at most {step.generations}"]
-        words.append(f"best {step.best:.4g}")
-    # The first generations load and warm up what the later ones find ready.
-    if math.isfinite(state.left_s) and (step is None or step.generation >= _TELLING_GENERATIONS):
-        left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
-        words.append(f"{'about' if step is None else 'at most'} {left} left")
-    return f"{head}: {', '.join(words)}" if words else head
 
 
 _LONGEST_WORD = 11

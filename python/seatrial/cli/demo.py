@@ -154,7 +154,11 @@ _RUNS, _ON_TRUTH = 1000, 1000
 
 _ENDINGS = ("png", "svg")
 
-_DRAWN = ("pitch", "depth")  # the others are drawn by `seatrial tune`
+
+def _drawn(name: str) -> bool:
+    """Whether a figure of the tuning is drawn: of pitch and depth; `seatrial tune` draws all loops."""
+    kind, _, loop = name.partition("_")
+    return kind not in ("corridor", "responses") or loop in ("pitch", "depth")
 
 
 @dataclass
@@ -193,7 +197,8 @@ def demonstrate(
         Whether nothing is printed.
     """
     from seatrial.cli.console import answer
-    from seatrial.cli.tune import draw, tuned
+    from seatrial.cli.tune import tuned
+    from seatrial.report.plot import gallery
 
     chain = Chain()
     if not quiet:
@@ -209,7 +214,7 @@ def demonstrate(
         return chain
 
     def drawn() -> list[Path]:
-        return draw(found, out / "cwolf-tuned", loops=_DRAWN, formats=_ENDINGS)
+        return gallery(found, out / "cwolf-tuned" / "figures", formats=_ENDINGS, wanted=_drawn)
 
     if quiet:
         drawn()
@@ -247,7 +252,8 @@ def _verify(
 ) -> None:
     """Missions of drawn vehicles, beside the start gains, and missions of the truth."""
     from seatrial.cli.console import answer
-    from seatrial.cli.verify import draw, verified
+    from seatrial.cli.verify import verified
+    from seatrial.report.plot import gallery
 
     out, chain = into
     if not quiet:
@@ -267,7 +273,7 @@ def _verify(
         return
 
     def drawn() -> list[Path]:
-        return draw(verdict, folder, formats=_ENDINGS)
+        return gallery(verdict, folder / "figures", formats=_ENDINGS)
 
     if quiet:
         drawn()

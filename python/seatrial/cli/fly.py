@@ -98,6 +98,7 @@ def _tell(flight: Flight, many: Seeds | None, directory: RunDirectory, folder: P
     """Show a flight, publish its run directory that is held, and draw its figures."""
     from seatrial.base.folder_lock import only_user
     from seatrial.cli.console import answer, print_json
+    from seatrial.report.plot import gallery
 
     beside = {} if many is None else {"seeds.parquet": many.parquet()}
 
@@ -110,7 +111,7 @@ def _tell(flight: Flight, many: Seeds | None, directory: RunDirectory, folder: P
         if not output.endings:
             return []
         with only_user(folder):  # another flight would replace the folder under the figures
-            return draw_flight(flight, folder, output.endings)
+            return sorted(gallery(flight, folder / "figures", formats=output.endings))
 
     if output.json:
         saved()
@@ -121,13 +122,6 @@ def _tell(flight: Flight, many: Seeds | None, directory: RunDirectory, folder: P
         if many is not None and many.excesses:
             report = replace(report, worst="; ".join((*many.excesses, report.worst)))
         answer(report, verbose=output.verbose, results=saved, draw=drawn)
-
-
-def draw_flight(flight: Flight, folder: Path, endings: tuple[str, ...] = ("png",)) -> list[Path]:
-    """Paths of the figures of a flight in its run directory."""
-    from seatrial.report.plot.flight_errors import flight_gallery
-
-    return sorted(flight_gallery(flight, folder / "figures", formats=endings))
 
 
 def _folder(vehicle: str, mission: str) -> str:

@@ -144,7 +144,7 @@ def run_identification(
 
 def draw(fit: Identification, folder: Path, endings: tuple[str, ...] = ("png",)) -> list[Path]:
     """Paths of the figures of an identification in its run directory."""
-    from seatrial.report.plot.identification import gallery
+    from seatrial.report.plot import gallery
 
     if "svg" in endings:  # a page is asked for, which draws the trials itself
         from seatrial.report.page.evidence import save_trials

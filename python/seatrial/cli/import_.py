@@ -10,7 +10,7 @@ import typer
 from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
 
 if TYPE_CHECKING:
-    from seatrial.intake.imported import Imported
+    pass
 
 
 def import_(
@@ -69,7 +69,9 @@ def import_(
         return
 
     def drawn() -> list[Path]:
-        return [] if out is None else _draw(made, out, figures.endings())
+        from seatrial.report.plot import gallery
+
+        return [] if out is None else gallery(made, out / "figures", formats=figures.endings())
 
     if json:
         print_json(made.to_dict() | {"figures": [str(path) for path in drawn()]})
@@ -97,21 +99,3 @@ def _model(model: Path, out: Path | None, *, force: bool, verbose: bool, json: b
         print_json(imported.to_dict() | {"file": None if out is None else str(out)})
         return
     answer(imported.report(), verbose=verbose, results="" if out is None else f"Vehicle file in {out}")
-
-
-def _draw(made: Imported, folder: Path, endings: tuple[str, ...]) -> list[Path]:
-    """Paths of a figure of all trials; of each one where there are several."""
-    from seatrial.base.file_names import file_name, free_name
-    from seatrial.report.plot.recording import recording
-    from seatrial.report.plot.style import save
-
-    drawn: list[Path] = []
-    taken: list[str] = []
-    units = {name.removeprefix("cmd."): column.unit for name, column in made.columns.items()}
-    for one in made.trials:
-        name = "log" if len(made.trials) == 1 else f"log_{file_name(one.name)}"
-        taken.append(free_name(name, taken))
-        held = () if one.hold_out_s is None else (one.hold_out_s,)
-        figure = recording(one.trial, held_out=held, marks=one.modes, units=units, heading=one.name)
-        drawn += save(figure, folder / "figures" / taken[-1], formats=endings)
-    return drawn

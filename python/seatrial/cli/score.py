@@ -117,11 +117,12 @@ def score(
     report = replace(report, sections=(Section(sentences=broken), *report.sections))
 
     def drawn() -> list[Path]:
-        if out is None or not figures.endings():
+        if out is None:
             return []
-        from seatrial.report.plot.trials import draw_variants
+        from seatrial.report.plot import gallery
+        from seatrial.report.plot.trials import drawings
 
-        return draw_variants(scores, out, free=free, formats=figures.endings())
+        return gallery(drawings(scores, free=free), out, formats=figures.endings())
 
     if json:
         print_json(found.to_dict() | ({} if out is None else {"figures": [str(path) for path in drawn()]}))

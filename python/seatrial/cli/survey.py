@@ -84,7 +84,7 @@ def falsify(
     from seatrial.base.file_names import file_name
     from seatrial.base.run import check_writable
     from seatrial.cli.console import answer, print_json
-    from seatrial.cli.fly import draw_flight
+    from seatrial.report.plot import gallery
     from seatrial.verification.falsify import Falsify
 
     strategy = Falsify(requirements=requirement or (), within=within)
@@ -106,7 +106,9 @@ def falsify(
 
     def drawn() -> list[Path]:
         return [
-            path for flight, place in flown.values() for path in draw_flight(flight, place, output.endings)
+            path
+            for flight, place in flown.values()
+            for path in sorted(gallery(flight, place / "figures", formats=output.endings))
         ]
 
     if output.json:
@@ -156,7 +158,7 @@ def boundary(
     """
     from seatrial.base.run import check_writable
     from seatrial.cli.console import answer, print_json
-    from seatrial.report.plot.verification import boundary_gallery
+    from seatrial.report.plot import gallery
     from seatrial.verification.boundary import Boundary
 
     strategy = Boundary(_ranges(variables), requirement or ())
@@ -169,9 +171,9 @@ def boundary(
         boundaries = strategy.survey(scenario, work)
 
     def drawn() -> list[Path]:
-        if not output.endings or boundaries.interrupted:
-            return []
-        return boundary_gallery(boundaries, folder / "figures", formats=output.endings)
+        return (
+            [] if boundaries.interrupted else gallery(boundaries, folder / "figures", formats=output.endings)
+        )
 
     if output.json:
         figures = [str(path) for path in drawn()]

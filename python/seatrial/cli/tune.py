@@ -11,8 +11,6 @@ from seatrial.cli.options import Computing, Output, shared
 from seatrial.cli.report import reported
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
-
     from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
@@ -54,9 +52,9 @@ def tune(
     found = tuned(loaded, source, folder, computing=computing, quiet=output.json)
 
     def drawn() -> list[Path]:
-        if found.interrupted or not output.endings:
-            return []
-        return draw(found, folder, formats=output.endings)
+        from seatrial.report.plot import gallery
+
+        return [] if found.interrupted else gallery(found, folder / "figures", formats=output.endings)
 
     if output.json:
         print_json(found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})
@@ -90,12 +88,3 @@ def tuned(
     """Tuning of a campaign into a run directory, with progress on standard error."""
     with computing.work(folder, "making ready", quiet=quiet) as work:
         return campaign.tune(source, work=work)
-
-
-def draw(
-    found: Tuning, folder: Path, *, formats: tuple[str, ...] = ("png",), loops: Collection[str] | None = None
-) -> list[Path]:
-    """Paths of the figures of a tuning in its run directory, of some loops or of all."""
-    from seatrial.report.plot.tuning import tuning_gallery
-
-    return tuning_gallery(found, folder / "figures", formats=formats, loops=loops)

@@ -103,9 +103,11 @@ def verify(
     write_junit(junit, verification.junit())
 
     def drawn() -> list[Path]:
-        if verification.interrupted or not output.endings:
+        from seatrial.report.plot import gallery
+
+        if verification.interrupted:
             return []
-        return draw(verification, folder, formats=output.endings)
+        return gallery(verification, folder / "figures", formats=output.endings)
 
     if output.json:
         figures = [str(path) for path in drawn()]
@@ -182,11 +184,9 @@ def verify_log(
     write_junit(junit, verdict.junit())
 
     def drawn() -> list[Path]:
-        if not output.endings:
-            return []
-        from seatrial.report.plot.mission_log import log_verdict_gallery
+        from seatrial.report.plot import gallery
 
-        return sorted(log_verdict_gallery(verdict, folder / "figures", formats=output.endings))
+        return sorted(gallery(verdict, folder / "figures", formats=output.endings))
 
     if output.json:
         figures = [str(path) for path in drawn()]
@@ -260,25 +260,18 @@ def verified(
         return verify(scenario, compare=compare, work=work)
 
 
-def draw(verification: Verification, folder: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
-    """Paths of the figures of a verification in its run directory."""
-    from seatrial.report.plot.verification import verification_gallery
-
-    return verification_gallery(verification, folder / "figures", formats=formats)
-
-
 def _replay(scenario: Scenario, number: int, output: Output) -> None:
     """One mission flown again into a run directory of its own."""
     from seatrial.base.report import Section
     from seatrial.cli.console import answer, print_json
-    from seatrial.cli.fly import draw_flight
+    from seatrial.report.plot import gallery
     from seatrial.report.results.verification import reserve
 
     flight = scenario.flights.replay(number)
     folder = flight.save(output.out or Path("runs") / f"{scenario.name}-mission-{number}")
 
     def drawn() -> list[Path]:
-        return draw_flight(flight, folder, output.endings) if output.endings else []
+        return sorted(gallery(flight, folder / "figures", formats=output.endings))
 
     if output.json:
         figures = [str(path) for path in drawn()]

@@ -210,6 +210,7 @@ def _planned(
         recorded=recorded is not None and use_recorded,
         at=at,
         dithers=_dithers(problem, vehicle, voltage_v) if use_recorded else (),
+        model=vehicle,
         facts=run_facts(
             "plan",
             vehicle.name,

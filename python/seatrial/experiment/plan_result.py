@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import TrialError
 from seatrial.base.plain import Plain
-from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, to_json
 
 if TYPE_CHECKING:
+    from seatrial._core import Vehicle
     from seatrial.experiment.dither import Dither
     from seatrial.experiment.fisher import Instruments
     from seatrial.experiment.forecast import Forecast
@@ -104,8 +104,8 @@ class Ranked(
     gains: tuple[Change, ...]
 
 
-@dataclass(frozen=True)
-class Plan(RunResult, Plain, without="facts", also="score_after"):
+@dataclass(frozen=True, repr=False)
+class Plan(RunResult, Plain, without="facts model", also="score_after"):
     """The next trials.
 
     Attributes
@@ -135,6 +135,8 @@ class Plan(RunResult, Plain, without="facts", also="score_after"):
         What to add to the autopilot's output where feedback dominates an axis of the recorded trials.
     facts
         What the plan rests on, see `seatrial.base.run.run_facts`.
+    model
+        The vehicle that was planned for; its figures need it.
     """
 
     vehicle: str
@@ -150,6 +152,7 @@ class Plan(RunResult, Plain, without="facts", also="score_after"):
     at: str = VEHICLE
     dithers: tuple[Dither, ...] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
+    model: Vehicle | None = None
 
     @property
     def score_after(self) -> float:
@@ -165,17 +168,6 @@ class Plan(RunResult, Plain, without="facts", also="score_after"):
             files[f"{name}.toml"] = self.sheet(ranked, f"{name}.csv", number)
         files |= {dither.file_name: dither.csv() for dither in self.dithers}
         return files
-
-    def report(self) -> Report:
-        """What the trials leave of the uncertainty, what stays unknown, what to do; then the trials."""
-        return report_of(self)
-
-    def summary(self) -> str:
-        """The report as plain text."""
-        return self.report().text()
-
-    def __str__(self) -> str:
-        return self.summary()
 
     def write(self, path: str | Path, *, trial: int = 1) -> list[Path]:
         """Paths of the command file (CSV) and the sheet (TOML) of one trial of the sequence.

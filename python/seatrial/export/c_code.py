@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial._core import Autopilot, Vehicle, autopilot_c, filter_c, vehicle_c
 from seatrial.base.atomic_write import whole_folder, write_atomic
 from seatrial.base.errors import SimulationError, reason
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.base.toml_file import loaded
 from seatrial.export.names import commented, refused_names
 from seatrial.export.repeated import folded
@@ -84,8 +84,8 @@ class Programs:
         return [program for program in (self.vehicle, self.autopilot, self.filter) if program is not None]
 
 
-@dataclass(frozen=True)
-class CExport:
+@dataclass(frozen=True, repr=False)
+class CExport(Reported):
     """Files that were written, and the programs in them.
 
     Attributes

@@ -31,7 +31,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.export.c_code import Program, Programs, recorded, written
 from seatrial.export.fmu_files import described
 
@@ -45,8 +45,8 @@ Version = Literal["2.0", "3.0"]
 _MOST_SAMPLES = 1000  # parameter sets in a unit: each is a row of its source
 
 
-@dataclass(frozen=True)
-class FmuExport:
+@dataclass(frozen=True, repr=False)
+class FmuExport(Reported):
     """Units that were written.
 
     Attributes

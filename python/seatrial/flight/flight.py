@@ -17,7 +17,7 @@ from seatrial._core import autopilot_names
 from seatrial.base.atomic_write import parquet
 from seatrial.base.finding import Finding
 from seatrial.base.progress import Clock
-from seatrial.base.report import Report, Section, report_of
+from seatrial.base.report import Report, Reported, Section, report_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.flight import excesses
 from seatrial.flight.findings import Result, findings
@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from seatrial.flight.payload import Samples
 
 
-@dataclass(frozen=True, eq=False)
-class Flight(FlightLog):
+@dataclass(frozen=True, eq=False, repr=False)
+class Flight(Reported, FlightLog):
     """A flight of a vehicle with its autopilot on a mission: its log, and what came of it.
 
     Attributes
@@ -175,10 +175,6 @@ class Flight(FlightLog):
         """
         return report_of(self, sections=sections)
 
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
     def sentences(self) -> list[str]:
         """What happened, in sentences for a reader of a report."""
         return list(self.report().section("What happened").sentences)
@@ -205,7 +201,7 @@ class Flight(FlightLog):
     def save(self, folder: str | Path, *, beside: Mapping[str, bytes] | None = None) -> Path:
         """Path of a run directory with the flight: JSON, Parquet, summary and inputs.
 
-        `seatrial.report.plot.flight_errors.flight_gallery` draws its figures.
+        `plot` draws its figures.
 
         Parameters
         ----------
@@ -233,9 +229,6 @@ class Flight(FlightLog):
             **(beside or {}),
         }
         return run.publish(_facts(self), files)
-
-    def __str__(self) -> str:
-        return self.summary()
 
 
 def _facts(flight: Flight) -> dict[str, Any]:

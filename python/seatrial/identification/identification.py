@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from seatrial.scoring.score import Score
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Identification(RunResult):
     """The identified vehicle, its coefficients, stages and scores; made by `seatrial.identify`.
 
@@ -114,10 +114,6 @@ class Identification(RunResult):
             True coefficients of generated trials, shown beside the estimates.
         """
         return report_of(self, truth=truth)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
 
     @property
     def stages_vehicle(self) -> Vehicle:

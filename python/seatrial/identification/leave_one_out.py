@@ -89,7 +89,7 @@ class LeftOut:
         return None if best is None else (best, rivals[best])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LeaveOneOut(RunResult, Plain, only="campaign interrupted left_out coefficients"):
     """Every trial predicted by a fit that did not see it; printed, a table of R2 and one of coefficients.
 
@@ -152,13 +152,6 @@ class LeaveOneOut(RunResult, Plain, only="campaign interrupted left_out coeffici
     def report(self) -> Report:
         """How well left-out trials are predicted, the worst one, what to do; then both tables."""
         return _report(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
-    def __str__(self) -> str:
-        return self.summary()
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Reported, Section, Table
 
 UNTOLD = "hardly any motion: whether the channels agree cannot be told"
 """What is said of a recording without motion."""
@@ -114,8 +114,8 @@ class SlowCurrent(Plain):
         return not self.source.startswith("velocity")
 
 
-@dataclass(frozen=True, eq=False)
-class Consistency:
+@dataclass(frozen=True, eq=False, repr=False)
+class Consistency(Reported):
     """Proposed corrections, the one with the largest effect first; nothing is applied.
 
     Attributes

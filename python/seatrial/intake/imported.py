@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.report import Report, report_of
+from seatrial.base.report import Reported
 from seatrial.inspect.consistency_result import Consistency
 from seatrial.inspect.kind_of_data import KindOfData
 from seatrial.intake.map_file import Column
@@ -58,8 +58,8 @@ class ImportedTrial:
     logs: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Imported:
+@dataclass(frozen=True, eq=False, repr=False)
+class Imported(Reported):
     """What an import made of some logs.
 
     Attributes
@@ -102,10 +102,6 @@ class Imported:
     kept: tuple[str, ...]
     map_source: str
     twice: tuple[str, ...] = ()
-
-    def report(self) -> Report:
-        """What was imported, the worst problem, the next command; then columns, trials, doubts."""
-        return report_of(self)
 
     def summary(self) -> str:
         """The report as text."""

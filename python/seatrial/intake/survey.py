@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from seatrial.base.budget import Budget, guarded, size_of
 from seatrial.base.errors import TrialError, printable
 from seatrial.base.progress import callers_errors_pass
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.logs.formats import FORMATS, open_log
 from seatrial.logs.gravity import by_gravity
 from seatrial.logs.log import Event, Field, Log, Share, Topic
@@ -118,8 +118,8 @@ _SUBMARINE = 12  # MAV_TYPE_SUBMARINE of MAVLink
 _MAV_TYPES = {1: " (aeroplane)", 2: " (quadrotor)", 10: " (ground rover)", 11: " (boat)", 13: " (hexarotor)"}
 
 
-@dataclass(frozen=True)
-class Survey:
+@dataclass(frozen=True, repr=False)
+class Survey(Reported):
     """Logs surveyed, in the order given."""
 
     logs: tuple[SurveyedLog, ...]

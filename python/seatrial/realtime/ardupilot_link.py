@@ -23,7 +23,7 @@ from seatrial._core import State, Vehicle
 from seatrial.ardusub.parameters import ParameterFile
 from seatrial.ardusub.servos import Channel, ChannelMap, map_channels, map_parameters
 from seatrial.base.errors import SimulationError, reason
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.base.toml_file import loaded
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.realtime.plant import Motion, Plant, Shown
@@ -55,8 +55,8 @@ _PEER_SILENT_S = 2.0
 """After this silence another sender may take the place of the peer."""
 
 
-@dataclass(frozen=True, eq=False)
-class SitlSession:
+@dataclass(frozen=True, eq=False, repr=False)
+class SitlSession(Reported):
     """What happened on the link.
 
     Attributes

@@ -19,7 +19,7 @@ from seatrial._core import Autopilot, State, Vehicle
 from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import SimulationError
 from seatrial.base.progress import Clock
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.toml_file import loaded
 from seatrial.base.work import takes
@@ -45,8 +45,8 @@ _FASTEST = 1000.0  # times real time, at most: a day in a minute and a half
 _LONGEST_S = 24 * 3600.0  # a day: all samples of a flight stay in memory
 
 
-@dataclass(frozen=True, eq=False)
-class RealtimeFlight:
+@dataclass(frozen=True, eq=False, repr=False)
+class RealtimeFlight(Reported):
     """A flight by the clock.
 
     Attributes

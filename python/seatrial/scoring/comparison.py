@@ -22,7 +22,7 @@ import numpy as np
 from seatrial.base.channels import readable
 from seatrial.base.errors import TrialError
 from seatrial.base.plain import Plain
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.scoring.baseline_fit import fit_baselines
 from seatrial.scoring.baselines import not_beaten
 from seatrial.scoring.noise_limit import limits_of
@@ -98,7 +98,7 @@ class Overall:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Plain, only="reference level vehicles=scores overall differences sentences"):
+class Comparison(Reported, Plain, only="reference level vehicles=scores overall differences sentences"):
     """Scores of several vehicles on the same windows, side by side; printed, a table and sentences.
 
     Attributes
@@ -147,13 +147,6 @@ class Comparison(Plain, only="reference level vehicles=scores overall difference
     def report(self) -> Report:
         """Which vehicle predicts best, by how much, what to do next; then all channels."""
         return _report(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
-    def __str__(self) -> str:
-        return self.summary()
 
 
 def compare(

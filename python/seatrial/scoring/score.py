@@ -23,7 +23,7 @@ import numpy as np
 from seatrial.base.arrays import Mask
 from seatrial.base.channels import AXES, CHANNELS, readable
 from seatrial.base.errors import TrialError, nearest
-from seatrial.base.report import Column, Report, Section, Table
+from seatrial.base.report import Column, Report, Reported, Section, Table
 from seatrial.base.toml_file import loaded
 from seatrial.scoring.baseline_fit import fit_baselines
 from seatrial.scoring.baselines import Baselines, not_beaten
@@ -48,7 +48,7 @@ _REACHED = 0.8
 
 
 @dataclass(frozen=True, eq=False)
-class Score(Mapping[str, ChannelScore]):
+class Score(Reported, Mapping[str, ChannelScore]):
     """Scores by channel, ``score["u"].r2``; printed, a table.
 
     Attributes

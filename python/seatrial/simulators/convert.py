@@ -14,7 +14,7 @@ from seatrial._core import Vehicle
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.budget import Budget, guarded
 from seatrial.base.errors import VehicleError, reason
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.base.toml_file import loaded
 from seatrial.simulators.body import body_of, contradictions
 from seatrial.simulators.sdf import parse, read, read_bytes, write
@@ -27,8 +27,8 @@ _MODEL = Budget(cpu_s=5.0)  # the largest model that is read takes one
 _SIMPLER = "give the model alone"
 
 
-@dataclass(frozen=True, eq=False)
-class ImportedModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ImportedModel(Reported):
     """A vehicle file from a model of gz-sim.
 
     Attributes
@@ -81,8 +81,8 @@ class ImportedModel:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class ExportedModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ExportedModel(Reported):
     """A vehicle as a model of gz-sim: its text, and what is lost."""
 
     vehicle: Vehicle

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, to_json
 from seatrial.flight.mismatch import tuned_for
 from seatrial.tuning.performance import Performance
@@ -163,14 +162,6 @@ class Tuning(RunResult):
         flown = loaded(Vehicle, vehicle)
         still = Samples({}, np.zeros((1, 3)), (1,))
         return assess(self.plan, name, self.plan.rig(self.autopilot, vehicle=flown), still)
-
-    def report(self) -> Report:
-        """How good the responses are, the worst problem, what to do next; then tables and remarks."""
-        return report_of(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data."""

@@ -20,7 +20,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock
-from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunDirectory, RunResult, to_json
 from seatrial.base.work import HERE, Work
 from seatrial.statistics.failure_boundary import BoundarySurface
@@ -68,7 +67,7 @@ class RequirementBoundary:
         return "boundary"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FailureBoundary(RunResult):
     """Failure boundaries in one or two variables; made by `seatrial.verify` with the strategy `Boundary`.
 
@@ -186,14 +185,6 @@ class FailureBoundary(RunResult):
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
         return {**self.scenario.files(), "boundary.json": to_json(self.to_dict()), **self.report().files()}
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
-    def report(self) -> Report:
-        """Three lines, and a table of the boundaries."""
-        return report_of(self)
 
 
 @dataclass(frozen=True)

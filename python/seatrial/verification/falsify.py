@@ -23,7 +23,6 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.finding import Finding
 from seatrial.base.plain import Plain
 from seatrial.base.progress import Clock, Progress
-from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunDirectory, RunResult, to_json
 from seatrial.base.work import HERE, Work
 from seatrial.verification.mission_space import MissionSpace
@@ -97,7 +96,7 @@ class FalsifiedRequirement(
         return bool(self.sample)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Falsification(
     RunResult,
     Plain,
@@ -171,14 +170,6 @@ class Falsification(
             "cases.toml": self.cases(),
             **self.report().files(),
         }
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
-    def report(self) -> Report:
-        """Three lines, then by requirement the least disturbance that fails."""
-        return report_of(self)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,7 +24,6 @@ from seatrial.base.finding import Finding, Severity
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.plain import Plain
 from seatrial.base.progress import Clock, Progress
-from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunDirectory, RunResult, sha256, to_json
 from seatrial.base.work import HERE, Work
 from seatrial.statistics.draws import generator
@@ -101,7 +100,7 @@ class RareRequirement:
         }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RareFailures(
     RunResult,
     Plain,
@@ -160,14 +159,6 @@ class RareFailures(
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
         return {**self.scenario.files(), "rare.json": to_json(self.to_dict()), **self.report().files()}
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
-    def report(self) -> Report:
-        """Three lines, a table of the requirements, the likeliest failing missions."""
-        return report_of(self)
 
 
 _POPULATIONS, _CHECKED = 4, 1000

@@ -15,7 +15,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.chunks import RECORDS
-from seatrial.base.report import Report, report_of, writer_of
+from seatrial.base.report import writer_of
 from seatrial.base.run import Content, RunResult, to_json
 from seatrial.flight.excesses import KINDS, Excess, excesses, sentences
 from seatrial.statistics import proportions
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from seatrial.verification.scenario import Scenario
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Verification(RunResult):
     """What missions flown by drawn vehicles say of an autopilot; made by `seatrial.verify`.
 
@@ -154,14 +154,6 @@ class Verification(RunResult):
         """Table with a row per mission: metrics and what was drawn."""
         return self.flown.table(self.flights.titles)
 
-    def report(self) -> Report:
-        """Requirements held, the worst problem, what to do next; then tables, causes and notes."""
-        return report_of(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
     def to_dict(self) -> dict[str, Any]:
         """Everything but the missions as plain data."""
         return {
@@ -213,9 +205,6 @@ class Verification(RunResult):
     def worst(self) -> Mapping[str, list[int]]:
         """Numbers of the worst missions by requirement, the worst first."""
         return {one.requirement.name: [run.number for run in one.worst] for one in self.requirements}
-
-    def __str__(self) -> str:
-        return self.summary()
 
 
 def excess_sentences(found: Verification, several: Sequence[Excess]) -> list[str]:

@@ -5,42 +5,35 @@ Held by ``tests/ardusub/test_replay.py`` and ``tests/ardusub/test_from_log.py``.
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.report.plot.style import (
-    MEASURED,
-    RESIDUAL,
-    SIMULATED,
-    house_style,
-    new_figure,
-    panel_title,
-    save,
-)
+from seatrial.ardusub.result import LogTuning
+from seatrial.report.plot.style import MEASURED, RESIDUAL, SIMULATED, house_style, new_figure, panel_title
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial.ardusub.log_replay import Replay
     from seatrial.ardusub.quantity import Quantity
-    from seatrial.ardusub.result import LogTuning
 
 _UNMET = 3  # checks that are not met and are shown beside the usual ones
 
 _SHOWN = ("rate wanted", "output", "acceleration wanted", "throttle", "motor 1", "motor 6")
 
 
-def replay_gallery(replay: Replay, folder: str | Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
-    """Paths of the figure of a replay after it was written into a folder.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written.
-    """
-    return save(replay_figure(replay), Path(folder) / "replay", formats=formats)
+def drawings(result: Replay | LogTuning) -> dict[str, Callable[[], Figure]]:
+    """Figures by name: the replay; of a tuning from a log also the envelope, and steps before and after."""
+    if not isinstance(result, LogTuning):
+        return {"replay": partial(replay_figure, result)}
+    return {
+        "replay": partial(replay_figure, result.replay),
+        "envelope": partial(envelope_figure, result),
+        "steps": partial(steps_figure, result),
+    }
 
 
 def replay_figure(replay: Replay) -> Figure:
@@ -88,21 +81,6 @@ def _first(replay: Replay, kind: str) -> Quantity | None:
     return next(
         (quantity for quantity in same if quantity.controller.endswith("yaw")), same[0] if same else None
     )
-
-
-def tuning_gallery(
-    tuning: LogTuning, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
-) -> list[Path]:
-    """Paths of the figures of a tuning from a log: replay, envelope, steps before and after.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written.
-    """
-    drawn = replay_gallery(tuning.replay, folder, formats=formats)
-    drawn += save(envelope_figure(tuning), Path(folder) / "envelope", formats=formats)
-    return drawn + save(steps_figure(tuning), Path(folder) / "steps", formats=formats)
 
 
 def envelope_figure(tuning: LogTuning) -> Figure:

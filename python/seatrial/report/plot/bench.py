@@ -9,14 +9,16 @@ step the dashed line is the input of the lag: the command after limits, rate lim
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
+from seatrial.base.file_names import file_name, free_name
 from seatrial.bench_test.characteristic import SIDES
 from seatrial.bench_test.motor_model import StepRecord
 from seatrial.bench_test.result import share
@@ -55,6 +57,17 @@ _DASHES = (
     (0, (6, 1.5, 1.2, 1.5)),
     (0, (3, 1, 1, 1, 1, 1)),
 )
+
+
+def drawings(result: BenchTest) -> dict[str, Callable[[], Figure]]:
+    """Figures of a bench test by name: bollard test, a step of every motor."""
+    drawn: dict[str, Callable[[], Figure]] = {}
+    if result.pulls:
+        drawn["bollard_test"] = partial(bollard_test, result)
+    for unit, motor in result.motors.items():
+        name = free_name(f"motor_{file_name(unit, instead='+')}", drawn)
+        drawn[name] = partial(motor_step, motor, result.step_records[unit][0])
+    return drawn
 
 
 def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> Figure:

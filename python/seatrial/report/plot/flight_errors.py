@@ -8,8 +8,9 @@ with the modes. Held by `tests/report/test_flight_figures.py`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,7 +40,6 @@ from seatrial.report.plot.style import (
     house_style,
     new_figure,
     panel_title,
-    save,
 )
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
@@ -60,26 +60,18 @@ _BINS = 41  # bars of the histogram, odd: one about zero
 _SHARE = 95.0  # percent of the samples between the marked ends
 
 
-def flight_gallery(flight: Flight, folder: str | Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
-    """Paths of the figures of a flight after they were written into a folder; none of a diverged one.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written.
-    """
+def drawings(flight: Flight) -> dict[str, Callable[[], Figure]]:
+    """Figures of a flight by name; none of a diverged one."""
     if flight.diverged:
-        return []
-    written: list[Path] = []
-    for name, drawn in (
-        ("track", flight_track),
-        ("loops", flight_loops),
-        ("actuators", flight_actuators),
-        ("errors", flight_errors),
-        *([] if flight.samples is None else [("samples", flight_samples)]),
-    ):
-        written += save(drawn(flight), Path(folder) / name, formats=formats)
-    return written
+        return {}
+    drawn = {
+        "track": flight_track,
+        "loops": flight_loops,
+        "actuators": flight_actuators,
+        "errors": flight_errors,
+        **({} if flight.samples is None else {"samples": flight_samples}),
+    }
+    return {name: partial(draw, flight) for name, draw in drawn.items()}
 
 
 def flight_errors(flight: Flight) -> Figure:

@@ -8,16 +8,15 @@ Q* the stage's lowest cost, over the candidates tried; colour and dashes tell th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
-from seatrial.base.errors import TrialError
 from seatrial.base.file_names import file_name, free_name
 from seatrial.report.plot.performance import characteristic
 from seatrial.report.plot.style import (
@@ -32,7 +31,6 @@ from seatrial.report.plot.style import (
     number,
     panel_title,
     printed_unit,
-    save,
     symbol,
     tidy,
 )
@@ -304,38 +302,20 @@ def _panel(axes: Axes, stage: StageResult) -> None:
     )
 
 
-def gallery(fit: Identification, folder: str | Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
-    """Paths of the figures of an identification after they were written into a folder.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written.
-    """
-    folder = Path(folder)
-    written: list[Path] = []
-    for name, figure in _figures(fit):
-        written += save(figure, folder / name, formats=formats)
-    return written
-
-
-def _figures(fit: Identification) -> Iterator[tuple[str, Figure]]:
-    yield "vehicle", three_views(fit.vehicle)
+def drawings(fit: Identification) -> dict[str, Callable[[], Figure]]:
+    """Figures of an identification by name."""
+    drawn: dict[str, Callable[[], Figure]] = {"vehicle": partial(three_views, fit.vehicle)}
     if fit.vehicle.actuators:
-        yield "characteristic", characteristic(fit.vehicle)
+        drawn["characteristic"] = partial(characteristic, fit.vehicle)
     if fit.stages:
-        yield "convergence", convergence(fit.stages)
+        drawn["convergence"] = partial(convergence, fit.stages)
     if fit.assessment is not None:
-        yield "intervals", intervals(fit.assessment)
-        yield "residual_analysis", residual_figure(fit.assessment.residual_analysis)
-    taken: list[str] = []
+        drawn["intervals"] = partial(intervals, fit.assessment)
+        drawn["residual_analysis"] = partial(residual_figure, fit.assessment.residual_analysis)
     for trial in fit.problem.trials:
-        try:
-            figure = trial_figure(fit, trial)
-        except TrialError:  # such a trial is named among the notes of the identification
-            continue
-        taken.append(free_name(file_name(trial), taken))
-        yield f"trial_{taken[-1]}", figure
+        name = free_name(f"trial_{file_name(trial)}", drawn)
+        drawn[name] = partial(trial_figure, fit, trial)
+    return drawn
 
 
 def trial_figure(fit: Identification, name: str) -> Figure:

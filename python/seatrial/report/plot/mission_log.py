@@ -6,7 +6,8 @@ Held by `tests/verification/test_recorded_verdict.py`.
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +25,6 @@ from seatrial.report.plot.style import (
     house_style,
     new_figure,
     panel_title,
-    save,
 )
 from seatrial.verification.mission_log.envelope import QUANTITIES
 
@@ -50,24 +50,14 @@ _RARE, _BEYOND = (
 _SIGN = re.compile(r"(?<!\w)-(?=\d)")
 
 
-def log_verdict_gallery(
-    verdict: LogVerdict, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
-) -> list[Path]:
-    """Paths of the figures of a verdict after they were written: residuals, suspects, envelope, as there are.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written.
-    """
-    written: list[Path] = []
-    if verdict.validity is not None:
-        written += save(residual_page(verdict), Path(folder) / "residuals", formats=formats)
-    if verdict.suspects:
-        written += save(suspect_bars(verdict), Path(folder) / "suspects", formats=formats)
-    if verdict.envelope is not None:
-        written += save(envelope_page(verdict), Path(folder) / "envelope", formats=formats)
-    return written
+def drawings(verdict: LogVerdict) -> dict[str, Callable[[], Figure]]:
+    """Figures of a verdict by name: residuals, suspects, envelope, as there are."""
+    there = {
+        "residuals": (residual_page, verdict.validity is not None),
+        "suspects": (suspect_bars, bool(verdict.suspects)),
+        "envelope": (envelope_page, verdict.envelope is not None),
+    }
+    return {name: partial(draw, verdict) for name, (draw, known) in there.items() if known}
 
 
 def envelope_page(verdict: LogVerdict) -> Figure:

@@ -8,14 +8,17 @@ and what it tells beside them. Held by ``tests/intake/test_import_figure.py`` an
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE
+from seatrial.base.file_names import file_name, free_name
 from seatrial.experiment.forecast import START_TILT_DEG, UNEVEN, simulated, uneven
+from seatrial.experiment.plan_result import Plan
 from seatrial.report.plot.style import (
     CYCLE,
     FAINT,
@@ -38,7 +41,8 @@ if TYPE_CHECKING:
 
     from seatrial._core import Run, Vehicle
     from seatrial.experiment.manoeuvre import Manoeuvre
-    from seatrial.experiment.plan_result import Plan, Ranked
+    from seatrial.experiment.plan_result import Ranked
+    from seatrial.intake.imported import Imported
     from seatrial.trial.trial import Trial
 
 _PANELS = (
@@ -61,6 +65,24 @@ _HEADROOM = 0.14  # above the curves, as a share of their range: a line of names
 _MOST_NAMED, _MOST_MARKED = 8, 60  # marks with names, and with lines; more would cover each other
 
 _UNITS = {"us": "\N{MICRO SIGN}s", "rpm": "rpm"}
+
+
+def drawings(result: Imported | Plan) -> dict[str, Callable[[], Figure]]:
+    """A figure per imported trial, or per trial of a plan, by name."""
+    drawn: dict[str, Callable[[], Figure]] = {}
+    if isinstance(result, Plan):
+        if (model := result.model) is not None:
+            for k in range(1, len(result.sequence) + 1):
+                drawn[f"trial_{k}"] = partial(planned_trial, model, result, trial=k)
+        return drawn
+    units = {name.removeprefix("cmd."): column.unit for name, column in result.columns.items()}
+    for each in result.trials:
+        name = "log" if len(result.trials) == 1 else f"log_{file_name(each.name)}"
+        held = () if each.hold_out_s is None else (each.hold_out_s,)
+        drawn[free_name(name, drawn)] = partial(
+            recording, each.trial, held_out=held, marks=each.modes, units=units, heading=each.name
+        )
+    return drawn
 
 
 def recording(

@@ -94,12 +94,23 @@ def house_style() -> Iterator[None]:
 
 
 def new_figure(height_in: float, *, width_in: float = WIDTH_IN, constrained: bool = True) -> Figure:
-    """Empty figure on a canvas that needs no display; call it inside `house_style`."""
+    """Empty figure on a canvas that needs no display; call it inside `house_style`.
+
+    A notebook shows it as it is written to a file, whether it has loaded pyplot or not.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width_in, height_in), layout="constrained" if constrained else None)
     FigureCanvasAgg(figure)
+
+    def shown() -> bytes:
+        content = io.BytesIO()
+        with house_style():
+            figure.savefig(content, format="png", dpi=110)  # 780 pixels wide, as a cell is
+        return content.getvalue()
+
+    figure._repr_png_ = shown  # type: ignore[attr-defined]
     return figure
 
 

@@ -6,8 +6,8 @@ panels; the recorded line is broad and grey. Held by `tests/report/test_plot.py`
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,16 +26,16 @@ from seatrial.report.plot.style import (
     house_style,
     new_figure,
     panel_title,
-    save,
     tidy,
 )
+from seatrial.scoring.comparison import Comparison
+from seatrial.scoring.score import Score
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.ticker import Locator
 
-    from seatrial.scoring.score import Score
     from seatrial.scoring.windows import Window
     from seatrial.trial.trial import Trial
 
@@ -191,39 +191,33 @@ _DEGREES = ("p", "q", "r", *_ANGLES)
 _PANEL_HEIGHT_IN, _EDGES_HEIGHT_IN = 1.45, 0.85  # layout, inches
 
 
-def draw_variants(
-    scores: Mapping[str, Score], folder: Path, *, free: str = AXES, formats: tuple[str, ...] = ("png",)
-) -> list[Path]:
-    """Paths of a figure per trial, of the velocities of the free axes, or of all channels without any.
+def drawings(
+    result: Score | Comparison | Mapping[str, Score], *, free: str = AXES
+) -> dict[str, Callable[[], Figure]]:
+    """A figure per trial, of the velocities of the free axes, or of all channels without any.
 
     Parameters
     ----------
-    scores : mapping
-        Score by name, all of the same trials.
-    folder : Path
-        Made where it does not exist.
+    result
+        Scores by name of the vehicle, all of the same trials, or one score.
     free : str
         Letters of the axes that were simulated.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written.
     """
+    if isinstance(result, Score):
+        result = {"model": result}
+    scores = result.scores if isinstance(result, Comparison) else result
     first_scores = next(iter(scores.values()))
     velocities = [CHANNELS[AXES.index(axis)] for axis in AXES if axis in free]
-    written: list[Path] = []
-    taken: list[str] = []
+    drawn: dict[str, Callable[[], Figure]] = {}
     for name in dict.fromkeys(first_scores.trials):
         trial = next((w.trial for w in first_scores.windows if w.trial.name == name), None)
         if trial is None:
             continue
         channels = [c for c in first_scores if c in velocities and c in trial.channels]
         channels = channels or [c for c in first_scores if c in trial.channels]
-        figure = variants(trial, scores, channels=channels)
-        taken.append(free_name(file_name(name, instead="_"), taken))
-        written += save(figure, folder / f"variants_{taken[-1]}", formats=formats)
-    return written
+        figure = free_name(f"variants_{file_name(name, instead='_')}", drawn)
+        drawn[figure] = partial(variants, trial, scores, channels=channels)
+    return drawn
 
 
 def variants(trial: Trial, scores: Mapping[str, Score], *, channels: Sequence[str]) -> Figure:

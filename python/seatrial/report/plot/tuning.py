@@ -9,8 +9,9 @@ Hägglund, 2006: 1.4 to 2 is usual). Held by `tests/report/test_tuning_gallery.p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,14 @@ from seatrial.base.arrays import Array
 from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
 from seatrial.control_design.margins import decibel
 from seatrial.control_design.tuning_table import LOOPS
-from seatrial.report.plot.corridors import Course, InCorridor, SetPointStep, corridor_figure, step_responses
+from seatrial.report.plot.corridors import (
+    Course,
+    InCorridor,
+    SetPointStep,
+    corridor_figure,
+    speed_steps,
+    step_responses,
+)
 from seatrial.report.plot.style import (
     FAINT,
     MEASURED,
@@ -30,7 +38,6 @@ from seatrial.report.plot.style import (
     house_style,
     new_figure,
     panel_title,
-    save,
 )
 from seatrial.vehicle.authority import LOOPS as LOOP_NAMES
 
@@ -65,56 +72,26 @@ _BEFORE_S = 5.0  # of the settling that is drawn before the first step
 _MINUS = "\N{MINUS SIGN}"
 
 
-def tuning_gallery(
-    tuning: Tuning,
-    folder: str | Path,
-    *,
-    formats: tuple[str, ...] = ("png",),
-    loops: Collection[str] | None = None,
-) -> list[Path]:
-    """Paths of the figures of a tuning after they were written into a folder.
-
-    Parameters
-    ----------
-    tuning : Tuning
-    folder : str or Path
-    formats : tuple of str, optional
-        Endings of the files.
-    loops : collection of str, optional
-        Loops and paths whose corridors and responses are drawn; all by default.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written.
-    """
-    written: list[Path] = []
-    for name, figure in _figures(tuning, loops):
-        written += save(figure, Path(folder) / name, formats=formats)
-    return written
-
-
-def _figures(tuning: Tuning, loops: Collection[str] | None) -> Iterator[tuple[str, Figure]]:
+def drawings(tuning: Tuning) -> dict[str, Callable[[], Figure]]:
+    """Figures of a tuning by name: of every loop and path its corridors and responses, speeds, margins."""
     start, tuned = tuning.of("start"), tuning.of("tuned")
     if start is None or tuned is None:
-        return
-    for loop in tuned.responses if loops is None else [name for name in tuned.responses if name in loops]:
-        for page, figure in enumerate(corridors(start, tuned, loop), 1):
-            yield _paged(f"corridor_{loop}", page), figure
-        yield f"responses_{loop}", responses(start, tuned, loop)
+        return {}
+    drawn: dict[str, Callable[[], Figure]] = {}
+    for loop in tuned.responses:
+        for page, trials in enumerate(_pages(start, tuned, loop), 1):
+            drawn[_paged(f"corridor_{loop}", page)] = partial(_corridors, start, tuned, loop, trials)
+        drawn[f"responses_{loop}"] = partial(responses, start, tuned, loop)
     if "surge" in tuned.responses:
-        from seatrial.report.plot.corridors import speed_steps
-
-        yield "speeds", speed_steps(tuning.plan, tuning.start, tuning.autopilot)
-    yield (
-        "margins",
-        tuning_margins(
-            tuning.plan.vehicle,
-            (tuning.start, tuning.autopilot),
-            limits=tuning.plan.table.margins,
-            sensors=tuning.plan.sensors,
-        ),
+        drawn["speeds"] = partial(speed_steps, tuning.plan, tuning.start, tuning.autopilot)
+    drawn["margins"] = partial(
+        tuning_margins,
+        tuning.plan.vehicle,
+        (tuning.start, tuning.autopilot),
+        limits=tuning.plan.table.margins,
+        sensors=tuning.plan.sensors,
     )
+    return drawn
 
 
 def _paged(name: str, page: int) -> str:
@@ -127,9 +104,13 @@ def corridors(start: Performance, tuned: Performance, loop: str) -> Iterator[Fig
 
     Each fits on a page.
     """
+    for trials in _pages(start, tuned, loop):
+        yield _corridors(start, tuned, loop, trials)
+
+
+def _pages(start: Performance, tuned: Performance, loop: str) -> list[list[int]]:
     trials = _one_per_speed(tuned, start, loop)
-    for first in range(0, len(trials), _SPEEDS_ON_A_PAGE):
-        yield _corridors(start, tuned, loop, trials[first : first + _SPEEDS_ON_A_PAGE])
+    return [trials[k : k + _SPEEDS_ON_A_PAGE] for k in range(0, len(trials), _SPEEDS_ON_A_PAGE)]
 
 
 def _corridors(start: Performance, tuned: Performance, loop: str, trials: list[int]) -> Figure:

@@ -7,9 +7,9 @@ A failure boundary is the failure probability over one variable, or its sides ov
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +32,6 @@ from seatrial.report.plot.style import (
     house_style,
     new_figure,
     panel_title,
-    save,
 )
 from seatrial.report.plot.track import (
     extent,
@@ -47,6 +46,7 @@ from seatrial.report.plot.track import (
 )
 from seatrial.report.results.verification import reserve
 from seatrial.statistics.proportions import FailureProbability, share, wilson
+from seatrial.verification.boundary import FailureBoundary
 from seatrial.verification.causes import odds
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial.flight.flight import Flight
-    from seatrial.verification.boundary import FailureBoundary, RequirementBoundary
+    from seatrial.verification.boundary import RequirementBoundary
     from seatrial.verification.causes import Influence
     from seatrial.verification.judgement import JudgedRequirement
     from seatrial.verification.verification import Verification
@@ -320,43 +320,35 @@ _TRUE = "true_cross_track_p95_m"
 _MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4  # figures of a gallery, and tracks of a figure
 
 
-def verification_gallery(
-    verification: Verification, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
-) -> list[Path]:
-    """Paths of the figures of a verification after they were written into a folder.
+def drawings(result: Verification | FailureBoundary) -> dict[str, Callable[[], Figure]]:
+    """Figures by name: requirements, cross-track error, causes and worst missions; boundaries of a survey.
 
     The worst missions of each requirement that some mission failed are flown again for their tracks.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written.
     """
-    written: list[Path] = []
-    for name, figure in verification_figures(verification):
-        written += save(figure, Path(folder) / name, formats=formats)
-    return written
-
-
-def verification_figures(verification: Verification) -> Iterator[tuple[str, Figure]]:
-    """Name and figure, one after the other: requirements, cross-track error, causes and worst missions."""
-    missions = ", ".join(verification.flights.titles)
+    if isinstance(result, FailureBoundary):
+        boundaries: dict[str, Callable[[], Figure]] = {}
+        for own in result.requirements:
+            name = free_name(file_name(f"boundary_{own.requirement.name}", instead="_"), boundaries)
+            boundaries[name] = partial(boundary_figure, result, own)
+        return boundaries
+    missions = ", ".join(result.flights.titles)
     rows = [
         Verified(judged.requirement.name, judged.found, judged.requirement.allowed)
-        for judged in verification.requirements
+        for judged in result.requirements
     ]
-    yield (
-        "requirements",
-        verified_requirements(rows, heading=f"{missions}: {len(verification.flown)} missions"),
-    )
-    yield "cross_track", _cross_track(verification)
+    heading = f"{missions}: {len(result.flown)} missions"
+    drawn: dict[str, Callable[[], Figure]] = {
+        "requirements": partial(verified_requirements, rows, heading=heading),
+        "cross_track": partial(_cross_track, result),
+    }
     taken: set[str] = set()
-    for judged in [row for row in verification.requirements if row.found.failures][:_MOST_REQUIREMENTS]:
+    for judged in [row for row in result.requirements if row.found.failures][:_MOST_REQUIREMENTS]:
         name = free_name(file_name(judged.requirement.name, instead="_"), taken)
         taken.add(name)
-        yield f"causes_{name}", cause_bars(judged.causes, heading=judged.requirement.name)
+        drawn[f"causes_{name}"] = partial(cause_bars, judged.causes, heading=judged.requirement.name)
         if judged.worst:
-            yield f"worst_{name}", _worst(verification, judged)
+            drawn[f"worst_{name}"] = partial(_worst, result, judged)
+    return drawn
 
 
 def _cross_track(verification: Verification) -> Figure:
@@ -392,25 +384,6 @@ def _worst(verification: Verification, judged: JudgedRequirement) -> Figure:
 
 
 _SAFE, _UNSAFE = "#CFE3F2", "#F4D3BE"
-
-
-def boundary_gallery(
-    boundaries: FailureBoundary, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
-) -> list[Path]:
-    """Paths of the figures of the boundaries after they were written into a folder, one per requirement.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written.
-    """
-    written: list[Path] = []
-    taken: set[str] = set()
-    for requirement in boundaries.requirements:
-        name = free_name(file_name(f"boundary_{requirement.requirement.name}", instead="_"), taken)
-        taken.add(name)
-        written += save(boundary_figure(boundaries, requirement), Path(folder) / name, formats=formats)
-    return written
 
 
 def boundary_figure(boundaries: FailureBoundary, boundary: RequirementBoundary) -> Figure:

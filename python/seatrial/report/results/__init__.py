@@ -7,7 +7,11 @@ function ``report``, and ``junit`` where a result is a verdict. Held by ``tests/
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterable
+from html import escape
 from types import ModuleType
+
+from seatrial.base.report import Report, Table
 
 WRITERS = {
     "AutopilotCheck": "check_autopilot",
@@ -27,6 +31,35 @@ WRITERS = {
     "Verification": "verification",
 }
 """Module of this folder by the name of the result's class."""
+
+
+def html(report: Report, *, most: int = 15) -> str:
+    """The three lines and the first table of a report, for a notebook.
+
+    Parameters
+    ----------
+    report : Report
+    most : int, optional
+        Rows of the table: a screen shows as many without scrolling.
+    """
+    lines = "<br>".join(map(escape, report.lines()))
+    first = next((table for section in report.shown(verbose=False) for table in section.tables), None)
+    return f"<p>{lines}</p>" + ("" if first is None else _table(first.filled(), most))
+
+
+def _table(table: Table, most: int) -> str:
+    def row(tag: str, cells: Iterable[str]) -> str:
+        styled = zip(cells, table.columns, strict=True)
+        made = (f'<{tag} style="text-align:{side.align}">{escape(cell)}</{tag}>' for cell, side in styled)
+        return f"<tr>{''.join(made)}</tr>"
+
+    more = len(table.rows) - most
+    notes = (f"{more} more rows: print the summary()" if more > 0 else "", table.note)
+    return (
+        f"<table><caption>{escape(table.title)}</caption>"
+        f"<thead>{row('th', (column.head for column in table.columns))}</thead>"
+        f"<tbody>{''.join(row('td', cells) for cells in table.rows[:most])}</tbody></table>"
+    ) + "".join(f"<p>{escape(note)}</p>" for note in notes if note)
 
 
 def writer_of(result: object) -> ModuleType:

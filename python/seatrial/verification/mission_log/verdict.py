@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from seatrial.base.progress import Clock
-from seatrial.base.report import Report, report_of
+from seatrial.base.report import Reported
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.verification.junit import JUnitCase, junit_xml
 from seatrial.verification.mission_log.power import Power
@@ -59,8 +59,8 @@ class JudgedRequirement:
         return any(name.startswith("true_") for name in self.missing)
 
 
-@dataclass(frozen=True, eq=False)
-class LogVerdict:
+@dataclass(frozen=True, eq=False, repr=False)
+class LogVerdict(Reported):
     """What a log says of the model and of the mission.
 
     Attributes
@@ -142,14 +142,6 @@ class LogVerdict:
         """Whether the outcome is "held": what was not shown does not pass."""
         return self.outcome == "held"
 
-    def report(self) -> Report:
-        """Whether the model holds, the worst finding, what to do next; then channels, suspects, mission."""
-        return report_of(self)
-
-    def summary(self) -> str:
-        """The report as text."""
-        return self.report().text()
-
     def to_dict(self) -> dict[str, Any]:
         """Everything but the samples as plain data."""
         return {
@@ -196,7 +188,7 @@ class LogVerdict:
     def save(self, folder: str | Path, *, problem: Problem | None = None, source: str | Path = "") -> Path:
         """Path of a run directory with the verdict, a summary, the inputs and their hashes.
 
-        `seatrial.report.plot.mission_log.log_verdict_gallery` draws its figures.
+        `plot` draws its figures.
 
         Parameters
         ----------
@@ -215,9 +207,6 @@ class LogVerdict:
         facts = _facts(self, problem, source or self.log.trial.name)
         with RunDirectory(folder) as run:
             return run.publish(facts, _files(self, problem))
-
-    def __str__(self) -> str:
-        return self.summary()
 
 
 SHOWN = 6
