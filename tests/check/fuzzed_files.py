@@ -56,8 +56,9 @@ def seeds() -> dict[str, dict[str, str]]:
     for path in sorted(EXAMPLES.rglob("*.toml")):
         text = path.read_text()
         if path.name.startswith("campaign"):
-            # A bench test takes seconds; `seatrial new` puts the vehicle beside its campaign.
-            text = text.replace("\nbench =", "\n# bench =").replace('"vehicle.toml"', '"rov6.toml"')
+            # A bench test takes seconds; `seatrial new` puts a vehicle beside the campaign of `like`.
+            own = "vehicle.toml" if path.with_name("vehicle.toml").exists() else "rov6.toml"
+            text = text.replace("\nbench =", "\n# bench =").replace('"vehicle.toml"', f'"{own}"')
             found["campaign"][str(path)] = text
         elif path.name.startswith("bench"):
             found["bench"][str(path)] = text
