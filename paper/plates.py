@@ -214,8 +214,8 @@ def _vertical(bench: BenchTest, unit: str) -> bool:
 def campaign_plates(fit: Identification) -> Iterator[Plate]:
     """Plates of an identification: schema, stages, convergence, uncertainty, held-out trials."""
     from paper.model import optimisation_diagram
+    from paper.stage import stage_result
     from seatrial.report.plot.identification import convergence, intervals, residual_figure, trial_figure
-    from seatrial.report.plot.stage import stage_result
 
     problem = fit.problem
     yield Plate(

@@ -18,49 +18,69 @@ if TYPE_CHECKING:
     from seatrial._core import State as State
     from seatrial._core import Vehicle as Vehicle
     from seatrial._core import simulate_batch as simulate_batch
-    from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, TrialError, VehicleError
-    from seatrial.base.progress import ProgressBar
-    from seatrial.base.work import Work
-    from seatrial.bench_test.evaluate import bench
-    from seatrial.bench_test.result import BenchTest
-    from seatrial.campaign.campaign import Campaign
-    from seatrial.control_design.start_autopilot import start_autopilot
-    from seatrial.experiment.plan import plan
-    from seatrial.experiment.plan_result import Plan
-    from seatrial.export.c_code import CExport, export_c
-    from seatrial.export.fmu import FmuExport, export_fmu
-    from seatrial.flight.conditions import Conditions, Water
-    from seatrial.flight.failures import Fault, Outage
-    from seatrial.flight.flight import Flight
-    from seatrial.flight.fly import fly, fly_batch
-    from seatrial.flight.mission import Mission
-    from seatrial.flight.navigation import NavigationFilter
-    from seatrial.flight.sea import SeaState
-    from seatrial.identification.fitted import Fitted
-    from seatrial.identification.identification import Identification
-    from seatrial.identification.identify import identify
-    from seatrial.identification.leave_one_out import LeaveOneOut, leave_one_out
-    from seatrial.intake.import_logs import import_logs
-    from seatrial.intake.imported import Imported
-    from seatrial.problem.problem import Problem
-    from seatrial.problem.settings import Anchor, JointSettings, Stage, TrialUse
-    from seatrial.realtime.ardupilot_link import SitlSession, sitl
-    from seatrial.scoring.comparison import Comparison, compare
-    from seatrial.scoring.score import Score, score
-    from seatrial.trial.trial import Trial
-    from seatrial.tuning.control_problem import ControlProblem
-    from seatrial.tuning.result import Tuning
-    from seatrial.tuning.tuning_run import tune
-    from seatrial.verification.boundary import Boundary, FailureBoundary
-    from seatrial.verification.falsify import Falsification, Falsify
-    from seatrial.verification.mission_log.judge_log import LogSettings, verify_log
-    from seatrial.verification.mission_log.log import MissionLog
-    from seatrial.verification.mission_log.verdict import LogVerdict
-    from seatrial.verification.rare import Rare, RareFailures
-    from seatrial.verification.requirement import Requirement
-    from seatrial.verification.scenario import Scenario
-    from seatrial.verification.verification import Verification
-    from seatrial.verification.verify import verify
+    from seatrial.base.errors import CampaignError as CampaignError
+    from seatrial.base.errors import SeatrialError as SeatrialError
+    from seatrial.base.errors import SimulationError as SimulationError
+    from seatrial.base.errors import TrialError as TrialError
+    from seatrial.base.errors import VehicleError as VehicleError
+    from seatrial.base.progress import ProgressBar as ProgressBar
+    from seatrial.base.work import Work as Work
+    from seatrial.bench_test.evaluate import bench as bench
+    from seatrial.bench_test.result import BenchTest as BenchTest
+    from seatrial.campaign.campaign import Campaign as Campaign
+    from seatrial.control_design.start_autopilot import start_autopilot as start_autopilot
+    from seatrial.experiment.plan import plan as plan
+    from seatrial.experiment.plan_result import Plan as Plan
+    from seatrial.export.c_code import CExport as CExport
+    from seatrial.export.c_code import export_c as export_c
+    from seatrial.export.fmu import FmuExport as FmuExport
+    from seatrial.export.fmu import export_fmu as export_fmu
+    from seatrial.flight.conditions import Conditions as Conditions
+    from seatrial.flight.conditions import Water as Water
+    from seatrial.flight.failures import Fault as Fault
+    from seatrial.flight.failures import Outage as Outage
+    from seatrial.flight.flight import Flight as Flight
+    from seatrial.flight.fly import fly as fly
+    from seatrial.flight.fly import fly_batch as fly_batch
+    from seatrial.flight.mission import Mission as Mission
+    from seatrial.flight.navigation import NavigationFilter as NavigationFilter
+    from seatrial.flight.sea import SeaState as SeaState
+    from seatrial.identification.fitted import Fitted as Fitted
+    from seatrial.identification.identification import Identification as Identification
+    from seatrial.identification.identify import identify as identify
+    from seatrial.identification.leave_one_out import LeaveOneOut as LeaveOneOut
+    from seatrial.identification.leave_one_out import leave_one_out as leave_one_out
+    from seatrial.intake.import_logs import import_logs as import_logs
+    from seatrial.intake.imported import Imported as Imported
+    from seatrial.problem.problem import Problem as Problem
+    from seatrial.problem.settings import Anchor as Anchor
+    from seatrial.problem.settings import JointSettings as JointSettings
+    from seatrial.problem.settings import Stage as Stage
+    from seatrial.problem.settings import TrialUse as TrialUse
+    from seatrial.realtime.ardupilot_link import SitlSession as SitlSession
+    from seatrial.realtime.ardupilot_link import sitl as sitl
+    from seatrial.scoring.comparison import Comparison as Comparison
+    from seatrial.scoring.comparison import compare as compare
+    from seatrial.scoring.score import Score as Score
+    from seatrial.scoring.score import score as score
+    from seatrial.trial.trial import Trial as Trial
+    from seatrial.tuning.control_problem import ControlProblem as ControlProblem
+    from seatrial.tuning.result import Tuning as Tuning
+    from seatrial.tuning.tuning_run import tune as tune
+    from seatrial.verification.boundary import Boundary as Boundary
+    from seatrial.verification.boundary import FailureBoundary as FailureBoundary
+    from seatrial.verification.falsify import Falsification as Falsification
+    from seatrial.verification.falsify import Falsify as Falsify
+    from seatrial.verification.mission_log.judge_log import LogSettings as LogSettings
+    from seatrial.verification.mission_log.judge_log import verify_log as verify_log
+    from seatrial.verification.mission_log.log import MissionLog as MissionLog
+    from seatrial.verification.mission_log.verdict import LogVerdict as LogVerdict
+    from seatrial.verification.rare import Rare as Rare
+    from seatrial.verification.rare import RareFailures as RareFailures
+    from seatrial.verification.requirement import Requirement as Requirement
+    from seatrial.verification.scenario import Scenario as Scenario
+    from seatrial.verification.verification import Verification as Verification
+    from seatrial.verification.verify import verify as verify
 
 _HOME = {
     "Anchor": "seatrial.problem.settings",
@@ -134,77 +154,7 @@ _HOME = {
     "verify_log": "seatrial.verification.mission_log.judge_log",
 }
 
-__all__ = [
-    "Anchor",
-    "Autopilot",
-    "BenchTest",
-    "Boundary",
-    "CExport",
-    "Campaign",
-    "CampaignError",
-    "Comparison",
-    "Conditions",
-    "ControlProblem",
-    "FailureBoundary",
-    "Falsification",
-    "Falsify",
-    "Fault",
-    "Fitted",
-    "Flight",
-    "Flights",
-    "FmuExport",
-    "Identification",
-    "Imported",
-    "JointSettings",
-    "LeaveOneOut",
-    "LogSettings",
-    "LogVerdict",
-    "Mission",
-    "MissionLog",
-    "NavigationFilter",
-    "Outage",
-    "Plan",
-    "Problem",
-    "ProgressBar",
-    "Rare",
-    "RareFailures",
-    "Requirement",
-    "Run",
-    "Scenario",
-    "Score",
-    "SeaState",
-    "SeatrialError",
-    "SimulationError",
-    "SitlSession",
-    "Stage",
-    "State",
-    "Trial",
-    "TrialError",
-    "TrialUse",
-    "Tuning",
-    "Vehicle",
-    "VehicleError",
-    "Verification",
-    "Water",
-    "Work",
-    "bench",
-    "compare",
-    "export_c",
-    "export_fmu",
-    "fly",
-    "fly_batch",
-    "identify",
-    "import_logs",
-    "leave_one_out",
-    "plan",
-    "score",
-    "simulate_batch",
-    "sitl",
-    "start_autopilot",
-    "tune",
-    "verify",
-    "verify_log",
-]
+__all__ = sorted(_HOME)
 
 _INSTEAD = {
     **dict.fromkeys(("Coverage", "coverage"), "in a clone, run python -m studies.coverage"),
@@ -225,4 +175,4 @@ if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return list(__all__)

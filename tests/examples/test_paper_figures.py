@@ -31,6 +31,7 @@ from paper.plates import (
     not_drawn,
     vehicle_plates,
 )
+from paper.stage import polished_cost, stage_result
 from paper.tuning import tuning_plates, without_tuning
 from seatrial._core import State
 from seatrial.base.errors import SeatrialError
@@ -41,7 +42,6 @@ from seatrial.identification.identification import Identification
 from seatrial.problem.settings import Axes as Modes
 from seatrial.problem.settings import Stage
 from seatrial.report.plot.identification import convergence, phase_costs
-from seatrial.report.plot.stage import polished_cost, stage_result
 from seatrial.report.plot.style import number, symbol
 from tests.report.figures import CWOLF, VEHICLES, assert_printable, texts
 

@@ -105,6 +105,7 @@ def assert_accessible(page: Page, options: str = "{}") -> None:
     assert package is not None
     assert package.origin is not None
     page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+    page.evaluate("for (const one of document.querySelectorAll('.away')) one.classList.remove('away')")
     page.evaluate((Path(package.origin).parent / "axe.min.js").read_text(encoding="utf-8"))
     found = page.evaluate(f"axe.run({options})")
     assert found["passes"]
@@ -131,6 +132,7 @@ def look(path: Path) -> None:
             settled(page, "seatrial.core.idle && !seatrial.core.waiting.size && !seatrial.untouched()")
             assert (page.text_content("[data-part=status]") or "").startswith("Re-flown")
             print(theme, "re-flown", flush=True)
+            page.locator("a[href='#both']").click()
             for name in page.evaluate(
                 "[...document.querySelector('[data-control=loop]').options].map((x) => x.value)"
             ):

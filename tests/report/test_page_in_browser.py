@@ -77,6 +77,7 @@ def opened(browser: Browser) -> Iterator[Opened]:
 
 def assert_margins(page: Page, gains: dict[str, float]) -> None:
     """Margins of the heading loop, before and after, as the engine has them at 12 frequencies per octave."""
+    page.locator("a[href='#both']").click()
     page.locator("select[data-control=loop]").select_option("heading")
     point = page.evaluate("seatrial.margins.data.points[Number(seatrial.margins.point.value)]")
     shown = page.evaluate("seatrial.margins.found")
@@ -92,6 +93,16 @@ def assert_margins(page: Page, gains: dict[str, float]) -> None:
     assert page.locator("[data-part=margins] svg").count() == 3
 
 
+def assert_failures_are_marked(page: Page) -> None:
+    """The dead propeller and the silent Doppler log stand on the map, and the page says what differs."""
+    names = page.locator("[data-part=scene] text").all_text_contents()
+    assert {"SbU dead, 45 s", "velocity silent, 20 s"} <= set(names)
+    assert page.locator("path.failing").count() == 2
+    assert page.text_content("[data-part=differs]") == (
+        "Original and changed are one flight until something is changed."
+    )
+
+
 def choose(page: Page, **controls: str | float) -> None:
     """Chooses in lists and fills in numbers, and waits until all of it was flown."""
     for name, value in controls.items():
@@ -102,6 +113,10 @@ def choose(page: Page, **controls: str | float) -> None:
             control.fill(str(value))
             control.dispatch_event("change")
     settled(page, "seatrial.core.idle && !seatrial.core.waiting.size")
+
+
+def shown(value: float) -> str:
+    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
 
 
 def flown(mission: st.Mission, **changes: Any) -> Any:
@@ -115,6 +130,7 @@ def test_the_page_flies_what_python_flies(opened: Opened, tmp_path: Path) -> Non
     page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"))
     settled(page, "window.seatrial && seatrial.changed")
     assert_same_bits(page, "original", flown(mission))
+    assert_failures_are_marked(page)
     assert "complete" in (page.text_content("[data-part=status]") or "")
 
     # A gain and a coefficient by keyboard; every breakpoint of the gain moves with its slider.
@@ -127,6 +143,9 @@ def test_the_page_flies_what_python_flies(opened: Opened, tmp_path: Path) -> Non
     gains, coefficients = page.evaluate("[seatrial.state.gains, seatrial.state.coefficients]")
     own = st.Autopilot.load("cwolf").gains()
     assert gains == {name: own[name] / 4.0 for name in own if name.startswith("heading.K_P.")}
+    assert page.text_content("[data-part=differs]") == (
+        f"Changed: heading K_P × 0.25; X_uu −9.781 → {shown(coefficients['X_uu'])} N s2/m2."
+    )
     assert coefficients["X_uu"] == pytest.approx(0.8 * st.Vehicle.load("cwolf").coefficients()["X_uu"])
     changed = {
         "gains": {name: [value] for name, value in gains.items()},
@@ -135,6 +154,17 @@ def test_the_page_flies_what_python_flies(opened: Opened, tmp_path: Path) -> Non
     assert_same_bits(page, "changed", flown(mission, **changed))
     assert_same_bits(page, "original", flown(mission))
     assert_margins(page, gains)
+
+    # A number typed beside a slider is flown as it is, and the slider follows.
+    entry = page.locator('[data-entry="gain guidance.lookahead_m"]')
+    entry.fill("12.5")
+    entry.dispatch_event("change")
+    settled(page, "seatrial.state.gains['guidance.lookahead_m'] === 12.5 && seatrial.core.idle")
+    at = float(page.locator('[data-control="gain guidance.lookahead_m"]').input_value())
+    assert own["guidance.lookahead_m"] * 4.0 ** (2.0 * at - 1.0) == pytest.approx(12.5, rel=0.02)
+    gains = page.evaluate("seatrial.state.gains")
+    changed["gains"] = {name: [value] for name, value in gains.items()}
+    assert_same_bits(page, "changed", flown(mission, **changed))
 
     # The same autopilot as a file for elsewhere.
     page.locator("button[data-act=autopilot]").click()
@@ -196,6 +226,7 @@ def test_drawn_vehicles_fail_in_a_counted_share(opened: Opened, tmp_path: Path) 
     one = {name: [number] for name, number in drawn.items()}
     mission = st.Mission.from_toml(MISSION)
     assert_same_bits(page, "changed", st.fly_batch("lauv", "lauv", mission, coefficients=one, logs=True))
+    page.locator("a[href='#both']").click()
     for number in range(page.locator("[data-part=stepof] option").count()):
         page.locator("[data-part=stepof]").select_option(index=number)
         page.locator("button[data-act=step]").click()
@@ -247,6 +278,45 @@ def test_an_accessibility_checker_finds_nothing_serious(opened: Opened, tmp_path
     page.locator("#theme").click()
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
     assert_accessible(page, "{runOnly: ['color-contrast']}")  # all that a theme changes
+
+
+def test_the_parts_are_tabs_and_the_first_screen_flies(opened: Opened, tmp_path: Path) -> None:
+    st.fly("cwolf", "cwolf", st.Mission.from_toml(MISSION)).save(tmp_path / "run")
+    page = opened(
+        write_page([tmp_path / "run"], tmp_path / "report.html"), viewport={"width": 1280, "height": 800}
+    )
+    settled(page, "window.seatrial && seatrial.changed && seatrial.core.idle")
+    assert page.locator(".numbers dd").count() == 4
+    for part in ("[data-part=scene] svg", '[data-control="gain guidance.lookahead_m"]', "[data-part=time]"):
+        box = page.locator(part).bounding_box()
+        assert box is not None
+        assert box["y"] + box["height"] <= 800, part
+    tabs = page.locator("[role=tab]")
+    assert tabs.all_text_contents()[:3] == ["flight ✓", "both flights", "vehicle"]
+    assert page.locator("[role=tabpanel]:visible").count() == 1
+    tabs.first.focus()
+    page.keyboard.press("ArrowRight")
+    assert page.locator("[role=tabpanel]:visible").get_attribute("id") == "both"
+    page.locator("[data-part=panels]").scroll_into_view_if_needed()
+    settled(page, "document.querySelector('[data-part=panels] svg')")
+    page.locator("[data-part=panels] .drawing").hover(position={"x": 500, "y": 60})
+    values = page.locator("[data-part=panels] text.value").all_text_contents()
+    assert all(value.split()[-1] in ("m", "m/s", "deg", "rpm") for value in values)
+    printed = page.pdf(format="A4")
+    assert printed.count(b"/Type /Page\n") <= 8
+
+
+def test_a_heading_goes_around_the_circle(opened: Opened, tmp_path: Path) -> None:
+    st.fly("cwolf", "cwolf", st.Mission.from_toml(MISSION)).save(tmp_path / "run")
+    page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"))
+    settled(page, "window.seatrial && seatrial.changed")
+    around = page.evaluate("aroundCircle([-10, 350, 365, 370, 725])")
+    assert around[:2] + around[3:] == [350, 350, 10, 5]
+    assert around[2] is None or around[2] != around[2]  # the line breaks where the circle closes
+    heading = "seatrial.panels.panels.find((one) => one.name === 'heading')"
+    wrapped = page.evaluate(f"Array.from({heading}.lines[1].y)")
+    known = [x for x in wrapped if x is not None and x == x]
+    assert 0.0 <= min(known) <= max(known) < 360.0
 
 
 def test_without_script_the_results_can_be_read(opened: Opened, tmp_path: Path) -> None:

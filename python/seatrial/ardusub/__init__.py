@@ -19,34 +19,21 @@ if TYPE_CHECKING:
     from seatrial.ardusub.servos import map_channels as map_channels
     from seatrial.ardusub.servos import map_parameters as map_parameters
 
-__all__ = [
-    "Change",
-    "ChannelMap",
-    "LogTuning",
-    "ParameterFile",
-    "Replay",
-    "changes",
-    "map_channels",
-    "map_parameters",
-    "replay",
-    "tune_log",
-    "write_changes",
-]
+_HOMES = {
+    "Change": "parameters",
+    "ChannelMap": "servos",
+    "LogTuning": "result",
+    "ParameterFile": "parameters",
+    "Replay": "log_replay",
+    "changes": "parameters",
+    "map_channels": "servos",
+    "map_parameters": "servos",
+    "replay": "log_replay",
+    "tune_log": "from_log",
+    "write_changes": "parameters",
+}
+
+__all__ = sorted(_HOMES)
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
-    __getattr__ = front(
-        __name__,
-        {
-            "Change": "parameters",
-            "ChannelMap": "servos",
-            "LogTuning": "result",
-            "ParameterFile": "parameters",
-            "Replay": "log_replay",
-            "changes": "parameters",
-            "map_channels": "servos",
-            "map_parameters": "servos",
-            "replay": "log_replay",
-            "tune_log": "from_log",
-            "write_changes": "parameters",
-        },
-    )
+    __getattr__ = front(__name__, _HOMES)

@@ -1,4 +1,4 @@
-"""The front of a room: names that users import from it, loaded when they are first used.
+"""What is loaded or made when it is first used: the names of a room's front, values by name.
 
 `from seatrial.diagnosis import profile` works wherever `profile` is defined inside the room, and importing
 one module of a room loads no other. Held by tests/docs/test_public_names.py.
@@ -6,9 +6,12 @@ one module of a room loads no other. Held by tests/docs/test_public_names.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 
 def front(room: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
@@ -37,3 +40,43 @@ def front(room: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
         return getattr(import_module(f"{room}.{homes[name]}"), name)
 
     return find
+
+
+class ByName(Mapping[str, T]):
+    """Values by name, each made once, by one thread at a time.
+
+    Parameters
+    ----------
+    names : iterable of str
+        In their order; asking for them makes nothing.
+    make : callable
+        From a name to its value.
+    """
+
+    def __init__(self, names: Iterable[str], make: Callable[[str], T]) -> None:
+        self._names, self._make = dict.fromkeys(names), make
+        self._made: dict[str, T] = {}
+        self._lock = threading.Lock()
+
+    def __getitem__(self, name: str) -> T:
+        if name not in self._names:
+            raise KeyError(name)
+        with self._lock:
+            if name not in self._made:
+                self._made[name] = self._make(name)
+            return self._made[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in vars(self).items() if key != "_lock"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _lock=threading.Lock())

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.base.file_names import no_file
+from seatrial.base.front import ByName
 from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.base.work import HERE, Work, takes
 from seatrial.campaign.file import CampaignFile, Environment, LockedAxes, TrialSource, parse, with_locked_axes
-from seatrial.problem.by_name import ByName
 from seatrial.problem.problem import Problem
 from seatrial.problem.settings import TrialUse
 from seatrial.trial.corrections import merged, refuse_far

@@ -38,17 +38,38 @@ def report(
         list[Path], typer.Argument(metavar="RUN...", help="Run directories, in order of telling.")
     ],
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE.html", callback=_place, help="The page to write.")
-    ],
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE.html",
+            callback=_place,
+            help="The page to write; without it two runs of a kind are compared here.",
+        ),
+    ] = None,
     title: Annotated[str, typer.Option(help="Heading; the names of the runs by default.")] = "",
 ) -> None:
     """Write runs as one HTML file that opens anywhere without a network: results, evidence, inputs.
 
     Vehicle, autopilot, mission and campaign files are inside; `seatrial new --from-report` takes them out.
+    Two runs of a kind are compared, before and after; without --out on the terminal only.
 
     Example: seatrial report runs/mine runs/mine-tuned --out mine.html
     """
-    reported(out, runs, title=title)
+    if out is not None:
+        reported(out, runs, title=title)
+        return
+    from seatrial.base.errors import SeatrialError
+    from seatrial.cli.console import answer
+    from seatrial.report.page.compare import compared
+    from seatrial.report.page.run_folder import RunFolder
+
+    if (both := compared([RunFolder.read(run) for run in runs])) is None:
+        raise SeatrialError(
+            "--out: expected the page to write, found none; give --out FILE.html, or two runs of a kind to"
+            " compare"
+        )
+    answer(both)
 
 
 def reported(

@@ -16,28 +16,18 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.resampling import profile as profile
     from seatrial.diagnosis.residual_analysis import analyse_joint as analyse_joint
 
-__all__ = [
-    "Assessment",
-    "analyse_joint",
-    "assess",
-    "bootstrap",
-    "conditioning",
-    "judge",
-    "profile",
-    "warnings_before",
-]
+_HOMES = {
+    "Assessment": "assessment",
+    "analyse_joint": "residual_analysis",
+    "assess": "assessment",
+    "bootstrap": "resampling",
+    "conditioning": "assessment",
+    "judge": "identifiability",
+    "profile": "resampling",
+    "warnings_before": "identifiability",
+}
+
+__all__ = sorted(_HOMES)
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
-    __getattr__ = front(
-        __name__,
-        {
-            "Assessment": "assessment",
-            "analyse_joint": "residual_analysis",
-            "assess": "assessment",
-            "bootstrap": "resampling",
-            "conditioning": "assessment",
-            "judge": "identifiability",
-            "profile": "resampling",
-            "warnings_before": "identifiability",
-        },
-    )
+    __getattr__ = front(__name__, _HOMES)

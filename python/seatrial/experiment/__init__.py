@@ -17,30 +17,19 @@ if TYPE_CHECKING:
     from seatrial.experiment.manoeuvre import staircase as staircase
     from seatrial.experiment.manoeuvre import zigzag as zigzag
 
-__all__ = [
-    "Limits",
-    "Thrusters",
-    "coast_down",
-    "dive",
-    "free_decay",
-    "multisine",
-    "spiral",
-    "staircase",
-    "zigzag",
-]
+_HOMES = {
+    "Limits": "forecast",
+    "Thrusters": "combinations",
+    "coast_down": "manoeuvre",
+    "dive": "manoeuvre",
+    "free_decay": "manoeuvre",
+    "multisine": "manoeuvre",
+    "spiral": "manoeuvre",
+    "staircase": "manoeuvre",
+    "zigzag": "manoeuvre",
+}
+
+__all__ = sorted(_HOMES)
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
-    __getattr__ = front(
-        __name__,
-        {
-            "Limits": "forecast",
-            "Thrusters": "combinations",
-            "coast_down": "manoeuvre",
-            "dive": "manoeuvre",
-            "free_decay": "manoeuvre",
-            "multisine": "manoeuvre",
-            "spiral": "manoeuvre",
-            "staircase": "manoeuvre",
-            "zigzag": "manoeuvre",
-        },
-    )
+    __getattr__ = front(__name__, _HOMES)

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.front import ByName
 from seatrial.base.run import sha256
 from seatrial.base.toml_file import loaded
 from seatrial.base.work import HERE, Work, takes
 from seatrial.inspect.verdict import Verdict, judge_trial
 from seatrial.problem.by_hand import SOURCE, entries, fitted_and_judging, own_input, share, stage_of
-from seatrial.problem.by_name import ByName
 from seatrial.problem.parameter import Parameter, coefficient_names, parameters
 from seatrial.problem.settings import Anchor, Budget, JointSettings, Stage, TrialUse, in_order
 from seatrial.problem.variants import strips_freed, without_free, without_trial

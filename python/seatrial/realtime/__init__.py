@@ -19,30 +19,19 @@ if TYPE_CHECKING:
     from seatrial.realtime.live import Live as Live
     from seatrial.realtime.plant import Plant as Plant
 
-__all__ = [
-    "Hardware",
-    "Live",
-    "Plant",
-    "RealtimeFlight",
-    "SitlSession",
-    "command_packet",
-    "fly_realtime",
-    "sensor_packet",
-    "sitl",
-]
+_HOMES = {
+    "Hardware": "hardware",
+    "Live": "live",
+    "Plant": "plant",
+    "RealtimeFlight": "flight",
+    "SitlSession": "ardupilot_link",
+    "command_packet": "hardware",
+    "fly_realtime": "flight",
+    "sensor_packet": "hardware",
+    "sitl": "ardupilot_link",
+}
+
+__all__ = sorted(_HOMES)
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
-    __getattr__ = front(
-        __name__,
-        {
-            "Hardware": "hardware",
-            "Live": "live",
-            "Plant": "plant",
-            "RealtimeFlight": "flight",
-            "SitlSession": "ardupilot_link",
-            "command_packet": "hardware",
-            "fly_realtime": "flight",
-            "sensor_packet": "hardware",
-            "sitl": "ardupilot_link",
-        },
-    )
+    __getattr__ = front(__name__, _HOMES)

@@ -57,11 +57,15 @@ function pathOf(times, values, [from, to], x, y, pixels) {
   };
   for (let k = first; k <= last; k += bucket) {
     if (bucket === 1) { put(k); continue; }
-    let least = k, most = k;
+    let least = -1, most = -1, broken = false, known = -1;
     for (let j = k; j < Math.min(k + bucket, last + 1); j++) {
-      if (values[j] < values[least]) least = j;
-      if (values[j] > values[most]) most = j;
+      if (!Number.isFinite(values[j])) { broken = true; continue; }
+      known = j;
+      if (least < 0 || values[j] < values[least]) least = j;
+      if (most < 0 || values[j] > values[most]) most = j;
     }
+    // Where a line breaks, it goes on behind the gap.
+    if (broken) { pen = false; if (known >= 0) put(known); continue; }
     for (const j of [...new Set([least, most])].sort((a, b) => a - b)) put(j);
   }
   return path;
@@ -74,6 +78,7 @@ class Panels {
     Object.assign(this, { host, label, shade, shadeLabel, windows, height });
     this.at = null;
     this.hairs = [];
+    this.texts = [];
     this.legend = element("div", { class: "legend" });
     this.tools = element("div", { class: "tools", role: "group", "aria-label": `Time axis of ${label}` },
       ...[["−", "Zoom out", () => this.zoom(2)], ["+", "Zoom in", () => this.zoom(0.5)], ["◀", "Earlier", () => this.pan(-0.4)],
@@ -106,9 +111,9 @@ class Panels {
     this.show(panels);
   }
 
-  show(panels) {
+  show(panels, shade = this.shade) {
     const before = this.full;
-    this.panels = panels;
+    Object.assign(this, { panels, shade });
     const ends = panels.flatMap((panel) => panel.lines).filter((line) => line.t.length).map((line) => [line.t[0], line.t[line.t.length - 1]]);
     this.full = ends.length ? [Math.min(...ends.map(([from]) => from)), Math.max(...ends.map(([, to]) => to))] : [0, 1];
     const all = !this.view || (before && this.view[0] === before[0] && this.view[1] === before[1]);
@@ -148,7 +153,9 @@ class Panels {
       line.setAttribute("visibility", inside ? "visible" : "hidden");
       if (inside) { line.setAttribute("x1", this.x(this.at)); line.setAttribute("x2", this.x(this.at)); }
     }
-    this.readout.textContent = inside ? `${shown(this.at)} s: ` + this.panels.map((panel) => `${panel.name} ` + panel.lines.map((line) => shown(line.y[Math.min(place(line.t, this.at), line.t.length - 1)])).join(" / ") + ` ${panel.unit}`).join(", ") : "";
+    const values = (panel) => panel.lines.filter((line) => line.t.length).map((line) => `${line.name} ${shown(Number(line.y[Math.min(place(line.t, this.at), line.t.length - 1)].toPrecision(4)))}`).join(", ");
+    this.panels.forEach((panel, k) => { if (this.texts[k]) this.texts[k].textContent = inside ? `${values(panel)} ${panel.unit}` : ""; });
+    this.readout.textContent = inside ? `at ${shown(Number(this.at.toPrecision(5)))} s` : "";
   }
 
   draw() {
@@ -161,6 +168,7 @@ class Panels {
     const total = this.panels.length * (height + gap) + 34;
     const svg = element("svg", { width, height: total, viewBox: `0 0 ${width} ${total}`, "aria-hidden": "true" });
     this.hairs = [];
+    this.texts = [];
     const clip = `clip-${(Panels.count = (Panels.count || 0) + 1)}`;
     svg.append(element("defs", {}, element("clipPath", { id: clip }, element("rect", { x: left, y: 0, width: inner, height: total }))));
     this.panels.forEach((panel, number) => {
@@ -182,7 +190,7 @@ class Panels {
         const a = Math.max(begin, from), b = Math.min(end, to);
         if (b > a) frame.append(element("rect", { class: "shaded", x: x(a), y: top, width: x(b) - x(a), height }));
       }
-      for (const mark of marks(low, high, 3)) frame.append(element("line", { class: "grid", x1: left, x2: left + inner, y1: y(mark), y2: y(mark) }), element("text", { x: left - 6, y: y(mark) + 4, "text-anchor": "end" }, shown(mark)));
+      for (const mark of marks(low, high, Math.max(4, height / 26))) frame.append(element("line", { class: "grid", x1: left, x2: left + inner, y1: y(mark), y2: y(mark) }), element("text", { x: left - 6, y: y(mark) + 4, "text-anchor": "end" }, shown(mark)));
       for (const mark of marks(from, to, Math.max(2, inner / 90))) {
         frame.append(element("line", { class: "grid", x1: x(mark), x2: x(mark), y1: top, y2: top + height }));
         if (number === this.panels.length - 1) frame.append(element("text", { x: x(mark), y: top + height + 15, "text-anchor": "middle" }, shown(mark)));
@@ -191,8 +199,10 @@ class Panels {
       const inside = element("g", { "clip-path": `url(#${clip})` });
       for (const line of panel.lines) inside.append(element("path", { class: `line ${line.look}`, d: pathOf(line.t, line.y, this.view, x, y, inner) }));
       const hair = element("line", { class: "hair", y1: top, y2: top + height, visibility: "hidden" });
+      const text = element("text", { class: "value", x: left + inner, y: top - 6, "text-anchor": "end" });
       this.hairs.push(hair);
-      svg.append(frame, inside, hair);
+      this.texts.push(text);
+      svg.append(frame, inside, hair, text);
     });
     svg.append(element("text", { x: left + inner, y: total - 1, "text-anchor": "end" }, "time, s"));
     this.drawing.replaceChildren(svg);
@@ -239,7 +249,7 @@ class Scene {
 
   draw() {
     if (!this.scene) return;
-    const scene = this.scene, width = Math.max(this.host.clientWidth, 240), height = Math.min(520, Math.max(300, width * 0.72));
+    const scene = this.scene, width = Math.max(this.host.clientWidth, 240), height = scene.plain ? Math.min(520, Math.max(300, width * 0.72)) : Math.min(Math.max(260, Math.min(width * 0.72, innerHeight - 400)), 900);
     const places = [...scene.tracks.flatMap((track) => track.points), ...scene.waypoints.map((one) => one.place)];
     const norths = places.map((one) => one[0]), easts = places.map((one) => one[1]), depths = places.map((one) => one[2]);
     const least = (list) => list.reduce((a, b) => Math.min(a, b), Infinity), most = (list) => list.reduce((a, b) => Math.max(a, b), -Infinity);
@@ -252,6 +262,13 @@ class Scene {
     const at = (place) => { const p = this.flat(place); return [x(p), y(p)]; };
     const poly = (points, close) => points.map((one, k) => `${k ? "L" : "M"}${at(one).map((v) => v.toFixed(1)).join(" ")}`).join("") + (close ? "Z" : "");
     const svg = element("svg", { width, height, viewBox: `0 0 ${width} ${height}` });
+    // From above a grid in metres, so that a place can be read.
+    if (!this.space && !scene.plain) {
+      const lines = (low, high, pixels) => marks(low, high, Math.max(3, pixels / 70));
+      const east = (p) => (p - width / 2) / scale + (ends[0] + ends[1]) / 2, south = (p) => (p - height / 2) / scale + (ends[2] + ends[3]) / 2;
+      for (const e of lines(east(0), east(width), width)) svg.append(element("line", { class: "grid", x1: x([e, 0]), x2: x([e, 0]), y1: 0, y2: height }), element("text", { class: "mark", x: x([e, 0]) + 3, y: 11 }, `${shown(e)} E`));
+      for (const n of lines(-south(height), -south(0), height)) svg.append(element("line", { class: "grid", x1: 0, x2: width, y1: y([0, -n]), y2: y([0, -n]) }), element("text", { class: "mark", x: 3, y: y([0, -n]) - 3 }, `${shown(n)} N`));
+    }
     if (this.space && !scene.plain) {
       svg.append(element("path", { class: "surface", d: poly(box.map(([n, e]) => [n, e, 0]), true) }, element("title", {}, "surface")));
       if (scene.bottom) svg.append(element("path", { class: "bottom", d: poly(box.map(([n, e]) => [n, e, scene.bottom[0] + n * scene.bottom[1] + e * scene.bottom[2]]), true) }, element("title", {}, "bottom")));

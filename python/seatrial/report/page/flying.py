@@ -28,6 +28,7 @@ from seatrial.flight.metrics import in_metric_units
 from seatrial.report.page.evidence import packed
 from seatrial.report.page.flown_run import FIGURE_ROWS, FlownRun, judgement, toml_lines
 from seatrial.report.page.run_folder import RunFolder
+from seatrial.report.results.tuning import gain_unit
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -250,6 +251,7 @@ def _autopilot(label: str, autopilot: Autopilot) -> dict[str, Any]:
         "file": autopilot.to_toml(),
         "period_s": autopilot.period_s,
         "gains": autopilot.gains(),
+        "units": {name: gain_unit(name) for name in autopilot.gains()},
     }
 
 

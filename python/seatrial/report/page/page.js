@@ -13,6 +13,9 @@ function theme() {
 
 // Requests ---------------------------------------------------------------------------------------------------------
 
+// The name of a gain in words.
+const named = (kind) => kind.replace("guidance.", "").replace(/_(m_s|m|rad_s)$/, "").replace(/[._](?!K_|[PID]$)/g, " ").replace(".K_", " K_");
+
 const number = (x) => (Number.isNaN(x) ? "nan" : Object.is(x, -0) ? "-0.0" : x === Infinity ? "inf" : x === -Infinity ? "-inf" : JSON.stringify(x));
 const list = (items) => `[${items.join(", ")}]`;
 const pairs = (values) => list(Object.entries(values).map(([name, value]) => `[${JSON.stringify(name)}, ${number(value)}]`));
@@ -108,6 +111,12 @@ function unwound(values) {
   });
 }
 
+// Degrees from 0 to 360, the line broken where the circle closes.
+function aroundCircle(values) {
+  const turned = values.map((x) => ((x % 360) + 360) % 360);
+  return turned.map((x, k) => (k && Math.abs(x - turned[k - 1]) > 180 ? NaN : x));
+}
+
 // The half of an interval of 95 % for a share, after Wilson (1927).
 function wilson(failed, count) {
   const z = 1.959964, p = failed / count, n = count;
@@ -134,11 +143,12 @@ class Deck {
     // JSON has no infinity: silence without an end.
     for (const setup of setups) setup.outages = setup.outages.map((row) => row.map((x) => x ?? Infinity));
     Object.assign(this, { section, setups, core });
-    this.part = (name) => section.querySelector(`[data-part="${name}"]`);
+    this.part = (name) => document.querySelector(`[data-part="${name}"]`);
     this.scene = new Scene(this.part("scene"), { onmove: (waypoint, place) => this.move(waypoint, place) });
     this.margins = new Margins(this.part("margins"));
     this.build();
-    this.choose(0);
+    const flown = setups.findIndex((one) => one.run);
+    this.choose(flown < 0 ? setups.length - 1 : flown); // what a run flew; else the vehicle of the last run
   }
 
   // Controls -------------------------------------------------------------------------------------------------------
@@ -160,24 +170,35 @@ class Deck {
     } });
     return made;
   }
-  // A slider from 0 to 1 with the value beside it.
-  slider(name, label, at, value, told, act) {
-    const shownValue = element("output", {}, told(value));
-    const made = element("input", { type: "range", min: 0, max: 1, step: 0.005, value: at, "data-control": name, "aria-valuetext": told(value), oninput: () => {
-      const text = told(act(Number(made.value)));
-      shownValue.textContent = text;
-      made.setAttribute("aria-valuetext", text);
+  // A slider from 0 to 1 and its number beside it, each following the other; `from` and `to` turn one into the other,
+  // `told` says the number with its unit, `note` stands behind it.
+  slider(name, { label, title, value, unit, from, to, told, note = () => "", act }) {
+    const place = (x) => Math.min(1, Math.max(0, to(x)));
+    const behind = element("small", {}, unit || note(value));
+    const moved = (x, typed) => {
+      if (!typed) entry.value = Number(x.toPrecision(4));
+      else made.value = place(x);
+      made.setAttribute("aria-valuetext", told(x));
+      behind.textContent = unit || note(x);
+      act(x);
       this.refly();
+    };
+    const made = element("input", { type: "range", min: 0, max: 1, step: 0.005, value: place(value), title, "data-control": name, "aria-valuetext": told(value), oninput: () => moved(from(Number(made.value)), false) });
+    const entry = element("input", { type: "number", step: "any", value: Number(value.toPrecision(4)), title, "aria-label": `${label}, number`, "data-entry": name, onchange: () => {
+      const wrong = entry.value === "" || !Number.isFinite(Number(entry.value));
+      entry.setAttribute("aria-invalid", String(wrong));
+      if (!wrong) moved(Number(entry.value), true);
     } });
     const field = this.field(label, made);
-    field.append(shownValue);
+    field.title = title;
+    field.append(entry, behind);
     field.classList.add("slider");
     return field;
   }
 
   build() {
     const act = { reset: () => this.choose(this.setups.indexOf(this.setup)), draws: () => this.draws(), draw: () => this.draw(), step: () => this.step(), space: () => this.turn(), play: () => this.play() };
-    for (const button of this.section.querySelectorAll("button[data-act]")) button.addEventListener("click", act[button.dataset.act] || (() => this.save(button.dataset.act)));
+    for (const button of document.querySelectorAll("button[data-act]")) button.addEventListener("click", act[button.dataset.act] || (() => this.save(button.dataset.act)));
     this.clock = this.part("clock");
     this.clock.addEventListener("input", () => this.mark());
   }
@@ -186,6 +207,7 @@ class Deck {
     const setup = (this.setup = this.setups[which]);
     clearInterval(this.playing);
     this.state = { autopilot: 0, mission: 0, file: null, sensors: 0, filter: setup.navigation, outages: setup.outages.slice(), current: [...setup.current], waves: [...setup.waves], seed: setup.seed, fault: setup.faults.slice(), gains: {}, coefficients: {} };
+    this.first = structuredClone(this.state);
     this.original = this.changed = this.cloud = this.until = null;
     // What the run flew: as long as the original is that, its record counts.
     this.runRequest = setup.run ? this.request() : null;
@@ -248,16 +270,12 @@ class Deck {
   // Sliders of the coefficients within their intervals; a drawn one may lie beyond an end, its value is told.
   coefficients() {
     const state = this.state;
-    this.part("coefficients").replaceChildren(...this.setup.coefficients.map((one) => {
-      const now = state.coefficients[one.name] ?? one.value, at = one.upper > one.lower ? (now - one.lower) / (one.upper - one.lower) : 0.5;
-      const made = this.slider(`coefficient ${one.name}`, one.name, Math.min(1, Math.max(0, at)), now, (x) => `${shown(x)} ${one.unit}`, (share) => {
-        const value = one.lower + share * (one.upper - one.lower);
-        state.coefficients[one.name] = value;
-        return value;
-      });
-      if (one.about) made.title = one.about;
-      return made;
-    }));
+    this.part("coefficients").replaceChildren(...this.setup.coefficients.map((one) => this.slider(`coefficient ${one.name}`, {
+      label: one.name, title: `${one.about || one.name}; ${one.source}: ${shown(one.lower)} to ${shown(one.upper)} ${one.unit}`,
+      value: state.coefficients[one.name] ?? one.value, unit: one.unit,
+      from: (share) => one.lower + share * (one.upper - one.lower), to: (x) => (one.upper > one.lower ? (x - one.lower) / (one.upper - one.lower) : 0.5),
+      told: (x) => `${shown(x)} ${one.unit}`, act: (x) => { state.coefficients[one.name] = x; },
+    })));
   }
 
   // One vehicle drawn from the covariance, in place of the sliders.
@@ -282,11 +300,18 @@ class Deck {
     }
     const order = (kind) => (kind.startsWith("guidance.lookahead") ? 0 : kind.startsWith("guidance") ? 2 : 1);
     const kinds = [...groups.keys()].sort((a, b) => order(a) - order(b));
-    this.part("gains").replaceChildren(...kinds.map((kind) => this.slider(`gain ${kind}`, kind.replace("guidance.", "").replaceAll("_m_s", ", m/s").replace(/_m$/, ", m").replace("_rad_s", ", rad/s"), 0.5, 1, (factor) => `× ${factor.toFixed(2)}${groups.get(kind).length === 1 ? ` = ${shown(factor * pilot.gains[kind])}` : ""}`, (at) => {
-      const factor = 4 ** (2 * at - 1);
-      for (const name of groups.get(kind)) this.state.gains[name] = pilot.gains[name] * factor;
-      return factor;
-    })));
+    // One number is given as it is; a gain that changes with speed by the factor of all its breakpoints.
+    this.part("gains").replaceChildren(...kinds.map((kind) => {
+      const names = groups.get(kind), own = names.map((name) => pilot.gains[name]), unit = pilot.units[names[0]] || "", alone = new Set(own).size === 1, by = alone ? own[0] : 1;
+      const ends = (factor) => `${shown(Number((factor * Math.min(...own)).toPrecision(3)))} to ${shown(Number((factor * Math.max(...own)).toPrecision(3)))} ${unit}`;
+      const words = named(kind);
+      return this.slider(`gain ${kind}`, {
+        label: alone ? words : `${words} ×`, title: `${words}, a quarter to four times ${alone ? `${shown(by)} ${unit}` : `its values at ${names.length} speeds, ${ends(1)}`}`,
+        value: by, unit: alone ? unit : "", from: (at) => by * 4 ** (2 * at - 1), to: (x) => (x / by > 0 ? (Math.log(x / by) / Math.log(4) + 1) / 2 : 0),
+        told: (x) => (alone ? `${shown(x)} ${unit}` : `times ${shown(x)}: ${ends(x)}`), note: ends,
+        act: (x) => { for (const name of names) this.state.gains[name] = pilot.gains[name] * (x / by); },
+      });
+    }));
   }
 
   // Requests ---------------------------------------------------------------------------------------------------------
@@ -379,7 +404,7 @@ class Deck {
   paint() {
     if (!this.original || !this.changed) return;
     const a = this.original, b = this.changed, period = this.pilot().period_s;
-    const run = this.record(), limits = this.mission().limits;
+    const run = this.record(), limits = this.mission().limits, same = this.untouched();
     const first = (name, scale) => (run && name in run.metrics ? run.metrics[name] ?? NaN : a.figures[name] * scale);
     const ended = [run ? run.ending : this.ending(a.figures), this.untouched() && run ? run.ending : this.ending(b.figures)];
     const rows = [
@@ -399,21 +424,48 @@ class Deck {
       { name: "cross-track error", unit: "m", lines: both("cross_track", 1) },
       { name: "depth", unit: "m", lines: both("z", 1, "desired_depth") },
       { name: "forward speed", unit: "m/s", lines: both("u", 1, "desired_speed") },
-      { name: "heading", unit: "deg", lines: both("yaw", 1 / DEGREE, "desired_heading", unwound) },
+      { name: "heading", unit: "deg", lines: both("yaw", 1 / DEGREE, "desired_heading", aroundCircle) },
       { name: "pitch", unit: "deg", lines: both("pitch", 1 / DEGREE) },
       ...this.setup.actuators.map(([name, unit]) => ({ name: `command ${name.replaceAll("_", " ")}`, unit: unit === "rad" ? "deg" : unit, lines: both(`cmd.${name}`, unit === "rad" ? 1 / DEGREE : 1) })),
     ];
-    if (this.panels) this.panels.show(panels); else this.panels = new Panels(this.part("panels"), { label: "Original and changed flight", panels });
+    const shade = this.failures().map(([, from, until]) => [from, Math.min(until, this.until)]);
+    if (this.panels) this.panels.show(panels, shade); else this.panels = new Panels(this.part("panels"), { label: "Original and changed flight", panels, shade, shadeLabel: "failure acts" });
+    this.part("differs").textContent = same ? "Original and changed are one flight until something is changed." : `Changed: ${this.differs().join("; ") || "the flight's inputs"}.`;
     this.mark();
     const gains = this.state.gains, own = this.pilot().gains;
     this.margins.show(this.setup.loops[this.state.autopilot], (loop) => Object.fromEntries(["K_P", "K_I", "K_D"].map((key) => {
       const name = Object.keys(gains).find((one) => one.startsWith(`${loop}.${key}.`));
       return [key, name && own[name] ? gains[name] / own[name] : 1];
     })));
-    const same = this.untouched();
     this.part("stale").textContent = this.cloud && this.cloud.length && this.drawn !== this.request({ coefficients: {}, seed: 0 }) ? "The drawn vehicles flew before your last change: draw again." : "";
     this.part("status").textContent = `${same ? "Flown" : "Re-flown"} in ${Math.round(b.ms)} ms: ${ended[1]}, true cross-track error ${shown(b.figures.true_cross_track_rms)} m rms${same ? "" : `; original: ${ended[0]}, ${shown(first("true_cross_track_rms", 1))} m rms`}.`
       + (run && run.off.length ? ` This browser does not fly the run's flight to the bit (${run.off.join("; ")}); the column "original" is the run's record.` : run && same ? " This is the flight of the run, to the same numbers." : "");
+  }
+
+  // Failures of the changed flight: words, begin and end in s.
+  failures() {
+    const words = (name) => name.replaceAll("_", " ");
+    return [...this.state.fault.map(([name, at, value]) => [`${words(name)} ${value === "stuck" ? "stuck" : "dead"}`, at, Infinity]), ...this.state.outages.map(([group, from, until]) => [`${this.setup.groups[group]} silent`, from, until])];
+  }
+
+  // What sets the changed flight off from the original, in words.
+  differs() {
+    const state = this.state, first = this.first, own = this.pilot(), parts = [], kinds = new Map();
+    if (own !== this.originalPilot) parts.push(`autopilot ${own.label}`);
+    for (const [name, value] of Object.entries(state.gains)) if (value !== own.gains[name]) kinds.set(name.replace(/\.\d+$/, ""), value / own.gains[name]);
+    for (const [kind, factor] of kinds) parts.push(`${named(kind)} × ${shown(factor)}`);
+    for (const one of this.setup.coefficients) if (one.name in state.coefficients && state.coefficients[one.name] !== one.value) parts.push(`${one.name} ${shown(one.value)} → ${shown(state.coefficients[one.name])} ${one.unit}`);
+    if (state.file) parts.push("waypoints moved");
+    const flow = ({ current }) => `${shown(Math.hypot(current[0], current[1]))} m/s toward ${Math.round((Math.atan2(current[1], current[0]) / DEGREE + 360) % 360)}°`;
+    if (flow(state) !== flow(first)) parts.push(`current ${flow(first)} → ${flow(state)}`);
+    const sea = ({ waves }) => `${shown(waves[0])} m, ${shown(waves[1])} s, toward ${Math.round(waves[2] / DEGREE)}°`;
+    if (sea(state) !== sea(first)) parts.push(`waves ${sea(first)} → ${sea(state)}`);
+    if (state.sensors !== first.sensors) parts.push(`sensors ${this.setup.sensors[state.sensors].label}`);
+    if (state.filter !== first.filter) parts.push(state.filter ? "by a navigation filter" : "by what the sensors show");
+    if (state.seed !== first.seed) parts.push(`seed ${first.seed} → ${state.seed}`);
+    const same = (key) => JSON.stringify(state[key]) === JSON.stringify(first[key]);
+    if (!same("fault") || !same("outages")) parts.push(this.failures().map(([words, from, until]) => `${words} from ${shown(from)} s${Number.isFinite(until) ? ` to ${shown(until)} s` : ""}`).join(", ") || "no failure");
+    return parts;
   }
 
   mark() {
@@ -421,9 +473,18 @@ class Deck {
     const mission = this.mission(), row = Math.min(Number(this.clock.value), this.changed.rows - 1), period = this.pilot().period_s;
     const cloud = (this.cloud || []).map((one) => ({ look: one.fails ? "cloud bad" : "cloud", points: one.points }));
     const values = this.changed.values, width = this.changed.width;
-    this.part("time").textContent = `${(row * period).toFixed(0)} s`;
+    const at = (name, scale = 1) => shown(Number((scale * this.changed.values[row * this.changed.width + this.changed.columns.indexOf(name)]).toPrecision(3)));
+    this.part("time").textContent = `${(row * period).toFixed(0)} s: ${at("x")} m north, ${at("y")} m east, ${at("z")} m deep, ${at("u")} m/s ahead`;
+    const spots = this.failures().filter(([, from]) => from < this.changed.rows * period), step = (t) => Math.max(0, Math.min(this.changed.rows - 1, Math.round(t / period)));
+    const spot = (k) => [0, 1, 2].map((axis) => this.changed.values[k * this.changed.width + axis]);
+    const acting = spots.map(([, from, until]) => {
+      const [a, b] = [step(from), step(until)], every = Math.max(1, Math.floor((b - a) / 500));
+      return { look: "failing", points: [...Array.from({ length: Math.floor((b - a) / every) + 1 }, (_, k) => spot(a + k * every)), spot(b)] };
+    });
+    document.querySelector(".legend .failing").hidden = !spots.length;
     this.scene.show({
-      tracks: [...cloud, { look: "plan", points: [this.begin.slice(0, 3), ...this.places.map((one) => one.place)] }, { look: "first", points: this.original.track() }, { look: "second", points: this.changed.track() }],
+      tracks: [...cloud, { look: "plan", points: [this.begin.slice(0, 3), ...this.places.map((one) => one.place)] }, { look: "first", points: this.original.track() }, { look: "second", points: this.changed.track() }, ...acting],
+      marks: spots.flatMap(([words, from]) => [{ place: spot(step(from)), name: words, look: "failure" }, { place: spot(step(from)), name: `${words}, ${shown(from)} s` }]),
       waypoints: this.places, obstacles: mission.obstacles, fence: mission.fence, current: this.state.current, bottom: this.setup.bottom,
       marker: row >= 0 && row < this.changed.rows ? [0, 1, 2].map((axis) => values[row * width + axis]) : null,
     });
@@ -536,7 +597,6 @@ async function flying() {
   const setups = inside("seatrial-flight"), section = document.getElementById("fly");
   if (!setups || !section) return;
   section.hidden = false;
-  for (const link of document.querySelectorAll("a[href='#fly']")) link.hidden = false;
   const status = section.querySelector("[data-part=status]");
   try {
     const core = await Core.begin();
@@ -565,7 +625,8 @@ function evidence() {
       made.addEventListener("toggle", () => {
         if (!made.open || place.childElementCount) return;
         const t = unpacked(group.t);
-        const panels = group.panels.map((panel) => ({ ...panel, lines: panel.lines.map((line) => ({ ...line, t, y: unpacked(line.y) })) }));
+        const wrapped = (panel, y) => (panel.name === "yaw" ? aroundCircle(y) : y);
+        const panels = group.panels.map((panel) => ({ ...panel, lines: panel.lines.map((line) => ({ ...line, t, y: wrapped(panel, unpacked(line.y)) })) }));
         new Panels(place, { label: group.title, panels, windows: group.windows, shade: group.shade, shadeLabel: "held out of the fit", height: 84 });
       });
       host.append(made);
@@ -590,15 +651,40 @@ function models() {
   }
 }
 
-// Paper shows what is folded, and afterwards it is folded again.
-function printing() {
-  let opened = [];
-  addEventListener("beforeprint", () => { opened = [...document.querySelectorAll("details:not([open])")].filter((one) => !one.closest(".evidence, #files")); for (const one of opened) one.open = true; });
-  addEventListener("afterprint", () => { for (const one of opened) one.open = false; opened = []; });
+// Parts of the report as tabs; without a script all of them stand below one another, and so they do on paper.
+function tabs() {
+  const list = document.querySelector(".tabs"), links = [...list.querySelectorAll("a")];
+  const panel = (link) => document.querySelector(link.getAttribute("href"));
+  const show = (link, focus = false) => {
+    for (const one of links) {
+      const on = one === link;
+      one.setAttribute("aria-selected", String(on));
+      one.setAttribute("tabindex", on ? "0" : "-1");
+      panel(one).classList.toggle("away", !on);
+    }
+    if (focus) link.focus();
+  };
+  list.setAttribute("role", "tablist");
+  for (const link of links) {
+    link.id = `tab-${panel(link).id}`;
+    link.hidden = panel(link).hidden = false;
+    link.setAttribute("role", "tab");
+    link.setAttribute("aria-controls", panel(link).id);
+    panel(link).setAttribute("role", "tabpanel");
+    link.addEventListener("click", (event) => { show(link); history.replaceState(null, "", link.getAttribute("href")); event.preventDefault(); });
+    link.addEventListener("keydown", (event) => {
+      const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (by) { show(links[(links.indexOf(link) + by + links.length) % links.length], true); event.preventDefault(); }
+    });
+  }
+  // A link into a part opens it; at first the last run is shown, whose verdict stands on top.
+  const asked = () => links.find((link) => location.hash && panel(link).contains(document.querySelector(`[id="${CSS.escape(location.hash.slice(1))}"]`)));
+  addEventListener("hashchange", () => { const link = asked(); if (link) show(link); });
+  show(asked() || links.filter((link) => panel(link).id.startsWith("run-")).pop());
 }
 
+tabs();
 theme();
-printing();
 models();
 evidence();
 flying();

@@ -25,6 +25,7 @@ from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.file_names import file_name, free_name
 from seatrial.base.report import Column, Table
 from seatrial.base.run import sha256, to_json, version
+from seatrial.report.page.compare import compared, numbers
 from seatrial.report.page.embedded import ELEMENT, as_embedded, script_json
 from seatrial.report.page.evidence import evidence
 from seatrial.report.page.flying import core, setups
@@ -69,6 +70,8 @@ _BEGINNINGS = {
 
 _NO_CORE = "This seatrial was built without the page's core, so nothing flies here; make build adds it."
 
+_FOLDERS = re.compile(r"(?<![\w:/.])/(?:[\w.+@-]+/)+(?=[\w.+@-])")
+
 _LONG_PATH = re.compile(r' d="([^"]{300,})"')
 
 _PLACE = re.compile(r'( [xy]="-?\d+\.\d\d)\d+')
@@ -104,6 +107,8 @@ def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
             title=title or _title(runs),
             version=version("seatrial"),
             parts=parts,
+            numbers=numbers(runs),
+            compared=compared(runs),
             views=_views(runs),
             files=as_embedded(files),
             files_id=ELEMENT,
@@ -174,13 +179,16 @@ def check_place(out: str | Path) -> Path:
 def _environment() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
+    made = Environment(
         loader=PackageLoader("seatrial.report.page", ""),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    # What is told of a run names files, not the folders of a machine.
+    made.filters["placeless"] = lambda text: _FOLDERS.sub("", text)
+    return made
 
 
 def _resource(name: str) -> str:

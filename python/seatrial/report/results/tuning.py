@@ -406,6 +406,14 @@ def comparison_rows(compared: Sequence[Performance]) -> list[tuple[str, ...]]:
     return rows
 
 
+def gain_unit(name: str) -> str:
+    """Unit of a gain or another number of an autopilot, by its name in ``gains()``; empty without one."""
+    loop, _, gain = name.partition(".")
+    if (unit := _UNITS.get(loop, {}).get(gain.partition(".")[0])) is not None:
+        return unit
+    return next((unit for ending, unit in _ENDINGS.items() if name.endswith(ending)), "")
+
+
 def gain_rows(before: Autopilot, after: Autopilot, points: Sequence[int]) -> list[tuple[str, ...]]:
     """A row per gain and breakpoint of ``points`` (from 0), and per other number that changed."""
     start, tuned = before.gains(), after.gains()
@@ -417,15 +425,14 @@ def gain_rows(before: Autopilot, after: Autopilot, points: Sequence[int]) -> lis
                 if name in start and (start[name] or tuned[name]):
                     rows.append((
                         f"{loop} {gain}",
-                        _UNITS[loop][gain],
+                        gain_unit(name),
                         f"{before.speeds_m_s[point]:.2f}",
                         f"{start[name]:.4g}",
                         f"{tuned[name]:.4g}",
                     ))
     for name, value in tuned.items():
         if not name.rpartition(".")[2].isdigit() and value != start[name]:
-            unit = next((unit for ending, unit in _ENDINGS.items() if name.endswith(ending)), "")
-            rows.append((name, unit, "", f"{start[name]:.4g}", f"{value:.4g}"))
+            rows.append((name, gain_unit(name), "", f"{start[name]:.4g}", f"{value:.4g}"))
     return rows
 
 
