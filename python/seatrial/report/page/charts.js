@@ -65,7 +65,7 @@ function pathOf(times, values, [from, to], x, y, pixels) {
       if (most < 0 || values[j] > values[most]) most = j;
     }
     // Where a line breaks, it goes on behind the gap.
-    if (broken) { pen = false; if (known >= 0) put(known); continue; }
+    if (broken) { pen = false; if (known === Math.min(k + bucket, last + 1) - 1) put(known); continue; }
     for (const j of [...new Set([least, most])].sort((a, b) => a - b)) put(j);
   }
   return path;

@@ -111,10 +111,16 @@ function unwound(values) {
   });
 }
 
-// Degrees from 0 to 360, the line broken where the circle closes.
-function aroundCircle(values) {
-  const turned = values.map((x) => ((x % 360) + 360) % 360);
+// Degrees from 0 to 360, or from -180 to 180, the line broken where the circle closes.
+function aroundCircle(values, from = 0) {
+  const turned = values.map((x) => ((((x - from) % 360) + 360) % 360) + from);
   return turned.map((x, k) => (k && Math.abs(x - turned[k - 1]) > 180 ? NaN : x));
+}
+
+// Where the circle is opened so that the line breaks least often.
+function openedAt(values) {
+  const breaks = (from) => aroundCircle(values, from).reduce((count, x) => count + Number.isNaN(x), 0);
+  return breaks(0) <= breaks(-180) ? 0 : -180;
 }
 
 // The half of an interval of 95 % for a share, after Wilson (1927).
@@ -184,7 +190,8 @@ class Deck {
       this.refly();
     };
     const made = element("input", { type: "range", min: 0, max: 1, step: 0.005, value: place(value), title, "data-control": name, "aria-valuetext": told(value), oninput: () => moved(from(Number(made.value)), false) });
-    const entry = element("input", { type: "number", step: "any", value: Number(value.toPrecision(4)), title, "aria-label": `${label}, number`, "data-entry": name, onchange: () => {
+    const step = 10 ** (Math.floor(Math.log10(Math.abs(value) || 1)) - 1); // of the arrows; any number counts
+    const entry = element("input", { type: "number", step, value: Number(value.toPrecision(4)), title, "aria-label": `${label}, number`, "data-entry": name, onchange: () => {
       const wrong = entry.value === "" || !Number.isFinite(Number(entry.value));
       entry.setAttribute("aria-invalid", String(wrong));
       if (!wrong) moved(Number(entry.value), true);
@@ -420,11 +427,12 @@ class Deck {
       ...(asked ? [{ name: "asked for", look: "asked", ...at(b, asked, scale) }] : []),
       { name: "original", look: "first", ...at(a, name, scale) }, { name: "changed", look: "second", ...at(b, name, scale) },
     ].map((line) => ({ ...line, y: turned(line.y) }));
+    const circle = openedAt(a.column("yaw", 1 / DEGREE));
     const panels = [
       { name: "cross-track error", unit: "m", lines: both("cross_track", 1) },
       { name: "depth", unit: "m", lines: both("z", 1, "desired_depth") },
       { name: "forward speed", unit: "m/s", lines: both("u", 1, "desired_speed") },
-      { name: "heading", unit: "deg", lines: both("yaw", 1 / DEGREE, "desired_heading", aroundCircle) },
+      { name: "heading", unit: "deg", lines: both("yaw", 1 / DEGREE, "desired_heading", (y) => aroundCircle(y, circle)) },
       { name: "pitch", unit: "deg", lines: both("pitch", 1 / DEGREE) },
       ...this.setup.actuators.map(([name, unit]) => ({ name: `command ${name.replaceAll("_", " ")}`, unit: unit === "rad" ? "deg" : unit, lines: both(`cmd.${name}`, unit === "rad" ? 1 / DEGREE : 1) })),
     ];
@@ -625,7 +633,7 @@ function evidence() {
       made.addEventListener("toggle", () => {
         if (!made.open || place.childElementCount) return;
         const t = unpacked(group.t);
-        const wrapped = (panel, y) => (panel.name === "yaw" ? aroundCircle(y) : y);
+        const wrapped = (panel, y) => (panel.name === "yaw" ? aroundCircle(y, openedAt(unpacked(panel.lines[0].y))) : y);
         const panels = group.panels.map((panel) => ({ ...panel, lines: panel.lines.map((line) => ({ ...line, t, y: wrapped(panel, unpacked(line.y)) })) }));
         new Panels(place, { label: group.title, panels, windows: group.windows, shade: group.shade, shadeLabel: "held out of the fit", height: 84 });
       });
