@@ -11,11 +11,11 @@ from __future__ import annotations
 import os
 import signal
 
-TYPE_CHECKING = False
+TYPE_CHECKING = False  # as `typing` has it, whose import costs more than this file
 if TYPE_CHECKING:
     from types import FrameType
 
-_INTERRUPTED = 130
+_INTERRUPTED = 130  # exit code of a shell: 128 and the number of SIGINT
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.pulls import PullPoints
 
 
-_MOST = 4
+_MOST = 4  # outliers that a sentence names
 
 
 def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> list[str]:

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Input
     from seatrial.verification.mission_log.verdict import LogVerdict
 
-_SHOWN = 6
+_SHOWN = 6  # names that a message lists
 
 
 def scenario_of(

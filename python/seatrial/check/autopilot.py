@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.report import Report, Reported, report_of
 from seatrial.check.autopilot_on_vehicle import on_vehicle
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts
-from seatrial.flight.watches import GROUPS
+from seatrial.flight.reactions import GROUPS
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:

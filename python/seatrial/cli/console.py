@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from seatrial.base.progress import Progress as State
     from seatrial.base.report import Report, Table
 
-_PIPED_WIDTH = 118
+_PIPED_WIDTH = 118  # columns where there is no terminal: the widest table, unbroken
 
-_LINE_EVERY_S = 5.0
+_LINE_EVERY_S = 5.0  # progress without a terminal: a log of an hour stays readable
 
 _SLOW_S = 2.0
 """Recordings that are read faster need no word."""

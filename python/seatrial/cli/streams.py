@@ -18,7 +18,7 @@ import unicodedata
 from collections.abc import Iterator
 from typing import TextIO
 
-BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
+BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 141  # the latter two are 128 and the number of the signal
 
 _SPELT = {
     "\N{DEGREE SIGN}": "deg",

@@ -1,6 +1,7 @@
-"""What the safety called for on a flight, why, and what became of the vehicle then.
+"""Watches of the autopilot (channels, key under ``[safety]``, patience), and what they called for on a flight.
 
-Held by ``tests/flight/test_reactions.py``.
+What they saw is put in words by `seatrial.report.results.watches`. Held by ``tests/flight/test_reactions.py``
+and ``tests/flight/test_flight.py``.
 """
 
 from __future__ import annotations
@@ -12,13 +13,63 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.finding import Finding, Severity
-from seatrial.flight import watches
 from seatrial.vehicle.stability import statics
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from seatrial.flight.log import FlightLog
+
+GROUPS = {
+    "position": "position",
+    "depth": "depth",
+    "attitude": "attitude",
+    "velocity": "velocity over ground",
+    "rates": "turn rates",
+    "altitude": "altitude",
+}
+"""What a group of channels is called, by its name in ``stale_…``."""
+
+
+def group(watch: str) -> str:
+    """Group of channels whose samples a watch misses; empty for the other watches.
+
+    Examples
+    --------
+    >>> group("stale_velocity"), group("fence")
+    ('velocity', '')
+    """
+    return watch.removeprefix("stale_") if watch.startswith("stale_") else ""
+
+
+def reaction_key(watch: str) -> str:
+    """Key under ``[safety]`` of the reaction to a watch.
+
+    Examples
+    --------
+    >>> reaction_key("depth"), reaction_key("stale_velocity")
+    ('depth', 'stale_velocity.reaction')
+    """
+    watch = watch.replace("contradicted_", "stale_") if watch.startswith("contradicted_") else watch
+    watch = "stale_depth" if watch == "ascent" else watch
+    alone = watch in ("depth", "altitude", "fence", "time")
+    return watch if alone else f"{watch}.reaction"
+
+
+def patience(watch: str, safety: Mapping[str, Any]) -> float:
+    """For how long a watch waits after what it misses was there last, s; 0 where it does not wait.
+
+    Parameters
+    ----------
+    watch : str
+    safety : mapping
+        ``Autopilot.safety()``.
+    """
+    if watch.startswith("contradicted_"):
+        watch = "contradiction"
+    table = safety.get(watch)
+    return float(table.get("after_s", 0.0)) if isinstance(table, Mapping) else 0.0
+
 
 _SANK_M = 0.1  # below where the reaction began: less is the way on of a hull under way
 
@@ -64,8 +115,8 @@ def called_for(flight: FlightLog, alerts: Sequence[Alert], others: Sequence[Find
         What else went wrong, the gravest first.
     """
     first = alerts[0]
-    missed = watches.group(first.cause)
-    waited = watches.patience(first.cause, flight.autopilot.safety())
+    missed = group(first.cause)
+    waited = patience(first.cause, flight.autopilot.safety())
     begun = first.t_s - waited
     earlier = any(finding.at_s > begun for finding in others)
     after = ascent(flight, alerts)

@@ -1,4 +1,4 @@
-"""Apparent masses that a vehicle cannot have: a wrong thrust, lever or delay is fitted as inertia.
+"""Apparent masses and drags that a vehicle cannot have: a wrong thrust, lever or delay is fitted as them.
 
 `identify` remarks them and `seatrial ardusub` changes no gain from them. Held by
 ``tests/identification/test_apparent_mass.py`` and ``tests/ardusub/test_tuning.py``.
@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
 AGREE = 0.3
 """Relative deviation up to which apparent masses agree: of drawn vehicles, and of the vehicle file."""
+
+LARGEST_DRAG = 4.0
+"""Largest plausible drag coefficient on the area of the outline. A plate across the flow has up to 2 (Hoerner
+1965, chapter 3); parts of an open frame behind one another add up: of the published identified vehicles a
+BlueROV2 Heavy has the largest, 3.7 in sway (von Benzon et al. 2022)."""
 
 _CHANNEL = dict(zip(AXES, CHANNELS, strict=False))  # the first six are the velocities along the axes
 
@@ -66,6 +71,33 @@ def implausible_masses(
             " wrong thrust or lever arm, or an unmodelled delay, may appear as inertia"
         )
     return implausible
+
+
+def implausible_drags(vehicle: Vehicle, coefficients: Sequence[Estimate]) -> dict[str, float]:
+    """Drag coefficients above `LARGEST_DRAG` of the identified quadratic damping, by its name.
+
+    ``C_D = -X_uu / (rho A / 2)``, A the box of the hull's measures seen along the axis. What the data do not
+    determine, or reaches below the limit within its 95 % interval, is left out.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The identified one, with its measures; without them nothing is implausible.
+    coefficients : sequence of Estimate
+    """
+    box = vehicle.geometry()
+    if not box:
+        return {}
+    length, width, height = (box[side] for side in ("length", "diameter", "height"))
+    areas = {"X_uu": width * height, "Y_vv": length * height, "Z_ww": length * width}
+    drags = {}
+    for coefficient in coefficients:
+        if coefficient.name in areas and coefficient.verdict in ("identifiable", "weak"):
+            dynamic = -0.5 * vehicle.environment()["rho"] * areas[coefficient.name]
+            _, least = coefficient.interval or (coefficient.estimate, coefficient.estimate)
+            if least / dynamic > LARGEST_DRAG:
+                drags[coefficient.name] = coefficient.estimate / dynamic
+    return drags
 
 
 def plausible_masses(vehicle: Vehicle, freed: Collection[str] = ()) -> dict[str, tuple[float, float]]:

@@ -24,7 +24,7 @@ MAGIC_16, MAGIC_32 = 18458, 29569  # of ArduPilot's servo packets with 16 and wi
 
 _HEAD = struct.Struct("<HHI")
 
-_SIZES = {MAGIC_16: 16, MAGIC_32: 32}
+_SIZES = {MAGIC_16: 16, MAGIC_32: 32}  # channels of a packet, by its magic number
 
 _SLOWEST_HZ, _FASTEST_HZ = 1, 20_000  # of a frame rate that ArduPilot can mean
 

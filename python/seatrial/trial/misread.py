@@ -357,7 +357,7 @@ _INTEGERS = tuple(
 _CODES = np.array(sorted({*_NINES, *_INTEGERS, 99999.99, 999999.0, 9999999.0}))  # usual ones
 # The ends of an integer type, written in units of its last digit: tenths to ten thousandths, and 1e-7 deg.
 _SCALED = np.unique([value * unit for value in _INTEGERS for unit in (1e-1, 1e-2, 1e-3, 1e-4, 1e-7)])
-_SCALED = _SCALED[_SCALED > 1.0]
+_SCALED = _SCALED[_SCALED > 1.0]  # smaller ones are ordinary values
 
 _EXACT = 1e-6
 """Relative error up to which a number is the end of a type: single precision keeps it to 6e-8."""

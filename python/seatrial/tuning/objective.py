@@ -124,7 +124,7 @@ _RESTS = 0.25  # of a corridor: an error falls to 2 % by its end
 
 _SLOW = 0.1  # of the corridor's time, for an integral that is e times slower
 
-_TIME, _EFFORT = 0.05, 0.1
+_TIME, _EFFORT = 0.05, 0.1  # ties only: far below `OUTSIDE` and `LACKING`
 
 _SPREAD = 0.1  # of the mean over samples, beside the worst: every one that gets better counts
 

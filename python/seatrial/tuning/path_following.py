@@ -50,7 +50,7 @@ GUIDANCE = {
 }
 """Lookahead and integral gain of each path, by the names of `Autopilot.gains`."""
 
-_FACTORS = np.geomspace(0.4, 4.0, 11)
+_FACTORS = np.geomspace(0.4, 4.0, 11)  # of the usual lookahead: steps of a quarter
 
 _CANDIDATES = len(_FACTORS) + 1  # that of the file included
 
@@ -66,7 +66,7 @@ _WAYS = 2.5  # the large step at the slowest speed
 
 _LARGE = 3.0  # the large step over the usual one, at least
 
-_LARGEST_M = 30.0
+_LARGEST_M = 30.0  # a larger step across the path is another mission
 
 _FEW = 2  # drawn vehicles and currents, at least: still water tells nothing of an integral
 

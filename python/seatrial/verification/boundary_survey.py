@@ -48,7 +48,7 @@ VARIABLES: Mapping[str, str] = {
     "voltage_v": "supply",
 }
 """Variables besides the coefficients of the vehicle."""
-_LEAST_RUNS, _MOST_PLACES, _ROUND = 16, 125, 8
+_LEAST_RUNS, _MOST_PLACES, _ROUND = 16, 125, 8  # missions of a place, places, and places of a round
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from seatrial.statistics.proportions import FailureProbability
 from seatrial.verification.flown_missions import FlownMissions
 from seatrial.verification.requirement import Requirement
 
-LEVEL = 0.05
+LEVEL = 0.05  # chance to name one of two that fail alike, after Holm's correction
 
 _METRICS = (
     "true_cross_track_p95_m", "cross_track_p95_m", "vertical_p95_m", "energy_wh", "duration_s",

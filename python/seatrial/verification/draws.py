@@ -272,8 +272,9 @@ _ORDER = (
     "wave direction",
 )  # columns of the common stream; more go behind
 
-_SEEDS = 2.0**53
+_SEEDS = 2.0**53  # whole numbers that a float holds
 
+# Defaults: largest current over the slowest speed; turbulence over current, and vertical over horizontal.
 _QUARTER, _TENTH, _DOWN = 0.25, 0.1, 0.55
 
 _PERIOD = 4.3  # s per root of a metre, between 3.6 and 5 of DNV-RP-C205 (2010), section 3.5.5

@@ -22,7 +22,7 @@ from seatrial.base.errors import CampaignError, nearest
 
 _EXAMPLE = "cross_track_p95_m <= 1.0"
 
-_MOST_NEAR, _AS_NEAR = 3, 0.03
+_MOST_NEAR, _AS_NEAR = 3, 0.03  # names that a message offers, and how much less alike than the nearest
 
 _INSTEAD: tuple[tuple[str, str], ...] = (
     (r"&&", "and"),

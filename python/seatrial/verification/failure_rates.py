@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_FIFTHS = 5
+_FIFTHS = 5  # groups of a value: fewer hide a hump, more are too small to count failures in
 
 _SECTORS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 

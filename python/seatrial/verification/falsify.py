@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 WITHIN = 3.0
 """Standard deviations of every draw within which is searched."""
 
-_MISSIONS, _GENERATION = 2000, 32
+_MISSIONS, _GENERATION = 2000, 32  # in all; of a generation of CMA-ES: four times the core's eight lanes
 
 _AFTER = 10  # generations beyond the first failure, to find what is really bad
 
@@ -47,7 +47,7 @@ _SCALES = 16  # at once, twice
 
 _SEED = 0.5  # of noise and gusts
 
-_SAME = 1e-9
+_SAME = 1e-9  # rounding of a value that is back in the middle
 
 
 @dataclass(frozen=True, eq=False)

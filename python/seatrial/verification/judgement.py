@@ -279,7 +279,7 @@ def metrics_without_value(requirements: Sequence[Requirement], flown: FlownMissi
     return tuple(said)
 
 
-_SAME_M = 1e-3
+_SAME_M = 1e-3  # perceived and true depth that differ by less are of a flight without sensors
 
 
 def perceived_and_true(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-_BATCH = 512
+_BATCH = 512  # missions in memory at once
 
 
 @dataclass(frozen=True, eq=False)

@@ -132,8 +132,6 @@ class MissionStore:
         self._parts, self._waiting = [], 0
 
 
-_LARGEST_STEP_S = 0.02
-
 _OF_THE_WATER = 64  # draws from which a filter is told of the water
 
 _SHORT_CRESTED_DEG = 60.0  # spreading of a sea whose direction differs from mission to mission
@@ -341,7 +339,7 @@ class CampaignFlights:
                     sensors=self.sensors,
                     navigation=table.navigation,
                     voltage_v=table.voltage_v,
-                    max_step_s=_LARGEST_STEP_S,
+                    max_step_s=Conditions.max_step_s,
                     max_time_s=table.max_time_s,
                 ),
                 water=Water(

@@ -161,11 +161,11 @@ class RareFailures(
         return {**self.scenario.files(), "rare.json": to_json(self.to_dict()), **self.report().files()}
 
 
-_POPULATIONS, _CHECKED = 4, 1000
+_POPULATIONS, _CHECKED = 4, 1000  # independent ones for the interval; missions that check the estimate
 
 _CAUSE = 5  # stream of these random numbers; 1 to 4 are those of the draws
 
-_BATCH = 512
+_BATCH = 512  # missions in memory at once
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -349,7 +349,7 @@ def obstacles(entries: Sequence[Obstacle]) -> list[Circle]:
     ]
 
 
-_DEFAULT_SHARE = 0.95
+_DEFAULT_SHARE = 0.95  # of the missions that keep a requirement, where nothing is said
 
 _SURE = 1.96  # normal quantile of 95 % on two sides
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-_FINITE = 0.9
+_FINITE = 0.9  # of the missions that held: fewer finite distances rank nothing
 
 
 def robustness(requirement: Requirement, flown: FlownMissions, flights: CampaignFlights) -> Array:

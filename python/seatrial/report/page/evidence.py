@@ -35,7 +35,7 @@ TRIALS_FILE = "trials.parquet"
 
 _MANOEUVRES = "manoeuvres.json"
 
-_MOST = 1500
+_MOST = 1500  # samples of a series: about the pixels of a wide screen
 
 _LARGEST = 2**30  # bytes of the table of all trials: some 30 million samples
 

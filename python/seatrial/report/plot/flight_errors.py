@@ -376,6 +376,7 @@ def _legend(figure: Figure, flight: Flight, groups: list[Motor]) -> None:
 _LOOP_ROW_IN, _STRIP_IN = 1.02, 0.135  # layout, inches
 _SATURATED = "#F3C9B5"
 _FORCES = ("X, N", "Y, N", "Z, N", "K, N m", "M, N m", "N, N m")
+# Intervals of ticks on axes of angles, degrees.
 _ANGLES = (0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
 _NAMES = ("speed", "sway speed", "depth", "roll", "pitch", "heading")
 

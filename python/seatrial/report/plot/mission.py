@@ -50,9 +50,12 @@ _FARM, _UNKNOWN = "#D9CFE3", "#E9E4D4"
 
 _FENCE_DASHES = (0, (6, 1.5, 1, 1.5))  # offset, then lengths of line and gap in points
 
+# One of each pattern: offset, then lengths of line and gap in points.
 _PATTERN_DASHES = ((0, (4, 1.2)), (0, (1.4, 1.2)), (0, (4, 1.2, 1.2, 1.2)))
 
-_START_IN, _ARROW_IN, _MOST_PATTERNS = 0.24, 0.5, 5
+_START_IN, _ARROW_IN = 0.24, 0.5  # length of the start's arrow, distance of the others, inches
+
+_MOST_PATTERNS = 5  # more labels cover the plan
 
 
 def mission_plan(mission: Mission, *, seabed: Seabed | None = None) -> Figure:

@@ -283,7 +283,7 @@ def _circles(axes: Axes, vehicle: Vehicle, turning: tuple[Turn, ...], voltage_v:
     panel_title(axes, "turning circles", f"outer side at {outer:.4g} {facts[first]['unit']}")
 
 
-_POINTS, _COLUMNS = 161, 3
+_POINTS, _COLUMNS = 161, 3  # of a curve, smooth at this size; panels in a row
 
 _CURVE_DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), "-", (0, (5, 1.5)))
 

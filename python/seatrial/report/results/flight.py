@@ -28,9 +28,9 @@ _SWITCHES_PER_MINUTE = 6.0  # more than this looks like a limit cycle around the
 
 _LEAST_S = 20.0  # of a flight from which starts per minute can be told
 
-_SATURATED = 0.05
+_SATURATED = 0.05  # share of the time: less is not worth a sentence
 
-_OFF_M = 0.05
+_OFF_M = 0.05  # of the perceived position: less is rounding
 
 
 def sentences(flight: Flight) -> list[str]:

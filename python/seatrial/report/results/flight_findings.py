@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from seatrial.base.finding import Finding
-from seatrial.flight import watches
+from seatrial.flight.reactions import reaction_key
 from seatrial.report.results.watches import cause, source
 from seatrial.report.results.watches import remedy as remedy_of_watch
 
@@ -260,7 +260,7 @@ def _come_up(finding: Finding) -> str:
         return f"{floats}, or more speed on the way up (surface_speed_m_s under [safety])"
     if finding["last_watch"] == "actuator":
         return f"{floats}: an abort stops its motors"
-    key = watches.reaction_key(finding["last_watch"])
+    key = reaction_key(finding["last_watch"])
     return (
         f'let it come up under power ({key} = "surface" under [safety] in the autopilot file), for an abort'
         f" stops its motors; or {floats}"

@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING
 from seatrial.base.channels import CHANNELS, MOTIONS, readable
 from seatrial.base.report import Column, Report, Section, Table, appended
 from seatrial.diagnosis.assessment import TOLD
-from seatrial.identification.apparent_mass import implausible_masses, masses_of
+from seatrial.identification.apparent_mass import (
+    LARGEST_DRAG,
+    implausible_drags,
+    implausible_masses,
+    masses_of,
+)
 from seatrial.identification.choice import Choice
 from seatrial.identification.estimate import Estimate, derived, distinct, plus_minus
 from seatrial.identification.held import SHARE, sentences
@@ -24,7 +29,7 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.missing_terms import Suggestion
 
 
-_NEAR_ONE = 0.985
+_NEAR_ONE = 0.985  # R2 that two digits round to 0.99
 
 
 def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> Report:
@@ -173,8 +178,8 @@ def _worst(fit: Identification) -> tuple[str, str]:
         )
     if odd := _implausible(fit):
         return odd[0], (
-            "measure this mass or inertia, or the thrust and its lever, and give it in the vehicle file;"
-            " until then the value describes the log and not the vehicle"
+            "measure it (a mass by scales, drag by the top speed) or the thrust and its lever, and give it in"
+            " the vehicle file; until then the value describes the log and not the vehicle"
         )
     combinations = () if fit.identifiability is None else fit.identifiability.combinations
     verdicts = {} if fit.identifiability is None else fit.identifiability.verdicts
@@ -520,8 +525,17 @@ def advice(fit: Identification) -> list[str]:
 
 
 def _implausible(fit: Identification) -> list[str]:
-    """Apparent masses that the vehicle cannot have, however well the data determine them."""
-    return [*implausible_masses(fit.problem.vehicle, fit.coefficients, masses_of(fit.vehicle)).values()]
+    """Apparent masses and drags that the vehicle cannot have, however well the data determine them."""
+    masses = implausible_masses(fit.problem.vehicle, fit.coefficients, masses_of(fit.vehicle))
+    drags = implausible_drags(fit.vehicle, fit.coefficients)
+    return [
+        *masses.values(),
+        *(
+            f"{name}: implausible, its drag coefficient is {drag:.2g} on the outline of the hull, and"
+            f" {LARGEST_DRAG:g} is the most that vehicles have; a thrust that is too large may appear as drag"
+            for name, drag in drags.items()
+        ),
+    ]
 
 
 def _joint_remarks(choice: Choice) -> list[str]:

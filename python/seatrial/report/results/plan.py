@@ -17,11 +17,11 @@ _AT = {
 
 _HEAD = ("thrust", "run", "area, m", "to depth, m", "score", "determines best")
 
-_OTHERS = 6
+_OTHERS = 6  # rows of a table beside the plan's own
 
-_WORTH = 0.99
+_WORTH = 0.99  # of the score without a trial: less of a gain is none
 
-_MOST_REFUSED = 4
+_MOST_REFUSED = 4  # names that a sentence lists
 
 
 def report(plan: Plan) -> Report:

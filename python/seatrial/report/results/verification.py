@@ -16,7 +16,7 @@ from seatrial.verification.junit import JUnitCase, junit_xml
 from seatrial.verification.regression import FlownCase
 from seatrial.verification.verification import Verification, excess_sentences
 
-_CAUSES = 4
+_CAUSES = 4  # the strongest, that a report lists
 
 
 def report(verification: Verification) -> Report:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial._core import autopilot_names
+from seatrial.flight.reactions import GROUPS, group
 from seatrial.flight.sensor_channels import CHANNELS_OF_GROUP, GROUP_OF_KIND
-from seatrial.flight.watches import GROUPS, group
 
 if TYPE_CHECKING:
     from seatrial.flight.log import FlightLog

@@ -102,7 +102,7 @@ _DRAG = re.compile(r"[XYZKMN]_([uvwpqr])\1?|C_D[yz]")
 
 _LIFT = re.compile(r"[YZMN]_u[vwqr]")
 
-_STEP = 1e-4
+_STEP = 1e-4  # of a candidate's scale: differences far above rounding, far below what bends
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,9 +333,9 @@ def _thrust(name: str, members: Sequence[str], values: Mapping[str, float]) -> C
     return made
 
 
-_STEPS = 4
+_STEPS = 4  # reweightings of Huber's loss
 
-_KNEE = 2.0
+_KNEE = 2.0  # times the median size of a window's errors
 
 
 class Whitening:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 FEWEST_FLIGHTS = 39
 """Of fewer, no rank leaves 2.5 % on either side."""
 
-_RANKS = (0.025, 0.5, 0.975)
+_RANKS = (0.025, 0.5, 0.975)  # median and ends of the middle 95 %
 
 QUANTITIES: Mapping[str, tuple[str, str]] = {
     "depth": ("depth", "m"),

@@ -176,7 +176,7 @@ def _held(t: Array, times: Array, values: Array) -> Array:
     return np.asarray(values[rows])
 
 
-_FASTER = 1.5
+_FASTER = 1.5  # intervals that differ by less are the same up to rounding to whole samples
 
 
 def thinned(trial: Trial, dt: float) -> Trial:
@@ -203,7 +203,7 @@ def thinned(trial: Trial, dt: float) -> Trial:
 
 _IN_CORE = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
 
-_OFFSET = 1
+_OFFSET = 1  # column of the core's table of sensor errors
 
 
 def offsets_of(sensors: Any, vehicle: Vehicle) -> dict[str, float]:

@@ -268,13 +268,13 @@ _LOOPS = {
     "heading": ("heading", "yaw", math.radians(5.0)),
 }
 
-_STOOD_S = 5.0
+_STOOD_S = 5.0  # a set point that stands so long before it moves begins a step
 
-_RAMP = 0.25
+_RAMP = 0.25  # of a corridor: a set point that moves for longer is no step
 
-_SMOOTH_S = 1.0
+_SMOOTH_S = 1.0  # mean of a logged set point: shorter wobble is the log's
 
-_STILL = 1e-6
+_STILL = 1e-6  # rounding of a set point that stands
 
 
 @dataclass(frozen=True)

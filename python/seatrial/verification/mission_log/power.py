@@ -77,7 +77,7 @@ SHOWN = 2.0
 """A channel speaks for a group where the group doubled and halved would both have shown: gain margins of 6 dB
 forgive a factor of two in a loop and no more."""
 
-POWER = 0.95
+POWER = 0.95  # the usual counterpart of intervals of 95 %
 
 _ADDED = re.compile(r"[XYZKMN]_[uvwpqr]dot")
 _OWN = {axis: re.compile(rf"{axis}_({own})\1?") for axis, own in zip("XYZKMN", "uvwpqr", strict=True)}

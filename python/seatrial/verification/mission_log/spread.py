@@ -107,9 +107,9 @@ def share_interval(share: float, effective: float) -> tuple[float, float]:
 _FIRST_S = 0.5
 """After a restart no model error has had the time to show: what is seen is noise."""
 
-_BINS = 12
+_BINS = 12  # of the time since a restart
 
-_NORMAL_95 = 1.959964
+_NORMAL_95 = 1.959964  # quantile of the normal distribution
 
 INITIAL_PLACES = (6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5)
 """Channel of every initial condition in the core's order: position, attitude, velocity."""
@@ -265,9 +265,9 @@ NOMINAL = 0.05
 LEAST_SHARE = 0.10
 """Share of a channel outside the band below which nothing is called wrong."""
 
-_GRID = 32
+_GRID = 32  # shares at which the tail is computed; between them it is nearly straight
 
-_BETA = 64
+_BETA = 64  # quantiles that stand for the distribution of a share
 
 
 @dataclass(frozen=True, eq=False)

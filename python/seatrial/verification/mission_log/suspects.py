@@ -49,7 +49,7 @@ from seatrial.verification.mission_log.spread import INITIAL_PLACES, Spread
 
 _WRENCH = ("X_0", "Y_0", "Z_0", "K_0", "M_0", "N_0")
 
-_ALIKE = 0.9
+_ALIKE = 0.9  # share of the gain: an explanation as good is as likely
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,9 +133,9 @@ def unlogged_thrusts(log: PredictedLog, white: Whitening) -> tuple[UnloggedThrus
 STRONGEST_M_S = 3.0
 """Tidal streams are weaker, but for a few narrows."""
 
-_STEPS = 4
+_STEPS = 4  # Gauss-Newton steps; the current enters nearly linearly
 
-_STILL_M_S = 1e-3
+_STILL_M_S = 1e-3  # a step of the current that ends the search
 
 
 def in_current(log: PredictedLog, spread: Spread) -> tuple[PredictedLog, tuple[float, float]]:
@@ -218,15 +218,15 @@ def offset_words(channel: str, offset: float) -> str:
 
 _ANGLES, _RATES = ("roll", "pitch", "yaw"), ("p", "q", "r")
 
-_FOLLOWED = 8
+_FOLLOWED = 8  # suspects whose joint gain is worked out: each costs a fit
 
-_LEAST_GAIN = 0.02
+_LEAST_GAIN = 0.02  # of the cost: less explains nothing that a user would see
 
-_AKAIKE = 2.0
+_AKAIKE = 2.0  # Akaike (1974): in twice the log-likelihood, per parameter
 
-_THING = 0.01
+_THING = 0.01  # of the cost: decides ties only
 
-_MOST_FACTOR = 3.0
+_MOST_FACTOR = 3.0  # of a coefficient's own value: beyond it another vehicle is described
 
 _MOST_GAIN = 2.0
 """No actuator comes to give twice its thrust."""

@@ -71,7 +71,7 @@ _STEP_S = 0.025
 """Longest step of the integration: the yaw of a half-metre ROV is off by half its noise after ten seconds of
 steps of 0.05 s."""
 
-_ROUNDS = 8
+_ROUNDS = 8  # of Gauss-Newton; three to five are usual
 
 _SHORTEST_STEP = 0.1
 """Share of a Gauss-Newton step below which no descent is expected any more."""

@@ -62,7 +62,7 @@ DOUBT = 0.05
 FEWEST_WINDOWS = 6
 """Fewer restarts than this tell nothing."""
 
-_OFFSET_DRAWS = 2048
+_OFFSET_DRAWS = 2048  # a tail of 5 % is then known to 0.5 %
 
 _SAMPLES = 300
 """Samples of a channel that tell the share of a draw: neighbours say the same."""

@@ -209,7 +209,7 @@ class LogVerdict(Reported):
             return run.publish(facts, _files(self, problem))
 
 
-SHOWN = 6
+SHOWN = 6  # suspects that a report lists
 
 
 def _files(found: LogVerdict, problem: Problem | None) -> dict[str, str | bytes]:
