@@ -1,4 +1,4 @@
-"""Watches of the autopilot (channels, key under ``[safety]``, patience), and what they called for on a flight.
+"""Watches of the autopilot (channels, key under ``[safety]``, patience) and what they called for on a flight.
 
 What they saw is put in words by `seatrial.report.results.watches`. Held by ``tests/flight/test_reactions.py``
 and ``tests/flight/test_flight.py``.
@@ -7,6 +7,7 @@ and ``tests/flight/test_flight.py``.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from seatrial.base.finding import Finding, Severity
 from seatrial.vehicle.stability import statics
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from seatrial.flight.log import FlightLog
 

@@ -78,12 +78,7 @@ def implausible_drags(vehicle: Vehicle, coefficients: Sequence[Estimate]) -> dic
 
     ``C_D = -X_uu / (rho A / 2)``, A the box of the hull's measures seen along the axis. What the data do not
     determine, or reaches below the limit within its 95 % interval, is left out.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The identified one, with its measures; without them nothing is implausible.
-    coefficients : sequence of Estimate
+    Of a vehicle without measures nothing is implausible.
     """
     box = vehicle.geometry()
     if not box:

@@ -23,6 +23,7 @@ from seatrial._core import State, Vehicle
 from seatrial.ardusub.parameters import ParameterFile
 from seatrial.ardusub.servos import Channel, ChannelMap, map_channels, map_parameters
 from seatrial.base.errors import SimulationError, reason
+from seatrial.base.plain import Plain
 from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.base.toml_file import loaded
 from seatrial.flight.sensor_channels import sensors_of
@@ -56,7 +57,12 @@ _PEER_SILENT_S = 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SitlSession(Reported):
+class SitlSession(
+    Plain,
+    Reported,
+    only="vehicle=mapping.vehicle.name ended frames lost resets ignored simulated_s wall_s steps_per_s"
+    " slowest_step_s rate_hz channels notes",
+):
     """What happened on the link.
 
     Attributes
@@ -113,23 +119,9 @@ class SitlSession(Reported):
                 data[:, k] = np.rad2deg(data[:, k])
         return pl.DataFrame(data, schema=names, orient="row")
 
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data, without the log."""
-        return {
-            "vehicle": self.mapping.vehicle.name,
-            "ended": self.ended,
-            "frames": self.frames,
-            "lost": self.lost,
-            "resets": self.resets,
-            "ignored": dict(self.ignored),
-            "simulated_s": self.simulated_s,
-            "wall_s": self.wall_s,
-            "steps_per_s": self.steps_per_s,
-            "slowest_step_s": self.slowest_step_s,
-            "rate_hz": self.rate_hz,
-            "channels": {channel.actuator: channel.number for channel in self.mapping.channels},
-            "notes": list(self.notes),
-        }
+    def channels(self) -> dict[str, int]:
+        """Number of the servo's channel by actuator."""
+        return {channel.actuator: channel.number for channel in self.mapping.channels}
 
     def report(self) -> Report:
         """Report on the link."""

@@ -18,6 +18,7 @@ import numpy as np
 from seatrial._core import Autopilot, State, Vehicle
 from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import SimulationError
+from seatrial.base.plain import Plain
 from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
@@ -46,7 +47,12 @@ _LONGEST_S = 24 * 3600.0  # a day: all samples of a flight stay in memory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RealtimeFlight(Reported):
+class RealtimeFlight(
+    Plain,
+    Reported,
+    only="vehicle=vehicle.name outcome complete depth_largest_m=_deepest_m reaction cause speed timing"
+    " hardware warnings notes",
+):
     """A flight by the clock.
 
     Attributes
@@ -149,21 +155,9 @@ class RealtimeFlight(Reported):
             sections=(Section("", self.notes, tables),),
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data, without the motion."""
-        return {
-            "vehicle": self.vehicle.name,
-            "outcome": self.outcome,
-            "complete": self.complete,
-            "depth_largest_m": self._deepest_m,
-            "reaction": self.reaction,
-            "cause": self.cause,
-            "speed": self.speed,
-            "timing": self.timing.to_dict(),
-            "hardware": None if self.hardware is None else self.hardware.to_dict(),
-            "warnings": [f"{self.doubt}."] if self.doubt else [],
-            "notes": list(self.notes),
-        }
+    def warnings(self) -> list[str]:
+        """Doubts about the flight, as sentences."""
+        return [f"{self.doubt}."] if self.doubt else []
 
     def save(self, folder: str | Path) -> Path:
         """Path of a run directory with the flight: JSON, Parquet, summary and inputs.

@@ -13,16 +13,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.arrays import Mask
 from seatrial.base.channels import AXES, CHANNELS, readable
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.plain import Plain
 from seatrial.base.report import Column, Report, Reported, Section, Table
 from seatrial.base.toml_file import loaded
 from seatrial.scoring.baseline_fit import fit_baselines
@@ -48,7 +49,12 @@ _REACHED = 0.8
 
 
 @dataclass(frozen=True, eq=False)
-class Score(Reported, Mapping[str, ChannelScore]):
+class Score(
+    Plain,
+    Reported,
+    Mapping[str, ChannelScore],
+    only="trials ahead_s windows=windows.__len__ shifted skipped channels baselines ceiling bands blind",
+):
     """Scores by channel, ``score["u"].r2``; printed, a table.
 
     Attributes
@@ -196,21 +202,6 @@ class Score(Reported, Mapping[str, ChannelScore]):
         }
         skipped = self.skipped + len(self.windows) - len(windows)
         return replace(self, channels=table, windows=windows, skipped=skipped, baselines={})
-
-    def to_dict(self) -> dict[str, Any]:
-        """The score as plain data for JSON, without the simulated samples."""
-        return {
-            "trials": list(self.trials),
-            "ahead_s": self.ahead_s if np.isfinite(self.ahead_s) else None,
-            "windows": len(self.windows),
-            "shifted": self.shifted,
-            "skipped": self.skipped,
-            "channels": {name: asdict(channel) for name, channel in self.channels.items()},
-            "baselines": {name: dict(row) for name, row in self.baselines.items()},
-            "ceiling": self.ceiling,
-            "bands": {name: asdict(band) for name, band in self.bands.items()},
-            "blind": {name: list(trials) for name, trials in self.blind.items()},
-        }
 
     def __repr__(self) -> str:
         return "Score(" + ", ".join(f"{name} {channel.r2:.3f}" for name, channel in self.items()) + ")"
