@@ -20,13 +20,15 @@ model's own chain. Held by `tests/report/test_vehicle_figures.py`.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from paper.diagram import ABSENT, bar, block, connect, page, words
 from seatrial.base.arrays import Array
-from seatrial.report.plot.flight_errors import Motor, behind_motor, drives, motors
+from seatrial.report.plot.flight_errors import Motor, motors
 from seatrial.report.plot.style import (
     COLUMN_IN,
     FAINT,
@@ -39,6 +41,7 @@ from seatrial.report.plot.style import (
     number,
     panel_title,
 )
+from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -312,6 +315,62 @@ def static_transfer(vehicle: Vehicle) -> Figure:
         for axes in list(grid.flat)[len(shown) :]:
             axes.set_axis_off()
     return figure
+
+
+_FAST = 1e9  # 1/s: a motor without a limit of its rate
+
+
+def drives(vehicle: Vehicle) -> list[tuple[list[str], Motor]]:
+    """Motors that differ, whatever they drive: names of their groups, and one of them."""
+    groups_of: dict[Motor, list[str]] = {}
+    for motor in motors(vehicle):
+        plain = replace(motor, group="", actuators=(), characteristic="")
+        groups_of.setdefault(plain, []).append(motor.group)
+    first = {group: motor for motor in reversed(motors(vehicle)) for group in [motor.group]}
+    return [(list(dict.fromkeys(groups)), first[groups[0]]) for groups in groups_of.values()]
+
+
+def behind_motor(
+    vehicle: Vehicle,
+    motor: Motor,
+    t: ArrayLike,
+    command: ArrayLike,
+    *,
+    rate_limit: bool = True,
+    lag: bool = True,
+) -> Array:
+    """Signal (n,) behind a motor, from neutral, for a command (n,) from neutral held from sample to sample.
+
+    The vehicle is tied. The sense is that of the command, whether or not the actuator is mounted reversed.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    motor : Motor
+    t, command : array, shape (n,)
+        Times in s, uniform; command in the motor's unit.
+    rate_limit, lag : bool
+        Whether the rate limit, and the lag with its dead time, are in the chain.
+    """
+    name = motor.actuators[0]
+    ideal: dict[str, float] = {}
+    if not rate_limit:
+        ideal |= dict.fromkeys((f"{name}.n_acc", f"{name}.n_dec"), _FAST)
+    if not lag:
+        ideal |= {f"{name}.K_V": 1.0, f"{name}.T_1": 0.0, f"{name}.T_t": 0.0}
+    # A motor without a lag or rate limit of its own has no such coefficient.
+    known = vehicle.coefficients()
+    vehicle = vehicle.with_coefficients({key: x for key, x in ideal.items() if key in known})
+    times = np.asarray(t, dtype=float)
+    sense = -1.0 if vehicle.actuator_info()[name]["reversed"] else 1.0
+    run = vehicle.simulate(
+        times,
+        {name: motor.neutral + sense * np.asarray(command, dtype=float)},
+        free="",
+        voltage_v=voltage_for(vehicle, times, NOMINAL_V),
+        max_step_s=0.01,
+    )
+    return np.asarray(sense * (np.asarray(run.actuators[name]) - motor.neutral))
 
 
 def settled(vehicle: Vehicle, motor: Motor, command: Array) -> Array:

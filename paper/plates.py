@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.channels import AXES
-from seatrial.report.plot.flight_errors import drives, motors
+from seatrial.report.plot.flight_errors import motors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,7 +87,7 @@ def vehicle_plates(vehicle: Vehicle, *, data: str, modes: str = "") -> Iterator[
     modes : str
         Which axes are free, where a campaign says so.
     """
-    from paper.actuators import actuator_diagram, rate_limiting, static_transfer
+    from paper.actuators import actuator_diagram, drives, rate_limiting, static_transfer
     from paper.model import model_diagram
     from seatrial.report.plot.vehicle import three_views
 

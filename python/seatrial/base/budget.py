@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import math
 import os
 import sys
 import threading
@@ -68,9 +69,13 @@ class Budget:
     stream_mb: float = 32.0
     unpacked_ratio: float = 200.0
 
-    def cpu_of(self, size: int) -> float:
-        """Processor time for a file of `size` bytes, s."""
-        return self.cpu_s + self.cpu_s_per_mb * size / _MB
+    def cpu_of(self, size: int, share: float = 1.0) -> float:
+        """Processor time for a file of `size` bytes of which a share was read, s.
+
+        What is not yet read counts as tables of text do, which suffices to look for it, unpack or sort it.
+        """
+        plain = min(Budget.cpu_s_per_mb, self.cpu_s_per_mb)
+        return self.cpu_s + (plain + (self.cpu_s_per_mb - plain) * share) * size / _MB
 
     def memory_of(self, size: int) -> float:
         """Growth of the process for a file of `size` bytes, MB."""
@@ -97,8 +102,8 @@ class _Meter:
     """Ends the block of the thread that made it when the budget is spent."""
 
     def __init__(self, budget: Budget, size: int) -> None:
-        self.cpu_s, self.memory_mb = budget.cpu_of(size), budget.memory_of(size)
-        self.spent = ""
+        self.memory_mb, self.spent, self.share = budget.memory_of(size), "", math.nan
+        self._budget, self._size = budget, size
         # A kind of its own: of nested blocks each ends its own.
         self.kind = type("_SpentHere", (_Spent,), {})
         self._thread = threading.get_ident()
@@ -112,8 +117,9 @@ class _Meter:
 
     def _look(self) -> None:
         while not self._over.wait(_LOOK_S):
-            if self._clock() - self._begun > self.cpu_s:
-                self.spent = f"{self.cpu_s:.0f} s of processor time"
+            cpu_s = self._budget.cpu_of(self._size, 1.0 if math.isnan(self.share) else self.share)
+            if self._clock() - self._begun > cpu_s:
+                self.spent = f"{cpu_s:.0f} s of processor time"
             elif self.too_much(0):
                 self.spent = f"{self.memory_mb:,.0f} MB of memory"
             with self._lock:
@@ -225,6 +231,12 @@ def claim(size: int) -> None:
         if meter.too_much(size):
             meter.spent = f"{meter.memory_mb:,.0f} MB of memory"
             raise meter.kind
+
+
+def advance(share: float) -> None:
+    """Tell how much of the file was read, 0 to 1: `Budget.cpu_of` grants time for that much and no more."""
+    for meter in _METERS.__dict__.get("all", [])[-1:]:
+        meter.share = meter.share if meter.share >= share else share
 
 
 _STREAMS = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT)

@@ -263,10 +263,6 @@ class Table(Log):
                 f' "{layout.separator}" ({why}); repair the file or name its reader'
             ) from None
 
-    def has_time(self) -> bool:
-        """Whether the table has a time."""
-        return self.clock is not None
-
 
 class _Time:
     """Stamps of the rows, chunk by chunk."""

@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from seatrial.base.budget import Budget
+from seatrial.base.budget import Budget, advance
 from seatrial.base.errors import TrialError, nearest, reason
 from seatrial.logs.log import reading
 
@@ -156,13 +156,13 @@ def extra(package: str, path: Path) -> Any:
         ) from None
 
 
-class _Unpacked:
-    """A stream packed with gzip: all that is before the damage, and no more than honest text unpacks to."""
+class Unpacked:
+    """A packed stream: all that is before the damage, and no more than honest text unpacks to."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, opener: Callable[..., Any] = gzip.open) -> None:
+        self._path, self._size = path, path.stat().st_size
         self._file = path.open("rb")
-        self._stream = gzip.GzipFile(fileobj=self._file)
+        self._stream = opener(self._file, "rb")
         self.tell = self._file.tell
         self._given = 0  # bytes so far
         self._failed: Exception | None = None
@@ -186,6 +186,7 @@ class _Unpacked:
                 raise
             self._failed = error
         self._given += len(content)
+        advance(self.tell() / self._size)
         if self._given > Budget().stream_of(packed := self.tell()):
             raise TrialError(
                 f"{self._path}: its first {packed:,} bytes unpack to {self._given:,}; no log is packed more"
@@ -209,7 +210,7 @@ def is_packed(path: Path) -> bool:
 
 def unpacked(path: Path) -> Any:
     """A binary stream of a file, unpacked where gzip packed it; its `tell` is the place in the file."""
-    return _Unpacked(path) if is_packed(path) else path.open("rb")
+    return Unpacked(path) if is_packed(path) else path.open("rb")
 
 
 def _head(path: Path) -> bytes:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from seatrial.base.budget import advance
 from seatrial.base.errors import TrialError
 from seatrial.logs.formats import DAMAGED, extra, unpacked
 from seatrial.logs.log import Chunk, Event, Gathered, Log, Share, number
@@ -148,6 +149,7 @@ class _Lsf(Log):
                     self.note(f"its packing is cut short or damaged ({error}); what came before was read")
                     block = b""
                 data += block
+                advance(stream.tell() / size)
                 begin = 0
                 while len(data) - begin >= _HEADER + _FOOTER:
                     order = _order(data, begin)

@@ -28,6 +28,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from seatrial.base.budget import advance
 from seatrial.base.errors import TrialError
 from seatrial.logs.formats import extra
 from seatrial.logs.log import LONGEST_ARRAY, MOST_TOPICS, Chunk, Event, Gathered, Log, Share, number
@@ -323,6 +324,7 @@ class _Telemetry(Log):
                     return
                 if not message.get_type().startswith("BAD_DATA"):
                     judged.whole += _STAMP_BYTES + len(message.get_msgbuf())
+                advance(judged.place / size)
                 yield message, judged.place / size
         finally:
             stream.close()

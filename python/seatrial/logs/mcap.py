@@ -17,10 +17,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from seatrial.base.budget import Budget, claim
 from seatrial.logs.formats import extra
 from seatrial.logs.log import Log
-from seatrial.logs.messages import Bag, Message, learnt
+from seatrial.logs.messages import Bag, Message, learnt, unpacked_chunk
 
 _MAGIC_BYTES, _TAG_BYTES = 8, 9  # signature of a file; opcode and length of a record, by the format
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _LAST = 2, 3, 4, 5, 6, 15  # opcodes, by the format
@@ -121,11 +120,8 @@ class _Mcap(Bag):
         try:
             if kind == _CHUNK:
                 chunk = kinds.Chunk.read(source)
-                if chunk.compression and chunk.uncompressed_size > Budget().unpacked_of(len(content)):
-                    return [], len(content)
-                claim(2 * chunk.uncompressed_size)
-                inner = extra("mcap.stream_reader", self.path).get_chunk_data_stream(chunk)[0].read(-1)
-                return self._inner(inner, len(content))
+                inner = unpacked_chunk(chunk.compression, chunk.data)
+                return self._inner(inner, len(content)) if inner else ([], len(content))
             if kind == _MESSAGE:
                 return [kinds.Message.read(source, len(content))], 0
             if kind in (_SCHEMA, _CHANNEL):

@@ -13,13 +13,18 @@ import math
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from seatrial.base.budget import Budget, advance, claim
 from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import NEAR_S
+from seatrial.logs.formats import extra
 from seatrial.logs.log import LONGEST_ARRAY, MOST_TOPICS, Chunk, Gathered, Log, Share, number
 
 _LOOK_AT = 3  # messages of a topic from which its fields are learnt
@@ -29,6 +34,8 @@ _LATE_S, _AWAY_S = 1.0, 10.0
 its reception by the first is of a wrong clock, too."""
 _DEEPEST = 8  # messages within one another: deeper ones are damaged or hostile
 _UNIX_S = 9e8  # s: a larger time is a date (1998), not the time since boot
+UNPACKERS = {"bz2": "bz2", "lz4": "lz4.frame", "zstd": "zstandard"}
+"""Packages by the name that bags and MCAP files give to a packing."""
 
 
 class Message(NamedTuple):
@@ -51,9 +58,32 @@ def learnt(log: Bag) -> Bag:
     log.learn()
     if not log.fields:
         raise TrialError(
-            f"{log.path}: no message with numbers in it" + "".join(f"; {note}" for note in log.notes)
+            f"{log.path}: no message with numbers in it" + "".join(f"; {note}" for note in log.notes[:3])
         )
     return log
+
+
+def unpacked_chunk(packing: str, data: bytes) -> bytes:
+    """Content of packed data, up to where they are cut off.
+
+    Raises
+    ------
+    ValueError
+        The packing is unknown, or they unpack to more than any log: four bytes of zstd may say 128 KiB.
+    """
+    if packing in ("", "none"):
+        return data
+    if packing not in UNPACKERS:
+        raise ValueError(f"packing {packing}")
+    most, content = Budget().unpacked_of(len(data)), bytearray()
+    stream = extra(UNPACKERS[packing], Path("log")).open(BytesIO(data), "rb")
+    with suppress(EOFError):
+        while part := stream.read(1 << 20):
+            content += part
+            if len(content) > most:
+                raise ValueError(f"a chunk of {len(data):,} bytes unpacks to more than {most:,}")
+            claim(len(content))  # an array of bytes grows by an eighth, and is copied
+    return bytes(content)
 
 
 @dataclass
@@ -71,7 +101,9 @@ class Bag(Log):
         """Learn the fields of each topic from its first messages."""
         seen: Counter[str] = Counter()
         delays: dict[str, list[float]] = {}
+        advance(0.0)
         for message in self.messages(None):
+            advance(message.share)
             if seen[message.topic] >= (_TIMED if message.topic in delays else _LOOK_AT):
                 continue
             seen[message.topic] += 1
@@ -115,7 +147,9 @@ class Bag(Log):
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
         """Samples of the fields wanted."""
         gathered = Gathered(wanted)
+        advance(0.0)
         for count, message in enumerate(self.messages(set(wanted))):
+            advance(message.share)
             if share is not None and count % 4096 == 0:
                 share(message.share)
             values = self._decoded(message)

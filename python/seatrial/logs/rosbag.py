@@ -16,14 +16,16 @@ import sqlite3
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache, partial
+from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, BinaryIO
 
-from seatrial.base.budget import claim
 from seatrial.base.errors import TrialError, foreign
-from seatrial.logs.formats import extra
+from seatrial.logs.formats import Unpacked, extra
 from seatrial.logs.log import Log
-from seatrial.logs.messages import Bag, Message, learnt
+from seatrial.logs.messages import UNPACKERS, Bag, Message, learnt, unpacked_chunk
 
 
 def open_log(path: Path) -> Log:
@@ -42,10 +44,36 @@ def open_log(path: Path) -> Log:
         raise
 
 
+@cache
+def _bound_rosbags(path: Path) -> None:
+    """Give rosbags unpackers and a reader of databases that are bounded; its own take what a bag says."""
+    ros1, ros2 = extra("rosbags.rosbag1.reader", path), extra("rosbags.rosbag2.reader", path)
+    mcap, sqlite = (extra(f"rosbags.rosbag2.storage_{name}", path) for name in ("mcap", "sqlite3"))
+    bounded = {packing: partial(unpacked_chunk, packing) for packing in UNPACKERS}
+
+    class Checked(sqlite.Sqlite3Reader):  # type: ignore[misc,name-defined]
+        def open(self) -> None:
+            if why := _missing(Path(self.path)):
+                raise ros2.ReaderError(why)
+            super().open()
+
+    def opened(file: BinaryIO, mode: str) -> Unpacked:
+        return Unpacked(Path(file.name), extra("zstandard", path).open)
+
+    ros1.decompressors.update(bounded)
+    ros2.zstd = mcap.zstd = SimpleNamespace(
+        decompress=bounded["zstd"], open=opened, compress=ros2.zstd.compress
+    )
+    mcap.lz4_decompress = bounded["lz4"]
+    ros2.DirectoryReader.STORAGE_PLUGINS = {**ros2.DirectoryReader.STORAGE_PLUGINS, "sqlite3": Checked}
+    ros2.Reader.STORAGE_PLUGINS = {**ros2.Reader.STORAGE_PLUGINS, ".db3": Checked}
+
+
 class _Ros(Bag):
     """A bag of ROS 1 or ROS 2 by rosbags."""
 
     def messages(self, topics: set[str] | None) -> Iterator[Message]:
+        _bound_rosbags(self.path)
         highlevel = extra("rosbags.highlevel", self.path)
         typesys = extra("rosbags.typesys", self.path)
         store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
@@ -53,7 +81,7 @@ class _Ros(Bag):
             try:
                 bag = stack.enter_context(highlevel.AnyReader([self.path], default_typestore=store))
             except Exception as error:  # a damaged bag may raise anything in rosbags
-                why = _missing(self.path) or f"not readable as a bag ({foreign(error)})"
+                why = f"not readable as a bag ({foreign(error)})"
                 raise TrialError(
                     f"{self.path}: {why}; fetch the bag again, or repair it with `rosbag reindex` or"
                     " `ros2 bag reindex`"
@@ -96,24 +124,17 @@ _TABLES = ("topics", "messages")
 
 
 def _missing(path: Path) -> str:
-    """Clause on the tables that the databases of a ROS 2 bag lack; "" where none does, or another format."""
-    files = sorted(path.glob("*.db3")) if path.is_dir() else [path]
-    for file in files:
-        if not file.is_file() or file.suffix != ".db3":
-            continue
-        try:
-            with contextlib.closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as data:
-                rows = data.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
-        except sqlite3.Error:
-            continue
-        names = [name for name in _TABLES if (name,) not in rows]
-        if names:
-            tables = " and ".join(f'"{name}"' for name in names)
-            return (
-                f"{file.name} has no table {tables}; expected a database of rosbag2 with the tables"
-                f" {' and '.join(_TABLES)}: the messages are missing"
-            )
-    return ""
+    """Clause on what the database of a ROS 2 bag lacks; "" where it is whole."""
+    try:
+        with contextlib.closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as data:
+            rows = data.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
+            columns = [row for name in _TABLES for row in data.execute(f"PRAGMA table_xinfo({name})")]
+    except sqlite3.Error:  # who reads it says so
+        return ""
+    if any(column[6] > 1 for column in columns):
+        return f"{path.name} has a column that SQLite computes, which no recorder writes: it may be endless"
+    tables = " and ".join(f'"{name}"' for name in _TABLES if (name,) not in rows)
+    return f"{path.name} has no table {tables}, as rosbag2 writes: the messages are missing" if tables else ""
 
 
 _MAGIC = b"#ROSBAG V2.0\n"
@@ -247,24 +268,9 @@ def _code(header: dict[str, bytes]) -> int:
 
 def _unpacked(header: dict[str, bytes], data: bytes) -> Iterator[tuple[dict[str, bytes], bytes]]:
     """Records of a chunk."""
-    from io import BytesIO
-
-    size = struct.unpack("<I", header["size"])[0] if len(header.get("size", b"")) == 4 else 0
-    if size > _LARGEST_CHUNK:
-        raise _Damaged("a chunk of impossible size")
-    packing = header.get("compression", b"none")
-    claim(2 * size)
     try:
-        if packing == b"bz2":
-            import bz2
-
-            data = bz2.BZ2Decompressor().decompress(data, size)
-        elif packing == b"lz4":
-            from lz4.frame import LZ4FrameDecompressor
-
-            data = LZ4FrameDecompressor().decompress(data, size)
+        file = BytesIO(unpacked_chunk(header.get("compression", b"none").decode(), data))
     except Exception as error:  # damaged data may raise anything in an unpacker
         raise _Damaged(f"a chunk that cannot be unpacked, {type(error).__name__}") from None
-    file = BytesIO(data)
     while (record := _record(file)) is not None:
         yield record

@@ -1,0 +1,42 @@
+"""Files that are made to exhaust who reads them: `tests.logs.bombs`."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from seatrial.base.budget import Budget
+from seatrial.base.errors import TrialError
+from seatrial.logs import messages
+from seatrial.logs.formats import open_log
+from seatrial.logs.messages import unpacked_chunk
+from tests.logs import bombs
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("format", bombs.BOMBS)
+def test_law_a_bomb_ends_in_one_sentence_within_bounded_memory(format: str) -> None:
+    counts, wrong, dearest = bombs.run(format, range(300))
+    print(dict(counts), dearest)
+    assert wrong == []
+    # Neither all nor none: most of them are whole files but for one place.
+    assert counts["accepted"] > 5
+    assert counts["refused"] > 30
+
+
+@pytest.mark.parametrize("packing", ["bz2", "lz4", "zstd"])
+def test_a_chunk_unpacks_to_what_it_holds_and_to_no_more_than_any_log(
+    packing: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert unpacked_chunk(packing, bombs._packed(packing, b"abc" * 100_000)) == b"abc" * 100_000
+    monkeypatch.setattr(messages, "Budget", partial(Budget, unpacked_mb=0.1, unpacked_ratio=10.0))
+    with pytest.raises(ValueError, match="unpacks to more than"):
+        unpacked_chunk(packing, bombs._packed(packing, bytes(2_000_000)))
+
+
+def test_a_column_that_sqlite_computes_is_refused_before_it_is_computed(tmp_path: Path) -> None:
+    path = bombs.database(tmp_path, " GENERATED ALWAYS AS (zeroblob(900000000))", rows=300, data=b"")
+    with pytest.raises(TrialError, match="has a column that SQLite computes"):
+        open_log(path)
