@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
@@ -12,7 +13,7 @@ from typing import Any
 import pytest
 
 import seatrial as st
-from seatrial.base.progress import Progress
+from seatrial.base.progress import Progress, callers_errors_pass
 from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.check.autopilot import check_autopilot
 from seatrial.check.vehicle import check_vehicle
@@ -95,8 +96,11 @@ def _state(fraction: float) -> Progress:
 
 def test_the_bar_of_a_notebook_is_one_output_that_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[str] = []
+    opened = 0
 
     def display(bar: str, *, display_id: bool) -> SimpleNamespace:
+        nonlocal opened
+        opened += 1
         shown.append(bar)
         return SimpleNamespace(update=shown.append)
 
@@ -105,12 +109,21 @@ def test_the_bar_of_a_notebook_is_one_output_that_changes(monkeypatch: pytest.Mo
     ipython.display = SimpleNamespace(HTML=str, display=display)
     monkeypatch.setitem(sys.modules, "IPython", ipython)
     bar = st.ProgressBar()
-    bar(_state(0.25))
-    bar(_state(0.26))  # too soon after the one before
-    bar(_state(1.0))
+
+    @callers_errors_pass
+    def work(*, progress: Callable[[Progress], None]) -> int:
+        progress(_state(0.25))
+        progress(_state(0.26))  # too soon after the one before
+        return 3
+
+    assert work(progress=bar) == 3
     assert [text.partition("%")[0].split()[-1] for text in shown] == ["25", "100"]
     assert shown[0].startswith("<progress value=0.2500></progress>")
     assert "tuning [2/3]: about 8 s left" in shown[0]
+    assert "done" in shown[1]
+    assert opened == 1
+    work(progress=bar)
+    assert opened == 2  # another work has a bar of its own
 
 
 def test_the_bar_of_a_terminal_is_one_line(
@@ -118,8 +131,8 @@ def test_the_bar_of_a_terminal_is_one_line(
 ) -> None:
     monkeypatch.delitem(sys.modules, "IPython", raising=False)
     bar = st.ProgressBar()
-    for fraction in (0.5, 1.0):
-        bar(_state(fraction))
+    bar(_state(0.5))
+    bar.finish()
     written = capsys.readouterr().err
     assert written.count("\r") == 2
     assert written.count("\n") == 1

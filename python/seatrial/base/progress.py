@@ -144,20 +144,32 @@ class ProgressBar:
         ipython = sys.modules.get("IPython")  # nobody else has loaded it than a notebook or its shell
         shell = ipython.get_ipython() if ipython is not None else None
         self._display = ipython.display if ipython is not None and hasattr(shell, "kernel") else None
+        self._begin()
+
+    def _begin(self) -> None:
         self._cell: Any = None
+        self._clock: Clock | None = None
         self._last = -math.inf
 
     def __call__(self, state: Progress) -> None:
-        """Show the state of the work; its end always."""
-        if time.monotonic() - self._last < self._every_s and state.fraction < 1.0:
-            return
-        self._last = time.monotonic()
-        text = f"{100 * state.fraction:3.0f} %  {state.words}"
+        """Show the state of the work, where the one before is old enough."""
+        self._clock = self._clock or Clock()
+        if time.monotonic() - self._last >= self._every_s:
+            self._last = time.monotonic()
+            self._show(state.fraction, state.words)
+
+    def finish(self) -> None:
+        """Show that the work is done and what it took, s; the next one has a bar of its own."""
+        if self._clock is not None:
+            self._show(1.0, f"done, {self._clock.elapsed_s:.0f} s", end="\n")
+        self._begin()
+
+    def _show(self, fraction: float, words: str, *, end: str = "") -> None:
+        text = f"{100 * fraction:3.0f} %  {words}"
         if self._display is None:
-            end = "\n" if state.fraction >= 1.0 else ""
             print(f"\r{text[:110]:110}", end=end, file=sys.stderr, flush=True)
             return
-        bar = self._display.HTML(f"<progress value={state.fraction:.4f}></progress> {html.escape(text)}")
+        bar = self._display.HTML(f"<progress value={fraction:.4f}></progress> {html.escape(text)}")
         if self._cell is None:
             self._cell = self._display.display(bar, display_id=True)
         else:
@@ -214,11 +226,15 @@ def callers_errors_pass(function: Callable[P, R]) -> Callable[P, R]:
         else:
             kwargs["work"] = replace(work, progress=progress)
         try:
-            return function(*args, **kwargs)
+            result = function(*args, **kwargs)
         except _OfTheCaller as carried:
             if carried.call is not call:
                 raise
             error = carried.error
+        else:
+            if isinstance(given, ProgressBar):
+                given.finish()
+            return result
         raise error  # outside of the handler, so that it has the context that it was raised with
 
     return passing

@@ -8,9 +8,8 @@ from seatrial.base.front import front
 
 if TYPE_CHECKING:
     from seatrial.report.plot import gallery as gallery
-    from seatrial.report.plot.bench import bollard_test as bollard_test
 
-__all__ = ["bollard_test", "gallery"]
+__all__ = ["gallery"]
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
-    __getattr__ = front(__name__, {"bollard_test": "plot.bench", "gallery": "plot"})
+    __getattr__ = front(__name__, {"gallery": "plot"})

@@ -110,6 +110,12 @@ def compared(runs: Sequence[RunFolder]) -> Report | None:
     gains = list(_gains(before.results, after.results))
     around = ({**run.facts, "in the water": run.results.get("circumstances")} for run in (before, after))
     inputs = list(_inputs(*around))
+    tables = (
+        Table.of("Results", head, results),
+        Table.of("Estimates", ("coefficient", "unit", *head[1:], "change", ""), estimates, left=2),
+        Table.of("Gains that differ", ("gain", "unit", *head[1:]), gains, left=2),
+        Table.of("Inputs and settings that differ", head, inputs),
+    )
     # The change that says most: of an estimate, else of a result.
     moved = sorted(
         (row for row in estimates if row[-1] == "moved"), key=lambda row: -abs(float(row[4].rstrip("%")))
@@ -126,21 +132,8 @@ def compared(runs: Sequence[RunFolder]) -> Report | None:
         outcome=f"{before.kind} before and after",
         good="; ".join(f"{count} {words}" for words, (count, known) in counts.items() if known),
         worst=told[0] if told else "no result differs",
-        next_step="explain the changes by what differs"
-        if inputs
-        else "nothing: inputs and settings are the same",
-        sections=(
-            Section(
-                tables=(
-                    Table.of("Results", head, results),
-                    Table.of(
-                        "Estimates", ("coefficient", "unit", *head[1:], "change", ""), estimates, left=2
-                    ),
-                    Table.of("Gains that differ", ("gain", "unit", *head[1:]), gains, left=2),
-                    Table.of("Inputs and settings that differ", head, inputs),
-                )
-            ),
-        ),
+        next_step="explain the changes by what differs" if inputs else "nothing: the inputs are the same",
+        sections=(Section(tables=tables),),
     )
 
 
