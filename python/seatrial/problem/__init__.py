@@ -13,16 +13,9 @@ if TYPE_CHECKING:
     from seatrial.problem.settings import Stage as Stage
     from seatrial.problem.settings import TrialUse as TrialUse
 
-__all__ = ["Anchor", "JointSettings", "Problem", "Stage", "TrialUse"]
+_HOMES = {"Problem": "problem"} | dict.fromkeys(("Anchor", "JointSettings", "Stage", "TrialUse"), "settings")
+
+__all__ = sorted(_HOMES)
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
-    __getattr__ = front(
-        __name__,
-        {
-            "Anchor": "settings",
-            "JointSettings": "settings",
-            "Problem": "problem",
-            "Stage": "settings",
-            "TrialUse": "settings",
-        },
-    )
+    __getattr__ = front(__name__, _HOMES)
