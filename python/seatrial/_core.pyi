@@ -283,7 +283,7 @@ class Helm:
     def thought(self, /) -> dict[str, Any]:
         """
         What the autopilot thought at the last step: mode, reaction, its cause and the channel that was stale, whether it has ended, the waypoint in
-        hand, desired speed (m/s), heading (rad) and depth (m), errors (m), actuators given up; empty before the first.
+        hand, desired speed (m/s), heading (rad) and depth (m), errors (m), actuators given up, and the one that the motion makes suspect ("all" where none works); empty before the first.
         """
     @property
     def waiting_for(self, /) -> list[str]:

@@ -16,6 +16,7 @@ from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.export.fmu import ran
 from tests.export.test_c import STRICT, needs
+from tests.flight.actuator_faults import failure
 from tests.flight.sensor_faults import CHANNELS, FAULT_AT_S, KINDS, MISSION, Fault, Flown, Told, fault, fly
 
 HARNESS = """
@@ -147,6 +148,20 @@ def test_the_exported_autopilot_screens_its_samples_as_the_helm_does(
         worst = max(worst, apart(stepped(plain, exported, flown.told), flown))
     assert worst < PLATFORM
     print(f"largest relative difference with the platform's functions {worst:.2g}")
+
+
+def test_the_exported_autopilot_names_the_failed_actuator_as_the_helm_does(
+    program: Path, exported: st.CExport
+) -> None:
+    """By the motion alone, and the others are allocated without it from the same period on."""
+    flown = fly("cwolf", seconds=FAULT_AT_S + 20.0, failure=failure("cwolf", "ahead", "SbU"))
+    shown = stepped(program, exported, flown.told)
+    names = ["", *st.Vehicle.load("cwolf").actuators, "all"]
+    assert [names[int(number)] for number in shown["suspect"]] == flown.suspect
+    assert "SbU" in flown.suspect
+    assert told_of(shown) == (flown.reaction, flown.cause)
+    assert shown["given_up"][-1] == 2.0 ** names.index("SbU") / 2.0
+    assert apart(shown, flown) < DOUBLE
 
 
 def events(reaction: list[str], cause: list[str]) -> list[tuple[int, tuple[str, str]]]:

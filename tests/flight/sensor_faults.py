@@ -123,6 +123,7 @@ class Flown:
     commands: list[dict[str, float]]
     reaction: list[str]
     cause: list[str]
+    suspect: list[str]
     true: Array
 
 
@@ -142,7 +143,7 @@ def fly(
     helm = autopilot.engage(boat, st.Mission.from_toml(MISSION.format(speed=speed)))
     plant = Plant(boat, current=(0.0, 0.15, 0.0), voltage_v=supply)
     rng, motion, period = np.random.default_rng(seed), plant.motion, autopilot.period_s
-    flown, true = Flown([], [], [], [], np.empty(0)), []
+    flown, true = Flown([], [], [], [], [], np.empty(0)), []
     obeyed: Told = {}
     for k in range(round(seconds / period)):
         now = np.array([*motion.position, *motion.euler, *motion.nu])
@@ -158,6 +159,7 @@ def fly(
         flown.commands.append(commands)
         flown.reaction.append(str(helm.thought.get("reaction", "continue")))
         flown.cause.append(str(helm.thought.get("cause", "")))
+        flown.suspect.append(str(helm.thought.get("suspect", "")))
         obeyed = commands if failure is None or since < 0.0 else failure(commands, obeyed)
         motion = plant.advance(obeyed, period)
     flown.true = np.array(true)

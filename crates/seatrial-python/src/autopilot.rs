@@ -484,7 +484,7 @@ impl Helm {
     }
 
     /// What the autopilot thought at the last step: mode, reaction, its cause and the channel that was stale, whether it has ended, the waypoint in
-    /// hand, desired speed (m/s), heading (rad) and depth (m), errors (m), actuators given up; empty before the first.
+    /// hand, desired speed (m/s), heading (rad) and depth (m), errors (m), actuators given up, and the one that the motion makes suspect ("all" where none works); empty before the first.
     #[getter]
     fn thought(&self) -> PyResult<BTreeMap<&'static str, Fact>> {
         let memory = self.memory()?;
@@ -495,7 +495,10 @@ impl Helm {
         let given_up = self.description.actuators.iter().enumerate();
         let given_up = given_up.filter(|(i, _)| (thought.given_up as u64 >> i) & 1 == 1);
         let names: Vec<&str> = given_up.map(|(_, actuator)| actuator.name.as_str()).collect();
+        let suspect = (thought.suspect as usize).checked_sub(1);
+        let suspect = suspect.map_or("", |i| self.description.actuators.get(i).map_or("all", |a| &a.name));
         Ok(fact_map(BTreeMap::from([
+            ("suspect", Value::Text(suspect.to_owned())),
             ("mode", Value::Text(self.autopilot.mode_name(thought.mode as usize).to_owned())),
             ("reaction", Value::Text(REACTIONS[thought.alert.level as usize].to_owned())),
             ("cause", Value::Text(cause.to_owned())),

@@ -2,7 +2,7 @@
 //!
 //! In the order of the signal: [`navigation`], what the autopilot is told of the motion; [`navigation_filter`], which
 //! makes an estimate of it; [`intake`], the samples of a vehicle at sea; [`screen`], which of them are believed;
-//! [`contradiction`], whether these tell of one motion; [`guidance`], from the plan
+//! [`contradiction`], whether these tell of one motion; [`isolation`], which actuator does not do what it is told; [`guidance`], from the plan
 //! to desired speed, heading, pitch and depth; [`reference_filter`], which makes them smooth; [`schedule`],
 //! interpolation of gains over the speed; [`control_law`], what both laws share; [`pid`] and [`lqr`], the laws;
 //! [`allocation`], from the demanded wrench to commands; [`safety`], what is watched meanwhile; [`autopilot`], which
@@ -15,6 +15,7 @@ pub mod contradiction;
 pub mod control_law;
 pub mod guidance;
 pub mod intake;
+pub mod isolation;
 pub mod lqr;
 pub mod navigation;
 pub mod navigation_filter;

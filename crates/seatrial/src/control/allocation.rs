@@ -34,7 +34,7 @@ use crate::model::vehicle::Vehicle;
 use crate::number::algebra::{Vec6, dot};
 use crate::number::real::Real;
 use reach::{Water, column, reach};
-pub use report::{Authority, authority};
+pub use report::{Authority, authority, replaceable};
 pub use state::Allocator;
 pub use table::{AllocationTable, Method};
 
@@ -93,10 +93,9 @@ impl<T: Real> Allocator<T> {
         signals: &mut [T],
     ) -> Vec6<T> {
         let zero = tau[0].zero();
-        let water = Water { nu_r, voltage, fin_inflow: self.settings.fin_inflow };
+        self.survey(vehicle, nu_r, voltage);
         let mut rest = *tau;
         for k in 0..self.usable.len() {
-            self.reach[k] = reach(vehicle, k, &self.settings.holds[k], &water);
             let mut known = self.usable[k] * self.reach[k].preferred;
             if T::any(zero.lt(self.stuck[k])) {
                 let wrench = self.stuck_wrench(vehicle, k, voltage);
@@ -117,6 +116,34 @@ impl<T: Real> Allocator<T> {
             reached = self.reach[k].add(vehicle, k, (signals[k], self.left[k]), (&reached, voltage));
         }
         reached
+    }
+
+    /// Sees what every actuator can do at the relative velocity `nu_r` and a supply voltage, V.
+    #[inline(always)]
+    pub fn survey(&mut self, vehicle: &Vehicle<T>, nu_r: &Vec6<T>, voltage: f64) {
+        let water = Water { nu_r, voltage, fin_inflow: self.settings.fin_inflow };
+        for k in 0..self.usable.len() {
+            self.reach[k] = reach(vehicle, k, &self.settings.holds[k], &water);
+        }
+    }
+
+    /// The force of actuator k at a signal in the water of the last [`Self::survey`], N: of a fin along its normal.
+    #[inline(always)]
+    pub fn force(&self, vehicle: &Vehicle<T>, k: usize, signal: T, voltage: f64) -> T {
+        self.reach[k].force(vehicle, k, signal, voltage)
+    }
+
+    /// The signal at which actuator k gives a force there.
+    #[inline(always)]
+    pub fn signal_of(&self, vehicle: &Vehicle<T>, k: usize, force: T, voltage: f64) -> T {
+        let gives = (force, force.splat(1.0));
+        self.reach[k].command(vehicle, k, gives, (self.turning[k], voltage)) * vehicle.motor(k).k_v
+    }
+
+    /// The smallest and the largest force of actuator k there, N.
+    #[inline(always)]
+    pub fn within_reach(&self, k: usize) -> [T; 2] {
+        [self.reach[k].lowest, self.reach[k].highest]
     }
 
     /// The wrench of actuator k where it is stuck. Out of line: it is rare, and would double the code of a step.

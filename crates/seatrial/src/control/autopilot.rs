@@ -62,6 +62,8 @@ pub struct Thought<T> {
     pub achieved: Vec6<T>,
     /// The actuators that have been given up: the sum of 2^i over them.
     pub given_up: T,
+    /// The actuator that does something else than commanded, by the motion: see [`crate::control::isolation`].
+    pub suspect: T,
     /// Largest of the smallest distances to the waypoints that are done with, m.
     pub missed_by: T,
     /// 1 when there is nothing more to do: the mission is complete, or the vehicle has surfaced.
@@ -126,6 +128,7 @@ impl<T: Real> Autopilot<T> {
         if let Some(signals) = feedback {
             state.monitor.compare(signals, &self.settings.file.safety.actuator, dt);
         }
+        self.isolate(state, measured, dt);
         let was = state.alert;
         state.alert = watch(
             &self.settings.file.safety,
@@ -137,7 +140,8 @@ impl<T: Real> Autopilot<T> {
                 time: state.count * self.period() + state.late,
                 dt,
                 needs_altitude: self.needs_altitude(state),
-                failed: state.monitor.any_failed(),
+                failed: state.monitor.any_failed(&self.replaceable, &self.settings.file.safety.actuator),
+                distrusted: state.monitor.given_up().max(state.isolation.suspect()),
                 stalled: state.approach.stalled,
                 sounded: state.sounded,
                 contradiction: Some(state.screen.contradiction()),
@@ -169,6 +173,7 @@ impl<T: Real> Autopilot<T> {
             demanded,
             achieved: state.achieved,
             given_up: state.monitor.given_up(),
+            suspect: state.isolation.suspect(),
             missed_by: state.progress.farthest_miss(),
             ended: flag(T::either(surfaced, T::both(state.alert.level.lt(half), half.lt(desired.done)))),
         }
@@ -189,6 +194,23 @@ impl<T: Real> Autopilot<T> {
         }
         state.dt = elapsed.min(longest);
         state.dt
+    }
+
+    /// Looks for an actuator that does not do what it is commanded, and gives it up where the others can do without it.
+    #[inline(always)]
+    fn isolate(&self, state: &mut AutopilotState<T>, measured: &Measurement<T>, dt: f64) {
+        let agree = state.screen.contradiction().agree(&self.thresholds);
+        let ([u, v, w], [p, q, r]) = (measured.water(), measured.rates());
+        state.allocator.survey(&self.model, &[u, v, w, p, q, r], measured.voltage);
+        let known = (&self.model, &state.allocator);
+        state.isolation.see(known, (measured, agree), state.monitor.acting(), dt);
+        for k in (0..state.signals.len()).filter(|&k| self.replaceable[k]) {
+            let (certain, force) = state.isolation.certain(k);
+            if T::any(certain) {
+                let signal = state.allocator.signal_of(&self.model, k, force, measured.voltage);
+                state.monitor.give_up(k, signal, certain);
+            }
+        }
     }
 
     /// Declares an actuator failed (`failed` 1), from outside.

@@ -347,6 +347,14 @@ impl<T: Real> Contradiction<T> {
         }
     }
 
+    /// Where nothing is to be told of any channel.
+    #[inline(always)]
+    pub fn agree(&self, table: &Thresholds) -> T::Mask {
+        let zero = self.apart[0].zero();
+        let any = (0..LOOKED_AT).fold(zero, |any, c| any.max(self.noticed(c, table)));
+        any.lt(zero.splat(0.5))
+    }
+
     /// Where the other sensors would have carried a coordinate, m, while they contradict it or it is silent; else the
     /// coordinate.
     #[inline(always)]

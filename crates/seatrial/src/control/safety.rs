@@ -5,7 +5,7 @@
 //! | `stale_position` … `stale_altitude` | no good sample for so many seconds of one of the group's channels in use |
 //! | `depth`, `altitude`, `fence`, `time` | a limit of the mission is passed |
 //! | `battery` | less than the share is left |
-//! | `actuator` | an actuator does not follow its command |
+//! | `actuator` | an actuator does not follow its command, by its signal or by the motion ([`crate::control::isolation`]) |
 //! | `progress` | the active waypoint has come no nearer for so many seconds |
 //! | `contradicted_position` … `contradicted_velocity` | the sensors tell of two motions ([`crate::control::contradiction`]) |
 //! | `speed` | the measured forward speed has stayed away from the desired one |

@@ -58,7 +58,7 @@ const NAME_UNITS: [(&str, &str); 9] = [
 ];
 
 /// The outputs besides commands and demands: name, unit, what they are.
-const THOUGHTS: [(&str, &str, &str); 15] = [
+const THOUGHTS: [(&str, &str, &str); 16] = [
     ("desired_speed", "m/s", "desired surge speed"),
     ("desired_lateral", "m/s", "desired sway speed"),
     ("desired_heading", "rad", "desired heading"),
@@ -73,6 +73,7 @@ const THOUGHTS: [(&str, &str, &str); 15] = [
     ("alert", "1", "level of the reaction: 0 none, 1 hold, 2 surface, 3 abort"),
     ("cause", "1", "the watch that called for it, from 1; 0 none"),
     ("given_up", "1", "sum of 2^i over the actuators that were given up"),
+    ("suspect", "1", "the actuator that does something else by the motion, from 1; one more: all; 0 none"),
     ("done", "1", "1 when there is nothing more to do"),
 ];
 
@@ -188,7 +189,7 @@ impl AutopilotStep<'_> {
 
 /// The outputs besides the commands, in the order of [`THOUGHTS`] and the demands.
 pub fn row<T: Real>(thought: &Thought<T>) -> impl Iterator<Item = T> + use<T> {
-    let Thought { desired, mode, alert, demanded, given_up, ended, .. } = *thought;
+    let Thought { desired, mode, alert, demanded, given_up, suspect, ended, .. } = *thought;
     let told = [
         desired.speed,
         desired.lateral,
@@ -204,6 +205,7 @@ pub fn row<T: Real>(thought: &Thought<T>) -> impl Iterator<Item = T> + use<T> {
         alert.level,
         alert.cause,
         given_up,
+        suspect,
         ended,
     ];
     told.into_iter().chain(demanded)

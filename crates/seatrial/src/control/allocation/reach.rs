@@ -130,6 +130,17 @@ impl<T: Real> Reach<T> {
         signal / gain
     }
 
+    /// The force of actuator k at a signal, N: of a fin along its normal, without what is left to the hull.
+    #[inline(always)]
+    pub fn force(&self, vehicle: &Vehicle<T>, k: usize, signal: T, voltage: f64) -> T {
+        if let Some(thruster) = vehicle.actuators.get(k) {
+            let thrust = thruster.directed(thruster.characteristic.thrust(signal, voltage));
+            return thrust.force_per_inflow.mul_add(self.inflow, thrust.force);
+        }
+        let fin = &vehicle.fins[k - vehicle.actuators.len()];
+        self.flow.as_ref().map_or(signal.zero(), |flow| fin.normal_force(signal, flow) - self.left_out)
+    }
+
     /// `tau` + wrench of actuator k at a command, its thrust reduced to the share `left`.
     #[inline(always)]
     pub fn add(
@@ -145,13 +156,10 @@ impl<T: Real> Reach<T> {
             return thruster.add(force, thrust.torque_per_inflow.mul_add(self.inflow, thrust.torque), tau);
         }
         let mut sum = *tau;
-        if let Some(flow) = &self.flow {
-            let fin = &vehicle.fins[k - vehicle.actuators.len()];
-            let force = fin.normal_force(fin.servo.k_v * command, flow) - self.left_out;
-            let b = column(vehicle, k);
-            for i in 0..6 {
-                sum[i] = b[i].mul_add(force, sum[i]);
-            }
+        let force = self.force(vehicle, k, vehicle.motor(k).k_v * command, voltage);
+        let b = column(vehicle, k);
+        for i in 0..6 {
+            sum[i] = b[i].mul_add(force, sum[i]);
         }
         sum
     }

@@ -115,6 +115,16 @@ pub fn authority(description: &Description, speed: f64) -> Authority {
     }
 }
 
+/// For each actuator, whether the others command every controllable row as well without it.
+pub fn replaceable(description: &Description) -> Vec<bool> {
+    let whole = authority(description, 1.0);
+    let as_well = |loss: &Loss| {
+        let rows = whole.rows.iter().zip(&loss.share);
+        rows.filter(|(row, _)| row.controllable).all(|(row, &left)| left > WHOLE * row.controlled_share)
+    };
+    whole.losses.iter().map(as_well).collect()
+}
+
 fn weighed(description: &Description, speed: f64) -> Weighed {
     let vehicle = Vehicle::nominal(description);
     let holds: Vec<Hold> =

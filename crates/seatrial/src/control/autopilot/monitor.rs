@@ -5,6 +5,8 @@
 //! the others are allocated without it, and what it still does (a stuck fin, a motor that runs on) is
 //! taken off the demand at its measured signal.
 //!
+//! Without a measured signal the motion tells ([`crate::control::isolation`]).
+//!
 //! Tests: `tests/closed_loop/safety.rs`.
 
 use crate::actuator::motor::Limits;
@@ -25,8 +27,13 @@ pub struct Monitor<T> {
     off: Vec<T>,
     /// 1 for those given up.
     failed: Vec<T>,
-    /// The last measured signals.
+    /// 1 for those given up by the motion alone.
+    inferred: Vec<T>,
+    /// The last measured signals; 1 for those that count: measured at the last look, or given up.
     shown: Vec<T>,
+    known: Vec<T>,
+    /// What the actuators do, as far as it is known.
+    acting: Vec<T>,
     any: bool,
     /// Control period, s, of which the drive moves by halves.
     period: f64,
@@ -40,7 +47,7 @@ const READABLE: f64 = 2.0;
 /// Every motor has reached its target after so long, s.
 const SETTLED_S: f64 = 60.0;
 
-crate::memory!(Monitor: drive, targets, off, failed, shown; largest, any, period, rest);
+crate::memory!(Monitor: drive, targets, off, failed, inferred, shown, known; acting, largest, any, period, rest);
 
 impl<T: Real> Monitor<T> {
     /// All actuators at rest and trusted.
@@ -54,7 +61,10 @@ impl<T: Real> Monitor<T> {
             largest: limits.iter().map(|l| l.maximum[0].max(l.maximum[1])).collect(),
             off: zeros.clone(),
             failed: zeros.clone(),
-            shown: zeros,
+            inferred: zeros.clone(),
+            shown: zeros.clone(),
+            known: zeros.clone(),
+            acting: zeros,
             any: false,
             period,
             rest: 0.0,
@@ -88,6 +98,7 @@ impl<T: Real> Monitor<T> {
         for (i, &signal) in signals.iter().enumerate() {
             let told = signal.abs().lt(signal.splat(READABLE * self.largest[i]));
             self.shown[i] = T::select(told, signal, self.shown[i]);
+            self.known[i] = T::select(told, signal.splat(1.0), self.failed[i]);
             if !self.largest[i].is_finite() {
                 continue;
             }
@@ -103,20 +114,50 @@ impl<T: Real> Monitor<T> {
         }
     }
 
+    /// What the actuators do: as measured, or where they are given up; else as expected.
+    #[inline(always)]
+    pub fn acting(&mut self) -> &[T] {
+        for i in 0..self.acting.len() {
+            let known = self.known[i].splat(0.5).lt(self.known[i]);
+            self.acting[i] = T::select(known, self.shown[i], self.drive.states[i].signal);
+        }
+        &self.acting
+    }
+
+    /// Gives an actuator up where `mask` holds and its signal is not measured, and takes it to stand at `signal`.
+    #[inline(always)]
+    pub fn give_up(&mut self, actuator: usize, signal: T, mask: T::Mask) {
+        let (one, half) = (signal.splat(1.0), signal.splat(0.5));
+        let unmeasured = T::either(self.known[actuator].lt(half), half.lt(self.inferred[actuator]));
+        let mask = T::both(mask, unmeasured);
+        self.shown[actuator] = T::select(mask, signal, self.shown[actuator]);
+        self.failed[actuator] = T::select(mask, one, self.failed[actuator]);
+        self.known[actuator] = T::select(mask, one, self.known[actuator]);
+        self.inferred[actuator] = T::select(mask, one, self.inferred[actuator]);
+        self.any |= T::any(mask);
+    }
+
     /// Gives an actuator up (1), or trusts it again (0).
     pub fn declare(&mut self, actuator: usize, failed: T) {
         self.failed[actuator] = failed;
         self.off[actuator] = failed.zero();
+        self.known[actuator] = failed;
+        self.inferred[actuator] = failed.zero();
         self.any = true;
     }
 
-    /// 1 where any actuator is given up.
+    /// 1 where an actuator is given up by its signal, and stands still or is `replaceable`: to stop the others for one that
+    /// runs on and that they cannot replace makes things worse. One that the motion tells of calls for nothing by itself:
+    /// where the others do not suffice another watch sees it.
     #[inline(always)]
-    pub fn any_failed(&self) -> T {
-        let mut any = self.failed[0].zero();
+    pub fn any_failed(&self, replaceable: &[bool], table: &ActuatorWatch) -> T {
+        let zero = self.failed[0].zero();
+        let mut any = zero;
         if self.any {
-            for &failed in &self.failed {
-                any = any.max(failed);
+            for i in 0..self.failed.len() {
+                let measured = self.failed[i] - self.inferred[i];
+                let still = self.shown[i].abs().lt(zero.splat(table.deviation * self.largest[i]));
+                any = any.max(if replaceable[i] { measured } else { T::select(still, measured, zero) });
             }
         }
         any

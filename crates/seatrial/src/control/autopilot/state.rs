@@ -6,11 +6,12 @@ use super::monitor::Monitor;
 use super::rates::Rates;
 use super::settings::{PER_LOOP, Settings};
 use crate::actuator::motor::Limits;
-use crate::control::allocation::Allocator;
+use crate::control::allocation::{Allocator, replaceable};
 use crate::control::contradiction::Thresholds;
 use crate::control::control_law::{HEADING, HEAVE, PITCH, SWAY};
 use crate::control::guidance::{Guidance, Progress};
 use crate::control::intake::Intake;
+use crate::control::isolation::Isolation;
 use crate::control::lqr::{Lqr, LqrState};
 use crate::control::pid::{Pid, PidState};
 use crate::control::reference_filter::Reference;
@@ -52,6 +53,8 @@ pub struct Autopilot<T> {
     /// Weights of the rows that no loop commands.
     pub(super) idle_rows: Vec6<f64>,
     pub(super) uses: Uses,
+    /// The actuators without which the others command the same rows.
+    pub(super) replaceable: Vec<bool>,
     /// Beyond which contradiction sensors cannot both be right.
     pub(super) thresholds: Thresholds,
     pub(super) unit: T,
@@ -89,6 +92,7 @@ pub struct AutopilotState<T> {
     pub(super) allocator: Allocator<T>,
     pub(super) usable: Vec<T>,
     pub(super) monitor: Monitor<T>,
+    pub(super) isolation: Isolation<T>,
     pub(super) approach: Approach<T>,
     /// Commands as signals: in the unit of the command, from neutral, positive ahead.
     pub signals: Vec<T>,
@@ -100,7 +104,7 @@ pub struct AutopilotState<T> {
 
 crate::memory!(AutopilotState:
     count, intake, screen, progress, reached, active, references, pid, lqr, rates, speed, depth, surfaced, achieved, alert,
-    pitch, heading, allocator, monitor, approach;
+    pitch, heading, allocator, monitor, isolation, approach;
     late, dt, usable, signals, dither, sounded);
 
 impl<T: Real> AutopilotState<T> {
@@ -125,6 +129,7 @@ impl<T: Real> AutopilotState<T> {
     pub fn reset(&mut self, at: T::Mask) {
         self.alert.reset(at);
         self.screen.forget(at);
+        self.isolation.forget(at);
         self.approach.restart(at);
         self.surfaced = T::select(at, self.surfaced.zero(), self.surfaced);
     }
@@ -193,6 +198,7 @@ impl<T: Real> Autopilot<T> {
                 if commanded { IDLE_ROW } else { 0.0 }
             }),
             uses: settings.uses(description),
+            replaceable: replaceable(description),
             thresholds: file.safety.contradiction,
             model,
             unit,
@@ -235,6 +241,7 @@ impl<T: Real> Autopilot<T> {
             allocator,
             usable: vec![unit; count],
             monitor: Monitor::new(&self.model, &self.limits, self.settings.file.period_s, unit),
+            isolation: Isolation::new(count, unit),
             approach: Approach::new(unit),
             signals: vec![unit; count],
             dither: vec![unit; count],

@@ -44,6 +44,8 @@ pub struct Circumstances<'a, T> {
     pub needs_altitude: T,
     /// 1 when an actuator has been declared failed.
     pub failed: T,
+    /// Above zero when an actuator is given up, or suspected by the motion.
+    pub distrusted: T,
     /// For how long the active waypoint has come no nearer, s.
     pub stalled: T,
     /// The depth sensor's own sample, where the measured depth is an estimate.
@@ -193,6 +195,7 @@ pub(super) fn look<T: Real>(
     called[9] = flag(zero.splat(limits.time).lt(around.time));
     called[10] = flag(measured.battery.lt(zero.splat(table.battery.below)));
     called[11] = around.failed;
+    told[11] = flag(zero.lt(around.distrusted));
     called[12] = flag(zero.splat(table.progress.after_s).lt(around.stalled));
     let mut contradicted = [zero; 4];
     if let Some(contradiction) = around.contradiction {

@@ -1,0 +1,332 @@
+//! Which actuator does something else than it is commanded, told by the motion: what the forces that are known leave
+//! unexplained is held against what each actuator could do instead.
+//!
+//! Momentum and known forces pass the same two lags τ, so that no velocity is differentiated:
+//!
+//! ```text
+//! r = (p₁ − p₂)/τ − f₂,   p = M ν,   f = τ(n) − C(ν) ν − D(ν_r) ν_r − g,   x₁' = (x − x₁)/τ,   x₂' = (x₁ − x₂)/τ
+//! ```
+//!
+//! An actuator with the wrench b per newton whose force is δ beyond the expected one leaves `r = b δ`; all of them dead
+//! leave the negative sum of their wrenches. What else may leave something is the covariance
+//!
+//! ```text
+//! S = diag[½ V + (ρ d₂)² + (ρ M ν')² + (2 % of what the actuators can do)²] + Σ (ρ F)² b bᵀ + Σ_xy j jᵀ
+//! ```
+//!
+//! with V the variance of the unexplained force after one lag about that after two (waves, noise), d₂ the hydrodynamic
+//! force and F those of the actuators (errors of the model, ρ), j what a current of 0.25 m/s changes. Twice the logarithm of
+//! the generalised likelihood ratio is `Λ = 2 δ bᵀS⁻¹r − δ² bᵀS⁻¹b` at the best δ within the actuator's reach. The actuator
+//! with the largest Λ is suspected where that exceeds 20 for two seconds and explains most of `rᵀS⁻¹r`: a collision, a
+//! tether or the bottom push as no actuator does. It is given up after four, where the others can do without it and its
+//! signal is not measured; from then on it counts as standing at the force that was found, and is looked at again.
+//!
+//! Source: Willsky and Jones (1976), generalised likelihood ratio; De Luca and Mattone (2003), momentum in place of
+//! acceleration. Constants: this project, by simulation, docs/validation.md.
+//! Tests: `tests/core/test_helm_actuators.py`, `tests/export/test_c_faults.py`.
+
+use crate::control::allocation::Allocator;
+use crate::control::allocation::reach::column;
+use crate::control::navigation::{ALTITUDE, DEPTH, Measurement};
+use crate::model::drive::act;
+use crate::model::kinematics::{from_euler, rotation};
+use crate::model::vehicle::{Instant, Vehicle};
+use crate::number::algebra::{Mat6, Vec6, cross, dot, product, restricted_inverse};
+use crate::number::real::Real;
+
+/// Time constant τ of each lag, s: between a motor's and a wave's.
+const LAG_S: f64 = 2.0;
+
+/// Memory of the variance V, s: a dozen waves.
+const MEMORY_S: f64 = 60.0;
+
+/// Share of V that is left after the second lag: of waves of 9 s a third.
+const LEFT: f64 = 0.5;
+
+/// Share by which hydrodynamic forces and inertia, and the force of one actuator, may be wrong.
+const MODEL_ERROR: f64 = 0.15;
+const THRUST_ERROR: f64 = 0.12;
+
+/// Share of the actuators' reach that trim and ballast may leave in a row.
+const TRIM_ERROR: f64 = 0.02;
+
+/// Acceleration that no model explains, m/s² and rad/s².
+const LEAST: f64 = 2e-3;
+
+/// A current that no sensor tells, m/s: the standard deviation of each component.
+const CURRENT_M_S: f64 = 0.25;
+
+/// Λ from which an actuator is suspected: 13 was exceeded six times in 62 h of models 15 % off, 20 never. Share of the unexplained that it must explain.
+const SUSPECT: f64 = 20.0;
+const EXPLAINS: f64 = 0.6;
+
+/// For so long, s: longer than the largest wave pushes one way.
+const SUSPECTED_S: f64 = 2.0;
+
+/// The same actuator for so long, s, is given up.
+const CERTAIN_S: f64 = 4.0;
+
+/// A signal at which a propeller pulls and turns; the ratio of both hardly depends on it.
+const AHEAD: f64 = 1000.0;
+
+/// The first of the channels that tell a force: attitude, velocity, rates; when older, s, they tell none.
+const ATTITUDE: usize = 3;
+const BLIND_S: f64 = 1.5;
+
+/// Nothing is judged before the lags have settled, s, and above this depth, m: the model knows no surface.
+const SETTLED_S: f64 = 15.0;
+const SUBMERGED_M: f64 = 1.5;
+
+/// A number through one lag and through two.
+type Lagged<T> = [T; 2];
+
+/// What is remembered of the motion and the forces.
+#[derive(Clone)]
+pub struct Isolation<T> {
+    /// Momentum at the last look, and through the lags.
+    last: Vec6<T>,
+    momentum: [Lagged<T>; 6],
+    /// Known force, and the hydrodynamic part of it, through the lags.
+    known: [Lagged<T>; 6],
+    flow: [Lagged<T>; 6],
+    /// Force of each actuator through the lags, N.
+    force: Vec<Lagged<T>>,
+    /// What waves and noise leave, squared.
+    variance: Vec6<T>,
+    /// For how long it has looked, s; 1 where the last look was blind.
+    looked: T,
+    blind: T,
+    /// The same since the sensors contradicted each other, s.
+    settled: T,
+    /// The hypothesis that explains best, from 1, and 0 for none; for how long there has been one, s.
+    best: T,
+    lasting: T,
+    /// For how long it has been the same, s.
+    certain: T,
+    /// The force that the best actuator gives instead, N.
+    instead: T,
+    instant: Instant<T>,
+}
+
+crate::memory!(Isolation: last, momentum, known, flow, force, variance, looked, blind, settled, best, lasting, certain, instead; instant);
+
+impl<T: Real> Isolation<T> {
+    /// Nothing seen yet of so many actuators.
+    pub fn new(actuators: usize, unit: T) -> Self {
+        let (zero, lagged) = (unit.zero(), [[unit.zero(); 2]; 6]);
+        let mut instant = Instant::default();
+        instant.thrusts.reserve_exact(actuators);
+        instant.deflections.reserve_exact(actuators);
+        Self {
+            last: [zero; 6],
+            momentum: lagged,
+            known: lagged,
+            flow: lagged,
+            force: vec![[zero; 2]; actuators],
+            variance: [zero; 6],
+            looked: zero,
+            blind: zero.splat(1.0),
+            settled: zero,
+            best: zero,
+            lasting: zero,
+            certain: zero,
+            instead: zero,
+            instant,
+        }
+    }
+
+    /// The actuator that is suspected, from 1; one more than there are where all are dead, 0 for none.
+    #[inline(always)]
+    pub fn suspect(&self) -> T {
+        T::select(self.best.splat(SUSPECTED_S).lt(self.lasting), self.best, self.best.zero())
+    }
+
+    /// Where actuator `k` is certain not to do what it is commanded, and the force that it gives instead, N.
+    #[inline(always)]
+    pub fn certain(&self, k: usize) -> (T::Mask, T) {
+        let this = (self.best - (k as f64 + 1.0)).abs().lt(self.best.splat(0.5));
+        (T::both(this, self.best.splat(CERTAIN_S).lt(self.certain)), self.instead)
+    }
+
+    /// Forgets where `at` holds whom it suspects: an operator has looked at it.
+    #[inline(always)]
+    pub fn forget(&mut self, at: T::Mask) {
+        self.lasting = T::select(at, self.lasting.zero(), self.lasting);
+        self.certain = T::select(at, self.lasting.zero(), self.certain);
+    }
+
+    /// Looks at what is believed `dt` seconds after the last look, while the actuators stand at `signals`, as they are
+    /// measured or else expected; where the sensors do not `agree` nothing is judged for a time.
+    #[inline(always)]
+    pub fn see(
+        &mut self,
+        (model, allocator): (&Vehicle<T>, &Allocator<T>),
+        (measured, agree): (&Measurement<T>, T::Mask),
+        signals: &[T],
+        dt: f64,
+    ) {
+        let zero = self.looked.zero();
+        let (one, half) = (zero.splat(1.0), zero.splat(0.5));
+        let ([u, v, w], [p, q, r]) = (measured.velocity(), measured.rates());
+        let [u_r, v_r, w_r] = measured.water();
+        let (nu, nu_r) = ([u, v, w, p, q, r], [u_r, v_r, w_r, p, q, r]);
+        let oldest = measured.age[ATTITUDE..ALTITUDE].iter().fold(zero, |oldest, &age| oldest.max(age));
+        let blind = T::select(zero.splat(BLIND_S).lt(oldest), one, zero);
+        // What was not seen is no force: the momentum goes on from where it is.
+        let unseen = half.lt(blind.max(self.blind));
+        self.blind = blind;
+        let share = T::select(unseen, zero, zero.splat(dt / (LAG_S + dt)));
+        let submerged = T::both(zero.splat(SUBMERGED_M).lt(measured.channels[DEPTH]), zero.lt(share));
+        let memory = (zero.splat(dt) / (self.looked + dt)).max(zero.splat(dt / MEMORY_S));
+        let memory = T::select(submerged, memory, zero);
+        let seen = T::select(submerged, zero.splat(dt), zero);
+        self.looked += seen;
+        self.settled = T::select(agree, self.settled + seen, zero);
+
+        act(model, signals, measured.voltage, |_| None, &mut self.instant);
+        let (flow, acting) = (hydrodynamic(model, &nu_r), model.wrench(&self.instant, &nu_r));
+        let mut known = model.bias.unwrap_or([zero; 6]);
+        for i in 0..6 {
+            known[i] += flow[i] + acting[i];
+        }
+        let known = model.rigid_body.add_coriolis(&nu, &known);
+        let known = model.restoring.add(&rotation(&from_euler(&measured.attitude())), &known);
+        let momentum = product(&model.mass_matrix, &nu);
+
+        let (mut unexplained, mut covariance) = ([zero; 6], [[zero; 6]; 6]);
+        for i in 0..6 {
+            let leap = T::select(unseen, momentum[i] - self.last[i], zero);
+            let [once, twice] = self.momentum[i];
+            self.momentum[i] = lag([once + leap, twice + leap], momentum[i], share);
+            self.known[i] = lag(self.known[i], known[i], share);
+            self.flow[i] = lag(self.flow[i], flow[i], share);
+            let [once, twice] = self.momentum[i];
+            let inertia = (once - twice) * (1.0 / LAG_S);
+            unexplained[i] = inertia - self.known[i][1];
+            let quick = (momentum[i] - once) * (1.0 / LAG_S) - self.known[i][0];
+            let wave = quick - unexplained[i];
+            self.variance[i] += memory * wave.mul_sub(wave, self.variance[i]);
+            let least = model.mass_matrix[i][i] * LEAST;
+            let error = inertia.mul_add(inertia, self.flow[i][1] * self.flow[i][1]);
+            covariance[i][i] =
+                least.mul_add(least, self.variance[i] * LEFT) + error * (MODEL_ERROR * MODEL_ERROR);
+        }
+        self.last = momentum;
+
+        let mut able = [zero; 6];
+        for k in 0..signals.len() {
+            let b = direction(model, k, measured.voltage);
+            self.force[k] =
+                lag(self.force[k], allocator.force(model, k, signals[k], measured.voltage), share);
+            let [lowest, highest] = allocator.within_reach(k);
+            for i in 0..6 {
+                able[i] = b[i].abs().mul_add((highest - lowest) * (0.5 * TRIM_ERROR), able[i]);
+            }
+            spread(&mut covariance, &b, self.force[k][1] * THRUST_ERROR);
+        }
+        for i in 0..6 {
+            covariance[i][i] = able[i].mul_add(able[i], covariance[i][i]);
+        }
+        for axis in 0..2 {
+            // From the side a slender hull goes with the water.
+            let against = T::both(nu_r[1].lt(zero), zero.splat(0.5).lt(zero.splat(axis as f64)));
+            let current = T::select(against, zero.splat(-CURRENT_M_S), zero.splat(CURRENT_M_S));
+            let (mut through, mut drift) = (nu_r, [zero; 3]);
+            through[axis] -= current;
+            drift[axis] = current;
+            let [x, y, z] = cross(&drift, &[p, q, r]);
+            let carried = model.added_mass.momentum(&[x, y, z, zero, zero, zero]);
+            let (other, pushed) = (hydrodynamic(model, &through), model.wrench(&self.instant, &through));
+            let change = std::array::from_fn(|i| other[i] - flow[i] + pushed[i] - acting[i] + carried[i]);
+            spread(&mut covariance, &change, one);
+        }
+        let ready = T::both(submerged, zero.splat(SETTLED_S).lt(self.settled));
+        self.judge((model, allocator), (&covariance, &unexplained), (ready, measured.voltage), dt);
+    }
+
+    /// Finds what explains the unexplained best, and counts for how long it has done so.
+    #[inline(always)]
+    fn judge(
+        &mut self,
+        (model, allocator): (&Vehicle<T>, &Allocator<T>),
+        (covariance, unexplained): (&Mat6<T>, &Vec6<T>),
+        (ready, voltage): (T::Mask, f64),
+        dt: f64,
+    ) {
+        let zero = self.looked.zero();
+        let inverse = restricted_inverse(covariance, &[true; 6]);
+        let weighed = product(&inverse, unexplained);
+        let explainable = dot(unexplained, &weighed);
+        let (mut best, mut largest, mut instead, mut lost) = (zero, zero, zero, [zero; 6]);
+        let mut take = |k: usize, ratio: T, gives: T| {
+            let better = largest.lt(ratio);
+            best = T::select(better, zero.splat(k as f64 + 1.0), best);
+            instead = T::select(better, gives, instead);
+            largest = largest.max(ratio);
+        };
+        for k in 0..self.force.len() {
+            let (b, force) = (direction(model, k, voltage), self.force[k][1]);
+            let (along, across) = (dot(&b, &weighed), dot(&b, &product(&inverse, &b)));
+            let [lowest, highest] = allocator.within_reach(k);
+            // What the actuator gives beyond the expected, N.
+            let more = (along / across).clamped(lowest.min(zero) - force, highest.max(zero) - force);
+            take(k, more * (along * 2.0 - more * across), force + more);
+            for i in 0..6 {
+                lost[i] = b[i].neg_mul_add(force, lost[i]);
+            }
+        }
+        take(self.force.len(), dot(&lost, &weighed) * 2.0 - dot(&lost, &product(&inverse, &lost)), zero);
+        let least = (explainable * EXPLAINS).max(zero.splat(SUSPECT));
+        let holds = T::both(ready, least.lt(largest));
+        self.lasting = T::select(holds, self.lasting + dt, zero);
+        let same = T::both(holds, (best - self.best).abs().lt(zero.splat(0.5)));
+        self.certain = T::select(same, self.certain + dt, zero);
+        self.best = T::select(holds, best, zero);
+        self.instead = instead;
+    }
+}
+
+/// A number through both lags, `share` of the way on.
+#[inline(always)]
+fn lag<T: Real>([once, twice]: Lagged<T>, now: T, share: T) -> Lagged<T> {
+    let once = share.mul_add(now - once, once);
+    [once, share.mul_add(once - twice, twice)]
+}
+
+/// Wrench about O per newton of actuator k, with the reaction torque of a propeller ahead without inflow.
+#[inline(always)]
+fn direction<T: Real>(model: &Vehicle<T>, k: usize, voltage: f64) -> Vec6<T> {
+    let mut b = column(model, k);
+    let Some(thruster) = model.actuators.get(k) else { return b };
+    if let Some(torque) = &thruster.torque {
+        let ahead = thruster.characteristic.thrust(b[0].splat(AHEAD), voltage);
+        for i in 3..6 {
+            b[i] = torque[i].mul_add(ahead.torque / ahead.force, b[i]);
+        }
+    }
+    b
+}
+
+/// Adds what an error of `size` along `direction` may leave.
+#[inline(always)]
+fn spread<T: Real>(covariance: &mut Mat6<T>, direction: &Vec6<T>, size: T) {
+    for i in 0..6 {
+        let scaled = direction[i] * size * size;
+        for j in 0..6 {
+            covariance[i][j] = scaled.mul_add(direction[j], covariance[i][j]);
+        }
+    }
+}
+
+/// Force of the water on the hull at the relative velocity, N and N m.
+#[inline(always)]
+fn hydrodynamic<T: Real>(model: &Vehicle<T>, nu_r: &Vec6<T>) -> Vec6<T> {
+    let mut force = model.damping.add(nu_r, &model.added_mass.add_coriolis(nu_r, &[nu_r[0].zero(); 6]));
+    if let Some(cross_flow) = &model.cross_flow {
+        force = cross_flow.add(nu_r, &force);
+    }
+    if let Some(lift) = &model.lift {
+        force = lift.add(nu_r, &force);
+    }
+    force
+}
