@@ -18,12 +18,12 @@ from tests.logs import bombs
 @pytest.mark.long
 @pytest.mark.parametrize("format", bombs.BOMBS)
 def test_law_a_bomb_ends_in_one_sentence_within_bounded_memory(format: str) -> None:
-    counts, wrong, dearest = bombs.run(format, range(300))
+    counts, wrong, dearest = bombs.run(format, range(60))
     print(dict(counts), dearest)
     assert wrong == []
     # Neither all nor none: most of them are whole files but for one place.
-    assert counts["accepted"] > 5
-    assert counts["refused"] > 30
+    assert counts["accepted"] > 2
+    assert counts["refused"] > 3
 
 
 @pytest.mark.parametrize("packing", ["bz2", "lz4", "zstd"])
