@@ -40,3 +40,9 @@ def test_a_column_that_sqlite_computes_is_refused_before_it_is_computed(tmp_path
     path = bombs.database(tmp_path, " GENERATED ALWAYS AS (zeroblob(900000000))", rows=300, data=b"")
     with pytest.raises(TrialError, match="has a column that SQLite computes"):
         open_log(path)
+
+
+def test_a_name_of_a_hundred_thousand_brackets_is_refused_before_it_is_matched(tmp_path: Path) -> None:
+    (tmp_path / "nav.csv").write_text("(" * 100_000 + ",u\n" + "1.0,2.0\n" * 9)
+    with pytest.raises(TrialError, match="a name of 100000 letters; expected at most 10000"):
+        open_log(tmp_path / "nav.csv")

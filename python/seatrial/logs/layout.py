@@ -130,9 +130,13 @@ def layout_of(path: Path) -> Layout:
             (k, cells_of(line.lstrip("#% \t"), separator)) for k, line in kept if line.startswith(comment)
         ]
         above = [(k, fitted) for k, cells in commented if (fitted := _fitted(cells, width, filled))]
+    # Patterns take time with the square of a name's length.
+    longest = max((len(cell) for _, cells in above for cell in cells), default=0)
+    if width > MOST_FIELDS or longest > MOST_FIELDS:
+        raise TrialError(
+            f"{path}: {width} columns, a name of {longest} letters; expected at most {MOST_FIELDS}"
+        )
     names, units, twice, unit_row = _names(above, width)
-    if len(names) > MOST_FIELDS:
-        raise TrialError(f"{path}: {len(names)} columns; expected at most {MOST_FIELDS}")
     return Layout(
         encoding, separator, decimal_comma, comment, rows[first][0], tuple(names), tuple(units), bool(above),
         plain=first == len(above) == 1 and len(rows[0][1]) == width and len(held) == len(head),
@@ -144,8 +148,7 @@ def layout_of(path: Path) -> Layout:
 def _encoding(head: bytes, path: Path) -> str:
     if b"\r" in head and b"\n" not in head:
         raise TrialError(
-            f"{path}: its lines end in a carriage return alone; expected a line feed, or both: save it with"
-            " the line ends of Unix or Windows"
+            f"{path}: its lines end in a carriage return alone; save it with the line ends of Unix or Windows"
         )
     for mark, name in ((codecs.BOM_UTF8, "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
         if head.startswith(mark):
