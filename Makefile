@@ -51,7 +51,7 @@ $(PAGE): $(CORE)
 	env -u MAKEFLAGS -u MFLAGS cargo build --locked --quiet --profile page --target wasm32-unknown-unknown --package seatrial-wasm
 	gzip -9 --no-name --stdout target/wasm32-unknown-unknown/page/seatrial_wasm.wasm > $@
 
-demo: build ## from trials to a verdict in under two minutes: identify, tune, verify
+demo: build ## from trials to a verdict in some minutes: identify, tune, verify
 	$(BIN)/seatrial demo
 
 # The report of `make demo` flies on the front page; where it is not there, the build says so.

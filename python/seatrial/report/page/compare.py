@@ -121,7 +121,7 @@ def compared(runs: Sequence[RunFolder]) -> Report | None:
         (row for row in estimates if row[-1] == "moved"), key=lambda row: -abs(float(row[4].rstrip("%")))
     )
     other = [f"{name}: {own} before, {value} after" for name, own, value in results if own != value]
-    told = [f"{row[0]}: {row[2]} before, {row[3]} {row[1]} after" for row in moved] + other
+    changes = [f"{row[0]}: {row[2]} before, {row[3]} {row[1]} after" for row in moved] + other
     counts = {
         "estimates moved beyond two standard deviations": (len(moved), len(estimates)),
         "gains differ": (len(gains), len(gains)),
@@ -131,7 +131,7 @@ def compared(runs: Sequence[RunFolder]) -> Report | None:
         title=f"{before.name} and {after.name}",
         outcome=f"{before.kind} before and after",
         good="; ".join(f"{count} {words}" for words, (count, known) in counts.items() if known),
-        worst=told[0] if told else "no result differs",
+        worst=changes[0] if changes else "no result differs",
         next_step="explain the changes by what differs" if inputs else "nothing: the inputs are the same",
         sections=(Section(tables=tables),),
     )
