@@ -58,7 +58,8 @@ def test_requirements_can_be_printed_and_show_verdict_interval_and_limit() -> No
     assert any(len(x) == 1 and x[0] == ROWS[0].probability.estimate for x in drawn)
     for row in ROWS:
         assert any(np.all(x == row.allowed) for x in drawn)
-    assert {"held: 3 of 2000", "undecided: 0 of 2000", "failed: 60 of 2000"} <= set(texts(figure))
+    labels = {"held: 3 of 2000 fail", "undecided: 0 of 2000 fail", "failed: 60 of 2000 fail"}
+    assert labels <= set(texts(figure))
     assert_on_page(verified_requirements(ROWS[:1]))
 
 

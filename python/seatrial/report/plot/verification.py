@@ -170,7 +170,8 @@ def _span(probability: FailureProbability) -> tuple[float, float]:
 
 
 def _words(row: Verified) -> str:
-    return f"{row.probability.verdict(row.allowed)}: {row.probability.failures} of {row.probability.runs}"
+    flown = row.probability
+    return f"{flown.verdict(row.allowed)}: {flown.failures} of {flown.runs} fail"
 
 
 def _strengths(axes: Axes, causes: Sequence[Influence]) -> None:
