@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -9,9 +10,11 @@ import pytest
 
 from seatrial.base.budget import Budget
 from seatrial.base.errors import TrialError
+from seatrial.intake.import_logs import import_logs
 from seatrial.logs import messages
 from seatrial.logs.formats import open_log
 from seatrial.logs.messages import unpacked_chunk
+from seatrial.trial.trial import Trial
 from tests.logs import bombs
 
 
@@ -46,3 +49,12 @@ def test_a_name_of_a_hundred_thousand_brackets_is_refused_before_it_is_matched(t
     (tmp_path / "nav.csv").write_text("(" * 100_000 + ",u\n" + "1.0,2.0\n" * 9)
     with pytest.raises(TrialError, match="a name of 100000 letters; expected at most 10000"):
         open_log(tmp_path / "nav.csv")
+
+
+@pytest.mark.parametrize("read", [import_logs, Trial.read])
+def test_a_refusal_quotes_no_cell_of_a_hundred_thousand_letters(tmp_path: Path, read: Callable[[Path], object]) -> None:
+    path = tmp_path / "nav.csv"
+    path.write_text("time,u,v\n" + "0.1,2.0,3\n" * 9000 + '"' * 99_999 + "\n")
+    with pytest.raises(TrialError, match=r"not readable as a table of .* repair the file") as refused:
+        read(path)
+    assert len(str(refused.value)) < 1000

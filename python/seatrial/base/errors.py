@@ -92,7 +92,12 @@ def printable(name: str, longest: int = 60) -> str:
     return plain if len(plain) <= longest else plain[: longest - 3] + "..."
 
 
+def first_line(error: BaseException) -> str:
+    """What a package says first of a damaged file; it may quote the file at any length."""
+    return printable((str(error).splitlines() or [type(error).__name__])[0], 200)
+
+
 def foreign(error: BaseException) -> str:
-    """What a package says that a damaged file upset; it may quote the file at any length."""
+    """What a package says that a damaged file upset, in one line."""
     words = printable(" ".join(str(error).split()), 200)
     return f"{type(error).__name__}: {words}" if words else type(error).__name__

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import TrialError, printable, reason
+from seatrial.base.errors import TrialError, first_line, printable, reason
 from seatrial.logs.clock import Counter32, TimeColumn, after, scale_of, seconds, time_column, time_fields
 from seatrial.logs.formats import DAMAGED, unpacked
 from seatrial.logs.layout import GROUPED, Layout, cells_of, layout_of
@@ -257,10 +257,9 @@ class Table(Log):
         except pl.exceptions.NoDataError:
             return pl.DataFrame(schema=dict.fromkeys(layout.names, pl.String))
         except pl.exceptions.PolarsError as error:
-            why = str(error).splitlines()[0]
             raise TrialError(
                 f"{self.path}: not readable as a table of {widest} columns separated by"
-                f' "{layout.separator}" ({why}); repair the file or name its reader'
+                f' "{layout.separator}" ({first_line(error)}); repair the file or name its reader'
             ) from None
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.budget import claim
-from seatrial.base.errors import TrialError, printable
+from seatrial.base.errors import TrialError, first_line, printable
 from seatrial.logs.clock import (
     Counter32,
     TimeColumn,
@@ -73,7 +73,7 @@ class _Parquet(Log):
                 return self._frame.collect_schema()
         except (pl.exceptions.PolarsError, OSError, pl.exceptions.PanicException) as error:
             raise TrialError(
-                f"{self.path}: not readable as Parquet ({_first_line(error)}); is it another format?"
+                f"{self.path}: not readable as Parquet ({first_line(error)}); is it another format?"
             ) from None
 
     @cached_property
@@ -138,7 +138,7 @@ class _Parquet(Log):
                 return self._frame.select(names).slice(begin, count).collect()
         except (pl.exceptions.PolarsError, OSError, pl.exceptions.PanicException) as error:
             if len(names) == 1:
-                self.note(f'column "{printable(names[0])}" is damaged ({_first_line(error)}); read as empty')
+                self.note(f'column "{printable(names[0])}" is damaged ({first_line(error)}); read as empty')
                 return pl.DataFrame({names[0]: [None] * count}, schema={names[0]: pl.Float64})
         columns = [self._part(begin, count, [name]) for name in names]
         rows = min(column.height for column in columns)
@@ -161,7 +161,7 @@ class _Parquet(Log):
                 return int(self._frame.select(pl.len()).collect().item())
         except (pl.exceptions.PolarsError, OSError, pl.exceptions.PanicException) as error:
             raise TrialError(
-                f"{self.path}: not readable as Parquet ({_first_line(error)}); the file is damaged: fetch or"
+                f"{self.path}: not readable as Parquet ({first_line(error)}); the file is damaged: fetch or"
                 " write it again"
             ) from None
 
@@ -207,10 +207,6 @@ def _quiet() -> Iterator[None]:
     finally:
         os.dup2(kept, 2)
         os.close(kept)
-
-
-def _first_line(error: BaseException) -> str:
-    return printable((str(error).splitlines() or [type(error).__name__])[0], 200)
 
 
 def _numbers(cells: pl.Series) -> Array:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from seatrial.base.atomic_write import before_table
-from seatrial.base.errors import TrialError, nearest
+from seatrial.base.errors import TrialError, first_line, nearest
 from seatrial.base.file_names import no_file
 from seatrial.logs.formats import FORMATS as LOGS
 from seatrial.logs.formats import open_log
@@ -159,7 +159,7 @@ def _read_frame(source: Any) -> pl.DataFrame:
             # NaN stays NaN: in a pandas frame it may be a missing cell or a sensor without a number.
             return pl.DataFrame([_series(str(name), frame[name]) for name in frame.columns])
     except (TypeError, ValueError, pl.exceptions.PolarsError) as error:
-        raise TrialError(f"frame: not readable as a table ({error})") from None
+        raise TrialError(f"frame: not readable as a table ({first_line(error)})") from None
     raise TrialError(
         f"frame: expected the path of a file or a polars or pandas frame, found an object of {kind}"
     )
@@ -239,9 +239,8 @@ def _cells_of_csv(path: Path, layout: Layout | None) -> pl.DataFrame:
         except pl.exceptions.PolarsError:
             table = cells({})
     except pl.exceptions.PolarsError as error:
-        reason = str(error).splitlines()[0]
         raise TrialError(
-            f"{path}: not readable as a table of values separated by {separator!r} ({reason}); "
+            f"{path}: not readable as a table of values separated by {separator!r} ({first_line(error)}); "
             "expected one header line and rows with as many cells; repair the file or name its reader"
         ) from None
     return table.rename(dict(zip(table.columns, _names(table.columns, layout), strict=True)))
@@ -341,5 +340,6 @@ def _read_parquet(path: Path) -> pl.DataFrame:
         claim(8 * len(table.collect_schema()) * table.select(pl.len()).collect().item())
         return table.collect()
     except (pl.exceptions.PolarsError, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise TrialError(f"{path}: not readable as Parquet ({reason}); is it another format?") from None
+        raise TrialError(
+            f"{path}: not readable as Parquet ({first_line(error)}); is it another format?"
+        ) from None

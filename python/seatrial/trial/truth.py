@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import SeatrialError, TrialError, VehicleError, nearest
+from seatrial.base.errors import SeatrialError, TrialError, VehicleError, first_line, nearest
 from seatrial.base.toml_file import Name, NotNegative, Number, Positive, Section
 from seatrial.flight.conditions import Conditions, Water
 from seatrial.flight.fly import fly
@@ -349,7 +349,7 @@ def read_dither(path: Path, vehicle: Vehicle, where: str) -> dict[str, Array]:
         table = pl.read_csv(path, comment_prefix="#", infer_schema_length=None)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise TrialError(
-            f"{where}: {path} cannot be read ({str(error).splitlines()[0]}); name a table (CSV) of t_s and"
+            f"{where}: {path} cannot be read ({first_line(error)}); name a table (CSV) of t_s and"
             f" {DITHER}ACTUATOR, as seatrial plan writes it"
         ) from None
     facts = vehicle.actuator_info()

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array, runs
 from seatrial.base.atomic_write import parquet, write_atomic
 from seatrial.base.channels import CHANNELS, DEGREE
-from seatrial.base.errors import SeatrialError, TrialError, reason
+from seatrial.base.errors import SeatrialError, TrialError, first_line, reason
 from seatrial.base.file_names import content_inside
 from seatrial.base.run import belongs_to_run, from_json, to_json
 from seatrial.inspect.manoeuvres import manoeuvres
@@ -140,7 +140,7 @@ def _read(place: Path) -> pl.DataFrame:
     try:
         return pl.read_parquet(content_inside(place.parent, place, most=_LARGEST))
     except pl.exceptions.PolarsError as error:
-        raise SeatrialError(f"{place}: expected a Parquet table, found none ({error})") from None
+        raise SeatrialError(f"{place}: expected a Parquet table, found none ({first_line(error)})") from None
 
 
 def _trials(
