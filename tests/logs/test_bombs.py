@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -11,8 +12,9 @@ import pytest
 from seatrial.base.budget import Budget
 from seatrial.base.errors import TrialError
 from seatrial.intake.import_logs import import_logs
-from seatrial.logs import messages
+from seatrial.logs import delimited, messages
 from seatrial.logs.formats import open_log
+from seatrial.logs.log import Log
 from seatrial.logs.messages import unpacked_chunk
 from seatrial.trial.trial import Trial
 from tests.logs import bombs
@@ -52,9 +54,27 @@ def test_a_name_of_a_hundred_thousand_brackets_is_refused_before_it_is_matched(t
 
 
 @pytest.mark.parametrize("read", [import_logs, Trial.read])
-def test_a_refusal_quotes_no_cell_of_a_hundred_thousand_letters(tmp_path: Path, read: Callable[[Path], object]) -> None:
+def test_a_refusal_quotes_no_cell_of_100_kb(tmp_path: Path, read: Callable[[Path], object]) -> None:
     path = tmp_path / "nav.csv"
     path.write_text("time,u,v\n" + "0.1,2.0,3\n" * 9000 + '"' * 99_999 + "\n")
     with pytest.raises(TrialError, match=r"not readable as a table of .* repair the file") as refused:
         read(path)
     assert len(str(refused.value)) < 1000
+
+
+def test_the_time_that_opening_takes_is_not_granted_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A log of 60 kB that was looked through for 6 s when it was opened took 7 s more to survey."""
+    path = tmp_path / "nav.csv"
+    path.write_text("time,u\n" + "1.0,2.0\n" * 9)
+    opened = delimited.open_log
+
+    def slowly(path: Path) -> Log:
+        end_s = time.thread_time() + 0.2
+        while time.thread_time() < end_s:
+            pass
+        return opened(path)
+
+    monkeypatch.setattr(delimited, "open_log", slowly)
+    assert 2.0 < open_log(path).budget.cpu_s <= Budget().cpu_s - 0.2
