@@ -340,6 +340,4 @@ def _read_parquet(path: Path) -> pl.DataFrame:
         claim(8 * len(table.collect_schema()) * table.select(pl.len()).collect().item())
         return table.collect()
     except (pl.exceptions.PolarsError, OSError) as error:
-        raise TrialError(
-            f"{path}: not readable as Parquet ({first_line(error)}); is it another format?"
-        ) from None
+        raise TrialError(f"{path}: not readable as Parquet ({first_line(error)}); another format?") from None
