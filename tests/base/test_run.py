@@ -652,3 +652,33 @@ def test_an_import_is_refused_a_folder_in_use(tmp_path: Path) -> None:
         import_logs(log, out=tmp_path / "project")
     assert not (tmp_path / "project").exists()
     assert import_logs(log, out=tmp_path / "project").folder == tmp_path / "project"
+
+
+@pytest.mark.parametrize("fixed", ["", "stages", "of another user"])
+def test_a_run_that_cannot_be_replaced_is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fixed: str
+) -> None:
+    """And a former one that could not be removed is no reason to say that the new one was not written."""
+    run = tmp_path / "run"
+    with RunDirectory(run, "flight") as first:
+        first.keep("a", "abc", {})
+        first.publish({"kind": "flight"}, {})
+    # Root may write anywhere: what an ordinary user may is told instead.
+    may = os.access
+    if fixed == "of another user":
+        monkeypatch.setattr("seatrial.base.run.shutil.rmtree", lambda path, ignore_errors=False: None)
+        publish_kind(run, "flight")
+        former = tmp_path / ".run.former"
+        assert former.is_dir()
+        monkeypatch.undo()
+        kept = former
+    else:
+        kept = run / fixed
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != kept and may(path, mode))
+    with pytest.raises(
+        SeatrialError, match=rf"run directory {kept}: cannot be written \(Permission denied\)"
+    ):
+        check_writable(run, "flight")
+    monkeypatch.undo()
+    publish_kind(run, "flight")
+    assert entries(tmp_path) == ["run"]

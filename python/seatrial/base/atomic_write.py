@@ -102,9 +102,7 @@ def whole_folder(folder: Path) -> Iterator[None]:
         place.mkdir(parents=True, exist_ok=True)
         yield
     except BaseException:  # Ctrl-C, too
-        with contextlib.suppress(
-            OSError
-        ):  # what failed is said; a leftover is no reason to say another thing
+        with contextlib.suppress(OSError):  # what failed is said, and nothing of a leftover
             for entry in [place] if missing else [*place.iterdir()] if empty else []:
                 remove(entry)
             for above in missing[1:]:

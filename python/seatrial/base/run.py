@@ -1,11 +1,11 @@
 """Run directory: the one life cycle of everything that writes results into a folder.
 
-A run works in a sibling folder ``<name>.partial``. There every finished part (a stage, a group of gains,
-a chunk of missions) is kept as ``stages/<part>.json`` with the hash of its inputs, and a table
-that belongs to it as ``stages/<part>.parquet``. The same
-command finds it again by that hash: after Ctrl-C, after ``kill -9``, or after the run was published. When the
-run is over, the whole folder is renamed into place, so that a reader sees all of it or nothing. While a
-process works in the folder it holds ``<name>.lock``, and a second one is refused at once.
+A run works in a sibling folder ``<name>.partial``. There every finished part (a stage, a group of gains, a
+chunk of missions) is kept as ``stages/<part>.json`` with the hash of its inputs, and a table that belongs to
+it as ``stages/<part>.parquet``. The same command finds it again by that hash: after Ctrl-C, ``kill -9``, or
+after the run was published. When the run is over, the whole folder is renamed into place, so that a
+reader sees all of it or nothing. While a process works in the folder it holds ``<name>.lock``, and a second
+one is refused at once.
 
 A run replaces an earlier one of its own kind alone, and of that only what the earlier one wrote: files that
 somebody else put into the folder are there afterwards, too.
@@ -35,6 +35,7 @@ Held by ``tests/base/test_run.py``.
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import hashlib
 import json
@@ -289,6 +290,10 @@ class RunDirectory:
         _refuse_content(self.path)
         if self.kind is not None:
             _refuse_kind(self.path, self.kind)
+        for folder, _, _ in (*os.walk(former), *os.walk(self.path)):
+            if not os.access(folder, os.W_OK | os.X_OK):  # after the work it could not be replaced
+                raise refusal(Path(folder), PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+        remove(former)
         parts = self.workspace / _PARTS
         parts.mkdir(parents=True, exist_ok=True)
         for torn in parts.glob("*.writing"):
@@ -309,8 +314,6 @@ class RunDirectory:
         """Put the workspace in the place of the run directory."""
         assert self.path is not None
         former = _beside(self.path, ".{}.former")
-        if former.exists():
-            shutil.rmtree(former)
         if self.path.exists():
             self.path.rename(former)
         try:
@@ -321,7 +324,7 @@ class RunDirectory:
             raise
         if former.exists():
             _carry_foreign(former, self.path)  # what came while the folders changed places
-            shutil.rmtree(former)
+            shutil.rmtree(former, ignore_errors=True)  # the next run says what lasts
 
     def _unlock(self) -> None:
         if self._release is not None:

@@ -139,8 +139,7 @@ def open_log(path: str | Path, reader: str | Callable[[Path], Log] | None = None
     with reading(path, entry.description, budget):
         log: Log = import_module(f"seatrial.logs.{entry.module}").open_log(path)
     # What a file of any small size may take, it takes once: opening reads some formats as a whole.
-    left_s = budget.cpu_s - (time.thread_time() - begun_s)
-    log.budget = replace(budget, cpu_s=max(left_s, _LEAST_S))
+    log.budget = replace(budget, cpu_s=max(budget.cpu_s - time.thread_time() + begun_s, _LEAST_S))
     return log
 
 
