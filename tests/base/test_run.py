@@ -682,3 +682,18 @@ def test_a_run_that_cannot_be_replaced_is_refused_before_the_work(
     monkeypatch.undo()
     publish_kind(run, "flight")
     assert entries(tmp_path) == ["run"]
+
+
+def test_a_disk_that_is_full_for_polars_is_full_for_the_run(tmp_path: Path) -> None:
+    """It writes large tables itself, and says so by an error of its own that quotes the system's."""
+
+    def sink(path: Path) -> None:
+        path.write_bytes(b"PAR1")
+        raise pl.exceptions.ComputeError(f"parquet: No space left on device (os error {errno.ENOSPC})")
+
+    with (
+        RunDirectory(tmp_path / "run", "flight") as run,
+        pytest.raises(SeatrialError, match="the disk is full"),
+    ):
+        run.publish({"kind": "flight"}, {"missions.parquet": sink})
+    assert entries(tmp_path) == []

@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -45,20 +46,19 @@ def write_atomic(path: Path, content: bytes | Callable[[Path], None], *, new: bo
     # A name of this process: two writers of one file do not write into the same part.
     partial = path.with_name(f"{path.name}.{os.getpid()}.writing")
     try:
-        if callable(content):
-            content(partial)
-        with partial.open("ab" if callable(content) else "wb") as stream:
-            if not callable(content):
-                stream.write(content)
-            stream.flush()
+        content(partial) if callable(content) else partial.write_bytes(content)
+        with partial.open("ab") as stream:
             os.fsync(stream.fileno())
         if new:
             _publish_new(partial, path)
         else:
             partial.replace(path)
-    except BaseException:  # Ctrl-C, too, leaves no part behind
+    except BaseException as error:  # Ctrl-C, too, leaves no part behind
         partial.unlink(missing_ok=True)
-        raise
+        number = re.search(r"\(os\serror\s(\d+)\)", str(error))  # so polars quotes what a disk says
+        if number is None or isinstance(error, OSError):
+            raise
+        raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
 
 
 def _publish_new(partial: Path, path: Path) -> None:

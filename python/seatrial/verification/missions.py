@@ -25,7 +25,7 @@ import time
 import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike
 
 from seatrial._core import autopilot_names, error_edges
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import before_table
+from seatrial.base.atomic_write import before_table, write_atomic
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.progress import Clock, Progress
@@ -122,7 +122,7 @@ class MissionStore:
                 self._folder = Path(tempfile.mkdtemp(prefix="seatrial-missions-"))
                 self._removal = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
             path = self._folder / f"{len(self._files):06}.parquet"
-            whole.write_parquet(path, compression="lz4", statistics=False)
+            write_atomic(path, partial(whole.write_parquet, compression="lz4", statistics=False))
         except OSError as error:
             raise SeatrialError(
                 f"{self._folder or tempfile.gettempdir()}: the missions cannot be written there"
