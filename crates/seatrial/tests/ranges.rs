@@ -270,6 +270,52 @@ fn law_numbers_beyond_their_range_are_refused_with_the_remedy() {
     held(MISSION, LEGS, |text| no(Mission::from_toml(text, "legs")));
 }
 
+/// The keys of the numbers of a table, as [`changed`] finds them.
+fn numbers(table: &toml::Table, before: &str, found: &mut Vec<String>) {
+    for (name, value) in table {
+        let key = format!("{before}{name}");
+        let first = |values: &Vec<toml::Value>| values.first().cloned();
+        match value {
+            toml::Value::Table(inner) => numbers(inner, &format!("{key}."), found),
+            toml::Value::Array(values) => match first(values) {
+                Some(toml::Value::Table(_)) => {
+                    let entries = values.iter().filter_map(toml::Value::as_table);
+                    entries.for_each(|inner| numbers(inner, &format!("{key}[]."), found));
+                }
+                Some(toml::Value::Array(_) | toml::Value::Float(_) | toml::Value::Integer(_)) => {
+                    found.push(key);
+                }
+                _ => {}
+            },
+            toml::Value::Float(_) | toml::Value::Integer(_) => found.push(key),
+            _ => {}
+        }
+    }
+}
+
+/// Whatever number a file has, an infinite one is refused by a range: the readers' own checks let infinite times pass.
+#[test]
+fn law_every_number_of_every_file_has_a_range() {
+    type Reader = fn(&str) -> Result<(), String>;
+    let kinds: [(&str, String, &[Range], Reader); 3] = [
+        ("vehicle", BOAT.to_owned(), VEHICLE, |text| no(Description::from_toml(text, "boat"))),
+        ("autopilot", autopilot(), AUTOPILOT, |text| no(Settings::from_toml(text, "pilot"))),
+        ("mission", LEGS.to_owned(), MISSION, |text| no(Mission::from_toml(text, "legs"))),
+    ];
+    for (kind, text, rows, read) in kinds {
+        let mut keys = Vec::new();
+        numbers(&text.parse().unwrap(), "", &mut keys);
+        assert!(keys.len() > 30, "{kind}: {}", keys.len());
+        for key in keys {
+            let file = changed(&text, &key, f64::INFINITY).unwrap();
+            let message = read(&file).expect_err(&format!("{kind}: {key} = inf has no row"));
+            let coefficient = key.strip_prefix("coefficients.").map(seatrial::ranges::coefficient);
+            let by = |row: &Range| message.contains(row.remedy);
+            assert!(rows.iter().chain(coefficient).any(by), "{kind}: {key} = inf: {message}");
+        }
+    }
+}
+
 /// A key that is read and has no row stops a debug build; the files above hold every row.
 #[test]
 fn law_coefficients_keep_their_ranges_in_changes() {

@@ -12,6 +12,7 @@ const DIRECTION: &str = "give a direction in the body frame, of any length";
 const THRUST: &str = "check the unit: N, and revolutions per second";
 const GAIN: &str = "give it in N or N m per m/s, m or rad; the signs are the autopilot's";
 const DEFAULT: &str = "correct it, or leave it out for the default";
+const NEVER: &str = "leave it out for the default; the largest value that is admitted switches it off";
 const DEPTH: &str = "give metres below the surface";
 const BEARING: &str = "give it in degrees, from north over east";
 
@@ -224,6 +225,18 @@ pub const AUTOPILOT: &[Range] = &[
         "give it in seconds; reaction = \"continue\" watches without a reaction",
     ),
     Range::within("safety.battery.below", [0.0, 0.999], "a share of the charge, 0.1 for a tenth"),
+    Range::above("safety.contradiction.position_m", FARTHEST, NEVER),
+    Range::above("safety.contradiction.depth_m", DEEPEST, NEVER),
+    Range::above("safety.contradiction.angle_deg", TURNED, NEVER),
+    Range::above("safety.contradiction.heading_off_deg", TURNED, NEVER),
+    Range::above("safety.contradiction.pitch_off_deg", TURNED, NEVER),
+    Range::above("safety.contradiction.gyro_off_deg_s", 1e4, NEVER),
+    Range::above("safety.contradiction.roughness_m_s", 100.0, NEVER),
+    Range::above("safety.contradiction.after_s", YEAR, NEVER),
+    Range::above("safety.contradiction.over_after_s", YEAR, NEVER),
+    Range::above("safety.speed.off_m_s", 100.0, NEVER),
+    Range::above("safety.speed.after_s", YEAR, NEVER),
+    Range::above("safety.ascent_after_s", YEAR, NEVER),
     Range::above("safety.actuator.after_s", YEAR, TIME),
     Range::above("safety.actuator.deviation", 1e3, "a share of the largest signal"),
     Range::above("lqr[].tracking_s", 1e6, TIME),
