@@ -1,8 +1,11 @@
 //! A program as C99: a header and a source, with nothing but `math.h`.
 //!
+//! In double precision sine, cosine, angle and exponential are the core's own, written into the source (`elementary.c`):
+//! platforms differ in the last bit, and the commands with them. In single precision they are the platform's.
+//!
 //! Every operation is a statement of its own, in the order of the recording: compilers that contract products and
-//! sums within an expression find none. No function branches, but to look a place up in a list. State, parameters and
-//! constants that follow from parameters belong to the caller.
+//! sums within an expression find none. No function branches, but those four and what looks a place up in a list. State,
+//! parameters and constants that follow from parameters belong to the caller.
 
 use super::program::{Program, Stage, Symbol};
 use crate::number::traced::{Operation, Place};
@@ -60,6 +63,17 @@ const FUNCTIONS: [(&str, &str); 10] = [
     ("EXP", "exp"),
     ("LOG", "log"),
 ];
+
+/// Those that the source brings with it in double precision: name, what is called, the part of [`ELEMENTARY`].
+const OWN: [(&str, &str, &str); 4] = [
+    ("SIN", "core_turned((a), 0)", "SINE"),
+    ("COS", "core_turned((a), 1)", "SINE"),
+    ("ATAN2", "core_angle((a), (b))", "ANGLE"),
+    ("EXP", "core_exponential((a))", "EXPONENTIAL"),
+];
+
+/// The core's elementary functions, part by part behind a head with their licence.
+const ELEMENTARY: &str = include_str!("elementary.c");
 
 impl Program {
     /// The program as C.
@@ -392,15 +406,33 @@ pub(super) fn preamble(texts: &[&str]) -> String {
         for (name, function) in FUNCTIONS.iter().filter(|(name, _)| used(name)) {
             let two = ["ATAN2", "SMALLER", "LARGER"].contains(name);
             let arguments = if two { ["(a, b)", "((a), (b))"] } else { ["(a)", "((a))"] };
-            let _ = writeln!(text, "#define {name}{} {function}{suffix}{}", arguments[0], arguments[1]);
+            let own = OWN.iter().find(|(own, ..)| own == name && !single);
+            let call =
+                own.map_or(format!("{function}{suffix}{}", arguments[1]), |(_, call, _)| (*call).to_owned());
+            let _ = writeln!(text, "#define {name}{} {call}", arguments[0]);
         }
     }
     text += "#endif\n\n";
+    text += &elementary(&used);
     for (_, helper) in HELPERS.iter().filter(|(name, _)| used(name)) {
         text += helper;
         text.push('\n');
     }
     text
+}
+
+/// The parts of [`ELEMENTARY`] that are `used`, with their licence; nothing where none is.
+fn elementary(used: &impl Fn(&str) -> bool) -> String {
+    let mut parts = ELEMENTARY.split("/* part: ");
+    let head = parts.next().unwrap_or_default();
+    let wanted = |name: &str| OWN.iter().any(|(function, _, part)| *part == name && used(function));
+    let bodies = parts.filter_map(|part| part.split_once(" */\n")).filter(|(name, _)| wanted(name));
+    let text: String = bodies.map(|(_, body)| body).collect();
+    if text.is_empty() {
+        text
+    } else {
+        format!("#ifndef SEATRIAL_FLOAT\n{head}{}\n#endif\n\n", text.trim_end())
+    }
 }
 
 /// The type of a place.

@@ -6,7 +6,7 @@
 //! is the crate `libm` (FreeBSD's msun and musl in Rust, below 1 unit in the last place, no fused product in them);
 //! beside glibc's a flight takes 0.92 to 1.02 of the time (`docs/theory/integration.md`). Square root, floor and the four operations are exact
 //! everywhere. `crates/seatrial/clippy.toml` refuses the functions of the standard library in this crate; numbers in
-//! lanes have [`elementary`](crate::number::elementary), and exported C keeps the library of its platform.
+//! lanes have [`elementary`](crate::number::elementary), and exported C has these in double precision (`export/elementary.c`).
 //!
 //! Tests: `tests/scalars/plain.rs`, `tests/report/test_page_same_flight.py`.
 
