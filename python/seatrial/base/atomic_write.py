@@ -121,21 +121,9 @@ def parquet(frame: pl.DataFrame) -> bytes:
 def write_table(
     frame: pl.DataFrame, path: str | Path, *, comments: str = "", advice: str = "choose another folder"
 ) -> None:
-    """Write a table as CSV, or as Parquet where the path ends so.
+    """Write a table as CSV below `comments`, or as Parquet where the path ends so.
 
-    Parameters
-    ----------
-    frame : polars.DataFrame
-    path : str or Path
-    comments : str
-        Lines above the header of a CSV file.
-    advice : str
-        End of the message.
-
-    Raises
-    ------
-    TrialError
-        The file cannot be written.
+    Raises TrialError, its message ended by `advice`, where the file cannot be written.
     """
     before_table()
     target = Path(path)

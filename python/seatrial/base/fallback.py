@@ -85,18 +85,7 @@ class Fallbacks:
     def attempt(self, step: str, work: Callable[[], T], otherwise: T, *, kept: str, remedy: str) -> T:
         """Result of a step, or what was there before where the step fails.
 
-        Parameters
-        ----------
-        step
-            Its name.
-        work
-            The step.
-        otherwise
-            What was there before.
-        kept
-            That, in words.
-        remedy
-            What to do where it fails.
+        `step` is its name, `kept` says in words what was there before, `remedy` what to do where it fails.
         """
         try:
             return work()

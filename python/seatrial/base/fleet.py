@@ -46,14 +46,7 @@ class Fleet(ABC):
     def submit(self, name: str, attempt: int, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """What will become of a function's call.
 
-        Parameters
-        ----------
-        name : str
-            Hash of the call: the same name has the same result.
-        attempt : int
-            From 1 on.
-        function : callable
-        *arguments
+        `name` is a hash of the call: the same name has the same result. Attempts count from 1 on.
         """
 
     @abstractmethod
@@ -193,16 +186,7 @@ class _LostError(Exception):
 
 
 class _DaskFleet(Fleet):
-    """Workers of a Dask cluster.
-
-    Parameters
-    ----------
-    address : str
-        Of the scheduler.
-    tell : callable
-    client : distributed.Client, optional
-        Of somebody else, who closes it.
-    """
+    """Workers of a Dask cluster by its scheduler's address; a given client is somebody else's to close."""
 
     def __init__(self, address: str, tell: Tell, *, client: Any = None) -> None:
         self._address, self._tell = address, tell

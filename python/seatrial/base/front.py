@@ -43,15 +43,7 @@ def front(room: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
 
 
 class ByName(Mapping[str, T]):
-    """Values by name, each made once, by one thread at a time.
-
-    Parameters
-    ----------
-    names : iterable of str
-        In their order; asking for them makes nothing.
-    make : callable
-        From a name to its value.
-    """
+    """Values by name, in order, each made by `make` once, by one thread at a time, when it is asked for."""
 
     def __init__(self, names: Iterable[str], make: Callable[[str], T]) -> None:
         self._names, self._make = dict.fromkeys(names), make

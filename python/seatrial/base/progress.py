@@ -243,18 +243,9 @@ def callers_errors_pass(function: Callable[P, R]) -> Callable[P, R]:
 def part_of(
     progress: Callable[[Progress], None], part: str, number: int, count: int, clock: Clock
 ) -> Callable[[Progress], None]:
-    """Callback for one of several equal parts of long work, which reports the progress of the whole.
+    """Callback for one of `count` equal parts of long work, from 0, which reports the progress of the whole.
 
-    Parameters
-    ----------
-    progress
-        What the whole reports to.
-    part
-        Name of the part; what it reports itself follows.
-    number, count
-        Place of the part, from 0, and number of parts.
-    clock
-        Of the whole.
+    What the part reports itself follows its name; `clock` is that of the whole.
     """
 
     def show(state: Progress) -> None:

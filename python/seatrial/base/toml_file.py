@@ -100,15 +100,8 @@ def text_of(
 ) -> str:
     """Text of a regular file of bounded size in UTF-8, with or without a byte order mark.
 
-    Parameters
-    ----------
-    path : str or Path
-    what : str
-        What is expected, for messages: "a mission file".
-    error : type
-        Raised where it cannot be read.
-    advice : str
-        End of the message.
+    Where it cannot be read `error` is raised: `what` is what is expected ("a mission file"), `advice` its
+    end.
     """
     if not isinstance(path, str | Path):
         raise error(f"expected the path of {what}, found {type(path).__name__}")

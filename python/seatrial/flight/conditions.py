@@ -136,21 +136,7 @@ PLAIN = Conditions()
 
 
 def used_only(given: Water | Conditions, *names: str, by: str) -> None:
-    """Refuse fields that what flies does not use.
-
-    Parameters
-    ----------
-    given : Water or Conditions
-    *names : str
-        Fields that it uses.
-    by : str
-        What flies, for the message.
-
-    Raises
-    ------
-    SimulationError
-        Another field is not as it is by default.
-    """
+    """Refuse, with a SimulationError, fields not at their default that what flies (`by`) does not use."""
     for field in fields(given):
         if field.name not in names and getattr(given, field.name) is not field.default:
             raise SimulationError(

@@ -34,12 +34,7 @@ STEEP_DEG = 45.0
 def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
     """Whether the hull touched something, or came nearer than promised by more than a tenth, (k,).
 
-    Parameters
-    ----------
-    metrics : mapping
-        Metrics of flights by name, (k,) each.
-    promised_m : array_like
-        What the mission of each promises, m; 0 where it promises nothing.
+    `metrics` of flights by name, (k,) each; `promised_m`: what the mission of each promises, 0 where nothing.
     """
     clear, reserve = (np.asarray(metrics[name]) for name in ("clearance_m", "clearance_reserve_m"))
     return np.asarray((clear <= 0.0) | (reserve < -OFF_PROMISE * np.asarray(promised_m)))
@@ -54,13 +49,7 @@ def promise_counts(clear_m: float, reserve_m: float) -> bool:
 
 
 def touched(metrics: Mapping[str, Any]) -> Mask:
-    """Whether the origin of the vehicle came down to the bottom, (k,).
-
-    Parameters
-    ----------
-    metrics : mapping
-        Metrics of flights by name, (k,) each.
-    """
+    """Whether the origin of the vehicle came down to the bottom, (k,), by metrics of flights."""
     return np.asarray(np.asarray(metrics["altitude_smallest_m"]) <= 0.0)
 
 
@@ -77,14 +66,8 @@ def too_low(metrics: Mapping[str, Any], min_altitude_m: ArrayLike) -> Mask:
 def unkept(metrics: Mapping[str, Any], promised_m: ArrayLike, limits: Mapping[str, float]) -> dict[str, Mask]:
     """What keeps flights from being complete, whatever the autopilot perceived: (k,) by what happened.
 
-    Parameters
-    ----------
-    metrics : mapping
-        Metrics of flights by name, (k,) each.
-    promised_m : array_like
-        What the mission of each promises, m.
-    limits : mapping of str to float
-        ``max_depth_m`` and ``min_altitude_m`` of the mission.
+    `metrics` and `promised_m` as for `too_near`; `limits`: ``max_depth_m`` and ``min_altitude_m`` of the
+    mission.
     """
     broken = {}
     for words, ranges in broken_in(promised_m, limits).items():
@@ -98,12 +81,7 @@ def broken_in(
 ) -> dict[str, list[tuple[str, ArrayLike, ArrayLike]]]:
     """Ranges of metrics in which a flight is not complete: name, lowest and highest value in m, both inside.
 
-    The page of a report judges its flights by the same ranges.
-
-    Parameters
-    ----------
-    promised_m, limits
-        As for `unkept`.
+    The page of a report judges its flights by the same ranges. Arguments as for `unkept`.
     """
     infinity = math.inf
     short = np.nextafter(-OFF_PROMISE * np.asarray(promised_m, dtype=float), -infinity)
@@ -324,13 +302,7 @@ def excesses(
 def sentences(exceeded: Sequence[Excess], name: Callable[[int], str], what: str = "missions") -> list[str]:
     """A sentence without a full stop for each excess: how many flights, the worst one and when.
 
-    Parameters
-    ----------
-    found : sequence of Excess
-    name : callable
-        What the flight of a place is called, such as "mission 7".
-    what : str
-        What several flights are called.
+    `name` says what the flight of a place is called ("mission 7"), `what` what several are.
     """
     return [
         f"{excess.count} of {excess.of} {what} {excess.words}, the worst is {name(excess.worst)}:"

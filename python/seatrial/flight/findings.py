@@ -71,13 +71,7 @@ class Result(NamedTuple):
 
 
 def findings(flight: FlightLog, result: Result) -> tuple[Finding, ...]:
-    """What went wrong, the gravest first; of a flight that succeeded the weakness that counts most.
-
-    Parameters
-    ----------
-    flight : FlightLog
-    result : Result
-    """
+    """What went wrong, the gravest first; of a flight that succeeded the weakness that counts most."""
     grave = _grave(flight, result)
     tilted = None if result.outcome == DIVERGED else tilt(flight)
     if tilted is not None:
@@ -165,14 +159,7 @@ def tilt(flight: FlightLog) -> Finding | None:
 
 
 def unstable_from(vehicle: Any, fastest_m_s: float) -> float | None:
-    """Speed ahead from which pitch is unstable, m/s; None where it is stable up to the fastest one.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    fastest_m_s : float
-        Up to which is looked.
-    """
+    """Speed ahead from which pitch is unstable, m/s; None where it is stable up to the fastest one."""
     if growth(vehicle, fastest_m_s, "pitch") <= 0.0 or growth(vehicle, 0.0, "pitch") > 0.0:
         return None
     from scipy.optimize import brentq
@@ -285,13 +272,7 @@ def broken_limits(flight: FlightLog, metrics: Mapping[str, float]) -> list[Findi
 def wrong_position(flight: FlightLog, until_s: float, *, off_m: float = math.nan) -> Finding:
     """That the position was wrong: by an outage that was asked for and had begun, and what the flight had.
 
-    Parameters
-    ----------
-    flight : FlightLog
-    until_s : float
-        Time by which the outage has to have begun, s.
-    off_m : float, optional
-        How far off the position was, m.
+    The outage counts where it began before `until_s`; `off_m`: how far off the position was.
     """
     missing = any(reactions.injected(flight, group, math.inf) for group in ("position", "velocity", "water"))
     values = {
@@ -358,20 +339,10 @@ def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
 
 
 def out_of_trim(flight: FlightLog, by: str, *, shallow: bool | None = None) -> Finding | None:
-    """Net buoyancy that explains why the loop that changes the depth is at its limit.
+    """Net buoyancy that explains why the loop that changes the depth ("heave" or "pitch") is at its limit.
 
-    Parameters
-    ----------
-    flight : FlightLog
-    by : str
-        The loop: "heave" or "pitch".
-    shallow : bool, optional
-        Whether the vehicle was too shallow, which only buoyancy explains, or too deep; either if omitted.
-
-    Returns
-    -------
-    Finding or None
-        None where the net buoyancy is small against what the loop can do.
+    `shallow`: whether the vehicle was too shallow, which only buoyancy explains, or too deep; either if
+    omitted. None where the net buoyancy is small against what the loop can do.
     """
     rest = statics(flight.vehicle)
     limit = float(flight.autopilot.loops().get("heave", {}).get("tau_max", 0.0))
@@ -494,10 +465,7 @@ class _Slope:
     def finding(self, *, missed: bool = True) -> Finding:
         """The slope against what is possible, and how long the leg has to be.
 
-        Parameters
-        ----------
-        missed : bool
-            Whether a waypoint was missed for it, or only reached late.
+        `missed`: whether a waypoint was missed for it, or only reached late.
         """
         reach = min(self.limit, self.flown) if self.lagging else self.limit
         values = {

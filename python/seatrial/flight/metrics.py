@@ -110,12 +110,7 @@ def metrics_of(flights: Flights) -> dict[str, Array]:
 def reserve(clear_m: Array, beyond_m: Array) -> Array:
     """Smallest clearance beyond what is promised of each obstacle, m, 0 m of one without a promise.
 
-    Parameters
-    ----------
-    clear_m : ndarray
-        Smallest clearance of all obstacles, m.
-    beyond_m : ndarray
-        Smallest clearance beyond the promise of those that have one, m.
+    `clear_m` is that of all obstacles, `beyond_m` that beyond the promise of those that have one.
     """
     # Of an obstacle with a promise the clearance is the larger of the two, so that it does not count here.
     return np.asarray(np.fmin(clear_m, beyond_m))

@@ -379,12 +379,7 @@ class Route:
 
     @classmethod
     def of(cls, mission: Mission) -> Route:
-        """Route of a mission.
-
-        Parameters
-        ----------
-        mission : Mission
-        """
+        """Route of a mission."""
         columns, start = mission.waypoints, mission.start
         return cls(
             name=mission.name,

@@ -60,11 +60,7 @@ def reaction_key(watch: str) -> str:
 def patience(watch: str, safety: Mapping[str, Any]) -> float:
     """For how long a watch waits after what it misses was there last, s; 0 where it does not wait.
 
-    Parameters
-    ----------
-    watch : str
-    safety : mapping
-        ``Autopilot.safety()``.
+    `safety` is that of ``Autopilot.safety()``.
     """
     if watch.startswith("contradicted_"):
         watch = "contradiction"
@@ -87,15 +83,7 @@ class Alert:
 
 
 def injected(flight: FlightLog, group: str, at_s: float) -> str:
-    """The outage of a group of channels that was asked for and had begun by a time, in words; empty without.
-
-    Parameters
-    ----------
-    flight : FlightLog
-    group : str
-        As "position".
-    at_s : float
-    """
+    """The outage of a group of channels that was asked for and had begun by a time, in words, or ""."""
     begun = [
         outage for outage in flight.circumstances.outages if outage.group == group and outage.from_s <= at_s
     ]
@@ -103,17 +91,10 @@ def injected(flight: FlightLog, group: str, at_s: float) -> str:
 
 
 def called_for(flight: FlightLog, alerts: Sequence[Alert], others: Sequence[Finding]) -> list[Finding]:
-    """The first reaction, why, and what became of the vehicle, in its place among `others`.
+    """The first reaction, why, and what became of the vehicle, in its place among `others`, gravest first.
 
-    It comes first where the vehicle did not come up, or where its cause began before the others did.
-
-    Parameters
-    ----------
-    flight : FlightLog
-    alerts : sequence of Alert
-        In the order in which they were called for, at least one.
-    others : sequence of Finding
-        What else went wrong, the gravest first.
+    It comes first where the vehicle did not come up, or where its cause began before the others did. There is
+    at least one alert, in the order in which they were called for.
     """
     first = alerts[0]
     missed = group(first.cause)

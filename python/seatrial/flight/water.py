@@ -89,14 +89,9 @@ class Plume:
     vertical_m2_s: float = 1e-3
 
     def share(self, places: Array, current: ArrayLike) -> Array:
-        """Share of effluent in the water, (n,), 0 to 1.
+        """Share of effluent in the water, (n,), 0 to 1, at places (n, 3), m, NED.
 
-        Parameters
-        ----------
-        places
-            North, east, down, (n, 3), m.
-        current
-            North and east, m/s, at least `SLOWEST_M_S` together.
+        The current north and east is at least `SLOWEST_M_S` together.
         """
         flow = np.asarray(current, float)[:2]
         speed = float(np.hypot(*flow))

@@ -66,13 +66,7 @@ class StartMetrics:
 
 
 def start_metrics(rig: Rig, trials: LoopTrials) -> StartMetrics:
-    """Figures of a loop with the rig's gains, the vehicle itself in still water.
-
-    Parameters
-    ----------
-    rig : Rig
-    trials : LoopTrials
-    """
+    """Figures of a loop with the rig's gains, the vehicle itself in still water."""
     still = Samples({}, np.zeros((len(_SEEDS), 3)), _SEEDS, len(_SEEDS))
     t, answers = rig.responses(trials, still, {})
     values = answers[trials.names[0]]
@@ -131,15 +125,8 @@ def steps_above_noise(
 ) -> tuple[float, float]:
     """Steps of a loop in both directions whose band the answer's noise does not fill, in the file's unit.
 
-    Parameters
-    ----------
-    loop : str
-    noise : float
-        Standard deviation of the answer at rest, SI.
-    top_m_s : float
-        Largest steady speed of the loop's channel, m/s.
-    largest : float, optional
-        What guidance or the vehicle allows, in the file's unit.
+    `noise` is the standard deviation of the answer at rest, SI; `largest` is what guidance or the vehicle
+    allows, in the file's unit.
 
     Examples
     --------

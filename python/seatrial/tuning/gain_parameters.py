@@ -68,12 +68,7 @@ class GainParameters:
         """The same factors on other gains, and the logarithms (m,) that give exactly these.
 
         What one factor scales keeps its ratio among itself, and every gain within the bounds about its own
-        start value.
-
-        Parameters
-        ----------
-        gains : mapping of str to float
-            Those that are not named are the start values.
+        start value. Gains that are not named are the start values.
 
         Examples
         --------

@@ -131,13 +131,7 @@ _START_STEP_S = 0.04  # of the integration, where the start gains are tried
 
 
 def usual_speeds(scope: TuningScope, loop: str) -> tuple[float, ...]:
-    """Speeds at which a loop is tried where the file gives none, m/s.
-
-    Parameters
-    ----------
-    scope : TuningScope
-    loop : str
-    """
+    """Speeds at which a loop is tried where the file gives none, m/s."""
     points = [scope.autopilot.speeds_m_s[place] for place in scope.places]
     if scope.slowest_m_s is not None:
         # Fins feel the water: with the current from astern less of it passes them.
@@ -154,19 +148,9 @@ def usual_speeds(scope: TuningScope, loop: str) -> tuple[float, ...]:
 
 
 def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
-    """Steps of a loop at its speeds.
+    """Steps of a loop at its speeds, by what the file says of the loop.
 
-    Parameters
-    ----------
-    scope : TuningScope
-    loop : str
-    table : LoopTable
-        What the file says of the loop.
-
-    Raises
-    ------
-    CampaignError
-        Speeds or steps that the vehicle or its modes cannot do.
+    Raises CampaignError for speeds or steps that the vehicle or its modes cannot do.
     """
     speeds = table.speeds_m_s or usual_speeds(scope, loop)
     _refuse_speeds(scope, loop, speeds)

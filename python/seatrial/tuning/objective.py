@@ -319,14 +319,8 @@ def violated(trials: LoopTrials, sums: Array) -> Array:
 def robust(total: Array, quantile: float, *, nominal: int = 0) -> Array:
     """Worst or a quantile over the samples, and a tenth of their mean, (k,), of violations (k, samples).
 
-    Parameters
-    ----------
-    total : (k, samples) array
-    quantile : float
-        1 is the worst.
-    nominal : int, optional
-        So many of the first are the vehicle itself, whose worst counts at any quantile: it is what a
-        tuning is feasible by.
+    A `quantile` of 1 is the worst. The first `nominal` samples are the vehicle itself, whose worst counts at
+    any quantile: it is what a tuning is feasible by.
     """
     sound = np.isfinite(total).all(axis=1)
     bounded = np.where(np.isfinite(total), total, 0.0)

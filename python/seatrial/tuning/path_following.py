@@ -82,15 +82,9 @@ def course_lookahead(scope: TuningScope, autopilot: Autopilot, path: str) -> tup
 
 
 def path_trials(scope: TuningScope, path: str, distance_m: float, delay_s: float) -> LoopTrials:
-    """Small and large steps of a path at its speeds, against a bound of the overshoot.
+    """Small and large steps of "cross_track" or "depth" at its speeds, against a bound of the overshoot.
 
-    Parameters
-    ----------
-    scope : TuningScope
-    path : str
-        "cross_track" or "depth".
-    distance_m, delay_s : float
-        Lookahead and delay of the course that the steps are made for.
+    They are made for the lookahead `distance_m` and the delay `delay_s` of the course.
     """
     small = default_steps(path, top_m_s=scope.top_m_s)[0] * LOOPS[path].to_si
     large = min(max(_LARGE * small, distance_m), _LARGEST_M)
@@ -135,18 +129,7 @@ def path_work_s(scope: TuningScope, paths: Sequence[str]) -> float:
 
 
 def search_paths(scope: TuningScope, rig: Rig, paths: Sequence[str], *, seed: int) -> PathNumbers:
-    """Numbers of guidance for the loops of a rig's autopilot.
-
-    Parameters
-    ----------
-    scope : TuningScope
-    rig : Rig
-        With the tuned gains.
-    paths : sequence of str
-        "cross_track", "depth".
-    seed : int
-        Of the samples.
-    """
+    """Numbers of guidance for the paths, "cross_track" and "depth", of a rig with the tuned gains."""
     samples = scope.samples(max(scope.table.samples, _FEW), seed)
     gains = dict[str, float]()
     before, after = dict.fromkeys(("violation", "time"), 0.0), dict.fromkeys(("violation", "time"), 0.0)

@@ -221,25 +221,12 @@ _AWAY = 3.0  # steps beyond the set point, which no overshoot is
 
 
 def assess_without_noise(plan: ControlProblem, rig: Rig) -> Performance:
-    """How the vehicle itself keeps to its corridors in still water with perfect sensors.
-
-    Parameters
-    ----------
-    plan : ControlProblem
-    rig : Rig
-        With the gains in question.
-    """
+    """How the vehicle itself keeps to its corridors in still water with perfect sensors, on a rig's gains."""
     return assess(plan, "without noise", replace(rig, sensors=None), Samples({}, np.zeros((1, 3)), (1,)))
 
 
 def why_outside(quiet: StepPerformance, corridor: Corridor) -> str:
-    """What makes a response leave its corridor, and what to do, from the same step with perfect sensors.
-
-    Parameters
-    ----------
-    quiet : StepPerformance
-    corridor : Corridor
-    """
+    """What makes a response leave its corridor, and what to do, from the same step with perfect sensors."""
     if quiet.nominal_s == 0.0:
         return (
             "with perfect sensors it stays inside, so sensor noise or latency is the cause; take"

@@ -54,14 +54,9 @@ Fly = Callable[[Array, Sequence[int]], Flown]
 
 
 class Race:
-    """Costs of the candidates of one group.
+    """Costs of the candidates of one group by an objective with all samples.
 
-    Parameters
-    ----------
-    objective : Objective
-        The cost with all samples.
-    fly : callable
-        How candidates are flown: here or by a fleet.
+    `fly` says how candidates are flown: here or by a fleet.
     """
 
     def __init__(self, objective: Objective, fly: Fly) -> None:

@@ -116,16 +116,7 @@ def revert_gains(
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Gains with which no loop is worse than before, and the groups that have their start gains again.
 
-    Parameters
-    ----------
-    plan : ControlProblem
-    gains : mapping of str to float
-        Found, by the names of `Autopilot.gains`.
-    samples : Samples
-    first : mapping of str to mapping, optional
-        Gains of the first turn, by the name of a group that had a second one.
-    threads : int, optional
-        All by default.
+    `first`: gains of the first turn, by the name of a group that had a second one.
     """
     start, kept = plan.autopilot.gains(), dict(gains)
     asked = "margins" in plan.table.model_fields_set
@@ -198,17 +189,7 @@ def _is_better(candidate: Standing, now: Standing, start: Standing, margins_aske
 def standing(
     plan: ControlProblem, gains: Mapping[str, float], samples: Samples, *, threads: int | None = None
 ) -> Standing:
-    """How some gains stand, all others those of the start.
-
-    Parameters
-    ----------
-    plan : ControlProblem
-    gains : mapping of str to float
-    samples : Samples
-        The first are the vehicle itself.
-    threads : int, optional
-        All by default.
-    """
+    """How some gains stand, all others those of the start; the first samples are the vehicle itself."""
     autopilot = plan.autopilot.with_gains(dict(gains))
     rig = plan.rig(autopilot, max_step_s=_STEP_S, threads=threads)
     performance = assess(plan, "", rig, samples, responses=False)

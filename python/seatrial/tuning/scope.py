@@ -108,12 +108,7 @@ class TuningScope:
         return _CURRENT * self.top_m_s if given is None else given
 
     def top_of(self, loop: str) -> float:
-        """Largest steady speed of a loop's channel, m/s: sideways for sway, ahead for all others.
-
-        Parameters
-        ----------
-        loop : str
-        """
+        """Largest steady speed of a loop's channel, m/s: sideways for sway, ahead for all others."""
         if loop != "sway" or "sway" not in autopilot_facts(self.autopilot).loops:
             return self.top_m_s
         ends = np.abs(reach(self.vehicle, 0.0, "Y", voltage_v=self.supply_v)["Y"])
@@ -125,10 +120,6 @@ class TuningScope:
 
         Guidance asks for no more pitch than ``pitch_max_deg``; what would end beyond 95 % of the top speeds,
         less the current, is no step of a speed.
-
-        Parameters
-        ----------
-        loop : str
         """
         if loop == "pitch":
             return float(autopilot_facts(self.autopilot).guidance["pitch_max_deg"])
@@ -169,15 +160,7 @@ class TuningScope:
     ) -> Rig:
         """The closed loop of an autopilot, with the sensors of the campaign.
 
-        Parameters
-        ----------
-        autopilot : Autopilot
-        vehicle : Vehicle, optional
-            That flies; by default the best values, which the autopilot takes it for.
-        max_step_s : float, optional
-            Of the integration, s.
-        threads : int, optional
-            All by default.
+        The vehicle is by default that with the best values, which the autopilot takes it for.
         """
         return Rig(
             self.vehicle if vehicle is None else vehicle,
@@ -190,15 +173,9 @@ class TuningScope:
         )
 
     def samples(self, count: int, seed: int, *, nominal: int = 1) -> Samples:
-        """The vehicle itself in still water, then drawn vehicles with a current from all sides.
+        """The vehicle itself in still water, then `count` drawn vehicles with a current from all sides.
 
-        Parameters
-        ----------
-        count : int
-            Of the drawn ones.
-        seed : int
-        nominal : int, optional
-            How often the vehicle itself flies, each time with other noise.
+        `nominal`: how often the vehicle itself flies, each time with other noise.
         """
         size = nominal + count
         drawn = self.fitted.draws(count, seed + _OWN_DRAWS)

@@ -188,20 +188,8 @@ def search_group(
 ) -> GroupResult:
     """Gains of a group, all others as the rig's autopilot has them.
 
-    Parameters
-    ----------
-    plan : ControlProblem
-    group : Group
-    rig : Rig
-        With the gains so far.
-    samples : Samples
-    seed : int
-    start : mapping of str to float
-        Gains so far; the bounds stay those about the campaign's start gains.
-    watch : callable, optional
-        Called with a `Step` after every batch.
-    fleet : Fleet, optional
-        Where candidates fly; in this process when omitted.
+    `start`: gains so far, whose bounds stay those about the campaign's start gains. `watch` is called with a
+    `Step` after every batch. Candidates fly in the fleet, or in this process.
     """
     parameters, begin = group.parameters.through(start)
     quantile = 1.0 if plan.table.robust == "worst" else float(plan.table.robust)

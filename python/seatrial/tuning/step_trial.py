@@ -180,11 +180,7 @@ class LoopTrials:
     def bounds(self, period_s: float, *, headroom: float = 0.0) -> tuple[Array, Array, Array, Array]:
         """Lower and upper bound, target and clock of the normalised answer per control period, (p,) each.
 
-        Parameters
-        ----------
-        period_s : float
-        headroom : float
-            By how much both bounds move inwards, as a share of the step, as far as they leave room.
+        Both bounds move inwards by `headroom`, as a share of the step, as far as they leave room.
         """
         t = self.grid(period_s)
         lower, upper = np.full(len(t), -np.inf), np.full(len(t), np.inf)

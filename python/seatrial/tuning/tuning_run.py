@@ -340,14 +340,7 @@ def _name(group: Group, turn: int) -> str:
 
 
 class WorkLeft:
-    """Work of named parts, done and to do.
-
-    Parameters
-    ----------
-    parts : mapping of str to float
-        Time flown at most by each part, s.
-    clock : callable, optional
-        Now, s.
+    """Work of named parts, s flown at most by each, done and to do.
 
     Examples
     --------

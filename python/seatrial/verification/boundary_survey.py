@@ -248,17 +248,9 @@ def boundary_failures(
     place: Array,
     threads: int | None,
 ) -> list[int]:
-    """Failures of each requirement among the missions at a place: a chunk of a boundary.
+    """Failures of each requirement among the missions at a place of the unit cube: a chunk of a boundary.
 
-    Parameters
-    ----------
-    shared : tuple
-        What is flown, the variables, the requirements, and the missions of a place.
-    number : int
-        Of the place.
-    place : (d,) array
-        In the unit cube.
-    threads : int or None
+    `shared`: what is flown, the variables, the requirements, and the missions of a place.
     """
     flights, variables, requirements, runs = shared
     there, payload = flights_at(flights, variables, place)

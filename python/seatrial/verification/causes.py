@@ -271,13 +271,8 @@ def _judged(rows: Sequence[Influence], corrected: Sequence[float], level: float)
 def influences(cause: Cause, held: Mask, reserve: Array) -> list[Influence]:
     """Influences of a cause, their p-values not corrected; of a category that has several, one each.
 
-    None where the cause is the same in all missions; a mission without a value is left out.
-
-    Parameters
-    ----------
-    cause : Cause
-    held : ndarray of bool, shape (k,)
-    reserve : ndarray, shape (k,)
+    `held` (k,) and `reserve` (k,) are of one requirement. None where the cause is the same in all missions; a
+    mission without a value is left out.
     """
     if cause.kind == "category":
         return _categories(cause, np.asarray(cause.values).astype(str), held, reserve)

@@ -136,15 +136,7 @@ class AutopilotComparison:
 def compared(
     requirements: Sequence[Requirement], flown: Mapping[str, FlownMissions], *, confidence: float
 ) -> AutopilotComparison:
-    """Autopilots on the same missions.
-
-    Parameters
-    ----------
-    requirements : sequence of Requirement
-    flown : mapping of str to FlownMissions
-        By name of the autopilot, the verified one first; all with the same numbers.
-    confidence : float
-    """
+    """Autopilots on the same missions: `flown` by name, the verified one first, all with the same numbers."""
     held = {
         name: {one.name: one.judge(missions.metrics).held for one in requirements}
         for name, missions in flown.items()
@@ -178,10 +170,7 @@ def compared(
 def mcnemar(held: NDArray[np.bool_], other: NDArray[np.bool_]) -> tuple[int, int, float]:
     """Missions that only the first failed, those that only the other failed, and the exact p-value.
 
-    Parameters
-    ----------
-    held, other : (k,) array of bool
-        Whether each mission was held by the one and by the other.
+    `held` and `other` (k,): whether each mission was held by the one and by the other.
 
     Examples
     --------

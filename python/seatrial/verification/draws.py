@@ -107,12 +107,7 @@ class Draws:
         return len(self.numbers)
 
     def take(self, places: ArrayLike) -> Draws:
-        """Some of the cases, in the order given; rows of faults and outages count within them.
-
-        Parameters
-        ----------
-        places : (m,) array_like of int
-        """
+        """Cases at places (m,), in the order given; rows of faults and outages count within them."""
         chosen = np.asarray(places, dtype=np.int_)
         now = {int(old): new for new, old in enumerate(chosen)}
         return Draws(
@@ -143,17 +138,7 @@ _TIED = 1.0 - 1e-9  # correlation from which two coefficients are one
 def cause_columns(
     table: VerificationTable, fitted: Fitted, missions: Sequence[Mission], *, draws: Draws
 ) -> dict[str, Array]:
-    """What was drawn by readable names with units, (k,) each.
-
-    Parameters
-    ----------
-    table : VerificationTable
-    fitted : Fitted
-        As the coefficients were drawn from it.
-    missions : sequence of Mission
-        Those of the table, in its order.
-    draws : Draws
-    """
+    """What was drawn by readable names with units, (k,) each; missions are the table's, in its order."""
     begins = np.array([[one.start["north_m"], one.start["east_m"], one.start["depth_m"]] for one in missions])
     bow = np.array([one.start["heading"] for one in missions])
     return (

@@ -42,12 +42,6 @@ _INSTEAD: tuple[tuple[str, str], ...] = (
 def unreadable(text: str, error: Exception) -> str:
     r"""Sentence on an expression that Python's parser does not take.
 
-    Parameters
-    ----------
-    text : str
-    error : Exception
-        Of the parser.
-
     Examples
     --------
     >>> unreadable("duration_s < = 60", SyntaxError())
@@ -68,13 +62,7 @@ def unreadable(text: str, error: Exception) -> str:
 def unknown_metric(name: str, metrics: Iterable[str], words: Mapping[str, Iterable[str]]) -> str:
     """Sentence on a name that is no metric: the nearest ones, or all where none is near.
 
-    Parameters
-    ----------
-    name : str
-    metrics : iterable of str
-        Those that are known.
-    words : mapping of str to iterable of str
-        What metrics that are words may say, by metric.
+    `words`: what metrics that are words may say, by metric.
 
     Examples
     --------

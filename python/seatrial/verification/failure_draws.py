@@ -75,14 +75,8 @@ def fault_draws(
 ) -> list[FaultRow]:
     """Rows (case, actuator, time in s, command or nan); an actuator that fails twice fails the first time.
 
-    Parameters
-    ----------
-    entries : tuple of FaultTable
-    vehicle : Vehicle
-    u : (k, entries * FAULT_WIDTH) array
-        Uniform numbers.
-    longest : (k,) array
-        Until when a fault begins where the entry does not say, s.
+    `u` (k, entries * FAULT_WIDTH) are uniform numbers; `longest` (k,), s: until when a fault begins where the
+    entry does not say.
     """
     first: dict[tuple[int, str], tuple[float, float]] = {}
     for number, entry in enumerate(entries):
@@ -100,18 +94,8 @@ def fault_draws(
 def outage_draws(entries: tuple[OutageTable, ...], u: Array, longest: Array) -> list[OutageRow]:
     """Rows (case, group, from, until in s).
 
-    Parameters
-    ----------
-    entries : tuple of OutageTable
-    u : (k, entries * OUTAGE_WIDTH) array
-        Uniform numbers.
-    longest : (k,) array
-        Until when an outage begins where the entry does not say, s.
-
-    Raises
-    ------
-    SimulationError
-        There is no such group or kind of sensor.
+    `u` (k, entries * OUTAGE_WIDTH) are uniform numbers; `longest` (k,), s: until when an outage begins where
+    the entry does not say. Raises SimulationError where there is no such group or kind of sensor.
     """
     found: list[OutageRow] = []
     for number, entry in enumerate(entries):

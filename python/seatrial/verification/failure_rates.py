@@ -37,14 +37,7 @@ class Groups:
 
 
 def grouped(values: NDArray[Any], failed: NDArray[np.bool_], *, kind: str) -> Groups:
-    """Groups of k missions.
-
-    Parameters
-    ----------
-    values : ndarray, shape (k,)
-        Finite numbers, directions in rad within 0 to 2 pi, or words.
-    failed : ndarray of bool, shape (k,)
-    kind : {"number", "direction", "category"}
+    """Groups of k missions by finite numbers, directions in rad within 0 to 2 pi, or words.
 
     Examples
     --------

@@ -120,13 +120,7 @@ class FlownMissions:
         )
 
     def rows(self, places: Sequence[int]) -> list[tuple[dict[str, Any], dict[str, float]]]:
-        """Metrics, and what was drawn, of some of them, by name.
-
-        Parameters
-        ----------
-        places : sequence of int
-            Rows, not numbers.
-        """
+        """Metrics, and what was drawn, at some places (rows, not numbers), by name."""
         found: list[tuple[dict[str, Any], dict[str, float]]] = [({}, {}) for _ in places]
         for name, values in self.metrics.items():
             for place, (metrics, _) in zip(places, found, strict=True):
@@ -137,25 +131,12 @@ class FlownMissions:
         return found
 
     def table(self, missions: Sequence[str]) -> pl.DataFrame:
-        """Table with a row per mission: number, mission, seed, metrics, and what was drawn ("drawn: ...").
-
-        Parameters
-        ----------
-        missions : sequence of str
-            Their names.
-        """
+        """Table with a row per mission: number, name, seed, metrics, and what was drawn ("drawn: ...")."""
         before_table()
         return self._told(missions).collect()
 
     def write_table(self, missions: Sequence[str], path: Path) -> None:
-        """Write the table to a Parquet file, part by part, so that memory never holds all of it.
-
-        Parameters
-        ----------
-        missions : sequence of str
-            Their names.
-        path : Path
-        """
+        """Write the table to a Parquet file, part by part, so that memory never holds all of it."""
         before_table()
         self._told(missions).sink_parquet(path, row_group_size=16_384)
 
@@ -176,13 +157,7 @@ class FlownMissions:
     def of_columns(cls, stored: pl.LazyFrame, counts: tuple[Array, Array], *, wall_s: float) -> FlownMissions:
         """Missions whose metrics and causes are read from files, column by column.
 
-        Parameters
-        ----------
-        stored : polars.LazyFrame
-            Rows of `to_frame`, without counts.
-        counts : (perceived, true)
-            Of the first of them.
-        wall_s : float
+        `stored`: rows of `to_frame`, without counts; `counts`: perceived and true, of the first of them.
         """
         names = stored.collect_schema().names()
         every = _Stored(stored, names, "")
@@ -215,14 +190,7 @@ class FlownMissions:
 
     @classmethod
     def from_parquet(cls, content: bytes, *, wall_s: float = 0.0) -> FlownMissions:
-        """Missions of a Parquet file that `to_parquet` made.
-
-        Parameters
-        ----------
-        content : bytes
-        wall_s : float
-            Time that they took, s.
-        """
+        """Missions of a Parquet file that `to_parquet` made; `wall_s`: time that they took, s."""
         import polars as pl
 
         before_table()
@@ -237,13 +205,7 @@ class FlownMissions:
 
     @classmethod
     def joined(cls, parts: Sequence[FlownMissions]) -> FlownMissions:
-        """Parts one behind the other.
-
-        Parameters
-        ----------
-        parts : sequence of FlownMissions
-            At least one.
-        """
+        """Parts, at least one, one behind the other."""
         first = parts[0]
         kept: dict[str, Any] = {
             name: np.concatenate([getattr(part, name) for part in parts]) for name in KEPT
@@ -282,12 +244,7 @@ def metrics_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple
     """Metrics of all cases as requirements name them, (k,), and counts of two errors, (k, bins) each.
 
     These are of the cross-track error as guidance perceived it, and of where the vehicle really was.
-
     ``ending`` and ``alert`` become words; without an alert its time is not a number.
-
-    Parameters
-    ----------
-    flights : Flights
     """
     found: dict[str, Values] = dict(metrics_of(flights))
     names = autopilot_names()

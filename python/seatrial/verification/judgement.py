@@ -154,18 +154,9 @@ def judged(
     confidence: float,
     keep_worst: int,
 ) -> tuple[JudgedRequirement, ...]:
-    """What flown missions say of requirements, whose causes are found as one family.
+    """What at least one flown mission says of requirements, whose causes are found as one family.
 
-    Parameters
-    ----------
-    requirements : sequence of Requirement
-    flown : FlownMissions
-        At least one.
-    missions : sequence of str
-        Names of the missions.
-    confidence : float
-    keep_worst : int
-        How many of the worst missions to tell of.
+    `missions` are names; `keep_worst`: how many of the worst missions to tell of.
     """
     judgements = [one.judge(flown.metrics) for one in requirements]
     causes = find_causes_of_all(
@@ -252,13 +243,7 @@ def check_energy(requirement: Requirement, vehicle: Vehicle) -> None:
 
 
 def metrics_without_value(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
-    """Sentences on requirements that every mission had to hold, or none could.
-
-    Parameters
-    ----------
-    requirements : sequence of Requirement
-    flown : FlownMissions
-    """
+    """Sentences on requirements that every mission had to hold, or none could."""
     said = []
     for one in requirements:
         none_held = not one.judge(flown.metrics).held.any()
@@ -283,13 +268,7 @@ _SAME_M = 1e-3  # perceived and true depth that differ by less are of a flight w
 
 
 def perceived_and_true(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
-    """A sentence on which errors are perceived and which are true; none where they are the same.
-
-    Parameters
-    ----------
-    requirements : sequence of Requirement
-    flown : FlownMissions
-    """
+    """A sentence on which errors are perceived and which are true; none where they are the same."""
     perceived, true = (
         np.asarray(flown.metrics[name], float) for name in ("cross_track_p95_m", "true_cross_track_p95_m")
     )
@@ -313,14 +292,7 @@ _MANY = 0.5
 def beyond_the_vehicle(flights: CampaignFlights, draws: Draws, flown: FlownMissions) -> tuple[str, ...]:
     """Sentences on missions that time, speed or current keep from being flown, whatever the autopilot does.
 
-    Parameters
-    ----------
-    flights : CampaignFlights
-        What was flown.
-    draws : Draws
-        What was drawn for the first of them.
-    flown : FlownMissions
-        What came of them all.
+    `draws` are of the first of the missions, `flown` is what came of them all.
     """
     return (*_time(flights, flown), *_speed(flights, draws))
 

@@ -235,25 +235,11 @@ class CampaignFlights:
         return math.sqrt(offset**2 + walk**2 * longest)
 
     def fly(self, numbers: ArrayLike, *, threads: int | None = None) -> FlownMissions:
-        """Missions of these numbers, flown side by side.
-
-        Parameters
-        ----------
-        numbers : (k,) array_like of int
-        threads : int, optional
-            All when omitted; the result does not depend on it.
-        """
+        """Missions of these numbers (k,), flown side by side; the result does not depend on the threads."""
         return self.fly_drawn(self.draws(numbers), threads=threads)
 
     def fly_drawn(self, drawn: Draws, *, threads: int | None = None) -> FlownMissions:
-        """Drawn cases, flown side by side.
-
-        Parameters
-        ----------
-        drawn : Draws
-        threads : int, optional
-            All when omitted; the result does not depend on it.
-        """
+        """Drawn cases, flown side by side; the result does not depend on the threads."""
         began = time.monotonic()
         metrics: dict[str, Any] = {}
         perceived, true = np.zeros((2, len(drawn), len(error_edges()) + 1))
@@ -454,13 +440,7 @@ class Flyer:
 def fly_series(flights: CampaignFlights, runs: int, flyer: Flyer, *, autopilot: str = "verified") -> Series:
     """The first missions of a verification; after Ctrl-C those that were finished.
 
-    Parameters
-    ----------
-    flights : CampaignFlights
-    runs : int
-    flyer : Flyer
-    autopilot : str
-        What to call the autopilot in reports and in the run directory.
+    `autopilot`: what to call it in reports and in the run directory.
     """
     clock, store, records = Clock(), MissionStore(), list[Mapping[str, Any]]()
     fresh, flown_s, wall_s = 0, 0.0, 0.0

@@ -352,15 +352,8 @@ def rare_population(
 ) -> Population:
     """A population of the search for failures: a chunk of it.
 
-    Parameters
-    ----------
-    shared : tuple
-        What is flown, the requirement, and the missions of a level.
-    number : int
-        Of the population.
-    threads : int or None
-    passed : callable, optional
-        As ``watch`` of `seatrial.statistics.subset_simulation.population`.
+    `shared`: what is flown, the requirement, and the missions of a level. `passed` is the ``watch`` of
+    `seatrial.statistics.subset_simulation.population`.
     """
     flights, requirement, size = shared
     space = MissionSpace(flights)

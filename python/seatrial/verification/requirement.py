@@ -337,10 +337,7 @@ Circle = tuple[float, float, float]
 def obstacles(entries: Sequence[Obstacle]) -> list[Circle]:
     """Circles (north, east, radius), m, of a campaign; what a mission itself states stands there anyway.
 
-    Parameters
-    ----------
-    entries : sequence of Obstacle
-        Of the campaign; one ``from_mission`` adds nothing.
+    An entry ``from_mission`` adds nothing.
     """
     return [
         (entry.north_m, entry.east_m, entry.radius_m)

@@ -37,13 +37,6 @@ def robustness(requirement: Requirement, flown: FlownMissions, flights: Campaign
     """Robustness (k,) of flown missions, in the unit of the requirement's reserve; negative where it failed.
 
     Minus infinity where a flight diverged or what has no grade failed, infinity where such held.
-
-    Parameters
-    ----------
-    requirement : Requirement
-    flown : FlownMissions
-    flights : CampaignFlights
-        Which flew them.
     """
     judged = requirement.judge({**flown.metrics, COMPLETION: completion(flown, flights)})
     graded = np.where(judged.held, np.maximum(judged.reserve, 0.0), np.minimum(judged.reserve, 0.0))
@@ -63,14 +56,7 @@ def completion(flown: FlownMissions, flights: CampaignFlights) -> Array:
 
 
 def unusable(requirement: Requirement, values: Array) -> Finding | None:
-    """Why a requirement's robustness (k,) ranks no missions; None where it does.
-
-    Parameters
-    ----------
-    requirement : Requirement
-    values : (k,) array
-        Of some missions.
-    """
+    """Why a requirement's robustness (k,) ranks no missions; None where it does."""
     held = values > 0.0
     if not held.any() or np.isfinite(values[held]).mean() >= _FINITE:
         return None

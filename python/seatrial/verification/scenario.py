@@ -58,16 +58,9 @@ _SELDOM = 0.99  # the part of its draws below which a distribution without an en
 
 @contextmanager
 def under(source: str, *keys: str, said: str = "") -> Iterator[None]:
-    """Errors inside, their message begun with the file and the keys of its table ``[verification]``.
+    """Errors inside, their message begun with the campaign file and the keys of its table ``[verification]``.
 
-    Parameters
-    ----------
-    source : str
-        The campaign file.
-    *keys : str
-        From the outside in.
-    said : str
-        How the message itself names what the keys name; it is left out.
+    Keys go from the outside in. `said`: how the message itself names what they name; it is left out.
 
     Examples
     --------
@@ -90,20 +83,8 @@ def sensors_of_table(
 ) -> str | Path | None:
     """What the key ``sensors`` names: "typical", a path, or None for perfect ones.
 
-    Parameters
-    ----------
-    sensors : str
-    source : str
-        Of the table, for messages.
-    resolve : callable, optional
-        Makes a path of what the file says and the key; as it stands when omitted.
-
-    Raises
-    ------
-    SimulationError
-        It names neither.
-    CampaignError
-        The path has a variable that is not set.
+    `resolve` makes a path of what the file says and the key; as it stands when omitted. Raises
+    SimulationError where it names neither, CampaignError where the path has a variable that is not set.
     """
     if sensors == _PERFECT:
         return None
@@ -136,17 +117,7 @@ def requirement_of(source: str, asked: RequirementTable) -> Requirement:
 def check_table(source: str, flights: CampaignFlights) -> tuple[str, ...]:
     """Sentences on keys that do nothing, after everything that vehicle and missions refuse was refused.
 
-    Parameters
-    ----------
-    source : str
-        The campaign file.
-    flights : CampaignFlights
-        What flies.
-
-    Raises
-    ------
-    SimulationError, TrialError, CampaignError, VehicleError
-        With file and key.
+    What is refused names the campaign file and the key.
     """
     table, vehicle = flights.table, flights.fitted.vehicle
     routes = [Route.of(mission) for mission in flights.missions]

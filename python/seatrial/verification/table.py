@@ -96,11 +96,7 @@ class DistributionTable(Section):
     def quantiles(self, u: Array, *, above_zero: bool = False) -> Array:
         """Values at probabilities u, each strictly between 0 and 1; of the shape of u.
 
-        Parameters
-        ----------
-        u : array
-        above_zero : bool
-            Whether a normal distribution is cut at zero.
+        `above_zero`: whether a normal distribution is cut at zero.
 
         Examples
         --------

@@ -37,12 +37,7 @@ def drawings(result: Replay | LogTuning) -> dict[str, Callable[[], Figure]]:
 
 
 def replay_figure(replay: Replay) -> Figure:
-    """Figure of the quantities that tell most, and of what is not met, in the order of the signal.
-
-    Parameters
-    ----------
-    replay : Replay
-    """
+    """Figure of the quantities that tell most, and of what is not met, in the order of the signal."""
     chosen = [quantity for kind in _SHOWN if (quantity := _first(replay, kind)) is not None]
     # What is not met is shown, whatever its kind; a log in MANUAL may have none of the usual ones.
     chosen += [quantity for quantity in replay.quantities if not quantity.holds and quantity not in chosen][
@@ -84,12 +79,7 @@ def _first(replay: Replay, kind: str) -> Quantity | None:
 
 
 def envelope_figure(tuning: LogTuning) -> Figure:
-    """Figure of the log's loop errors in the envelope of the flights, a row per channel.
-
-    Parameters
-    ----------
-    tuning : LogTuning
-    """
+    """Figure of the log's loop errors in the envelope of the flights, a row per channel."""
     shares = tuning.reflight.shares
     with house_style():
         figure = new_figure(0.8 + 1.15 * len(shares))
@@ -127,12 +117,7 @@ def envelope_figure(tuning: LogTuning) -> Figure:
 
 
 def steps_figure(tuning: LogTuning) -> Figure:
-    """Figure of set-point steps in their corridors over the missions of the first course, before and after.
-
-    Parameters
-    ----------
-    tuning : LogTuning
-    """
+    """Figure of set-point steps in corridors over the missions of the first course, before and after."""
     from seatrial.ardusub.tuning import SIZES_DEG, corridors_of, slew_of
 
     names = list(tuning.before.bands)

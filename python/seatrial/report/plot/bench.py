@@ -261,14 +261,7 @@ _DARK = "#262626"
 
 
 def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
-    """Figure of a record and the motor that was identified.
-
-    Parameters
-    ----------
-    estimate : MotorEstimate
-    record : StepRecord
-        One of those it was identified from, or any other.
-    """
+    """Figure of a record, one it was identified from or any other, and the motor that was identified."""
     times, measured = record.sampled
     stamps, commands = record.held
     unit = estimate.unit

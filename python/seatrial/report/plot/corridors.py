@@ -327,15 +327,7 @@ class Course:
 def step_responses(courses: Sequence[Course]) -> Figure:
     """Figure with a panel per loop: set points, corridors, responses before and after tuning.
 
-    Parameters
-    ----------
-    courses : sequence of Course
-        At least one.
-
-    Raises
-    ------
-    SimulationError
-        There is nothing to draw.
+    Raises SimulationError where there is nothing to draw.
     """
     if not courses:
         raise SimulationError("no step responses to draw; give at least one time course")
@@ -456,12 +448,7 @@ _MAX_STEP_S = 0.02  # of the vehicle, as in the last assessment of a tuning
 
 
 def course_of_set_points(plan: ControlProblem) -> tuple[Array, Array]:
-    """Times (n,), s, from which set points of the speed (n,), m/s, hold, and the time of the end as last.
-
-    Parameters
-    ----------
-    plan : ControlProblem
-    """
+    """Times (n,), s, from which set points of the speed (n,), m/s, hold, and the time of the end as last."""
     slowest = min(plan.autopilot.speeds_m_s[place] for place in plan.places)
     ahead = [share * plan.top_m_s for share in _SHARES]
     if slowest < 0.0:
@@ -476,11 +463,7 @@ def course_of_set_points(plan: ControlProblem) -> tuple[Array, Array]:
 def speed_steps(plan: ControlProblem, start: Autopilot, tuned: Autopilot) -> Figure:
     """Figure of the speed ahead over set points that change, before and after a tuning, heading held.
 
-    Parameters
-    ----------
-    plan : ControlProblem
-        Its vehicle, as identified, in still water, with its sensors.
-    start, tuned : Autopilot
+    The plan's vehicle flies as identified, in still water, with its sensors.
     """
     times, levels = course_of_set_points(plan)
     flown = [_flown(plan, autopilot, times, levels) for autopilot in (start, tuned)]

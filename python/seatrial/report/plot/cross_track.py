@@ -34,14 +34,9 @@ _BINS = 40  # bars of the histogram
 
 
 def exceedance(counts: ArrayLike, edges: ArrayLike) -> Array:
-    """Share of the samples above each edge, (E,).
+    """Share of the samples above each rising edge, (E,), m.
 
-    Parameters
-    ----------
-    counts : array_like, shape (E + 1,)
-        Samples between the edges: first those below the first edge, last those above the last one.
-    edges : array_like, shape (E,)
-        Rising, m.
+    `counts` (E + 1,): first the samples below the first edge, last those above the last one.
 
     Examples
     --------

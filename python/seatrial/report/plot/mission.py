@@ -61,11 +61,7 @@ _MOST_PATTERNS = 5  # more labels cover the plan
 def mission_plan(mission: Mission, *, seabed: Seabed | None = None) -> Figure:
     """Figure of a mission as planned: view from above and profile.
 
-    Parameters
-    ----------
-    mission : Mission
-    seabed : tuple of float, optional
-        Depth of the bottom at the origin, m, and its slopes north and east.
+    `seabed`: depth of the bottom at the origin, m, and its slopes north and east.
     """
     path = planned_path(mission, seabed=seabed)
     columns = mission.waypoints

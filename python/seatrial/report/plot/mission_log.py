@@ -61,13 +61,7 @@ def drawings(verdict: LogVerdict) -> dict[str, Callable[[], Figure]]:
 
 
 def envelope_page(verdict: LogVerdict) -> Figure:
-    """Figure of the closed-loop envelope with the log in it, samples outside marked.
-
-    Parameters
-    ----------
-    verdict : LogVerdict
-        With an envelope.
-    """
+    """Figure of the closed-loop envelope with the log in it, samples outside marked."""
     envelope = verdict.envelope
     assert envelope is not None
     with house_style():
@@ -99,13 +93,7 @@ def envelope_page(verdict: LogVerdict) -> Figure:
 
 
 def residual_page(verdict: LogVerdict) -> Figure:
-    """Figure of measured minus predicted per channel, with the band of a valid model; windows restart.
-
-    Parameters
-    ----------
-    verdict : LogVerdict
-        Whose model was judged.
-    """
+    """Figure of measured minus predicted per channel, with the band of a valid model; windows restart."""
     judged = verdict.validity
     assert judged is not None
     names = list(judged.channels)
@@ -154,13 +142,7 @@ def residual_page(verdict: LogVerdict) -> Figure:
 
 
 def suspect_bars(verdict: LogVerdict) -> Figure:
-    """Figure of the suspects: error that each leaves, in units of a valid model's, the least first.
-
-    Parameters
-    ----------
-    verdict : LogVerdict
-        With suspects.
-    """
+    """Figure of the suspects: error that each leaves, in units of a valid model's, the least first."""
     import textwrap
 
     shown = verdict.suspects[:_MOST_SUSPECTS]

@@ -282,17 +282,9 @@ _LEAST_M = 1.0  # the track's panel shows no less to either side of the start
 
 
 def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: float = NOMINAL_V) -> Figure:
-    """Figure of one trial of a plan's sequence.
+    """Figure of one trial of a plan's sequence, counted from 1.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The one that was planned for.
-    plan : Plan
-    trial : int
-        Place in the sequence, from 1 on.
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
+    Tables of thrust are read at `voltage_v`, V.
     """
     ranked = plan.sequence[trial - 1]
     manoeuvre = ranked.manoeuvre

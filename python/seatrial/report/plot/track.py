@@ -93,14 +93,7 @@ def waypoint_label(path: PlannedPath) -> str:
 def waypoints(plan: Plan, path: PlannedPath, acceptance: ArrayLike, *avoid: ArrayLike) -> None:
     """Planned path with its waypoints, their spheres of acceptance and as many names as find room.
 
-    Parameters
-    ----------
-    plan : Plan
-    path : PlannedPath
-    acceptance : array, shape (n,)
-        Radii, m.
-    *avoid : array, shape (m, 2+)
-        Lines (north, east, m) that names keep clear of, if it can be.
+    `acceptance` (n,) are radii, m; names keep clear of the lines `avoid` (m, 2+), m, if it can be.
     """
     axes = plan.axes
     axes.plot(
@@ -374,14 +367,7 @@ class PlannedPath:
 
 
 def planned_path(mission: Mission, *, seabed: Seabed | None = None) -> PlannedPath:
-    """Path of a mission.
-
-    Parameters
-    ----------
-    mission : Mission
-    seabed : tuple of float, optional
-        Depth of the bottom at the origin, m, and its slopes north and east.
-    """
+    """Path of a mission; `seabed`: depth of the bottom at the origin, m, and its slopes north and east."""
     columns, start = mission.waypoints, mission.start
     here = np.array([start["north_m"], start["east_m"], start["depth_m"]])
     points, legs, places = [here], [0], [here]

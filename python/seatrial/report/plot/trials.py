@@ -221,16 +221,7 @@ def drawings(
 
 
 def variants(trial: Trial, scores: Mapping[str, Score], *, channels: Sequence[str]) -> Figure:
-    """Figure of a trial with what every vehicle predicts, per channel, and the errors below.
-
-    Parameters
-    ----------
-    trial : Trial
-    scores : mapping
-        Score by name; its windows in this trial are drawn.
-    channels : sequence of str
-        Those to show, from top to bottom.
-    """
+    """Figure of a trial with what every vehicle predicts, per channel, and the errors below."""
     first = next(iter(scores.values()))
     looks = {name: _LOOKS[i % len(_LOOKS)] for i, name in enumerate(scores)}
     with house_style():

@@ -82,12 +82,6 @@ def verified_requirements(rows: Sequence[Verified], *, heading: str = "") -> Fig
 
     A dot is the share of failures, its bar the exact interval; without any failure there is no dot and the
     bar ends at the bound on one side. The tick is what is allowed, the field beyond it shaded.
-
-    Parameters
-    ----------
-    rows : sequence of Verified
-        At least one.
-    heading : str
     """
     with house_style():
         figure = new_figure(0.95 + _ROW_IN * len(rows))
@@ -119,13 +113,7 @@ def verified_requirements(rows: Sequence[Verified], *, heading: str = "") -> Fig
 def cause_bars(causes: Sequence[Influence], *, heading: str = "", most: int = 6) -> Figure:
     """Figure of what drives the failures: strength of each cause, failure rate along the leading ones.
 
-    Parameters
-    ----------
-    causes : sequence of Influence
-        As `seatrial.verification.causes.find_causes` orders them.
-    heading : str
-    most : int
-        Number of causes that are shown.
+    Causes are in the order of `seatrial.verification.causes.find_causes`.
     """
     shown = list(causes[:most])
     led = [cause for cause in shown if cause.named and cause.by_failures][:3]
@@ -250,14 +238,7 @@ class WorstFlight:
 
 
 def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figure:
-    """Figure of flights of one mission over its plan, with what stands in the water.
-
-    Parameters
-    ----------
-    flights : sequence of WorstFlight
-        At least one, the worst first.
-    heading : str
-    """
+    """Figure of flights of one mission, the worst first, over its plan, with what stands in the water."""
     first = flights[0].flight
     path = planned_path(first.mission, seabed=first.circumstances.seabed)
     acceptance = np.array([stop.acceptance for stop in first.route.stops])
@@ -388,14 +369,7 @@ _SAFE, _UNSAFE = "#CFE3F2", "#F4D3BE"
 
 
 def boundary_figure(boundaries: FailureBoundary, boundary: RequirementBoundary) -> Figure:
-    """Figure of a requirement's failure boundary with its uncertainty and the places that were flown.
-
-    Parameters
-    ----------
-    boundaries : FailureBoundary
-    boundary : RequirementBoundary
-        Of its requirements.
-    """
+    """Figure of a requirement's failure boundary with its uncertainty and the places that were flown."""
     with house_style():
         figure = new_figure(3.1 if len(boundaries.variables) == 1 else 4.6)
         axes = figure.subplots()

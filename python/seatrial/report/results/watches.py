@@ -105,11 +105,7 @@ def source(group: str) -> str:
 def remedy(watch: str, outage: str = "") -> str:
     """What to do after a watch called for a reaction.
 
-    Parameters
-    ----------
-    watch : str
-    outage : str, optional
-        The one that was asked for and is the reason, in words.
+    `outage`: the one, in words, that was asked for and is the reason.
 
     Examples
     --------
@@ -130,14 +126,6 @@ def silence(flight: FlightLog, watch: str, at_s: float) -> str:
 
     The log keeps what the sensors showed: a group was silent while none of its channels changed. Empty where
     the autopilot goes by an estimate, or by perfect sensors, which may rightly repeat a value.
-
-    Parameters
-    ----------
-    flight : FlightLog
-    watch : str
-        As "stale_velocity".
-    at_s : float
-        When it called for a reaction, s.
     """
     missed, around = group(watch), flight.circumstances
     sensors = around.sensors or {}

@@ -152,13 +152,7 @@ def candidates(
 ) -> list[Candidate]:
     """Candidates of a vehicle: its coefficients and the identified ones, then groups that change together.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    identified : sequence of str, optional
-        Coefficients that are tried even where they are zero.
-    payload_density_kg_m3 : float, optional
-        Of a payload, kg/m3.
+    Those in `identified` are tried even where they are zero.
     """
     values = vehicle.coefficients()
     info = vehicle.coefficient_info()
@@ -201,11 +195,7 @@ def candidates(
 def payload(vehicle: Vehicle, *, density: float = PAYLOAD_DENSITY) -> Candidate:
     """Point mass of wet mass m_w, kg, at x_p; its unknowns are m_w and m_w x_p, kg and kg m.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    density : float, optional
-        kg/m3, above that of the water.
+    `density`, kg/m3, is above that of the water.
 
     Examples
     --------

@@ -86,14 +86,7 @@ class Contradiction:
 
 
 def contradictions(trial: Trial, channels: Sequence[str]) -> tuple[Contradiction, ...]:
-    """Contradictions between channels of a trial that judge a model, the one that explains others first.
-
-    Parameters
-    ----------
-    trial : Trial
-    channels : sequence of str
-        Those that are asked for.
-    """
+    """Contradictions between channels of a trial that judge a model, the one that explains others first."""
     contradicting = [
         contradiction
         for channel, rates in _INTEGRALS.items()

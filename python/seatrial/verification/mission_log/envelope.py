@@ -105,10 +105,7 @@ class Envelope:
 def prediction_band(values: Array) -> Array:
     """Values (3, ...) between the outer two of which a further one of k falls with 95 %, and their median.
 
-    Parameters
-    ----------
-    values : ndarray, shape (k, ...)
-        Of at least 39 flights; nan where a flight has none.
+    `values` (k, ...) are of at least 39 flights; nan where a flight has none.
     """
     return np.asarray(np.nanquantile(values, _RANKS, axis=0, method="weibull"))
 

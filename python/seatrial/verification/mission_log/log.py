@@ -180,14 +180,7 @@ _FASTER = 1.5  # intervals that differ by less are the same up to rounding to wh
 
 
 def thinned(trial: Trial, dt: float) -> Trial:
-    """Trial with every n-th of its samples, as far apart as `dt`, s; the trial itself where it is no faster.
-
-    Parameters
-    ----------
-    trial : Trial
-    dt : float
-        Interval of the log that it stands beside, s.
-    """
+    """Trial with every n-th of its samples, as far apart as `dt`, s; itself where it is no faster."""
     if dt < _FASTER * trial.dt:
         return trial
     every, count = round(dt / trial.dt), len(trial)
@@ -207,13 +200,7 @@ _OFFSET = 1  # column of the core's table of sensor errors
 
 
 def offsets_of(sensors: Any, vehicle: Vehicle) -> dict[str, float]:
-    """Standard deviation of the offset of each channel, SI, by a set of sensors.
-
-    Parameters
-    ----------
-    sensors : mapping, str or Path
-        As for `seatrial.fly`: by kind, "typical", or a file.
-    vehicle : Vehicle
+    """Standard deviation of the offset of each channel, SI, by a set of sensors as for `seatrial.fly`.
 
     Examples
     --------

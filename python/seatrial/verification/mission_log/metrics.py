@@ -94,11 +94,7 @@ class Progress:
 def errors_of_guidance(log: MissionLog, mission: Mission | None = None) -> dict[str, Array]:
     """Errors over the log: cross_track, vertical in m, heading in rad; those that can be told, (n,).
 
-    Parameters
-    ----------
-    log : MissionLog
-    mission : Mission, optional
-        Gives cross-track and vertical error where the log does not tell them.
+    The mission gives cross-track and vertical error where the log does not tell them.
     """
     found = {name: log.beside[name] for name in ("cross_track", "vertical") if name in log.beside}
     if "heading" in log.beside and "yaw" in log.trial.channels:

@@ -135,12 +135,8 @@ class PredictedLog:
     ) -> tuple[Slopes, ...]:
         """Derivatives per window by directions of the coefficients, then by a current north and east.
 
-        Parameters
-        ----------
-        directions : sequence of mapping
-            Each a change of coefficients that goes with one unit of the direction.
-        current : bool, optional
-            Whether two more columns tell of a steady current, m/s.
+        A direction holds the changes of coefficients that go with one unit of it. With `current` two more
+        columns tell of a steady current, m/s.
         """
         names = sorted({name for direction in directions for name in direction})
         present = self.vehicle.coefficients()
@@ -245,19 +241,7 @@ def under_water(
 
 
 def check_usable(trial: Trial, ahead_s: float) -> None:
-    """Refuse a log that measured nothing, a channel without a sample, and an interval beyond the windows.
-
-    Parameters
-    ----------
-    trial : Trial
-    ahead_s : float
-        Length of a window, s.
-
-    Raises
-    ------
-    TrialError
-        Says what is missing.
-    """
+    """Refuse a log that measured nothing, a channel without a sample, an interval beyond the windows."""
     if not trial.channels:
         raise TrialError(
             f"{trial.name}: no motion was recorded: expected one at least of u_m_s, p_deg_s, z_m, yaw_deg and"

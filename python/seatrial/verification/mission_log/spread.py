@@ -53,10 +53,7 @@ from seatrial.verification.mission_log.restarts import PredictedLog
 def clustered_share(outside: Sequence[NDArray[np.bool_]]) -> tuple[float, int, float]:
     """Share of true samples, number of samples, and how many independent ones they are worth.
 
-    Parameters
-    ----------
-    outside : sequence of ndarray, shape (n,)
-        A mask per window.
+    `outside`: a mask (n,) per window.
 
     Examples
     --------
@@ -280,14 +277,9 @@ class ExpectedShare:
 
     @classmethod
     def of(cls, shares: Array | None, rests_on: float) -> ExpectedShare:
-        """Expected share by draw, known from so many independent samples.
+        """Expected share by draw (k,), nominal without draws, known from so many independent samples.
 
-        Parameters
-        ----------
-        shares : (k,) ndarray or None
-            Share of every draw; without draws the nominal one.
-        rests_on : float
-            Infinite where the nominal share is known.
+        `rests_on` is infinite where the nominal share is known.
 
         Examples
         --------

@@ -90,12 +90,7 @@ class UnloggedThrust:
 def unlogged_thrusts(log: PredictedLog, white: Whitening) -> tuple[UnloggedThrust, ...]:
     """Every actuator with the thrust that its commands do not tell, the best explanation first.
 
-    Parameters
-    ----------
-    log : PredictedLog
-        None where a recorded wrench drives the vehicle.
-    white : Whitening
-        Of the same log.
+    None where a recorded wrench drives the vehicle.
     """
     from scipy.stats import f as fisher
 
@@ -139,14 +134,9 @@ _STILL_M_S = 1e-3  # a step of the current that ends the search
 
 
 def in_current(log: PredictedLog, spread: Spread) -> tuple[PredictedLog, tuple[float, float]]:
-    """Log with the steady current that suits it best, and that current north and east, m/s.
+    """Log without a recorded current, with the steady one that suits it best, and that north and east, m/s.
 
-    Parameters
-    ----------
-    log : PredictedLog
-        Without a recorded current.
-    spread : Spread
-        Of a valid model's errors.
+    `spread` is that of a valid model's errors.
     """
     current = np.zeros(2)
     found = log.in_water(current)
@@ -185,16 +175,7 @@ def offset_channels(log: PredictedLog) -> list[str]:
 
 
 def offset_slopes(log: PredictedLog, slopes: Sequence[Slopes], channels: Sequence[str]) -> list[Slopes]:
-    """Derivatives of measured less predicted by the offset of each channel, per window.
-
-    Parameters
-    ----------
-    log : PredictedLog
-    slopes : sequence of Slopes
-        Of the same windows, by their starts.
-    channels : sequence of str
-        Whose sensors err.
-    """
+    """Derivatives of measured less predicted by the offset of each channel, per window."""
     own = [CHANNELS.index(name) for name in channels]
     start = np.argsort(INITIAL_PLACES)[own]
     unit = np.eye(len(CHANNELS))[:, own]
