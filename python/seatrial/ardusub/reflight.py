@@ -175,20 +175,9 @@ def refly(
     threads: int | None = None,
     say: Callable[[float, str], None] = lambda share, words: None,
 ) -> Reflight:
-    """Envelope of the loop errors of a log's courses.
+    """Envelope of the loop errors of a log's courses, by `flights` drawn vehicles per course.
 
-    Parameters
-    ----------
-    fitted : Fitted
-        The vehicle, and how well it is known.
-    rig : Rig
-    courses : sequence of Course
-    parameters : mapping
-        With which the log was flown.
-    hold_out_s : (float, float), optional
-        Times of the log that nothing is fitted to, s.
-    flights : int
-        Drawn vehicles per course.
+    `parameters` are those the log was flown with; nothing is fitted to its times `hold_out_s`, s.
     """
     first, last = hold_out_s or (np.inf, np.inf)
     fits = [~course.between(first, last) & (course.t >= course.t[0] + _SETTLES_S) for course in courses]

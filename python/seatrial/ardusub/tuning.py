@@ -169,15 +169,7 @@ def step_courses(
 ) -> tuple[tuple[Course, tuple[Step, ...]], ...]:
     """Courses of four sizes that step some of yaw, depth and north, and their steps.
 
-    Parameters
-    ----------
-    channels : sequence of str
-    rise_s : float
-        Of a step of yaw of 60 deg, see `rise_of`.
-    period_s : float
-        Control period.
-    slew_deg_s : float
-        Rate at which a yaw target turns.
+    `rise_s` is that of a step of yaw of 60 deg, see `rise_of`; a yaw target turns by `slew_deg_s`.
     """
     every = round(ROW_S / period_s)
     own = tuple(name for name in STEPS if name in channels)

@@ -180,19 +180,8 @@ def actuator_ratios(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
 def fit_unit(unit: Unit, pulls: Sequence[PullPoints], regression: Regression, *, where: str) -> UnitFit:
     """Fit of a group from its pulls.
 
-    Parameters
-    ----------
-    unit : Unit
-    pulls : sequence of PullPoints
-    regression : Regression
-        With every key but ``kind``, ``tolerance_n`` and ``table_voltage_v`` given.
-    where : str
-        Beginning of messages.
-
-    Raises
-    ------
-    TrialError
-        Too few or unsuitable points for the order asked for.
+    The regression has every key but ``kind``, ``tolerance_n`` and ``table_voltage_v`` given. Raises
+    TrialError, its message begun with `where`, for too few or unsuitable points for the order asked for.
     """
     points = Points.pooled(pulls)
     if regression.kind == "quadratic" and unit.command != "rpm":

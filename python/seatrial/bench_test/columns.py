@@ -74,22 +74,11 @@ class BenchTable:
 def read_bench_table(
     path: Path, vehicle: Vehicle, *, reader: str | None = None, columns: Mapping[str, Any] | None = None
 ) -> BenchTable:
-    """Table of a bench recording.
+    """Table of a bench recording; the vehicle gives the names of actuators and groups.
 
-    Parameters
-    ----------
-    path : Path
-    vehicle : Vehicle
-        Gives the names of actuators and groups.
-    reader : str, optional
-        As in `seatrial.trial.readers.read_table`.
-    columns : mapping, optional
-        ``{canonical: "column"}`` or ``{canonical: {from, unit, sign, frame}}``.
-
-    Raises
-    ------
-    TrialError
-        The file cannot be read, or the map names what is not there.
+    `reader` is as in `seatrial.trial.readers.read_table`, `columns` ``{canonical: "column"}`` or
+    ``{canonical: {from, unit, sign, frame}}``. Raises TrialError where the file cannot be read, or the map
+    names what is not there.
     """
     read = read_table(path, reader, columns_of(columns))
     table, file = read.table, read.file

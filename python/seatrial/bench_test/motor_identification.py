@@ -344,16 +344,8 @@ def written_motor(
 ) -> WrittenMotor:
     """What to write of a motor, chosen by how the motor of the file would follow the records.
 
-    Parameters
-    ----------
-    parameters : mapping
-        By name.
-    directions : sequence of Directions
-    below_minimum : str, optional
-        "lift" or "zero", where the records tell.
-    records : sequence of StepRecord
-    start : mapping
-        The entry of the vehicle file into which the keys are merged.
+    `below_minimum` is "lift" or "zero", where the records tell; the keys are merged into the vehicle file's
+    entry `start`.
     """
     base = _static_keys(parameters, below_minimum)
     limits = {limit: _common(limit, parameters, directions) for limit in _PARTNER}

@@ -286,24 +286,11 @@ def force_per_newton(vehicle: Vehicle, axes: str) -> dict[str, Array]:
 def separate(
     plateau: Plateau, unit: Unit, geometry: dict[str, Array], *, zero: float, where: str
 ) -> Separated | None:
-    """Point of a plateau, None where no actuator of the unit ran.
+    """Point of a plateau without the cell's zero error, None where no actuator of the unit ran.
 
-    Parameters
-    ----------
-    plateau : Plateau
-        Its load without the cell's zero error.
-    unit : Unit
-    geometry : dict
-        Of `force_per_newton`.
-    zero : float
-        Signals up to this are no signal.
-    where : str
-        Beginning of messages.
-
-    Raises
-    ------
-    TrialError
-        Another group pulled too, actuators ran with different signals, or what ran does not act on the cell.
+    `geometry` is that of `force_per_newton`; signals up to `zero` are no signal. Raises TrialError, its
+    message begun with `where`, where another group pulled too, actuators ran with different signals, or what
+    ran does not act on the cell.
     """
     running = tuple(name for name in unit.actuators if abs(plateau.signal[name]) > zero)
     if not running:

@@ -213,26 +213,11 @@ def read_pull(
     reader: str | None = None,
     columns: dict[str, Any] | None = None,
 ) -> PullPoints:
-    """Points of a pull from its file.
+    """Points of a pull, an entry of the bench file, from its file at `path`.
 
-    Parameters
-    ----------
-    pull : Pull
-        The bench file's entry.
-    unit : Unit
-        What was driven.
-    vehicle : Vehicle
-        Gives geometry and motors.
-    path : Path
-    where : str
-        Beginning of messages.
-    reader, columns : optional
-        Of the whole bench file; the pull's own have precedence.
-
-    Raises
-    ------
-    TrialError
-        The record cannot be read or determines no single thrust.
+    `reader` and `columns` are those of the whole bench file; the pull's own have precedence. Raises
+    TrialError, its message begun with `where`, where the record cannot be read or determines no single
+    thrust.
     """
     table = read_bench_table(
         path, vehicle, reader=pull.reader or reader, columns=(columns or {}) | pull.columns

@@ -125,24 +125,11 @@ def levels(voltage_v: Array, where: str) -> tuple[Array, NDArray[np.int_]]:
 def from_points(
     signal: Array, thrust: Array, voltage_v: Array | None, *, knots: int, tolerance: float | None, where: str
 ) -> ThrustTable:
-    """Table of the points (n,) themselves.
+    """Table of the points (n,) themselves, with at most so many knots.
 
-    Parameters
-    ----------
-    signal, thrust : array, shape (n,)
-    voltage_v : array, shape (n,), optional
-    knots : int
-        At most so many.
-    tolerance : float, optional
-        Error of the table in N at the largest thrust at which no further knot is added, a quarter of it at
-        rest; one per cent of the largest thrust when omitted.
-    where : str
-        Beginning of messages.
-
-    Raises
-    ------
-    TrialError
-        Fewer than four different signals, or no levels of voltage.
+    No further knot is added where the table errs by `tolerance` in N or less at the largest thrust, a quarter
+    of it at rest; one per cent of the largest thrust when omitted. Raises TrialError, its message begun with
+    `where`, for fewer than four different signals, or no levels of voltage.
     """
     means, level = (
         (np.zeros(1), np.zeros(len(signal), dtype=int)) if voltage_v is None else levels(voltage_v, where)

@@ -45,23 +45,9 @@ def _entry_of(
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Keys of the new entry, and remarks by key (standard deviations, what was kept).
 
-    Parameters
-    ----------
-    fit : UnitFit
-    old : mapping
-        The entry that is replaced.
-    users : sequence of str
-        The tested actuators that use it.
-    vehicle : Vehicle
-        The vehicle as it was.
-    rho : float, optional
-        Density in kg/m³ of the water of the test, the vehicle's where omitted.
-
-    Raises
-    ------
-    VehicleError
-        A direction was not tested, and the old entry has no regression to keep for it or one that was
-        corrected for each actuator differently.
+    It replaces `old`, which the tested `users` share; `rho` is the density of the test's water, kg/m³, the
+    vehicle's where omitted. Raises VehicleError where a direction was not tested, and the old entry has no
+    regression to keep for it or one that was corrected for each actuator differently.
     """
     factor = 1.0 if rho is None else vehicle.environment()["rho"] / rho
     factor /= 1.0 - vehicle.coefficients().get(f"{users[0]}.t", 0.0)
@@ -232,21 +218,10 @@ def write_results(
     name: str,
     rho: float | None = None,
 ) -> Written:
-    """Vehicle file with fitted characteristics and motors.
+    """Vehicle file `text`, which says `vehicle`, with fitted characteristics and motors.
 
-    Parameters
-    ----------
-    text : str
-        The file as it is.
-    vehicle : Vehicle
-        What it says.
-    fits : sequence of UnitFit
-    motors : mapping
-        Per group its actuators and the keys of their motor's entry.
-    name : str
-        Of the bench test, for the remarks.
-    rho : float, optional
-        Density of the water of the test, kg/m³.
+    `motors`: per group its actuators and the keys of their motor's entry. `name` is the bench test's, for the
+    remarks, `rho` the density of its water, kg/m³.
     """
     import tomlkit
 

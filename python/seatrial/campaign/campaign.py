@@ -641,21 +641,10 @@ class Campaign:
 
 
 def _bench_test(path: Path, vehicle: Vehicle, where: str) -> BenchTest:
-    """Bench test of a campaign's vehicle from its file; the same records are evaluated once.
+    """Bench test of a campaign's vehicle before it, from its file; the same records are evaluated once.
 
-    Parameters
-    ----------
-    path : Path
-        Bench file.
-    vehicle : Vehicle
-        The campaign's, before the test.
-    where : str
-        Beginning of messages.
-
-    Raises
-    ------
-    CampaignError
-        There is no such file, or it tests another vehicle.
+    Raises CampaignError, its message begun with `where`, where there is no such file, or it tests another
+    vehicle.
     """
     from seatrial.bench_test.evaluate import fingerprint, vehicle_of
 

@@ -176,20 +176,10 @@ class CampaignLog:
 
 
 def campaign_log(campaign: Campaign, source: str | Path) -> CampaignLog:
-    """A log by its file, its folder or its name in a campaign.
+    """A log by its run directory of `seatrial fly`, its recording or its name among a campaign's trials.
 
-    Parameters
-    ----------
-    campaign : Campaign
-    source : str or Path
-        Run directory of `seatrial fly`, recording, or name of a trial of the campaign.
-
-    Raises
-    ------
-    TrialError
-        There is no such log, or it cannot be read.
-    CampaignError
-        A recording of the campaign is missing.
+    Raises TrialError where there is no such log or it cannot be read, CampaignError where a recording of the
+    campaign is missing.
     """
     path, name = Path(source), str(source)
     if path.is_dir():
@@ -313,23 +303,10 @@ def campaign_reference(
 ) -> Spread:
     """Spread of a valid model's errors: what the fitted vehicle leaves on recordings of the campaign.
 
-    Parameters
-    ----------
-    campaign : Campaign
-    fit : Fitted
-    judged : CampaignLog
-        Its own part is left out.
-    ahead_s : float
-        Time after which the prediction restarts, s.
-    names : sequence of str or Path, optional
-        Trials of the campaign, recordings or run directories of `seatrial fly` instead of the usual ones.
-
-    Raises
-    ------
-    TrialError
-        One cannot be read, or all together are too short.
-    CampaignError
-        A recording of the campaign is missing, or none has the input of the log.
+    The part of the log that is judged is left out; predictions restart after `ahead_s`, s. `names` are trials
+    of the campaign, recordings or run directories of `seatrial fly` instead of the usual ones. Raises
+    TrialError where one cannot be read, or all together are too short; CampaignError where a recording of the
+    campaign is missing, or none has the input of the log.
     """
 
     def parts(one: CampaignLog) -> list[PredictedLog]:

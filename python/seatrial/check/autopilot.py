@@ -38,16 +38,10 @@ _LIMITS = {
 
 
 def safety_sentences(safety: Mapping[str, Any], *, hovers: bool, loiter_radius_m: float) -> list[str]:
-    """A sentence per watch of the table ``[safety]``.
+    """A sentence per watch of the table ``[safety]`` with its defaults.
 
-    Parameters
-    ----------
-    safety : mapping
-        The table with its defaults.
-    hovers : bool
-        Whether a mode keeps the depth without speed; a vehicle that cannot circles instead.
-    loiter_radius_m : float
-        Radius of that circle, m.
+    `hovers`: whether a mode keeps the depth without speed; a vehicle that cannot circles instead, with a
+    radius in m.
 
     Examples
     --------

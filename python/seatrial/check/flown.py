@@ -99,13 +99,8 @@ def fly_beforehand(
 ) -> tuple[tuple[FlownCheck, ...], list[str], list[str]]:
     """Flights of a mission in still water and in currents; a note where it was not flown, why it cannot be.
 
-    Parameters
-    ----------
-    mission, vehicle, autopilot
-    current : (float, float, float), optional
-        North, east, down, m/s; 0.3 m/s from four sides when omitted.
-    sensors, seabed, voltage_v
-        As for `seatrial.fly`.
+    `current` is north, east, down, m/s; 0.3 m/s from four sides when omitted. The others are as for
+    `seatrial.fly`.
     """
     from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.fly import fly

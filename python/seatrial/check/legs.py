@@ -259,13 +259,8 @@ def turn_sentences(
 ) -> tuple[list[str], list[str]]:
     """Notes and warnings about the turns of a mission.
 
-    Parameters
-    ----------
-    mission : Mission
-    circles : {float: float or None}
-        Radius in m of the vehicle's tightest turn by speed in m/s.
-    autopilot : Autopilot, optional
-        Whose largest rate of the heading counts too.
+    `circles`: radius in m of the vehicle's tightest turn by speed in m/s. The autopilot's largest rate of the
+    heading counts too.
     """
     points = mission.waypoints
     rate = None

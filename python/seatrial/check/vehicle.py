@@ -57,13 +57,8 @@ def stability_sentences(
 ) -> tuple[list[str], list[str]]:
     """Notes and warnings on course and pitch stability at half and top speed, ahead and astern.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    running : sequence of float
-        Steady speeds ahead, rising, m/s.
-    able : collection of str
-        Rows of the wrench that the actuators command independently.
+    `running` are steady speeds ahead, rising, m/s; `able` rows of the wrench that the actuators command
+    independently.
     """
     middle, top = running[len(running) // 2], running[-1]
     notes, warnings = [], []

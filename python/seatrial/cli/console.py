@@ -86,15 +86,8 @@ def answer(
 ) -> None:
     """Print a report, then where its files are; only then draw, and say where figures are.
 
-    Parameters
-    ----------
-    report : Report
-    verbose : bool, optional
-        Whether to print details, too.
-    results : str or callable, optional
-        Sentence on the files that were written; a callable writes them after the report is shown.
-    draw : callable, optional
-        Writes the figures, gives their paths.
+    `results` is a sentence on the files that were written, or writes them after the report is shown; `draw`
+    writes the figures and gives their paths.
     """
     console = output()
     try:
@@ -214,16 +207,7 @@ _LONGEST_WORD = 11
 
 
 def show(report: Report, console: Console, *, verbose: bool = False) -> None:
-    """Print a report; details only when `verbose`, else a line that says how many there are.
-
-    Parameters
-    ----------
-    report : Report
-    console : Console
-        Of rich.
-    verbose : bool, optional
-        Whether to print details too.
-    """
+    """Print a report; details only when `verbose`, else a line that says how many there are."""
     for line in report.lines():
         _say(console, line, style="bold")
     for section in report.shown(verbose=verbose):

@@ -182,19 +182,7 @@ def demonstrate(
 ) -> Chain:
     """CWolf's autopilot tuned and verified, with results in folders beside that of the identification.
 
-    Parameters
-    ----------
-    console : Console
-    campaign : Campaign
-    fit : Identification
-    truth : Vehicle
-        That sailed the trials.
-    out : Path
-        Folder of the demonstration.
-    threads : int, optional
-        All when omitted.
-    quiet : bool, optional
-        Whether nothing is printed.
+    `truth` sailed the trials; `out` is the folder of the demonstration.
     """
     from seatrial.cli.console import answer
     from seatrial.cli.tune import tuned

@@ -82,15 +82,7 @@ def reported(
 ) -> None:
     """Write a page where one was asked for, and say where it is.
 
-    Parameters
-    ----------
-    page : Path, optional
-    runs : sequence of Path or RunFolder
-    draw : callable, optional
-        Writes the figures first, where nothing else has drawn them.
-    title : str, optional
-    quiet : bool, optional
-        Whether nothing is printed.
+    `draw` writes the figures first, where nothing else has drawn them.
     """
     if page is None:
         return

@@ -218,23 +218,13 @@ class Corridor:
     def sampled(self, t: ArrayLike) -> tuple[Array, Array]:
         """Lower and upper bound (n,) at times (n,) in s since the step, infinite where there is none.
 
-        Parameters
-        ----------
-        t : array, shape (n,)
-            Time since the step, s; before it and after ``until_s`` there are no bounds. A time within 1 ns
-            of a jump is at it.
+        Before the step and after ``until_s`` there are no bounds. A time within 1 ns of a jump is at it.
         """
         at = np.asarray(t, dtype=float)
         return self._side(self.lower, at, -np.inf), self._side(self.upper, at, np.inf)
 
     def clock(self, t: ArrayLike) -> Array:
-        """Time since the step (n,) in s that the tie-breaker weighs by: 0 before it and after ``until_s``.
-
-        Parameters
-        ----------
-        t : array, shape (n,)
-            Time since the step, s.
-        """
+        """Time since the step (n,) in s that the tie-breaker weighs by: 0 before it and after ``until_s``."""
         at = np.asarray(t, dtype=float)
         return np.where((at >= 0.0) & (at <= self.until_s + _SAME_S), at, 0.0)
 

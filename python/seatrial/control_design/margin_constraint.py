@@ -172,10 +172,7 @@ class MarginConstraint:
     def beside(self, gains: Mapping[str, float]) -> MarginConstraint:
         """The same limits where gains that a candidate does not name are these; no motion is solved again.
 
-        Parameters
-        ----------
-        gains : mapping of str to float
-            By the names of `Autopilot.gains`; others stay.
+        Gains go by the names of `Autopilot.gains`; others stay.
         """
         other = copy(self)
         other._gains = self._gains | {name: float(value) for name, value in gains.items()}
@@ -205,15 +202,8 @@ class MarginConstraint:
     def margins(self, gains: Gains) -> list[PointMargins]:
         """Margins of k candidates, per point.
 
-        Parameters
-        ----------
-        gains : mapping of str to array-like
-            Values (k,) or one for all, by the names of `Autopilot.gains`; others keep those of the autopilot.
-
-        Raises
-        ------
-        CampaignError
-            A gain that the autopilot does not have, or arrays of different lengths.
+        Gains are (k,) or one for all, by the names of `Autopilot.gains`; others keep those of the autopilot.
+        Raises CampaignError for one that the autopilot does not have, or for arrays of different lengths.
         """
         return [point.margins(weights) for point, weights in self._weighed(gains)]
 

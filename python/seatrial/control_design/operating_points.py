@@ -53,17 +53,8 @@ def measurement_delays(
 ) -> dict[str, float]:
     """Mean age in s of the measurements of each loop, the older of those that it closes on.
 
-    Parameters
-    ----------
-    sensors : mapping of str to Sensor, "typical" or a file, optional
-        By kind; nothing is late where they are perfect (None), nor where a kind is missing.
-    vehicle : Vehicle
-        The one that carries them.
-
-    Raises
-    ------
-    TrialError
-        The file or a kind is not usable.
+    Nothing is late where sensors are perfect (None), nor where a kind is missing. Raises TrialError where a
+    file or a kind is not usable.
 
     Examples
     --------
@@ -89,12 +80,7 @@ def reachable_points(
 ) -> NDArray[np.bool_]:
     """Whether each breakpoint (6,) of the schedule lies between the top speeds astern and ahead.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    autopilot : Autopilot
-    voltage_v : float, optional
-        Supply at which tables of thrust are read, V.
+    Tables of thrust are read at `voltage_v`, V.
 
     Examples
     --------

@@ -349,17 +349,9 @@ def _steady_turn(vehicle: Vehicle, speed: float, moment: float) -> float:
 
 
 def steady_speed(vehicle: Vehicle, nu: Array, axis: int, force: float) -> float:
-    """Velocity of an axis in m/s or rad/s at which damping balances a force, up to 2.
+    """Velocity of an axis in m/s or rad/s at which damping balances a force in N or N m, up to 2.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    nu : array, shape (6,)
-        The other velocities.
-    axis : int
-        Index in nu.
-    force : float
-        N or N m.
+    `nu` (6,) holds the other velocities, `axis` is an index in it.
     """
     velocities = np.linspace(0.0, 2.0, 401)
     motion = np.tile(nu, (len(velocities), 1))

@@ -152,12 +152,7 @@ class CorridorTable(Section):
         return self
 
     def corridor(self, weights: Weights) -> Corridor:
-        """The corridor, with a weight per side.
-
-        Parameters
-        ----------
-        weights : Weights
-        """
+        """The corridor, with a weight per side."""
         sides = {"weight_lower": weights.lower, "weight_upper": weights.upper}
         if self.lower or self.upper:
             return _of_a_step(Corridor(self.lower, self.upper, **sides))
@@ -320,13 +315,7 @@ class Margins(LeastMargins):
         return self.any or (self.astern is not None and self.astern.any)
 
     def at(self, speed_m_s: float) -> LeastMargins:
-        """Those at a speed.
-
-        Parameters
-        ----------
-        speed_m_s : float
-            Desired, m/s; negative is astern.
-        """
+        """Those at a desired speed, m/s; negative is astern."""
         return self.astern if speed_m_s < 0.0 and self.astern is not None else self
 
 

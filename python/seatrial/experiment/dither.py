@@ -176,23 +176,8 @@ def dithers(
 ) -> tuple[Dither, ...]:
     """Dither for each axis that feedback dominates, sized on the trial where the waves move it least.
 
-    Parameters
-    ----------
-    trials
-        Those that were judged.
-    vehicle
-        The model as it is.
-    verdicts
-        Of `seatrial.inspect.verdict.judge`.
-    deviation
-        Wanted relative standard deviation of the gain.
-    voltage_v
-        Supply at which tables of thrust are read, V.
-
-    Raises
-    ------
-    CampaignError
-        The wanted deviation is not between 0 and 1.
+    `verdicts` are of `seatrial.inspect.verdict.judge`; `deviation` is the wanted relative standard deviation
+    of the gain, a CampaignError where it is not between 0 and 1.
     """
     if not 0.0 < deviation < 1.0:
         raise CampaignError(f"deviation: expected a share between 0 and 1, found {deviation:g}")

@@ -95,18 +95,9 @@ def multisine_levels(
 ) -> Array:
     """Levels (n,) of a sum of sines between two frequencies, largest level one, amplitude as 1/sqrt(f).
 
-    Schroeder's phases, then a few rounds of clipping, keep the crest low. Of several signals at once (`of`)
-    each has its own harmonics of the duration (`index`), so that no two are correlated.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-    duration_s : float
-        The signal repeats after this time.
-    band_hz : tuple of float
-        Lowest and highest frequency.
-    of, index : int
-        Number of signals that act together, and the index of this one.
+    Schroeder's phases, then a few rounds of clipping, keep the crest low. The signal repeats after
+    `duration_s`. Of several signals at once (`of`) each has its own harmonics of the duration (`index`), so
+    that no two are correlated.
     """
     lowest = max(int(np.ceil(band_hz[0] * duration_s)), 1)
     highest = max(int(band_hz[1] * duration_s), lowest + 2 * of)

@@ -253,23 +253,9 @@ def ran(
 ) -> subprocess.CompletedProcess[str]:
     """A program that ran to its end, without anything to read; its output as text.
 
-    Parameters
-    ----------
-    command : sequence of str or Path
-        Program and arguments.
-    limit_s : float, optional
-        After this time, s, the program and all that it started are killed.
-    folder : Path, optional
-        Where it runs; by default here.
-    environment : mapping of str to str, optional
-        Variables beside those of this process.
-
-    Raises
-    ------
-    OSError
-        It cannot be started.
-    subprocess.TimeoutExpired, subprocess.CalledProcessError
-        It took too long, or failed; its output is in the error.
+    After `limit_s`, s, the program and all that it started are killed. `environment` is beside that of this
+    process. Raises OSError where it cannot be started, a SubprocessError with its output where it took too
+    long or failed.
     """
     with subprocess.Popen(
         [str(word) for word in command],

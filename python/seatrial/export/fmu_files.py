@@ -80,15 +80,9 @@ def base_units(unit: str) -> tuple[dict[str, int], float] | None:
 
 
 def described(program: Program, version: str, samples: Mapping[str, Array]) -> BuildFiles:
-    """Description and sources of a unit.
+    """Description and sources of a unit by version "2.0" or "3.0".
 
-    Parameters
-    ----------
-    program : Program
-    version : str
-        "2.0" or "3.0".
-    samples : mapping of str to (k,) array
-        Values of parameters by their names here: k parameter sets.
+    `samples`: values (k,) of parameters by their names here, k parameter sets.
     """
     token = str(uuid.uuid5(uuid.NAMESPACE_URL, program.header + program.source + version))
     own = f"fmu_{version[0]}.c"

@@ -102,17 +102,7 @@ def _filled(shape: str, reads: Iterator[str]) -> str:
 
 
 def folded(source: str) -> str:
-    """A source with its repeated runs of statements folded into functions.
-
-    Parameters
-    ----------
-    source : str
-        C as the core writes it.
-
-    Returns
-    -------
-    str
-    """
+    """A C source as the core writes it with its repeated runs of statements folded into functions."""
     functions = list(_FUNCTION.finditer(source))
     if not functions:
         return source

@@ -124,14 +124,8 @@ def differs(perceived: float, truly: float) -> bool:
 def quantile(counts: Array, share: float, *, largest: Array) -> Array:
     """Quantile (k,), m, of the magnitude of an error from its counts, log-linear between the thresholds.
 
-    Parameters
-    ----------
-    counts : (k, 1 + edges) ndarray
-        Samples, and those above each of ``seatrial._core.error_edges``.
-    share : float
-        Of the samples that the error is at most the quantile for.
-    largest : (k,) ndarray
-        Largest error, m, which bounds the quantile.
+    `counts` (k, 1 + edges): samples, and those above each of ``seatrial._core.error_edges``. The error is at
+    most the quantile for `share` of the samples; the largest error (k,), m, bounds it.
     """
     edges = np.log(np.asarray(error_edges()))
     samples, above = counts[:, :1], counts[:, 1:]

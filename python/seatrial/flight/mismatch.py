@@ -78,14 +78,7 @@ def made_for(autopilot: Autopilot) -> str:
 
 
 def mismatch(autopilot: Autopilot, vehicle: Vehicle) -> str:
-    """Why an autopilot does not belong to a vehicle, a sentence without its full stop; empty where it does.
-
-    Parameters
-    ----------
-    autopilot : Autopilot
-    vehicle : Vehicle
-        That the autopilot believes in.
-    """
+    """Why an autopilot does not belong to a vehicle, a sentence without its full stop; "" where it does."""
     of = made_for(autopilot)
     if of == vehicle.name or (of in Vehicle.names() and _alike(Vehicle.load(of), vehicle)):
         return ""

@@ -95,14 +95,8 @@ def late_velocity(
     """A late velocity that reading leaves; None where there is none.
 
     Reading removes what it can estimate from the position. Where that comes too slowly or not at all, the
-    depth tells, as in `check`: here of the shortest such trial, and of nothing but the delay.
-
-    Parameters
-    ----------
-    trials, recordings
-        By name; a trial without its recording tells nothing.
-    problem
-        What `seatrial check` is to be given, for the message.
+    depth tells, as in `check`: here of the shortest such trial, and of nothing but the delay. A trial without
+    its recording tells nothing. `problem` is what `seatrial check` is to be given, for the message.
     """
 
     def left(trial: Trial) -> bool:
@@ -158,12 +152,7 @@ def proposals(
 ) -> tuple[Proposal, ...]:
     """One proposal a key over all trials, what reading leaves first, then the largest effect.
 
-    Parameters
-    ----------
-    found, reports
-        By trial.
-    clocks
-        By trial, of which file's clock the import proposed the delay of a sensor already.
+    `clocks`: by trial, of which file's clock the import proposed the delay of a sensor already.
     """
     by_key: dict[tuple[str, str], list[tuple[str, Correction]]] = {}
     for name, result in by_trial.items():

@@ -344,10 +344,8 @@ def _is_scale(value: float) -> bool:
 def is_shown(value: float, sd: float) -> bool:
     """Whether a channel shows any of the motion that it is compared with: else a ratio of both has no sense.
 
-    Parameters
-    ----------
-    value, sd
-        Relative scale error and its standard deviation: at -1 the channel has nothing of the motion in it.
+    `value` and `sd` are the relative scale error and its deviation: at -1 the channel has nothing of the
+    motion.
 
     Examples
     --------

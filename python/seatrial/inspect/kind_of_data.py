@@ -127,14 +127,9 @@ class KindOfData:
 
 
 def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
-    """What a trial holds and what spoils it.
+    """What a trial, on its uniform time base, holds and what spoils it.
 
-    Parameters
-    ----------
-    trial
-        On its uniform time base.
-    vehicle
-        Gives the wrench and the limits of recorded commands.
+    The vehicle gives the wrench and the limits of recorded commands.
     """
     driving = drives(trial, vehicle)
     sequence = manoeuvres(trial, vehicle)
@@ -316,14 +311,8 @@ def excitation(trial: Trial) -> list[Excitation]:
 def saturation(trial: Trial, vehicle: Vehicle | None = None) -> list[Saturation]:
     """Commands that stay at their motor's limit in more than 2 % of the samples; none without a vehicle.
 
-    Extremes of commands whose limits are not known are in the trial's report.
-
-    Parameters
-    ----------
-    trial
-        On its uniform time base.
-    vehicle
-        Its motors' limits count. A command of a few preset steps rests where it was meant to.
+    Extremes of commands whose limits are not known are in the trial's report. A command of a few preset steps
+    rests where it was meant to.
     """
     facts = {} if vehicle is None else vehicle.actuator_info()
     at_limit = []

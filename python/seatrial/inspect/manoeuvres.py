@@ -101,13 +101,8 @@ class Manoeuvre:
 def drives(trial: Trial, vehicle: Vehicle | None = None) -> list[Drive]:
     """What drives the vehicle in a trial: axes of the wrench, or actuators where no wrench is known.
 
-    Parameters
-    ----------
-    trial
-        On its uniform time base.
-    vehicle
-        Gives the wrench of recorded commands where the trial has none: of the vehicle held at rest, or at
-        the trial's usual speed if it has fins.
+    The vehicle gives the wrench of recorded commands where the trial has none: of the vehicle held at rest,
+    or at the trial's usual speed if it has fins.
     """
     tau = trial.tau if trial.tau is not None else _wrench(trial, vehicle)
     if tau is None:

@@ -225,14 +225,8 @@ def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
     In waves those that feedback dominates and those that are informative by less than `REPLAYED`: a gain can
     be found there, by a method that knows of the loop, and the true vehicle fails a replay. So it does where
     a loop passes as open because it uses what was not logged. Sway and heave that no command pushes ride on
-    yaw and pitch, and are blind where these are.
-
-    Parameters
-    ----------
-    verdicts
-        Of `judge_trial`.
-    waves
-        Whether waves were found otherwise, where the spectra show none.
+    yaw and pitch, and are blind where these are. `waves`: whether they were found otherwise, where the
+    spectra show none.
     """
     axes = {
         axis

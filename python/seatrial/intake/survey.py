@@ -127,12 +127,7 @@ class Survey(Reported):
     def lost(self, files: Sequence[str], sources: Sequence[str] | None = None) -> list[str]:
         """Sentences on columns that no log of a recording gives, though a field has their name, and why.
 
-        Parameters
-        ----------
-        files
-            Names of the recording's logs.
-        sources
-            Fields that a map takes; by their names when omitted.
+        `sources` are the fields that a map takes; by their names when omitted.
         """
         logs = [log for log in self.logs if log.path.name in files]
         given = {canonical for log in logs for canonical in chosen(log)}

@@ -68,22 +68,10 @@ class VehicleDraft:
 def draft_vehicle(
     logs: Sequence[SurveyedLog], actuators: Mapping[str, str], given: str | Path | None
 ) -> VehicleDraft:
-    """Vehicle file for logs with commands of these `actuators`.
+    """Vehicle file for logs with commands of these actuators, with each command's unit, "" where unknown.
 
-    Parameters
-    ----------
-    logs
-    actuators
-        Unit of each command in the column map, "" where unknown, by its name.
-    given
-        A vehicle file or the name of a built-in vehicle; None to draft one.
-
-    Raises
-    ------
-    VehicleError
-        If the given vehicle cannot be used.
-    TrialError
-        If a log names a frame by what is no number of one.
+    `given` is a vehicle file or the name of a built-in vehicle; None to draft one. Raises VehicleError where
+    that cannot be used, TrialError where a log names a frame by what is no number of one.
     """
     from seatrial._core import Vehicle
 
@@ -131,18 +119,10 @@ _FULL = 0.5, 0.97
 def hull_inertia(mass: float, length: float, radius: float, fullness: float) -> float:
     """Moment of inertia about the transverse axis through the middle, kg m2, of a homogeneous hull.
 
-    A body of revolution with r(x)^2 = r^2 (1 - |2 x / l|^n) that displaces the part C_p = n / (n + 1) of its
-    cylinder (prismatic coefficient) has ``m (l^2 / (12 (3 - 2 C_p)) + r^2 C_p / (2 (1 + C_p)))``: two thirds
-    make a spheroid, one the solid cylinder.
-
-    Parameters
-    ----------
-    mass
-        kg.
-    length, radius
-        m.
-    fullness
-        C_p.
+    A body of revolution with r(x)^2 = r^2 (1 - |2 x / l|^n), kg and m, that displaces the part `fullness`
+    C_p = n / (n + 1) of its cylinder (prismatic coefficient) has
+    ``m (l^2 / (12 (3 - 2 C_p)) + r^2 C_p / (2 (1 + C_p)))``: two thirds make a spheroid, one the
+    solid cylinder.
 
     Examples
     --------

@@ -75,11 +75,7 @@ class ServoPacket:
 def answer(motion: Motion, *, seabed_m: float | None = None) -> bytes:
     """Answer to a servo packet: a line of JSON between line feeds.
 
-    Parameters
-    ----------
-    motion : Motion
-    seabed_m : float, optional
-        Depth of the bottom; the range along the body's down axis is told as ``rng_1``.
+    Above a bottom at depth `seabed_m` the range along the body's down axis is told as ``rng_1``.
     """
     line: dict[str, Any] = {
         "timestamp": motion.t_s,

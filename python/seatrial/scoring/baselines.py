@@ -160,13 +160,7 @@ class Baselines:
     def predict(self, name: str, trial: Trial, spans: Sequence[tuple[int, int]]) -> list[Window]:
         """Windows of one baseline on spans (start, stop) of a trial; NaN in channels that it cannot predict.
 
-        Parameters
-        ----------
-        name : str
-            One of `names`.
-        trial : Trial
-        spans : sequence of (int, int)
-            In samples, as `seatrial.scoring.windows.windows` gives them.
+        Spans are in samples, as `seatrial.scoring.windows.windows` gives them.
         """
         own, key = self.read(trial), (name, id(trial), tuple(spans))
         if key not in self._shown:
@@ -181,14 +175,8 @@ class Baselines:
     ) -> dict[str, dict[str, float]]:
         """R2 by baseline and channel on the windows of a score, pooled; without what cannot be predicted.
 
-        Parameters
-        ----------
-        judged : sequence of Window
-            Of a score: their simulated motion is not looked at.
-        channels : iterable of str
-            Those that are velocities of a free axis count.
-        limits : mapping, optional
-            By trial what no model can predict: axes that feedback dominates are not judged.
+        The windows' simulated motion is not looked at. Channels that are velocities of a free axis count, on
+        the axes that feedback does not dominate by `limits`.
         """
         wanted = [c for c in channels if c in VELOCITIES and AXES[VELOCITIES.index(c)] in self.free]
         parts = {id(window.trial): [w for w in judged if w.trial is window.trial] for window in judged}
@@ -219,15 +207,7 @@ class Baselines:
 
 
 def not_beaten(r2: Mapping[str, float], baselines: Mapping[str, Mapping[str, float]]) -> str:
-    """Where a baseline predicts as well as a model or better: channels with both R2; empty if nowhere.
-
-    Parameters
-    ----------
-    r2
-        Of the model by channel.
-    baselines
-        R2 by baseline and channel on the same windows.
-    """
+    """Where a baseline predicts as well as a model or better: channels with both R2; empty if nowhere."""
     beaten = []
     for channel, own in r2.items():
         rivals = {name: row[channel] for name, row in baselines.items() if channel in row}
@@ -387,18 +367,8 @@ def predicted_from_past(
 ) -> list[Array]:
     """Channels (n, C) of every trial, foretold `ahead` samples before from what was logged until then.
 
-    NaN where there is no past long enough, everywhere where the training data are too few.
-
-    Parameters
-    ----------
-    trials
-        With one time step.
-    training
-        Samples (n,) of each that the regression learns from.
-    channels
-        Those that are foretold.
-    ahead
-        Samples.
+    The trials share a time step; the regression learns from the samples `training` (n,) of each. NaN where
+    there is no past long enough, everywhere where the training data are too few.
     """
     names = [c for c in _SIGNALS if all(trial.filled(c) is not None for trial in trials)]
     commands = [name for name in trials[0].commands if all(name in trial.commands for trial in trials)]

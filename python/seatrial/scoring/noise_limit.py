@@ -76,14 +76,9 @@ _CALM = Unpredictable({}, {}, None)
 
 
 def unpredictable(trial: Trial, verdicts: Mapping[str, Verdict]) -> Unpredictable:
-    """What no model of the vehicle can predict of a trial.
+    """What no model of the vehicle can predict of a whole trial: a part of it may be too short to see waves.
 
-    Parameters
-    ----------
-    trial
-        As a whole: a part of it may be too short to see its waves.
-    verdicts
-        Of `seatrial.inspect.verdict.judge_trial` on it; empty without a vehicle.
+    `verdicts` are of `seatrial.inspect.verdict.judge_trial` on it; empty without a vehicle.
     """
     noise = {c: _noise(trial, c) for c in trial.channels if c in VELOCITIES}
     swell = waves(trial)
@@ -117,12 +112,7 @@ def ceiling(
 ) -> dict[str, float]:
     """R2 at most by velocity channel on the windows of a score, at least zero.
 
-    Parameters
-    ----------
-    judged, channels
-        Of the score.
-    limits
-        By name of the trial; a channel is left out where a trial has none.
+    `limits` go by the name of the trial; a channel is left out where a trial has none.
     """
     reachable = {}
     for channel in channels:

@@ -96,14 +96,8 @@ def window_sums(score: Score, channel: str) -> Array:
 def ratio(y: Array, x: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[float, Interval | None]:
     """Ratio of the sums of y and x (n,) and its interval of confidence 1 - alpha, None below six windows.
 
-    Parameters
-    ----------
-    y, x : ndarray, shape (n,)
-        Sums per window, in the order of time within a trial; x is positive in total.
-    trial : ndarray of str, shape (n,)
-        Name of the trial of each window: only windows of one trial are neighbours.
-    alpha : float
-        Probability outside the interval.
+    Sums are per window, in the order of time within a trial; x is positive in total. `trial` (n,) names the
+    trial of each window: only windows of one trial are neighbours.
     """
     total = float(x.sum())
     if not total > 0.0:

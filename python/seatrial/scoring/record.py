@@ -42,21 +42,11 @@ class Record:
     def packed(
         self, *, substeps: int = 1, motion: bool = False, weight: ArrayLike | None = None
     ) -> CoreRecord:
-        """The record as the core reads it.
+        """The record as the core reads it, with integration steps per sample.
 
-        Parameters
-        ----------
-        substeps
-            Integration steps per sample: measured velocities are given at their half steps.
-        motion
-            Whether to give the measured velocities, which only replayed axes need.
-        weight
-            Of the channels (12,) in the core's sum of errors; one when omitted.
-
-        Raises
-        ------
-        TrialError
-            If the input was not recorded.
+        Measured velocities, which only replayed axes need (`motion`), are given at the half steps. `weight`
+        (12,) is that of the channels in the core's sum of errors; one when omitted. Raises TrialError if the
+        input was not recorded.
         """
         if weight is None:  # as every simulation asks for it
             if (substeps, motion) not in self._packed:
@@ -90,15 +80,9 @@ def cut_spans(
     """Spans (start, stop) of a part of a trial, one after the other; the last may be shorter.
 
     A span starts at the first sample from which it may (`Trial.startable`) once the one before has ended.
-    Neighbours share the sample between them. No span runs on where the command is unknown (`Trial.silent`).
-
-    Parameters
-    ----------
-    trial
-    first, end
-        The part, `end` excluded.
-    length, overlap, shortest
-        Samples of a whole span, that two neighbours share beyond the common one, of the shortest last span.
+    Neighbours share the sample between them, and `overlap` more. No span runs on where the command is unknown
+    (`Trial.silent`). The part excludes `end`; `length` and `shortest` are samples of a whole span and of the
+    last one.
     """
     starts = np.flatnonzero(trial.startable)
     spans: list[tuple[int, int]] = []

@@ -262,13 +262,8 @@ _LIKELIHOOD = (
 def baseline_table(score: Score, *, words: str = "", gains: Mapping[str, float] | None = None) -> Table:
     """R2 of a model and of the baselines by velocity channel; no row where no baseline is judged.
 
-    Parameters
-    ----------
-    score
-    words
-        On what, for the title.
-    gains
-        Log-likelihood per sample (natural logarithm) over the best baseline, by channel.
+    `words` say for the title on what, `gains` are the log-likelihood per sample (natural logarithm) over the
+    best baseline, by channel.
     """
     rows = [
         (
@@ -444,14 +439,9 @@ def pooled(
     training: Baselines | None = None,
     limits: Mapping[str, Unpredictable],
 ) -> Score:
-    """Score of a vehicle over all windows of several scores of it, each on trials of its own.
+    """Score of a vehicle over all windows of several scores of it, each on trials of its own, as far ahead.
 
-    Parameters
-    ----------
-    scores
-        As far ahead as each other.
-    channels, measured, training, limits
-        As of `score`.
+    The other arguments are as of `score`.
     """
     simulated = tuple(window for part in scores for window in part.windows)
     trials = list({id(window.trial): window.trial for window in simulated}.values())

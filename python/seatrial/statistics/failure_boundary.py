@@ -132,32 +132,18 @@ def _grid(axis: Array, dimensions: int) -> Array:
 
 
 def surface_of(places: list[Place], *, allowed: float, confidence: float) -> BoundarySurface:
-    """Failure probability over the unit cube from what was flown.
+    """Failure probability over the unit cube from two or more places that were flown.
 
-    Parameters
-    ----------
-    places : list of Place
-        At least two.
-    allowed : float
-        Failure probability that is allowed, between 0 and 1.
-    confidence : float
-        With which a place is called safe or not, two-sided.
+    `allowed` is the failure probability that is allowed; with `confidence`, two-sided, a place is called safe
+    or not.
     """
     return _posterior(places, allowed, confidence)[0]
 
 
 def places_to_fly(places: list[Place], *, allowed: float, confidence: float, count: int, runs: int) -> Array:
-    """The next places (count, d) of the unit cube.
+    """The next places (count, d) of the unit cube, at each of which `runs` missions will be flown.
 
-    Parameters
-    ----------
-    places : list of Place
-        What was flown.
-    allowed, confidence : float
-        As for `surface_of`.
-    count : int
-    runs : int
-        Missions that will be flown at each.
+    `allowed` and `confidence` are as for `surface_of`.
     """
     surface, grid, covariance = _posterior(places, allowed, confidence)
     mean = surface.mean.ravel()

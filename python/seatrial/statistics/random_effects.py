@@ -61,10 +61,7 @@ class RandomEffects:
     def spread(self, inverse: Array) -> tuple[Array, Array]:
         """What it adds to the covariance (m, m) of an estimate, and the degrees of freedom (m,) of that.
 
-        Parameters
-        ----------
-        inverse : ndarray, shape (m, m)
-            Of the information of all parts and the priors.
+        `inverse` (m, m) is that of the information of all parts and the priors.
         """
         gain = inverse @ self.information * self.sd
         share = (gain**2).sum(axis=0)
@@ -76,12 +73,7 @@ class RandomEffects:
 def random_effects(lin: Linearisation, length: BlockLength) -> RandomEffects | None:
     """Scatter of the coefficients between parts of the recordings; None where they do not show any.
 
-    Parameters
-    ----------
-    lin : Linearisation
-        At the estimate.
-    length : BlockLength
-        Memory of the residuals.
+    `lin` is at the estimate, `length` the memory of the residuals.
     """
     trial, scores, informations, errors = parts(lin, length, PART_S)
     own = [i for i, unknown in enumerate(lin.unknowns) if unknown.kind == "coefficient"]

@@ -255,14 +255,7 @@ class RareEvent:
 def rare_event(
     populations: tuple[Population, ...], check: Importance | None, *, confidence: float = 0.95
 ) -> RareEvent:
-    """The probability that several populations and a check give.
-
-    Parameters
-    ----------
-    populations : tuple of Population
-    check : Importance or None
-    confidence : float
-    """
+    """The probability that several populations and a check give."""
     values = np.array([population.estimate for population in populations])
     evaluations = sum(population.evaluations for population in populations) + (
         0 if check is None else check.evaluations
@@ -311,22 +304,11 @@ def importance(
     *,
     possible: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> Importance | None:
-    """Probability of failure by samples about the centres of failing ones.
+    """Probability of failure by `size` samples drawn about the centres of failing ones (k, d).
 
     The density is a mixture of normal ones with unit covariance. Coordinates whose mean is no further from
-    zero than three of its deviations are left alone, lest chance in many of them spoils the weights.
-
-    Parameters
-    ----------
-    level : callable
-        As of `population`.
-    samples : (k, d) array
-        Failing samples, correlated as chains leave them.
-    size : int
-        How many are drawn.
-    generator : Generator
-    possible : callable, optional
-        As of `population`. The estimate is that of the distribution cut to it.
+    zero than three of its deviations are left alone, lest chance in many of them spoils the weights. `level`
+    and `possible` are as of `population`; the estimate is that of the distribution cut to what is possible.
     """
     from scipy.special import logsumexp
 

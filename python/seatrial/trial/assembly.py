@@ -64,15 +64,8 @@ def _add_current(
 ) -> None:
     """Fill ``parts["current"]`` from the velocities over ground and through water, in place, and report it.
 
-    Parameters
-    ----------
-    parts : dict
-        Arrays of a trial: ``nu`` (n, 6), ``water`` (n, 3), ``attitude`` (n, 4).
-    t : array (n,)
-        Times, s.
-    ground, water : array (n,)
-        Where either velocity is valid.
-    report : RecordingReport
+    ``parts`` are arrays of a trial: ``nu`` (n, 6), ``water`` (n, 3), ``attitude`` (n, 4); `ground` and
+    `water` (n,) say where either velocity is valid.
     """
     nu, through, attitude = (np.asarray(parts[name]) for name in ("nu", "water", "attitude"))
     derived = water_current(t, nu[:, :3] - through, attitude, ground & water)
@@ -99,15 +92,8 @@ def _add_current(
 def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> WaterCurrent | None:
     """Current from body velocities over ground less those through water, (n, 3) in m/s; None if unclear.
 
-    Parameters
-    ----------
-    t : array (n,)
-        Uniform times, s.
-    difference : array (n, 3)
-    attitude : array (n, 4)
-        Quaternions, body to NED.
-    known : array (n,)
-        Where the difference may be used.
+    `t` (n,) are uniform times, s, `attitude` (n, 4) quaternions from body to NED; `known` (n,) says where the
+    difference may be used.
 
     Examples
     --------

@@ -380,12 +380,7 @@ def _speed(signals: Mapping[str, Signal], name: str) -> tuple[Array, Array] | No
 def _spikes(signal: Signal, shown: tuple[Array, Array] | None, report: RecordingReport) -> Mask:
     """Up to three samples in a row of a channel that stand alone, far out of their neighbourhood, (m, k).
 
-    Parameters
-    ----------
-    signal : Signal
-    shown : tuple, optional
-        Times and speeds of the same motion by another sensor: what it shows too is no spike.
-    report : RecordingReport
+    `shown`: times and speeds of the same motion by another sensor; what it shows too is no spike.
     """
     from scipy.ndimage import maximum_filter1d
 

@@ -478,12 +478,8 @@ def unit_of(ratio: float, kind: str) -> tuple[str, float] | None:
 def implausible_side(shown: float, moved: float, kind: str) -> str:
     """Which of a sensor's motion and the pose's no vehicle can have: "sensor", "reference", "both" or "".
 
-    Parameters
-    ----------
-    shown, moved
-        Root mean squares of what the sensor shows and of what the pose, or the depth, does; rad/s or m/s.
-    kind
-        The sensor, as in `LEAST_MOTION`.
+    `shown` and `moved` are root mean squares of what the sensor shows and of what the pose, or the depth,
+    does, rad/s or m/s; `kind` is a key of `LEAST_MOTION`.
 
     Examples
     --------

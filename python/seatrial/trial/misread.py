@@ -153,13 +153,7 @@ class _Change:
 def report_unit_changes(signals: Mapping[str, Signal], time: Array, report: RecordingReport) -> None:
     """Report every change of a unit within a channel, with its row and time; nothing is converted.
 
-    Parameters
-    ----------
-    signals
-        By sensor, in SI as the column map says.
-    time : ndarray, shape (m,)
-        Stamps of the rows, s.
-    report : RecordingReport
+    Signals are in SI as the column map says; `time` (m,) are the stamps of the rows, s.
     """
     changes = [change for channel in _channels(signals) for change in _candidates(channel)]
     if not changes:
@@ -400,12 +394,8 @@ class Sentinel:
 def sentinels(y: Array, *, jumps: bool = False) -> list[Sentinel]:
     """Numbers of a column that stand for no sample, in the order of their number.
 
-    Parameters
-    ----------
-    y : array (m,)
-        Cells as recorded, in the recording's unit; NaN where there is none.
-    jumps : bool
-        Whether the column may jump and return by itself, as commands and angles do.
+    Cells (m,) are as recorded, in the recording's unit; NaN where there is none. `jumps`: whether the column
+    may jump and return by itself, as commands and angles do.
 
     Examples
     --------

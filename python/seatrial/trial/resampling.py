@@ -105,17 +105,10 @@ _FEW = 3  # silences: a stream with more of them that never repeats a row may lo
 
 
 def silences(t: Array, y: Array, base: Array) -> list[tuple[float, float]]:
-    """Spans (start, end) in s of the time base `base` (n,) in which a stream of commands is unknown.
+    """Spans (start, end) in s of the time base `base` (n,), s, in which a stream of commands is unknown.
 
-    A stream of a fixed rate that falls silent is unknown there; one that is logged when it changes, or now
-    and then, holds until the next sample.
-
-    Parameters
-    ----------
-    t, y
-        Stamps of the stream in s (m,), and the commands that share them (m, k).
-    base
-        Uniform times, s.
+    A stream (m, k) with stamps `t` (m,), s, of a fixed rate that falls silent is unknown there; one that is
+    logged when it changes, or now and then, holds until the next sample.
     """
     if len(t) < _FEWEST_COMMANDS:
         return []
@@ -278,12 +271,8 @@ def instruments(group: str, present: Mask) -> dict[str, list[int]]:
 def together(t: Array, y: Array, present: Mask, *, period: float | None = None) -> tuple[Array, Array] | None:
     """Times (m,) and components (m, k) at the stamps of the busiest one; None if they share their stamps.
 
-    Parameters
-    ----------
-    t, y, present
-        Rows (n,), components (n, k), and which cells hold a sample; NaN is a sample without a number.
-    period
-        Of an angle: it goes the shorter way round.
+    `present` says which cells (n, k) hold a sample; NaN is a sample without a number. An angle with a
+    `period` goes the shorter way round.
     """
     if _one_sensor(present):
         return None

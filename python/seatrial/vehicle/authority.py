@@ -80,15 +80,8 @@ def _others(vehicle: Vehicle, name: str, speed_m_s: float, voltage_v: float) -> 
 def reach(vehicle: Vehicle, speed_m_s: float, rows: str, *, voltage_v: float = NOMINAL_V) -> dict[str, Array]:
     """Per row of `rows` the smallest and largest force or moment (2,) in N or N m at a speed ahead.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    speed_m_s : float
-        Speed ahead, m/s.
-    rows : str
-        Rows that the autopilot commands, letters of XYZKMN; those not asked for and not X stay at zero.
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
+    Rows are those that the autopilot commands, letters of XYZKMN; those not asked for and not X stay at zero.
+    Tables of thrust are read at `voltage_v`, V.
 
     Examples
     --------

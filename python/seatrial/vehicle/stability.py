@@ -110,13 +110,7 @@ def positive_damping(vehicle: Vehicle) -> dict[str, float]:
 def growth(vehicle: Vehicle, speed_m_s: float, plane: str) -> float:
     """Fastest growth rate in 1/s of a small disturbance at this speed ahead; negative: it dies away.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    speed_m_s : float
-        Speed along x; negative is astern.
-    plane : str
-        "course" for sway and yaw, "pitch" for heave, pitch rate and pitch.
+    A negative speed is astern. `plane`: "course" for sway and yaw, "pitch" for heave, pitch rate and pitch.
     """
     axes = (1, 5) if plane == "course" else (2, 4)
     size = len(axes) + (plane == "pitch")
@@ -268,12 +262,7 @@ class PossibleCoefficients:
         self._dissipative = bool(self._takes_energy(self._own[None])[0])
 
     def mask(self, values: Sequence[Sequence[float]] | Array) -> Mask:
-        """Whether each row of values (k, n) is possible, (k,).
-
-        Parameters
-        ----------
-        values : (k, n) array_like
-        """
+        """Whether each row of values (k, n) is possible, (k,)."""
         rows = np.asarray(values, float).reshape(-1, len(self.names))
         good: Mask = np.logical_not(self.outside(rows).any(axis=1))
         if self._dissipative and self._linear:

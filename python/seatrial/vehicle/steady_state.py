@@ -259,17 +259,10 @@ def farthest(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Speed | None:
 
 
 def cruise(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> Speed | None:
-    """What it takes to run ahead at a given speed; None where that is too fast or too slow to be held.
+    """What it takes to run ahead at a speed through the water; None where it is too fast or slow to be held.
 
-    The command at which thrust and drag of the vehicle, held at that speed, balance, by bisection.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    speed_m_s : float
-        Speed through the water, m/s.
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
+    The command at which thrust and drag of the vehicle, held at that speed, balance, by bisection. Tables of
+    thrust are read at `voltage_v`, V.
 
     Examples
     --------

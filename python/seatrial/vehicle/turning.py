@@ -57,11 +57,7 @@ def rudders(vehicle: Vehicle) -> dict[str, float]:
 def fin_turn(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> FinTurn | None:
     """Steady turn by the fins that steer; None without such fins, without drive, or where it never settles.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
+    Tables of thrust are read at `voltage_v`, V.
 
     Examples
     --------
@@ -99,13 +95,7 @@ _STARTS = 1e-3  # rad/s, so that an exact balance of an unstable hull does not s
 def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> float | None:
     """Radius in m of the tightest circle at a speed ahead; None where it cannot turn and hold the speed.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    speed_m_s : float
-        Speed through the water, held in the turn, m/s.
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
+    The speed is through the water; tables of thrust are read at `voltage_v`, V.
 
     Examples
     --------
