@@ -206,7 +206,6 @@ def _level(row: LegRow) -> str:
 
 _TURNS = np.deg2rad(1.0)  # a smaller change of course is no corner
 _SEEN_M = 0.5  # a deviation that nobody needs to hear of
-_REVERSAL = np.pi - 1e-6  # rad: cos of half a turn would divide by zero
 
 
 @dataclass(frozen=True)
@@ -307,7 +306,8 @@ def _tight(mission: Mission, turns: list[Corner], radii: Mapping[float, tuple[fl
     for corner in turns:
         radius = radii[_speed(mission, corner)][0]
         if corner.room_m < radius:
-            cut = radius * (1.0 / np.cos(0.5 * min(abs(corner.turn), _REVERSAL)) - 1.0)
+            # Short of a reversal: cos of half a turn would divide by zero.
+            cut = radius * (1.0 / np.cos(0.5 * min(abs(corner.turn), np.pi - 1e-6)) - 1.0)
             small[corner.index] = (corner, cut)
     return [
         corner

@@ -20,11 +20,7 @@ from seatrial.vehicle.stability import positive_damping
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_LIGHTEST, _HEAVIEST = 950.0, 1300.0  # kg/m3: hot water, the Dead Sea
-
 _INERTIAS = ("I_x", "I_y", "I_z")
-
-_ROUNDED = 1.005  # values of three digits may pass a bound
 
 
 def implausible(vehicle: Vehicle) -> list[str]:
@@ -48,7 +44,7 @@ def implausible(vehicle: Vehicle) -> list[str]:
 
 def _density(vehicle: Vehicle) -> list[str]:
     rho = vehicle.environment()["rho"]
-    if _LIGHTEST <= rho <= _HEAVIEST:
+    if 950.0 <= rho <= 1300.0:  # kg/m3: hot water, the Dead Sea
         return []
     return [
         f"rho_kg_m3 = {rho:g} is not the density of water, which is 1000 in a lake and 1025 in the sea; is it"
@@ -102,7 +98,7 @@ def _triangle(vehicle: Vehicle) -> list[str]:
     for k, name in enumerate(_INERTIAS):
         others = [_INERTIAS[k - 1], _INERTIAS[k - 2]]
         most = sum(values[other] for other in others)
-        if values[name] > _ROUNDED * most:
+        if values[name] > 1.005 * most:  # values of three digits may pass a bound
             lines.append(
                 f"{name} = {values[name]:.4g} kg m2 is more than {' + '.join(sorted(others))} = {most:.4g}"
                 " kg m2, which no body has; correct the moments of inertia"
@@ -135,7 +131,6 @@ _LIMITS = {
     "rad": (0.035, 1.571, "in rad: 20 degrees are 0.349"),
 }
 _SERVO_RATE, _SERVO_LAG_S, _MOTOR_LAG_S = 25.0, 2.0, 10.0  # rad/s, with the same margin
-_FIN_SHARE = 0.5  # of the area of the hull seen from the side
 _STRONGEST = 10.0  # times the weight: thrust of one actuator
 
 
@@ -166,7 +161,8 @@ def _ranges(vehicle: Vehicle) -> list[str]:
     # An area in cm2 is ten thousand times too large.
     for name, fin in tables.items():
         area = float(fin["area_m2"])
-        if box and area > _FIN_SHARE * box["length"] * max(box["diameter"], box["height"]):
+        # More than half of the hull seen from the side is no fin.
+        if box and area > 0.5 * box["length"] * max(box["diameter"], box["height"]):
             what = f"area_m2 = {area:g} is more than half of the hull seen from the side; give it in m2"
             names_by_fault.setdefault(what, []).append(name)
     for push in pushes(vehicle):

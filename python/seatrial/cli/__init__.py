@@ -56,8 +56,6 @@ _ELSEWHERE = {
 
 _HELP_ALL = "--help-all"
 
-_HELP_LINES = 40  # of a terminal that is not maximised
-
 
 class _Verbs(ExitCodes, TyperGroup):
     """The verbs; what they raise on purpose becomes one message and an exit code."""
@@ -78,7 +76,7 @@ class _Verb(TyperCommand):
         known: list[Any] = self.params
         options = [parameter for parameter in known if parameter.param_type_name == "option"]
         named: list[str] = []
-        while options and len(f"{text}{rest}".splitlines()) > _HELP_LINES:
+        while options and len(f"{text}{rest}".splitlines()) > 40:  # lines of a terminal that is not maximised
             options[-1].hidden = True
             named.insert(0, options.pop().opts[0])
             text = super().get_help(ctx)

@@ -150,8 +150,6 @@ def _identified(
     return fit
 
 
-_RUNS, _ON_TRUTH = 1000, 1000  # missions: a share near 95 % is known to 1.4 % (95 %)
-
 _ENDINGS = ("png", "svg")
 
 
@@ -246,7 +244,8 @@ def _verify(
     out, chain = into
     if not quiet:
         console.rule("CWolf: missions of vehicles drawn from what is known of it", align="left")
-    scenario = campaign.scenario(fit, found, runs=_RUNS)
+    # With a thousand missions a share near 95 % is known to 1.4 % (95 %).
+    scenario = campaign.scenario(fit, found, runs=1000)
     folder = out / "cwolf-verified"
     verdict = verified(
         scenario,
@@ -268,7 +267,7 @@ def _verify(
     else:
         answer(verdict.report(), draw=drawn)
         console.rule("CWolf: the same missions with the vehicle that sailed the trials", align="left")
-    scenario = campaign.scenario(truth, found, model=fit.vehicle, runs=_ON_TRUTH)
+    scenario = campaign.scenario(truth, found, model=fit.vehicle, runs=1000)  # as many missions as above
     on_truth = verified(scenario, None, computing=Computing(threads=threads), quiet=quiet)
     chain.results["cwolf_verification_on_truth"] = on_truth.to_dict()
     chain.held, chain.interrupted = chain.held and on_truth.held, on_truth.interrupted

@@ -52,8 +52,6 @@ _GUIDANCE_BOUNDS = (0.3, 3.0)  # factors on numbers of guidance: half a decade e
 
 _ABOUT_FIT = (0.5, 2.0)  # of the lookahead that goes with the loop: always within the bounds
 
-_FILTER_BOUNDS = (0.3, 3.0)  # factors on the corner of a reference filter: half a decade either way
-
 
 @dataclass(frozen=True)
 class Group:
@@ -294,7 +292,8 @@ class ControlProblem(TuningScope):
                 )
             # A reference filter and numbers of guidance shape the response as gains do.
             if filtered := gains.get(f"{rider}.reference_rad_s", 0.0):
-                parameters += GainParameters.of_number(f"{rider}.reference_rad_s", filtered, _FILTER_BOUNDS)
+                # Half a decade either way of the filter's corner.
+                parameters += GainParameters.of_number(f"{rider}.reference_rad_s", filtered, (0.3, 3.0))
             for path in chosen:
                 for name in GUIDANCE.get(path, ()):
                     bounds = self._lookahead_bounds(path) if "lookahead" in name else _GUIDANCE_BOUNDS

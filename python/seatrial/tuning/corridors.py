@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
 _SEEDS = (11, 12)  # two noises: one may flatter the start gains
 
-_UNSOUND = 1.0  # overshoot as a share of the step from which a response is no response
-
 _AT_REST = 0.25  # of the step: what moves more at rest, as the deviation, is not held at all
 
 
@@ -81,7 +79,7 @@ def start_metrics(rig: Rig, trials: LoopTrials) -> StartMetrics:
                 continue
             noises.append(deviation)
             metrics = step_metrics(t[there] - trials.settle_s, normalised, band=trials.settled)
-            if metrics.overshoot < _UNSOUND:
+            if metrics.overshoot < 1.0:  # an overshoot as large as the step is no response
                 steps.append((metrics.rise_s, metrics.overshoot, min(metrics.settling_s, trials.until_s)))
     table = np.array(steps).reshape(-1, 3)
     largest = np.where(np.isfinite(table), table, 0.0).max(axis=0, initial=0.0)
@@ -111,13 +109,9 @@ _END = 1.6  # over the settling: from there on it only has to stay
 
 _DEVIATIONS = 5.0  # of the answer at rest, that a band has room for
 
-_LARGEST_STEP = 2.5  # over the usual one
-
 _BETTER = 0.95  # of what the start gains do
 
 _PATHS = {"depth": "pitch", "cross_track": "heading"}
-
-_SLOWEST_ROW = 1e-6  # m/s2 or rad/s2: keeps the rise time of a row without reach finite
 
 
 def steps_above_noise(
@@ -139,7 +133,8 @@ def steps_above_noise(
     needed = _DEVIATIONS * noise / _SETTLED / LOOPS[loop].to_si
     if needed > usual:
         digit = 10.0 ** (math.floor(math.log10(needed)) - 1)
-        usual = min(math.ceil(needed / digit - 1e-9) * digit, _LARGEST_STEP * usual, largest)
+        # At most 2.5 times the usual step.
+        usual = min(math.ceil(needed / digit - 1e-9) * digit, 2.5 * usual, largest)
     size = float(f"{usual:.3g}")
     return size, -size
 
@@ -198,7 +193,8 @@ def default_corridor(
         # The weaker way, at the slowest speed: fins do least there.
         tau = min(float(ends[ends > 0.0].min(initial=np.inf)), facts.loops[rider]["tau_max"])
         inertia = float(np.asarray(vehicle.mass_matrix())[ROWS.index(row), ROWS.index(row)])
-        most = max(_LEFT * tau / inertia, _SLOWEST_ROW)
+        # A least acceleration keeps the rise time of a row without reach finite.
+        most = max(_LEFT * tau / inertia, 1e-6)
         least = size / most if loop in ("surge", "sway") else 2.0 * float(np.sqrt(size / most))
         least = max(least, _by_rate(facts, loop, size))
     # No more is asked than a little better than the start gains, within what makes sense.

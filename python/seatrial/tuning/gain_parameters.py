@@ -21,9 +21,6 @@ GAINS = ("K_P", "K_I", "K_D")
 
 _LEAST_WIDTH = 0.005  # of a factor on either side, where gains at both bounds leave it none
 
-_EXCITED = 0.2
-"""Least weight of a point at the speed of a trial that tells of its gains."""
-
 
 @dataclass(frozen=True)
 class Parameter:
@@ -179,6 +176,6 @@ def excited_points(speeds_m_s: Iterable[float], points_m_s: Sequence[float]) -> 
     for speed in speeds_m_s:
         for point in range(len(points_m_s)):
             weight = np.interp(speed, points_m_s, np.eye(len(points_m_s))[point])
-            if weight >= _EXCITED:
+            if weight >= 0.2:  # least weight of a point at the speed of a trial that tells of its gains
                 excited.add(point)
     return sorted(excited)

@@ -125,10 +125,6 @@ _SETTLE = 1.6  # over the end of a default corridor: the trim at the start takes
 
 _PERIODS = 10  # of control: the shortest corridor that tells of a motion
 
-_BELOW_M = 10.0  # of the surface
-
-_START_STEP_S = 0.04  # of the integration, where the start gains are tried
-
 
 def usual_speeds(scope: TuningScope, loop: str) -> tuple[float, ...]:
     """Speeds at which a loop is tried where the file gives none, m/s."""
@@ -174,7 +170,7 @@ def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
 
     # Twice: what the start gains do with the usual steps says how much noise and how slow a rise to allow.
     first = _stepped(scope, loop, table, speeds, usual, corridor(usual))
-    start = start_metrics(scope.rig(scope.autopilot, max_step_s=_START_STEP_S), first)
+    start = start_metrics(scope.rig(scope.autopilot, max_step_s=0.04), first)  # integrated in long steps
     steps = table.steps or steps_above_noise(loop, start.noise, top_m_s=top_m_s, largest=largest)
     return _stepped(scope, loop, table, speeds, steps, corridor(steps, start))
 
@@ -232,7 +228,7 @@ def _refuse_what_tells_nothing(
             "heave": abs(step),
             "depth": abs(step),
         }.get(loop, 0.0)
-        if climb > DEPTH_M - _BELOW_M:
+        if climb > DEPTH_M - 10.0:  # 10 m below the surface
             raise CampaignError(
                 f"[tuning.loops.{loop}]: expected trials that stay under water, {DEPTH_M:g} m deep at their"
                 f" start; a step of {step:g} {LOOPS[loop].unit} at {speed:g} m/s climbs {climb:.0f} m; take"

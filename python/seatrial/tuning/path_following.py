@@ -56,17 +56,11 @@ _CANDIDATES = len(_FACTORS) + 1  # that of the file included
 
 _OVERSHOOT = 0.3  # of the step across the path, that is accepted
 
-_EQUAL = 1.05  # of the least cost: what differs by less is as good
-
 _DELAYS, _SHORTEST_S, _LONGEST_S = 24.0, 30.0, 150.0  # a path settles within 24 delays: 6 times 2 Delta/U
 
 _SETTLE_S = 1.0  # the step comes before a drift is learnt: how soon it is counts as well
 
-_WAYS = 2.5  # the large step at the slowest speed
-
 _LARGE = 3.0  # the large step over the usual one, at least
-
-_LARGEST_M = 30.0  # a larger step across the path is another mission
 
 _FEW = 2  # drawn vehicles and currents, at least: still water tells nothing of an integral
 
@@ -87,9 +81,10 @@ def path_trials(scope: TuningScope, path: str, distance_m: float, delay_s: float
     They are made for the lookahead `distance_m` and the delay `delay_s` of the course.
     """
     small = default_steps(path, top_m_s=scope.top_m_s)[0] * LOOPS[path].to_si
-    large = min(max(_LARGE * small, distance_m), _LARGEST_M)
+    large = min(max(_LARGE * small, distance_m), 30.0)  # m: a larger step across the path is another mission
     speeds = usual_speeds(scope, path)
-    until_s = max(_DELAYS * delay_s, _WAYS * large / min(speeds))
+    # Time for two and a half ways of the large step at the slowest speed.
+    until_s = max(_DELAYS * delay_s, 2.5 * large / min(speeds))
     until_s = float(f"{np.clip(until_s, _SHORTEST_S, _LONGEST_S):.3g}")
     return LoopTrials(
         loop=path,
@@ -166,7 +161,8 @@ class _Judged:
     def best(self, distances: Array) -> int:
         """The candidate to take, of lookaheads (k,) in m."""
         cost = OUTSIDE * self.outside + self.late
-        equal = np.flatnonzero(cost <= _EQUAL * cost.min())
+        # What differs by less than 5 % of the least cost is as good.
+        equal = np.flatnonzero(cost <= 1.05 * cost.min())
         return int(equal[np.argmax(distances[equal])])
 
 

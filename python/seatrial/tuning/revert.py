@@ -32,8 +32,6 @@ _DIVERGED_S = 1e6  # a response that diverges counts as much: one fewer of them 
 
 _SAME_S = 1e-6  # s: less is rounding
 
-_LUCK, _LUCK_S = 1.5, 0.1  # of one sample: share, and s of a step
-
 _SAME = 0.03  # s outside, as much as a hundredth of a margin
 
 _OTHERS = "what no loop of the search owns"
@@ -101,7 +99,8 @@ class Standing:
         loops = []
         for loop, (own, worst) in self.outside_s.items():
             own_start, worst_start = start.outside_s[loop]
-            if own > own_start + _SAME_S or worst > _LUCK * worst_start + _LUCK_S:
+            # The worst of the samples may be half worse, and 0.1 s of a step, by luck.
+            if own > own_start + _SAME_S or worst > 1.5 * worst_start + 0.1:
                 loops.append(loop)
         return tuple(loops)
 

@@ -36,18 +36,12 @@ GUIDANCE_SEARCH = "guidance"
 GENERATIONS, ROUNDS = 30, 25
 """Batches of the evolution strategy and of the simplexes where the campaign gives no budget."""
 
-_MARGIN_GENERATIONS, _MARGIN_POPULATION = 100, 32  # margins take no flight, so a search is cheap
-
 _TOLERANCE = 1e-2  # of the logarithms of the factors: 1 % of a gain
 
 _SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once
 
-_SOUND = 1e-3  # shortfall that one factor per gain may leave: 0.1 % of a limit
-
 ROUNDING = 0.01
 """Of a margin's limit, what the frequency grid and four digits of a gain leave."""
-
-_NEAR_START = 0.01  # weight of the mean square of ln(factor) beside the shortfall of the margins
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +118,8 @@ def search_margins(plan: ControlProblem, *, seed: int, watch: Watch | None = Non
         best = replace(best, evaluations=evaluations, history=history)
         gains = {name: float(value[0]) for name, value in parameters.gains(best.x).items()}
         after = float(limits.shortfall(parameters.gains(best.x))[0])
-        if best.interrupted or after < _SOUND:
+        # One factor per gain may leave 0.1 % of a limit.
+        if best.interrupted or after < 1e-3:
             break
     before = {"margin": float(limits.shortfall({})[0])}
     return _result("margins", parameters, best, (before, {"margin": after}), flown_s=0.0)
@@ -159,7 +154,8 @@ def _nearest_sound(
     lower, upper = parameters.bounds
 
     def cost(x: Array) -> Array:
-        near: Array = _NEAR_START * (x**2).mean(axis=1)
+        # The mean square of ln(factor) weighs little beside the shortfall.
+        near: Array = 0.01 * (x**2).mean(axis=1)
         return limits.shortfall(parameters.gains(x)) + near
 
     return evolve(
@@ -168,8 +164,8 @@ def _nearest_sound(
         lower=lower,
         upper=upper,
         seed=seed,
-        population=_MARGIN_POPULATION,
-        generations=_MARGIN_GENERATIONS,
+        population=32,  # margins take no flight, so that a search is cheap
+        generations=100,
         tolerance=_TOLERANCE,
         watch=watch,
     )

@@ -58,8 +58,6 @@ if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
     from seatrial.identification.identification import Identification
 
-_PACE = 1.0 / 60_000.0  # s per s of flight before anything was measured: about two cores
-
 _BEGUN = 0.02  # of all work, that the first guess of the pace counts as
 
 _PASSES = 2  # the second turn takes up groups that the gains of others spoilt
@@ -69,8 +67,6 @@ _FRESH, _NOISES = 24, 8  # vehicles drawn for the last assessment, and noises of
 _FINE_STEP_S = 0.02  # longest step of the vehicle in the last assessment, s; searches take twice as long ones
 
 _OTHER_SEED = 7919  # added to the seed: samples that no search drew
-
-_OF_MARGINS = 0.1  # of the work of the searches that fly
 
 _EVOLUTION = 0.7  # of the budget of a group
 
@@ -231,7 +227,8 @@ class TuningRun:
         each = sum(len(t) * t.duration_s for group in self.plan.groups for t in group.trials)
         last = (_FRESH + _NOISES) * 2 * 2 * each
         after = {GUIDANCE_SEARCH: path_work_s(self.plan, self.plan.followed), _ASSESSMENT: last}
-        return {"margins": _OF_MARGINS * flown / _PASSES} | parts | after
+        # Margins take a tenth of the work of the searches that fly.
+        return {"margins": 0.1 * flown / _PASSES} | parts | after
 
     def _keep(self, name: str, search: Callable[[Callable[[Step], None]], GroupResult | None]) -> bool:
         """Run or reuse a part of the search; whether it was interrupted."""
@@ -373,7 +370,8 @@ class WorkLeft:
         first = _BEGUN * self._all
         worked = self._worked + share * part
         took = self._took + (self._clock() - self._began if part > 0.0 else 0.0)
-        pace = (_PACE * first + took) / (first + worked)
+        # Before anything was measured: what about two cores take, s per s of flight.
+        pace = (first / 60_000.0 + took) / (first + worked)
         return max(pace * (self._sum() - share * part), 0.0)
 
     def end(self, name: str, *, kept: bool = False) -> None:

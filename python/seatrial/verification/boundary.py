@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 Side = Literal["boundary", "safe", "fails", "probably safe", "probably fails"]
 
-_ROWS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the second variable, in the table
-
 
 @dataclass(frozen=True, eq=False)
 class RequirementBoundary:
@@ -180,7 +178,7 @@ class FailureBoundary(RunResult):
 
     def seconds(self) -> list[float]:
         """Values of the second variable at which boundaries in the first are told."""
-        return [self.value(1, x) for x in _ROWS]
+        return [self.value(1, x) for x in (0.0, 0.25, 0.5, 0.75, 1.0)]  # of the second variable, in the table
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""

@@ -132,9 +132,6 @@ class Draws:
         )
 
 
-_TIED = 1.0 - 1e-9  # correlation from which two coefficients are one
-
-
 def cause_columns(
     table: VerificationTable, fitted: Fitted, missions: Sequence[Mission], *, draws: Draws
 ) -> dict[str, Array]:
@@ -232,7 +229,8 @@ def _of_vehicle(fitted: Fitted, draws: Draws) -> dict[str, Array]:
     for k, name in enumerate(fitted.names):
         if sigma[k] == 0.0:
             continue
-        if not any(abs(fitted.covariance[j, k]) >= _TIED * sigma[j] * sigma[k] for j in kept):
+        # From such a correlation on two coefficients are one.
+        if not any(abs(fitted.covariance[j, k]) >= (1.0 - 1e-9) * sigma[j] * sigma[k] for j in kept):
             kept.append(k)
             found[f"coefficient {name}, sigmas"] = (draws.coefficients[name] - centre[k]) / sigma[k]
     return found
@@ -261,8 +259,6 @@ _SEEDS = 2.0**53  # whole numbers that a float holds
 
 # Defaults: largest current over the slowest speed; turbulence over current, and vertical over horizontal.
 _QUARTER, _TENTH, _DOWN = 0.25, 0.1, 0.55
-
-_PERIOD = 4.3  # s per root of a metre, between 3.6 and 5 of DNV-RP-C205 (2010), section 3.5.5
 
 
 def draw_missions(
@@ -435,7 +431,7 @@ def _waves(asked: Waves | None, u: dict[str, Array]) -> Array:
         return np.tile(CALM, (len(u["wave height"]), 1))
     height = np.minimum(asked.height_m.quantiles(u["wave height"], above_zero=True), LIMITS["height_m"][1])
     period = (
-        _PERIOD * np.sqrt(height)
+        4.3 * np.sqrt(height)  # s per root of a metre, between 3.6 and 5 of DNV-RP-C205 (2010), section 3.5.5
         if asked.period_s is None
         else asked.period_s.quantiles(u["wave period"], above_zero=True)
     )

@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_FIFTHS = 5  # groups of a value: fewer hide a hump, more are too small to count failures in
-
 _SECTORS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
@@ -53,8 +51,9 @@ def grouped(values: NDArray[Any], failed: NDArray[np.bool_], *, kind: str) -> Gr
         labels = list(_SECTORS)
         place = np.rint(values / (0.25 * np.pi)).astype(int) % len(_SECTORS)
     else:
-        # Values that are often met may fill several fifths: fewer groups are left.
-        edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, _FIFTHS + 1)))
+        # Fifths: fewer hide a hump, more are too small to count failures in. Values that are often met may
+        # fill several of them: fewer groups are left.
+        edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, 6)))
         if len(edges) == 2:
             return _apart(values, failed, least=float(edges[0]), most=float(edges[1]))
         place = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)

@@ -43,8 +43,6 @@ _MISSIONS, _GENERATION = 2000, 32  # in all; of a generation of CMA-ES: four tim
 
 _AFTER = 10  # generations beyond the first failure, to find what is really bad
 
-_SCALES = 16  # at once, twice
-
 _SEED = 0.5  # of noise and gusts
 
 _SAME = 1e-9  # rounding of a value that is back in the middle
@@ -352,7 +350,7 @@ class _Search:
             x, value = tried[k], float(values[k])
         low, high = 0.0, 1.0
         for _ in range(2):
-            scales = np.linspace(low, high, _SCALES + 1)[1:]
+            scales = np.linspace(low, high, 17)[1:]  # sixteen at once, twice
             values = self._robustness(scales[:, None] * x[None])
             failing = np.flatnonzero(values <= 0.0)
             if not failing.size:

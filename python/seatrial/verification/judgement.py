@@ -264,16 +264,14 @@ def metrics_without_value(requirements: Sequence[Requirement], flown: FlownMissi
     return tuple(said)
 
 
-_SAME_M = 1e-3  # perceived and true depth that differ by less are of a flight without sensors
-
-
 def perceived_and_true(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
     """A sentence on which errors are perceived and which are true; none where they are the same."""
     perceived, true = (
         np.asarray(flown.metrics[name], float) for name in ("cross_track_p95_m", "true_cross_track_p95_m")
     )
     known = np.isfinite(perceived) & np.isfinite(true)
-    if not known.any() or np.allclose(perceived[known], true[known], rtol=0.0, atol=_SAME_M):
+    # Perceived and true depth that differ by less than 1 mm are of a flight without sensors.
+    if not known.any() or np.allclose(perceived[known], true[known], rtol=0.0, atol=1e-3):
         return ()
     asked = [f'"{one.name}"' for one in requirements if set(one.metrics) & set(PERCEIVED)]
     who = f" (which {' and '.join(asked)} ask{'s' if len(asked) == 1 else ''} for)" if asked else ""

@@ -134,8 +134,6 @@ class MissionStore:
 
 _OF_THE_WATER = 64  # draws from which a filter is told of the water
 
-_SHORT_CRESTED_DEG = 60.0  # spreading of a sea whose direction differs from mission to mission
-
 
 @dataclass(frozen=True, eq=False)
 class CampaignFlights:
@@ -361,7 +359,7 @@ class CampaignFlights:
         gusts = np.sqrt(np.mean(drawn.turbulence**2, axis=0))
         sea = SeaState.of_row(drawn.waves[np.argsort(drawn.waves[:, 0])[_OF_THE_WATER // 2]])
         if sea is not None:
-            sea = replace(sea, spreading_deg=_SHORT_CRESTED_DEG)
+            sea = replace(sea, spreading_deg=60.0)  # of a sea whose direction differs from mission to mission
         return {"turbulence": gusts, "waves": sea}
 
     def _cases(self, drawn: Draws, index: int) -> Cases:

@@ -346,8 +346,6 @@ def obstacles(entries: Sequence[Obstacle]) -> list[Circle]:
     ]
 
 
-_DEFAULT_SHARE = 0.95  # of the missions that keep a requirement, where nothing is said
-
 _SURE = 1.96  # normal quantile of 95 % on two sides
 
 
@@ -418,4 +416,5 @@ def default_requirements(
         asked.append(("stays off the bottom", "altitude_smallest_m > 0"))
     if np.isfinite(deepest):
         asked.append(("keeps its depth limit", f"depth_largest_m <= {deepest:g}"))
-    return tuple(Requirement(name, holds, _DEFAULT_SHARE) for name, holds in asked)
+    # Where nothing is said, 95 % of the missions have to hold a requirement.
+    return tuple(Requirement(name, holds, 0.95) for name, holds in asked)

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-_FINITE = 0.9  # of the missions that held: fewer finite distances rank nothing
-
 
 def robustness(requirement: Requirement, flown: FlownMissions, flights: CampaignFlights) -> Array:
     """Robustness (k,) of flown missions, in the unit of the requirement's reserve; negative where it failed.
@@ -58,6 +56,7 @@ def completion(flown: FlownMissions, flights: CampaignFlights) -> Array:
 def unusable(requirement: Requirement, values: Array) -> Finding | None:
     """Why a requirement's robustness (k,) ranks no missions; None where it does."""
     held = values > 0.0
-    if not held.any() or np.isfinite(values[held]).mean() >= _FINITE:
+    # Fewer finite distances among the missions that held rank nothing.
+    if not held.any() or np.isfinite(values[held]).mean() >= 0.9:
         return None
     return Finding("no distance", Severity.PROBLEM, requirement.name, {"holds": requirement.holds})

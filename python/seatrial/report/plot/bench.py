@@ -47,8 +47,6 @@ _POINTS = 201  # of a curve: smooth in print
 
 _NAMED = 6  # outlying points with a number: more hide one another
 
-_DENSE = 60  # points from which on markers shrink
-
 _DASHES = (
     "-",
     (0, (6, 1.5)),
@@ -153,7 +151,7 @@ def _curve(upper: Axes, lower: Axes, fit: UnitFit) -> None:
                 )
     residual = points.thrust - fit.thrust(points.signal)
     honest = ~outlying
-    size = 9.0 if len(points.signal) <= _DENSE else 2.0
+    size = 9.0 if len(points.signal) <= 60 else 2.0  # many markers shrink
     for axes, values in ((upper, points.thrust), (lower, residual)):
         axes.scatter(
             points.signal[honest],

@@ -47,11 +47,7 @@ _HEIGHT_IN = 2.65  # layout, inches
 
 _MARGIN, _MOST = 0.12, 0.6  # beyond the bounds, as shares of their range: at least, and at most
 
-_JUST_BEFORE_S = 1e-6  # draws the jumps of a bound upright
-
 _SMALLEST_S = 0.001  # an area below is told as less than that
-
-_FAINTEST = 60  # responses of a bundle that are drawn, evenly taken from those there are
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +149,8 @@ def _panel(axes: Axes, panel: InCorridor, window: tuple[float, float]) -> None:
     low, high = window
     _excluded(axes, panel.corridor, end, low, high)
     axes.axhline(panel.corridor.target, color=FAINT, linewidth=0.7, linestyle=(0, (4, 2)))
-    for k in np.unique(np.linspace(0, len(bundle) - 1, min(len(bundle), _FAINTEST)).astype(int)):
+    # At most 60 responses of a bundle are drawn, evenly taken from those there are.
+    for k in np.unique(np.linspace(0, len(bundle) - 1, min(len(bundle), 60)).astype(int)):
         if k != worst:
             axes.plot(panel.t, _drawn(bundle[k]), color=SIMULATED, linewidth=0.5, alpha=0.35, zorder=2.2)
     _areas(axes, panel, bundle[worst], areas)
@@ -250,7 +247,7 @@ def _window(corridor: Corridor, response: Array) -> tuple[float, float]:
 def _fine(corridor: Corridor, t: Array) -> Array:
     """Grid with the times of all bounds, and just before them, so that jumps are upright."""
     times = np.array([time for points in (corridor.lower, corridor.upper) for time, _ in points])
-    grid = np.concatenate([t, times, times - _JUST_BEFORE_S])
+    grid = np.concatenate([t, times, times - 1e-6])  # 1 us before draws the jumps of a bound upright
     return np.unique(grid[(grid >= t[0]) & (grid <= t[-1])])
 
 
@@ -261,8 +258,6 @@ def _drawn(response: Array) -> Array:
 
 _STEP_RESPONSES_HEIGHT_IN, _LEGEND_IN = 2.2, 0.5  # layout, inches
 
-_IN_A_COLUMN = 3  # more courses stand in two, and all of them on a page
-
 _PAGE_IN = 9.8  # layout, inches
 
 _CORRIDOR = "#DDEBDD"
@@ -271,12 +266,6 @@ _STEP_RESPONSES_MARGIN, _MOST_RESPONSES = (
     0.08,
     0.5,
 )  # around what is shown, and how far a wild response may widen it
-
-_PER_STEP = 240  # points of a bound
-
-_ALONE_IN = 0.8  # more height for the only panel
-
-_MOSTLY = 0.4  # share of a panel that a response must fill to be seen
 
 
 @dataclass(frozen=True)
@@ -331,10 +320,10 @@ def step_responses(courses: Sequence[Course]) -> Figure:
     """
     if not courses:
         raise SimulationError("no step responses to draw; give at least one time course")
-    columns = 1 if len(courses) <= _IN_A_COLUMN else 2
+    columns = 1 if len(courses) <= 3 else 2  # more courses stand in two, and all of them on a page
     rows = -(-len(courses) // columns)
     with house_style():
-        alone = _ALONE_IN if len(courses) == 1 else 0.0
+        alone = 0.8 if len(courses) == 1 else 0.0  # inches of more height for the only panel
         figure = new_figure(min(_STEP_RESPONSES_HEIGHT_IN * rows + _LEGEND_IN + alone, _PAGE_IN))
         grid = figure.subplots(rows, columns, squeeze=False)
         panels = list(grid.flat)
@@ -360,8 +349,9 @@ def _step_responses_panel(axes: Axes, course: Course, *, narrow: bool) -> None:
         bundle = np.where(np.isfinite(bundle), bundle, np.nan)
         if len(bundle) > 1:
             ends = np.fmin.reduce(bundle, axis=0), np.fmax.reduce(bundle, axis=0)
-            # A span that is mostly wider than the panel would hide all else and say no more than that.
-            if (ends[1] - ends[0] > high - low).mean() < _MOSTLY:
+            # A span that is mostly wider than the panel would hide all else and say no more than that; one
+            # that is wider for less than two fifths of the time is seen.
+            if (ends[1] - ends[0] > high - low).mean() < 0.4:
                 axes.fill_between(course.t, *ends, color=colour, alpha=0.22, linewidth=0.0, zorder=2.2)
         line(axes, course.t, bundle[0], color=colour, linewidth=width, linestyle=dashes, zorder=2.4)
     axes.set_xlim(course.t[0], course.t[-1])
@@ -389,7 +379,7 @@ def _corridors(axes: Axes, course: Course) -> list[float]:
     for k, step in enumerate(steps):
         until = steps[k + 1].at_s if k + 1 < len(steps) else float(course.t[-1])
         last = min(step.corridor.until_s, until - step.at_s)
-        times = np.unique(np.concatenate([np.linspace(0.0, last, _PER_STEP), _jumps(step.corridor, last)]))
+        times = np.unique(np.concatenate([np.linspace(0.0, last, 240), _jumps(step.corridor, last)]))
         bounds = [step.before + (step.after - step.before) * side for side in step.corridor.sampled(times)]
         both = np.isfinite(bounds).all(axis=0)
         axes.fill_between(

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MARKED = (0.50, 0.95, 0.99)  # shares of the samples whose error is marked
-
 _BINS = 40  # bars of the histogram
 
 
@@ -133,7 +131,7 @@ def _curve(
     if perceived_counts is not None:
         _told(axes, perceived_counts, edges)
     axes.plot(x, y, color=SIMULATED, label="true")
-    for part in _MARKED:
+    for part in (0.50, 0.95, 0.99):  # shares of the samples whose error is marked
         value = quantile_of_counts(counts, edges, share_below=part)
         if not np.isfinite(value):
             continue

@@ -55,8 +55,6 @@ _PATTERN_DASHES = ((0, (4, 1.2)), (0, (1.4, 1.2)), (0, (4, 1.2, 1.2, 1.2)))
 
 _START_IN, _ARROW_IN = 0.24, 0.5  # length of the start's arrow, distance of the others, inches
 
-_MOST_PATTERNS = 5  # more labels cover the plan
-
 
 def mission_plan(mission: Mission, *, seabed: Seabed | None = None) -> Figure:
     """Figure of a mission as planned: view from above and profile.
@@ -66,7 +64,7 @@ def mission_plan(mission: Mission, *, seabed: Seabed | None = None) -> Figure:
     path = planned_path(mission, seabed=seabed)
     columns = mission.waypoints
     acceptance = np.asarray(columns["acceptance_radius_m"], dtype=float)
-    runs = patterns(columns["label"])[:_MOST_PATTERNS]
+    runs = patterns(columns["label"])[:5]  # more labels cover the plan
     farms = outlines(mission)
     around = [path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]]
     fence = [mission.fence] if len(mission.fence) else []

@@ -36,12 +36,6 @@ if TYPE_CHECKING:
 
 _BAND = "#CFE3F1"
 
-_MOST_SUSPECTS = 8  # bars of a page, the likeliest first
-
-_WRAP = 62  # letters of a line of a label
-
-_MARKS = 1500  # markers of a panel: more are one blot
-
 _RARE, _BEYOND = (
     0.025,
     0.5,
@@ -145,7 +139,7 @@ def suspect_bars(verdict: LogVerdict) -> Figure:
     """Figure of the suspects: error that each leaves, in units of a valid model's, the least first."""
     import textwrap
 
-    shown = verdict.suspects[:_MOST_SUSPECTS]
+    shown = verdict.suspects[:8]  # bars of a page, the likeliest first
     with house_style():
         figure = new_figure(0.9 + 0.42 * len(shown))
         axes = figure.subplots()
@@ -170,7 +164,7 @@ def suspect_bars(verdict: LogVerdict) -> Figure:
                 fontsize=6.5,
                 color="white" if inside else "#404040",
             )
-        named = [textwrap.fill(_SIGN.sub("\N{MINUS SIGN}", suspect.change), _WRAP) for suspect in shown]
+        named = [textwrap.fill(_SIGN.sub("\N{MINUS SIGN}", suspect.change), 62) for suspect in shown]
         axes.set_yticks(rows, named, fontsize=7)
         axes.invert_yaxis()
         axes.grid(False, axis="y")
@@ -191,7 +185,7 @@ def _shade(axes: Axes, t: Array, lower: Array, upper: Array, label: str) -> None
 
 def _dots(axes: Axes, t: Array, y: Array, mask: NDArray[np.bool_]) -> None:
     at, values = t[mask], y[mask]
-    every = max(1, len(at) // _MARKS)
+    every = max(1, len(at) // 1500)  # markers of a panel: more are one blot
     axes.plot(
         at[::every],
         values[::every],

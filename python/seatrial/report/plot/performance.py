@@ -47,8 +47,6 @@ _CURVE = tuple(0.05 * k for k in range(1, 21))  # shares of the largest command
 
 _TURN_SHARE = 0.5  # of the largest command, at which turns are drawn
 
-_DRAWN_DEG = 540.0  # one and a half turns: the circle closes
-
 _DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)))
 
 _LABELS = {
@@ -151,7 +149,7 @@ def track(vehicle: Vehicle, turn: Turn, *, voltage_v: float = NOMINAL_V) -> Arra
     place: Array = np.asarray(run.position)[:, :2]
     step = np.diff(place, axis=0)
     course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-    turned = np.abs(course - course[0]) > np.deg2rad(_DRAWN_DEG)
+    turned = np.abs(course - course[0]) > np.deg2rad(540.0)  # one and a half turns: the circle closes
     return place[: int(np.argmax(turned)) if turned.any() else None]
 
 

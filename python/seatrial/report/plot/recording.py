@@ -60,10 +60,6 @@ _PANEL_IN, _EDGES_IN = 1.05, 0.95  # layout, inches
 
 _MOST_POINTS = 4000  # per line: more are thinner than a pixel
 
-_HEADROOM = 0.14  # above the curves, as a share of their range: a line of names
-
-_MOST_NAMED, _MOST_MARKED = 8, 60  # marks with names, and with lines; more would cover each other
-
 _UNITS = {"us": "\N{MICRO SIGN}s", "rpm": "rpm"}
 
 
@@ -113,7 +109,7 @@ def recording(
     shown = [(title, unit, [c for c in channels if c in trial.channels]) for title, unit, channels in _PANELS]
     shown = [(title, unit, channels) for title, unit, channels in shown if channels]
     kinds = _command_panels(trial, units or {})
-    marks = marks if len(marks) <= _MOST_MARKED else ()
+    marks = marks if len(marks) <= 60 else ()  # more lines would cover each other
     with house_style():
         count = len(shown) + len(kinds)
         figure = new_figure(_EDGES_IN + _PANEL_IN * max(count, 1))
@@ -137,7 +133,7 @@ def recording(
                     drawstyle="steps-post",
                 )
             _finish(axes, title, unit, 1 < len(values) <= 2 * len(CYCLE))
-        named = len(marks) <= _MOST_NAMED
+        named = len(marks) <= 8  # more names would cover each other
         for axes in grid:
             _shade(axes, windows, HULL)
             _shade(axes, held_out, SHADE)
@@ -231,7 +227,7 @@ def _shade(axes: Axes, parts: Sequence[tuple[float, float]], colour: str) -> Non
 def _names(axes: Axes, marks: Sequence[tuple[float, str]], trial: Trial) -> None:
     """Names of the marks above the curves of the upper panel, those too near the one before left out."""
     low, high = axes.get_ylim()
-    axes.set_ylim(low, high + _HEADROOM * (high - low))
+    axes.set_ylim(low, high + 0.14 * (high - low))  # room for a line of names
     room = 0.06 * float(trial.t[-1] - trial.t[0])
     last = -np.inf
     for at, name in marks:

@@ -223,8 +223,6 @@ _SIZE_PT, _SMALLEST_PT = 6.5, 4.0  # of a legend: usual, and where it must shrin
 
 _AIR_IN, _ROW_IN = 0.09, 0.10  # layout, inches
 
-_TOGETHER_IN = 0.06  # layout, inches
-
 
 def label_rows(
     axes: Axes,
@@ -254,7 +252,7 @@ def label_rows(
     """
     across, upright = window
     rows: dict[float, list[tuple[float, float, str]]] = {1.0: [], -1.0: []}
-    for members in _together(page, _TOGETHER_IN / inch):
+    for members in _together(page, 0.06 / inch):  # inches
         x, y = page[members].mean(axis=0)
         # On the centre line a label stands where the arrow does not point.
         side = y if abs(y) > 1e-3 else -arrows[members, 1].sum()

@@ -35,8 +35,6 @@ _AIR = 0.07  # of the track's extent, at its edge
 
 _LETTER_IN, _LINE_IN = 0.062, 0.12  # layout, inches
 
-_LEAST_CIRCLE_IN = 0.03  # layout, inches
-
 _MOST_CIRCLES = 60  # waypoints that are drawn with their sphere of acceptance
 
 
@@ -126,7 +124,7 @@ def _spheres(plan: Plan, places: Array, acceptance: Array) -> None:
     """Circles of acceptance where they can be seen."""
     from matplotlib.collections import EllipseCollection
 
-    seen = acceptance / plan.m_per_in >= _LEAST_CIRCLE_IN
+    seen = acceptance / plan.m_per_in >= 0.03  # inches: smaller ones are dots
     if not seen.any() or len(places) > _MOST_CIRCLES:
         return
     circles = EllipseCollection(
@@ -328,8 +326,6 @@ def page_legend(figure: Figure, panels: tuple[Axes, Axes], page: Layout) -> None
 
 Seabed = tuple[float, float, float]
 
-_ARC_RAD = math.radians(5.0)  # of an arc per straight piece
-
 _PLAIN = re.compile(r"waypoint \d+")
 
 _OF_PATTERN = re.compile(r"(?:to )?(?P<stem>.+?) (?:\d+(?:/\d+)?|(?:round|stop) \d+.*)")
@@ -408,7 +404,7 @@ def _way(here: Array, centre: Array, radius: float, turns: float) -> list[Array]
         return [centre]
     out = here[:2] - centre[:2]
     bearing = math.atan2(out[1], out[0])
-    count = max(2, math.ceil(abs(turns) * math.tau / _ARC_RAD))
+    count = max(2, math.ceil(abs(turns) * math.tau / math.radians(5.0)))  # 5 deg of an arc per straight piece
     angles = bearing + np.linspace(0.0, turns * math.tau, count + 1)
     return [
         np.array([centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a), centre[2]])

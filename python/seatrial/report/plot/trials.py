@@ -188,8 +188,6 @@ _ANGLES = ("roll", "pitch", "yaw")
 
 _DEGREES = ("p", "q", "r", *_ANGLES)
 
-_PANEL_HEIGHT_IN, _EDGES_HEIGHT_IN = 1.45, 0.85  # layout, inches
-
 
 def drawings(
     result: Score | Comparison | Mapping[str, Score], *, free: str = AXES
@@ -225,7 +223,7 @@ def variants(trial: Trial, scores: Mapping[str, Score], *, channels: Sequence[st
     first = next(iter(scores.values()))
     looks = {name: _LOOKS[i % len(_LOOKS)] for i, name in enumerate(scores)}
     with house_style():
-        figure = new_figure(_EDGES_HEIGHT_IN + _PANEL_HEIGHT_IN * len(channels))
+        figure = new_figure(0.85 + 1.45 * len(channels))  # inches of the edges, and of each panel
         grid = figure.subplots(
             2 * len(channels), 1, sharex=True, squeeze=False, height_ratios=[3.0, 1.4] * len(channels)
         )

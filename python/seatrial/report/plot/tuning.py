@@ -67,8 +67,6 @@ _PANELS = 6  # speeds of a figure of responses
 
 _SPEEDS_ON_A_PAGE = 3  # in the figure of corridors
 
-_BEFORE_S = 5.0  # of the settling that is drawn before the first step
-
 _MINUS = "\N{MINUS SIGN}"
 
 
@@ -142,7 +140,7 @@ def responses(start: Performance, tuned: Performance, loop: str) -> Figure:
         first = trials.settle_s
         set_point = np.where((own.t >= first) & (own.t < first + trials.until_s), high, low)
         scale = 1.0 / entry.to_si
-        shown = own.t > first - _BEFORE_S
+        shown = own.t > first - 5.0  # s of the settling that are drawn before the first step
         courses.append(
             Course(
                 name=_step(own, trial, loop),

@@ -299,8 +299,6 @@ _LIMIT = re.compile(r"\b((?:true_)?cross_track_p95_m) <=? ([0-9.]+)")
 
 _TRUE = "true_cross_track_p95_m"
 
-_MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4  # figures of a gallery, and tracks of a figure
-
 
 def drawings(result: Verification | FailureBoundary) -> dict[str, Callable[[], Figure]]:
     """Figures by name: requirements, cross-track error, causes and worst missions; boundaries of a survey.
@@ -324,7 +322,7 @@ def drawings(result: Verification | FailureBoundary) -> dict[str, Callable[[], F
         "cross_track": partial(_cross_track, result),
     }
     taken: set[str] = set()
-    for judged in [row for row in result.requirements if row.found.failures][:_MOST_REQUIREMENTS]:
+    for judged in [row for row in result.requirements if row.found.failures][:6]:  # figures of a gallery
         name = free_name(file_name(judged.requirement.name, instead="_"), taken)
         taken.add(name)
         drawn[f"causes_{name}"] = partial(cause_bars, judged.causes, heading=judged.requirement.name)
@@ -352,7 +350,9 @@ def _cross_track(verification: Verification) -> Figure:
 
 def _worst(verification: Verification, judged: JudgedRequirement) -> Figure:
     """Tracks of the worst missions, as far as they fly the same mission as the worst of all."""
-    same = [run for run in judged.worst if run.mission == judged.worst[0].mission][:_MOST_TRACKS]
+    same = [run for run in judged.worst if run.mission == judged.worst[0].mission][
+        :4
+    ]  # more hide one another
     flights = [
         WorstFlight(
             f"mission {run.number}: {reserve(run.reserve, judged.judgement.unit)}",

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from seatrial.inspect.consistency_result import Consistency
 
 
-_MOST_PROPOSALS = 6  # more are among the details
-
 _READY = {True: "Ready to identify", False: "Nothing to identify: it only tunes or verifies an autopilot"}
 
 
@@ -46,7 +44,9 @@ def report(check: CampaignCheck) -> Report:
             Section(sentences=(*check.problems, *check.warnings)),
             Section(sentences=free, tables=(_trial_table(check), _stage_table(check))),
             Section(
-                "Corrections proposed", tuple(proposal.text for proposal in check.proposals[:_MOST_PROPOSALS])
+                # More are among the details.
+                "Corrections proposed",
+                tuple(proposal.text for proposal in check.proposals[:6]),
             ),
             Section("Kind of data", check.data),
             Section("Inputs over what is fitted", inputs, (_input_table(check),)),

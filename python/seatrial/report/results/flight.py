@@ -24,8 +24,6 @@ from seatrial.report.results import watches
 from seatrial.report.results.flight_findings import not_reached, problem, remedy, saturation, still_down
 from seatrial.vehicle.actuators import beyond_tables
 
-_SWITCHES_PER_MINUTE = 6.0  # more than this looks like a limit cycle around the minimum
-
 _LEAST_S = 20.0  # of a flight from which starts per minute can be told
 
 _SATURATED = 0.05  # share of the time: less is not worth a sentence
@@ -252,7 +250,7 @@ def _actuators(flight: Flight) -> list[str]:
     if busiest.switches_per_minute == 0.0:
         return []
     rate = f"{busiest.switches_per_minute:.1f} starts and stops a minute"
-    if busiest.switches_per_minute > _SWITCHES_PER_MINUTE:
+    if busiest.switches_per_minute > 6.0:  # more looks like a limit cycle around the minimum
         return [f"{busiest.name} made {rate}: a limit cycle around its smallest command, or noise in a loop."]
     return [f"No actuator made more than {rate}."]
 

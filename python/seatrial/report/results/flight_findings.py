@@ -17,8 +17,6 @@ from seatrial.report.results.watches import remedy as remedy_of_watch
 
 CHECK = "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)"
 
-_DOWN_M_S = 0.005  # of the current: what matters to a vehicle that floats up
-
 _FARTHER = "plan the legs farther from the bottom, or slow down before the depth changes"
 
 
@@ -254,7 +252,8 @@ def _reaction_remedy(finding: Finding) -> str:
 def _come_up(finding: Finding) -> str:
     """How a vehicle is brought up that did not come up."""
     down = finding["down_m_s"]
-    water = f" in water that goes down at {down:g} m/s" if down > _DOWN_M_S else ""
+    # Half a centimetre per second matters to a vehicle that floats up.
+    water = f" in water that goes down at {down:g} m/s" if down > 0.005 else ""
     floats = f"give it more buoyancy ({finding['net_n']:+.2g} N{water}) or a weight to drop"
     if finding["last_reaction"] == "surface":
         return f"{floats}, or more speed on the way up (surface_speed_m_s under [safety])"

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 FEWEST_FLIGHTS = 39
 """Of fewer, no rank leaves 2.5 % on either side."""
 
-_RANKS = (0.025, 0.5, 0.975)  # median and ends of the middle 95 %
-
 QUANTITIES: Mapping[str, tuple[str, str]] = {
     "depth": ("depth", "m"),
     "speed": ("speed", "m/s"),
@@ -107,7 +105,8 @@ def prediction_band(values: Array) -> Array:
 
     `values` (k, ...) are of at least 39 flights; nan where a flight has none.
     """
-    return np.asarray(np.nanquantile(values, _RANKS, axis=0, method="weibull"))
+    # Median and ends of the middle 95 %.
+    return np.asarray(np.nanquantile(values, (0.025, 0.5, 0.975), axis=0, method="weibull"))
 
 
 def mission_envelope(

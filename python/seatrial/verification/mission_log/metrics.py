@@ -264,11 +264,7 @@ _LOOPS = {
     "heading": ("heading", "yaw", math.radians(5.0)),
 }
 
-_STOOD_S = 5.0  # a set point that stands so long before it moves begins a step
-
 _RAMP = 0.25  # of a corridor: a set point that moves for longer is no step
-
-_SMOOTH_S = 1.0  # mean of a logged set point: shorter wobble is the log's
 
 _STILL = 1e-6  # rounding of a set point that stands
 
@@ -312,7 +308,8 @@ def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[Lo
             continue
         t, dt = log.trial.t, log.trial.dt
         wanted, done = log.beside[key], _smoothed_set_point(log, channel)
-        stand, length = round(_STOOD_S / dt), round(corridor.until_s / dt)
+        # A set point that stands for 5 s before it moves begins a step.
+        stand, length = round(5.0 / dt), round(corridor.until_s / dt)
         for stood, last in _ramps(wanted, key, round(_RAMP * corridor.until_s / dt)):
             first = stood + 1
             after = slice(first, first + length + 1)
@@ -345,7 +342,8 @@ def _smoothed_set_point(log: MissionLog, channel: str) -> Array:
     values = log.trial.channel(channel)
     if channel == "yaw":
         values = np.unwrap(values)
-    width = 2 * round(0.5 * _SMOOTH_S / log.trial.dt) + 1
+    # Mean of a logged set point over 1 s: shorter wobble is the log's.
+    width = 2 * round(0.5 / log.trial.dt) + 1
     known = np.isfinite(values)
     if width < 3 or len(values) < width:
         return np.asarray(values)

@@ -38,8 +38,6 @@ FEWEST = 8
 _SUBSTEP_S = 0.05
 """Longest step of the integration; the rates of vehicles of a metre and more stay well below its inverse."""
 
-_FEWEST_S = 10.0  # under water that are worth leaving the rest out for: a window
-
 _STEEP = math.radians(70.0)
 """Pitch beyond which roll and yaw do not count."""
 
@@ -235,7 +233,8 @@ def under_water(
     part = (trial.t >= (-np.inf if start_s is None else start_s)) & (
         trial.t < (np.inf if stop_s is None else stop_s)
     )
-    if (wet & part).sum() * trial.dt < _FEWEST_S:
+    # Ten seconds, a window, are the least that is worth leaving the rest out for.
+    if (wet & part).sum() * trial.dt < 10.0:
         return trial
     return replace(trial, valid=trial.valid & wet[:, None], surface=None)
 

@@ -101,9 +101,6 @@ def share_interval(share: float, effective: float) -> tuple[float, float]:
     return low, high
 
 
-_FIRST_S = 0.5
-"""After a restart no model error has had the time to show: what is seen is noise."""
-
 _BINS = 12  # of the time since a restart
 
 _NORMAL_95 = 1.959964  # quantile of the normal distribution
@@ -246,7 +243,8 @@ def _noise(logs: Sequence[PredictedLog]) -> Array:
     """Root mean square (12,) of the errors in the first moments after a restart; infinite without any."""
     squares, samples = np.zeros(12), np.zeros(12)
     for log in logs:
-        rows = max(2, 1 + round(_FIRST_S / log.trial.dt))
+        # In the first half second no model error has had the time to show: what is seen is noise.
+        rows = max(2, 1 + round(0.5 / log.trial.dt))
         for error, mask in zip(log.residual, log.counted, strict=True):
             squares += (error[:rows] ** 2).sum(axis=0)
             samples += mask[:rows].sum(axis=0)

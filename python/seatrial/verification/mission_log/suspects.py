@@ -130,8 +130,6 @@ STRONGEST_M_S = 3.0
 
 _STEPS = 4  # Gauss-Newton steps; the current enters nearly linearly
 
-_STILL_M_S = 1e-3  # a step of the current that ends the search
-
 
 def in_current(log: PredictedLog, spread: Spread) -> tuple[PredictedLog, tuple[float, float]]:
     """Log without a recorded current, with the steady one that suits it best, and that north and east, m/s.
@@ -148,7 +146,7 @@ def in_current(log: PredictedLog, spread: Spread) -> tuple[PredictedLog, tuple[f
         step = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
         current = np.clip(current + step, -STRONGEST_M_S, STRONGEST_M_S)
         found = log.in_water(current)
-        if float(np.abs(step).max()) < _STILL_M_S:
+        if float(np.abs(step).max()) < 1e-3:  # m/s: a step of the current that ends the search
             break
     return found, (float(current[0]), float(current[1]))
 
@@ -199,18 +197,7 @@ def offset_words(channel: str, offset: float) -> str:
 
 _ANGLES, _RATES = ("roll", "pitch", "yaw"), ("p", "q", "r")
 
-_FOLLOWED = 8  # suspects whose joint gain is worked out: each costs a fit
-
 _LEAST_GAIN = 0.02  # of the cost: less explains nothing that a user would see
-
-_AKAIKE = 2.0  # Akaike (1974): in twice the log-likelihood, per parameter
-
-_THING = 0.01  # of the cost: decides ties only
-
-_MOST_FACTOR = 3.0  # of a coefficient's own value: beyond it another vehicle is described
-
-_MOST_GAIN = 2.0
-"""No actuator comes to give twice its thrust."""
 
 
 def suspects(
@@ -220,7 +207,7 @@ def suspects(
     *,
     sigma: Mapping[str, float] | None = None,
     current: bool = True,
-    most: int = _FOLLOWED,
+    most: int = 8,  # a joint gain is worked out for each, which costs a fit
 ) -> tuple[Suspect, ...]:
     """Suspects of a log, the one that explains most first.
 
@@ -270,7 +257,8 @@ def suspects(
     results = tests.results()
     order = sorted(range(len(places)), key=lambda i: -fits[i][1])
     # Errors of a window hang together: it is worth about one observation per channel.
-    penalty = _AKAIKE * white.cost / (len(columns) * len(white.places))
+    # Akaike (1974): two in twice the log-likelihood, per parameter.
+    penalty = 2.0 * white.cost / (len(columns) * len(white.places))
     found: list[tuple[float, Suspect]] = []
     for i in order[: 2 * most]:
         theta, linear = fits[i]
@@ -321,7 +309,8 @@ def suspects(
             coefficients=coefficients,
         )
         # Of two that explain the same, the one that is a thing rather than a number is read first.
-        worth = gain - penalty * (len(own) - 1) + (_THING * white.cost if kind == "group" else 0.0)
+        # A hundredth of the cost decides ties only.
+        worth = gain - penalty * (len(own) - 1) + (0.01 * white.cost if kind == "group" else 0.0)
         found.append((worth, suspect))
     for one in unlogged_thrusts(log, white):
         if one.gain < _LEAST_GAIN * white.cost:
@@ -360,8 +349,9 @@ def _plausible(log: PredictedLog, coefficients: Mapping[str, float]) -> bool:
         if name.endswith(".gain") and present[name]
     ]
     return (
-        all(0.0 <= value / own <= _MOST_FACTOR for own, value in signed)
-        and max(gains, default=0.0) <= _MOST_GAIN
+        # Beyond three times its own value another vehicle is described.
+        all(0.0 <= value / own <= 3.0 for own, value in signed)
+        and max(gains, default=0.0) <= 2.0  # no actuator comes to give twice its thrust
     )
 
 

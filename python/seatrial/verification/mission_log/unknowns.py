@@ -73,9 +73,6 @@ steps of 0.05 s."""
 
 _ROUNDS = 8  # of Gauss-Newton; three to five are usual
 
-_SHORTEST_STEP = 0.1
-"""Share of a Gauss-Newton step below which no descent is expected any more."""
-
 _UNTOLD = np.repeat([0.5, 0.2, 1e-9, 0.1], 3)
 """Of the start in a channel that no sensor tells, m/s, rad/s, m and rad: the smoothed log has zero there, or
 what it makes of other channels. A position is told by nothing and acts on nothing."""
@@ -290,7 +287,8 @@ def explained_best(unknowns: Unknowns, used: Sequence[int], at: Point) -> tuple[
     least = unknowns.cost(at, products.sum(axis=1))
     for _ in range(_ROUNDS):
         full, share, gained = unknowns.fitted(at, products.sum(axis=1)), 1.0, 0.0
-        while share > _SHORTEST_STEP and not gained:
+        # Below a tenth of a step no descent is expected any more.
+        while share > 0.1 and not gained:
             point = at.towards(full, share)
             share *= 0.4
             try:
