@@ -17,9 +17,8 @@ import seatrial as st
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.control_design import lqr_autopilot
-from seatrial.export.c_code import identifier, recorded
+from seatrial.export.c_code import identifier, recorded, refused_names
 from seatrial.export.fmu import ran
-from seatrial.export.names import refused_names
 from tests.flight.flying import grouped
 
 HERE = Path(__file__).parent

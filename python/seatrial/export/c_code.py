@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial._core import Autopilot, Vehicle, autopilot_c, filter_c, vehicle_c
 from seatrial.base.atomic_write import whole_folder, write_atomic
-from seatrial.base.errors import SimulationError, reason
+from seatrial.base.errors import SimulationError, printable, reason
 from seatrial.base.report import Report, Reported, Section, Table
+from seatrial.base.run import version
 from seatrial.base.toml_file import loaded
-from seatrial.export.names import commented, refused_names
 from seatrial.export.repeated import folded
 from seatrial.flight.checks import checked_step, checked_supply
 from seatrial.flight.mission import Mission, Route
@@ -28,7 +28,6 @@ from seatrial.flight.navigation import NavigationFilter, checked_navigation, fil
 from seatrial.flight.sensor_channels import sensors_of
 
 if TYPE_CHECKING:
-    from seatrial.flight.navigation import NavigationFilter
     from seatrial.identification.fitted import Fitted
     from seatrial.sensors.sensor import Sensor
 
@@ -105,29 +104,20 @@ class CExport(Reported):
     def report(self) -> Report:
         """The files, their operations and their numbers."""
         programs = self.programs.all()
+        kinds = ("simple", "quotients", "functions", "decisions", "tables", "all")
         rows = [
             (
                 f"{program.prefix}{_CALLS.get(function, f'_{function}')}",
-                *(
-                    f"{counts[kind]}"
-                    for kind in ("simple", "quotients", "functions", "decisions", "tables", "all")
-                ),
+                *(str(counts[kind]) for kind in kinds),
             )
             for program in programs
             for function, counts in program.operations.items()
         ]
         head = ["function", "+ - *", "/ sqrt", "sin exp …", "compare, select", "tables", "all"]
+        parts = ("parameters", "state", "inputs", "outputs")
         sizes = [
-            (
-                program.prefix,
-                *(
-                    str(len(part))
-                    for part in (program.parameters, program.state, program.inputs, program.outputs)
-                ),
-            )
-            for program in programs
+            (program.prefix, *(str(len(getattr(program, part))) for part in parts)) for program in programs
         ]
-        numbers = ["program", "parameters", "state", "inputs", "outputs"]
         last = self.programs.autopilot or self.programs.vehicle
         steps = last.operations["step"]["all"]
         return Report(
@@ -141,7 +131,7 @@ class CExport(Reported):
                 Section(
                     tables=(
                         Table.of("Operations of a call", head, rows),
-                        Table.of("Numbers of the interface", numbers, sizes),
+                        Table.of("Numbers of the interface", ("program", *parts), sizes),
                     )
                 ),
             ),
@@ -386,6 +376,56 @@ def identifier(name: str, *, given: bool) -> str:
     return name if given else plain if plain[:1].isalpha() else f"v{plain}"
 
 
+_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int
+long register restrict return short signed sizeof static struct switch typedef union unsigned void
+volatile while alignas alignof and and_eq asm atomic bitand bitor bool catch class co_await
+co_return co_yield compl concept const_cast consteval constexpr constinit decltype delete
+dynamic_cast explicit export false friend mutable namespace new noexcept not not_eq nullptr operator
+or or_eq private protected public reinterpret_cast requires static_assert static_cast template this
+thread_local throw true try typeid typename typeof using virtual wchar_t xor xor_eq linux unix i386
+NAN INFINITY HUGE_VAL NULL EOF errno isnan isinf isfinite signbit fpclassify isnormal
+"""
+"""Keywords of C and C++, whose programs include the header, and macros of compilers and ``math.h``."""
+
+_RESERVED = frozenset(_WORDS.split())
+
+
+def refused_names(numbers: Sequence[Mapping[str, Any]]) -> str | None:
+    """Why numbers of an interface cannot stand in one structure of C; None where they can.
+
+    Letters that C does not know became underscores: two names may have become one.
+
+    Examples
+    --------
+    >>> refused_names([{"name": "a_b", "known_as": known_as, "about": ""} for known_as in ("a-b", "a_b")])
+    'the names "a-b" and "a_b" are both a_b in C'
+    """
+    taken: dict[str, str] = {}
+    for number in numbers:
+        name, known_as = str(number["name"]), str(number["known_as"])
+        words = known_as + str(number["about"])
+        if not words.isprintable() or "*/" in words or "/*" in words:
+            return f'the name "{printable(known_as)}" has a sign that no comment of C may hold'
+        if name in _RESERVED:
+            return f'the name "{known_as}" is a word of C'
+        if name in taken:
+            return f'the names "{taken[name]}" and "{known_as}" are both {name} in C'
+        taken[name] = known_as
+    return None
+
+
+def commented(name: str) -> str:
+    """A name as a comment of C may hold it.
+
+    Examples
+    --------
+    >>> commented("out */ int main")
+    'out * / int main'
+    """
+    return re.sub(r"(?<=\*)(?=/)|(?<=/)(?=\*)", " ", printable(name))
+
+
 def _program(prefix: str, facts: Mapping[str, Any], step_s: float) -> Program:
     program = Program(prefix=prefix, step_s=step_s, **facts)
     for numbers in (program.parameters, program.state, program.inputs, program.outputs):
@@ -400,20 +440,10 @@ def _folded(program: Program) -> Program:
 
 def _origin() -> Sequence[str]:
     """Where a file comes from, for its head."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        release = version("seatrial")
-    except PackageNotFoundError:
-        release = "(not installed)"
     return (
-        f"Recorded by seatrial {release}: SI units and radians unless a comment says otherwise;",
+        f"Recorded by seatrial {version('seatrial')}: SI units and radians unless a comment says otherwise;",
         "north-east-down, body axes forward, starboard, down. Not with -ffast-math: infinite ages count.",
     )
-
-
-_PERIOD_S = 0.1
-"""Period of a filter without autopilot that was not made by hand, s: that of `NavigationFilter`."""
 
 
 def recorded_filter(
@@ -430,27 +460,11 @@ def recorded_filter(
 ) -> tuple[dict[str, Any], float] | None:
     """Program of a navigation filter and its period, s; None where none is asked for.
 
-    Parameters
-    ----------
-    prefix
-        Of all of its public names.
-    model
-        The vehicle that it believes in, unless it was made by hand.
-    autopilot, period_s
-        Prefix and inputs of the program of the autopilot that takes the estimate, and its period, s.
-    mission
-        Its mission, whose landmarks and start the filter knows.
-    navigation, sensors
-        As of `export_c`.
-    voltage_v
-        Supply; not a number where it does not matter.
-    origin
-        Lines for the head of the files.
-
-    Raises
-    ------
-    SimulationError
-        The filter cannot be exported, or sensors are named for none.
+    It believes in `model` unless it was made by hand. `autopilot` and `period_s` are prefix and inputs of the
+    program of the autopilot that takes the estimate, and its period, s; its mission's landmarks and start are
+    known. `navigation` and `sensors` are as of `export_c`; the supply is not a number where it does not
+    matter; `origin` are lines for the head of the files. Raises SimulationError where the filter cannot be
+    exported, or sensors are named for none.
     """
     asked = checked_navigation(navigation)
     if sensors is not None and asked != "filter":
@@ -459,7 +473,8 @@ def recorded_filter(
             f' = "filter" beside them, found {navigation!r}'
         )
     if period_s is None:
-        period_s = asked.period_s if isinstance(asked, NavigationFilter) else _PERIOD_S
+        # Without autopilot, and not made by hand: the period that a `NavigationFilter` has by default, s.
+        period_s = asked.period_s if isinstance(asked, NavigationFilter) else 0.1
     filter = filter_of(
         asked,
         model,

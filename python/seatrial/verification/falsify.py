@@ -25,10 +25,10 @@ from seatrial.base.plain import Plain
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, RunResult, to_json
 from seatrial.base.work import HERE, Work
+from seatrial.verification.judgement import robustness, unusable
 from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.regression import case_text
 from seatrial.verification.requirement import named
-from seatrial.verification.robustness import robustness, unusable
 
 if TYPE_CHECKING:
     from seatrial.flight.flight import Flight

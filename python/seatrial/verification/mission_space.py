@@ -19,7 +19,7 @@ from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.verification.draws import COMMON_WIDTH, SEED_COLUMN, Draws, composed, scattered
 from seatrial.verification.failure_draws import FAULT_WIDTH, OUTAGE_WIDTH
-from seatrial.verification.robustness import robustness
+from seatrial.verification.judgement import robustness
 
 if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted

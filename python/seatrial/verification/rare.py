@@ -1,7 +1,7 @@
 """`Rare`: failures that are too rare to be met by flying drawn missions, found by subset simulation.
 
 Everything that is drawn of a mission is a coordinate (`seatrial.verification.mission_space`). The level
-function is a requirement's robustness (`seatrial.verification.robustness`); the probability is that of the
+function is a requirement's robustness (`seatrial.verification.judgement`); the probability is that of the
 distributions of ``[verification]``, and no surer than these.
 
 `RareFailures` holds what the failures of a requirement have in common, too. Tests:
@@ -28,9 +28,9 @@ from seatrial.base.run import RunDirectory, RunResult, sha256, to_json
 from seatrial.base.work import HERE, Work
 from seatrial.statistics.draws import generator
 from seatrial.statistics.subset_simulation import Population, RareEvent, importance, population, rare_event
+from seatrial.verification.judgement import robustness, unusable
 from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.requirement import named
-from seatrial.verification.robustness import robustness, unusable
 
 if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet

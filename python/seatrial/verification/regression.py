@@ -19,7 +19,7 @@ from seatrial.base.plain import Plain
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.flight.sea import CALM
 from seatrial.verification.draws import Draws
-from seatrial.verification.robustness import robustness
+from seatrial.verification.judgement import robustness
 from seatrial.verification.table import CaseTable
 
 if TYPE_CHECKING:

@@ -145,7 +145,7 @@ class Requirement:
         ----------
         metrics : mapping of str to array_like, shape (k,)
             Numbers, words (``ending``) and truths (``abort``) of the missions; with ``completion``
-            (`seatrial.verification.robustness`) a mission is not infinitely far from being complete.
+            (`seatrial.verification.judgement`) a mission is not infinitely far from being complete.
 
         Raises
         ------

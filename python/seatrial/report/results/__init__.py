@@ -14,7 +14,7 @@ from types import ModuleType
 from seatrial.base.report import Report, Table
 
 WRITERS = {
-    "AutopilotCheck": "check_autopilot",
+    "AutopilotCheck": "check_file",
     "BenchTest": "bench_test",
     "CampaignCheck": "check_campaign",
     "FailureBoundary": "surveys",
@@ -27,7 +27,7 @@ WRITERS = {
     "Plan": "plan",
     "RareFailures": "surveys",
     "Tuning": "tuning",
-    "VehicleCheck": "check_vehicle",
+    "VehicleCheck": "check_file",
     "Verification": "verification",
 }
 """Module of this folder by the name of the result's class."""

@@ -1,15 +1,94 @@
-"""The words of a vehicle's check: speeds, turns and what is implausible in the file."""
+"""The words of the checks before use: of an autopilot and of a vehicle, the gravest warning first."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import singledispatch
 
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Column, Report, Section, Table
+from seatrial.check.autopilot import AutopilotCheck
 from seatrial.check.vehicle import IF_STABLE, SLOWER, VehicleCheck
 from seatrial.vehicle.steady_state import Speed
 
 
-def report(check: VehicleCheck) -> Report:
+@singledispatch
+def report(check: object) -> Report:
+    """Report of a check of one file."""
+    raise TypeError(f"expected a check of a file, found {type(check).__name__}")
+
+
+def _outcome(warnings: Sequence[str]) -> str:
+    """How many warnings a file has."""
+    count = len(warnings)
+    return f"{count} warning{'s' if count > 1 else ''}" if count else "nothing looks wrong"
+
+
+@report.register
+def _autopilot(check: AutopilotCheck, *, authority: Sequence[str] = ()) -> Report:
+    """Three lines, modes, gains, margins, notes; what the safety watches as details."""
+    warnings = check.warnings
+    worst, next_step = (
+        "nothing stands out: limits, gains and safety fit each other",
+        "fly a mission: seatrial fly",
+    )
+    if warnings:
+        worst, next_step = (
+            warnings[0],
+            ("stay within these limits in the missions, or change the file and check again"),
+        )
+    elif check.margins is None:
+        next_step = "check it on its vehicle: seatrial check AUTOPILOT --vehicle VEHICLE"
+    tables = [_mode_table(check), _gain_table(check)]
+    if check.margins is not None:
+        tables.append(check.margins.table())
+    return Report(
+        title=check.name,
+        outcome=_outcome(warnings),
+        good=_law(check),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(check.description, tuple(authority), tuple(tables)),
+            Section(sentences=(*(f"WARNING: {text}" for text in warnings), *check.notes)),
+            Section("Safety", check.safety, details=True),
+        ),
+    )
+
+
+def _law(check: AutopilotCheck) -> str:
+    """Law, modes, breakpoints; on a vehicle the range of sound speeds and the least phase margin."""
+    speeds = check.speeds_m_s
+    count = len(check.modes)
+    words = f"{check.control.upper()} every {check.period_s:g} s, {count} mode{'s' if count > 1 else ''}"
+    if speeds:
+        words += f", gains at {len(speeds)} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} m/s"
+    sound = "" if check.margins is None else check.margins.how_good()
+    return f"{words}; {sound}" if sound else words
+
+
+def _mode_table(check: AutopilotCheck) -> Table:
+    rows = [
+        (
+            mode.name,
+            f"{mode.from_speed_m_s:g}",
+            mode.depth_by,
+            " ".join(mode.loops),
+            " ".join(mode.actuators) or "all",
+        )
+        for mode in check.modes
+    ]
+    texts = (Column(name, align="left") for name in ("depth by", "loops", "actuators"))
+    return Table.of("Modes", ("mode", "from m/s", *texts), rows)
+
+
+def _gain_table(check: AutopilotCheck) -> Table:
+    rows = [(row.loop, row.gain, *(f"{value:.3g}" for value in row.values)) for row in check.gains]
+    head = ("loop", "at m/s", *(f"{speed:.3g}" for speed in check.speeds_m_s))
+    return Table.of("Gains", head, rows if check.control == "pid" else (), left=2)
+
+
+@report.register
+def _vehicle(check: VehicleCheck) -> Report:
     """Three lines, what every actuator does, speeds and turns, notes."""
     worst = "nothing stands out: signs, buoyancy, damping and stability are plausible"
     next_step = (
@@ -17,8 +96,7 @@ def report(check: VehicleCheck) -> Report:
         " autopilot) or identify it from trials (seatrial identify)"
     )
     if check.warnings:
-        worst, next_step = check.warnings[0], _next(check.warnings)
-    count = len(check.warnings)
+        worst, next_step = check.warnings[0], _next_step(check.warnings)
     straight = [
         _speed_table(
             "Speed on a straight course", "all ahead", [(_command(row), row) for row in check.speeds]
@@ -32,8 +110,8 @@ def report(check: VehicleCheck) -> Report:
     ]
     return Report(
         title=check.name,
-        outcome=f"{count} warning{'s' if count > 1 else ''}" if count else "nothing looks wrong",
-        good=_how_good(check),
+        outcome=_outcome(check.warnings),
+        good=_what_it_can(check),
         worst=worst,
         next_step=next_step,
         sections=(
@@ -46,7 +124,7 @@ def report(check: VehicleCheck) -> Report:
     )
 
 
-def _next(warnings: Sequence[str]) -> str:
+def _next_step(warnings: Sequence[str]) -> str:
     """What to do about warnings; a vehicle may rightly be unstable on its course or in pitch by itself."""
     if all(SLOWER in text for text in warnings):
         return "write start gains (seatrial autopilot), and fly missions no faster than that"
@@ -58,7 +136,7 @@ def _next(warnings: Sequence[str]) -> str:
     return "correct the vehicle file and check it again before use"
 
 
-def _how_good(check: VehicleCheck) -> str:
+def _what_it_can(check: VehicleCheck) -> str:
     """Top speed, what can be commanded, net buoyancy."""
     fastest = max(check.speeds, key=lambda row: row.speed_m_s, default=None)
     top = (
