@@ -20,6 +20,7 @@ import numpy as np
 from seatrial.ardusub.course import CHANNELS, ROW_S, Course
 from seatrial.ardusub.flights import Cases, Rig, fly_course
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -81,7 +82,9 @@ class Envelope:
 
 
 @dataclass(frozen=True)
-class Share:
+class Share(
+    Plain, only="channel unit rms half_width=width outside_fit=fit outside_held_out=held_out rows inside"
+):
     """How much of a loop error is outside its envelope.
 
     Attributes
@@ -113,7 +116,9 @@ class Share:
 
 
 @dataclass(frozen=True, eq=False)
-class Reflight:
+class Reflight(
+    Plain, only="steady_wrench=rig.steady wander wander_s=rig.wander_s current_m_s=current channels=shares"
+):
     """The log's mission flown again.
 
     Attributes
@@ -144,23 +149,6 @@ class Reflight:
     def share(self, channel: str) -> Share | None:
         """That of a channel; None where the log does not control it."""
         return next((share for share in self.shares if share.channel == channel), None)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data without the rows."""
-        return {
-            "steady_wrench": list(self.rig.steady),
-            "wander": self.wander.tolist(),
-            "wander_s": self.rig.wander_s,
-            "current_m_s": self.current.tolist(),
-            "channels": [
-                {
-                    "channel": share.channel, "unit": share.unit, "rms": share.rms, "half_width": share.width,
-                    "outside_fit": share.fit, "outside_held_out": share.held_out, "rows": share.rows,
-                    "inside": share.inside,
-                }
-                for share in self.shares
-            ],
-        }  # fmt: skip
 
 
 def refly(

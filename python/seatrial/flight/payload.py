@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,6 +20,7 @@ from pydantic import Field
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
+from seatrial.base.plain import Plain
 from seatrial.base.report import Section as ReportSection
 from seatrial.base.report import Table
 from seatrial.base.toml_file import NotNegative, Number, Positive, Section, checked, tables, text_of
@@ -182,7 +183,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class StopSamples:
+class StopSamples(Plain, without="position values"):
     """Samples of one stop: those taken in the water that the stop is to sample.
 
     Attributes
@@ -216,18 +217,7 @@ class StopSamples:
         """As plain data."""
         places = zip(("north_m", "east_m", "depth_m"), self.position, strict=True)
         columns = {**dict(places), **self.values}
-        numbers = {
-            name: {"mean": value.mean, "deviation": value.deviation} for name, value in columns.items()
-        }
-        return {
-            "label": self.label,
-            "begin_s": self.begin_s,
-            "end_s": self.end_s,
-            "count": self.count,
-            "on_the_way": self.on_the_way,
-            "unsettled": self.unsettled,
-            "sensors_settled": self.sensors_settled,
-        } | numbers
+        return super().to_dict() | {name: asdict(value) for name, value in columns.items()}
 
 
 UNDER_WAY = "under way"

@@ -112,18 +112,7 @@ class Imported(Reported):
         return {
             "folder": None if self.folder is None else str(self.folder),
             "map": self.map_source,
-            "columns": {
-                canonical: {
-                    "from": column.source,
-                    "unit": column.unit,
-                    "frame": column.frame,
-                    "sign": column.sign,
-                    "convert": column.convert,
-                    "why": column.why,
-                    "certain": column.certain,
-                }
-                for canonical, column in self.columns.items()
-            },
+            "columns": {canonical: column.to_dict() for canonical, column in self.columns.items()},
             "trials": [
                 {
                     "name": trial.name,

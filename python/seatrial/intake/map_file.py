@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 
 from seatrial.base import units
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.plain import Plain
 from seatrial.base.toml_file import Name, Number, Section, checked, tables, text_of
 from seatrial.logs.join import Clock
 from seatrial.trial.columns import GROUPS, check_canonical, source_of
@@ -32,7 +33,7 @@ CONVERSIONS = {
 
 
 @dataclass(frozen=True)
-class Column:
+class Column(Plain, only="from=source unit frame sign convert why certain"):
     """One column of a trial: the field it comes from, as a column map states it, and how sure that is.
 
     Attributes

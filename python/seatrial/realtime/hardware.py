@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.errors import SimulationError, reason
+from seatrial.base.plain import Plain
 from seatrial.base.report import Table
 from seatrial.realtime.plant import Motion
 
@@ -118,7 +119,9 @@ def _parse(data: bytes, count: int) -> _Command | str:
 
 
 @dataclass(frozen=True)
-class HardwareFacts:
+class HardwareFacts(
+    Plain, only="sent taken lost ignored unsent expired neutral_periods round_trip_s=round_trips"
+):
     """What went over the link.
 
     Attributes
@@ -171,21 +174,12 @@ class HardwareFacts:
         rows = [[word, str(count)] for word, count in sorted(self.ignored.items())]
         return Table.of("Packets passed over", ["why", "packets"], rows)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        trips = np.array(self.round_trip_s) if self.round_trip_s else np.zeros(0)
+    @property
+    def round_trips(self) -> dict[str, float | None]:
+        """Quantiles of the round trips, s, by share; None without any."""
+        trips = self.round_trip_s
         return {
-            "sent": self.sent,
-            "taken": self.taken,
-            "lost": self.lost,
-            "ignored": dict(self.ignored),
-            "unsent": dict(self.unsent),
-            "expired": self.expired,
-            "neutral_periods": self.neutral_periods,
-            "round_trip_s": {
-                f"{share:g}": float(np.quantile(trips, share)) if len(trips) else None
-                for share in (0.5, 0.99, 1.0)
-            },
+            f"{share:g}": float(np.quantile(trips, share)) if trips else None for share in (0.5, 0.99, 1.0)
         }
 
 

@@ -14,6 +14,7 @@ from seatrial._core import Vehicle
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.budget import Budget, guarded
 from seatrial.base.errors import VehicleError, reason
+from seatrial.base.plain import Plain
 from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.base.toml_file import loaded
 from seatrial.simulators.body import body_of, contradictions
@@ -82,7 +83,7 @@ class ImportedModel(Reported):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExportedModel(Reported):
+class ExportedModel(Reported, Plain, only="vehicle=vehicle.name lost"):
     """A vehicle as a model of gz-sim: its text, and what is lost."""
 
     vehicle: Vehicle
@@ -100,10 +101,6 @@ class ExportedModel(Reported):
             next_step="add thrusters and sensors in the words of gz-sim",
             sections=(Section("Lost", self.lost),),
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data, without the text."""
-        return {"vehicle": self.vehicle.name, "lost": list(self.lost)}
 
 
 def import_model(path: str | Path, *, name: str | None = None, rho: float | None = None) -> ImportedModel:

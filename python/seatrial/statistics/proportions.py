@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 
 Verdict = Literal["held", "failed", "undecided"]
 
@@ -77,7 +78,7 @@ def wilson(failures: ArrayLike, runs: ArrayLike, *, confidence: float = 0.95) ->
 
 
 @dataclass(frozen=True)
-class FailureProbability:
+class FailureProbability(Plain, only="failures runs interval"):
     """Failure probability from ``failures`` in ``runs`` missions: interval and bounds at a ``confidence``.
 
     Raises

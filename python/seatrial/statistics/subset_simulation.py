@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
 
 Level = Callable[[Array, Array], Array]
 """Level (k,) of samples (k, d), standard normal, and seeds (k,) from 0 to 1: zero or less where they fail."""
@@ -56,7 +57,7 @@ _STILL = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Population:
+class Population(Plain, only="estimate evaluations thresholds"):
     """One run of subset simulation.
 
     Attributes
@@ -181,7 +182,11 @@ class Importance:
 
 
 @dataclass(frozen=True, eq=False)
-class RareEvent:
+class RareEvent(
+    Plain,
+    only="estimate interval confidence relative_sd evaluations plain_evaluations=plain populations"
+    " check=checked stood_still",
+):
     """Probability of a rare failure.
 
     Attributes
@@ -230,26 +235,10 @@ class RareEvent:
         size = math.sqrt(math.log1p(self.relative_sd**2) + math.log1p(self.check.relative_sd**2))
         return abs(math.log(self.check.estimate / self.estimate)) <= 2.0 * size
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, without the samples."""
-        return {
-            "estimate": self.estimate,
-            "interval": list(self.interval),
-            "confidence": self.confidence,
-            "relative_sd": self.relative_sd,
-            "evaluations": self.evaluations,
-            "plain_evaluations": self.plain,
-            "populations": [
-                {
-                    "estimate": population.estimate,
-                    "evaluations": population.evaluations,
-                    "thresholds": list(population.thresholds),
-                }
-                for population in self.populations
-            ],
-            "check": None if self.check is None else asdict(self.check) | {"agrees": self.agrees},
-            "stood_still": self.stood_still,
-        }
+    @property
+    def checked(self) -> dict[str, Any] | None:
+        """The check, and whether it agrees; None without one."""
+        return None if self.check is None else asdict(self.check) | {"agrees": self.agrees}
 
 
 def rare_event(

@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.plain import Plain
 from seatrial.statistics.multiple_testing import (
     circular_correlation,
     holm,
@@ -110,7 +111,9 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Influence:
+class Influence(
+    Plain, only="cause=label where named p_value corrected auc correlation odds sentence=__str__"
+):
     """What a cause has to do with the failures; the rows of `seatrial.verification.causes.find_causes`.
 
     Attributes

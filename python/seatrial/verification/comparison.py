@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial.base.plain import Plain
 from seatrial.statistics.multiple_testing import holm
 from seatrial.statistics.proportions import FailureProbability
 from seatrial.verification.flown_missions import FlownMissions
@@ -32,7 +33,11 @@ _METRICS = (
 
 
 @dataclass(frozen=True)
-class PairedRequirement:
+class PairedRequirement(
+    Plain,
+    only="requirement other only_verified_failed=only_verified only_other_failed=only_other p_value corrected"
+    " verdict=words",
+):
     """A requirement for the verified autopilot and another one on the same missions.
 
     Attributes
@@ -118,18 +123,7 @@ class AutopilotComparison:
                 }
                 for one in self.autopilots
             },
-            "pairs": [
-                {
-                    "requirement": one.requirement,
-                    "other": one.other,
-                    "only_verified_failed": one.only_verified,
-                    "only_other_failed": one.only_other,
-                    "p_value": one.p_value,
-                    "corrected": one.corrected,
-                    "verdict": one.words,
-                }
-                for one in self.pairs
-            ],
+            "pairs": [one.to_dict() for one in self.pairs],
         }
 
 

@@ -22,11 +22,11 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.finding import Finding
 from seatrial.base.plain import Plain
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock
 from seatrial.base.run import RunDirectory, RunResult, to_json
 from seatrial.base.work import HERE, Work
 from seatrial.verification.judgement import robustness, unusable
-from seatrial.verification.mission_space import MissionSpace
+from seatrial.verification.mission_space import MissionSpace, watched
 from seatrial.verification.regression import case_text
 from seatrial.verification.requirement import named
 
@@ -224,7 +224,9 @@ class Falsify:
             try:
                 for place, requirement in enumerate(chosen):
                     search = _Search(scenario, requirement, self, work.threads)
-                    worst.append(search.run(_watch(work, clock, requirement.name, place, len(chosen))))
+                    worst.append(
+                        search.run(watched(work.progress, clock, requirement.name, place, len(chosen)))
+                    )
             except KeyboardInterrupt:
                 interrupted = True
             result = Falsification(
@@ -242,19 +244,6 @@ class Falsify:
             if work.run_dir is not None and not interrupted:
                 run.publish(result.facts, result.files())
         return result
-
-
-def _watch(work: Work, clock: Clock, name: str, place: int, count: int) -> Callable[[float, str], None]:
-    """What a search reports, as progress of the whole."""
-
-    def watch(share: float, detail: str) -> None:
-        if work.progress is None:
-            return
-        fraction = (place + share) / count
-        left = clock.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6)
-        work.progress(Progress(name, place, count, fraction, clock.elapsed_s, left, detail=detail))
-
-    return watch
 
 
 class _Search:

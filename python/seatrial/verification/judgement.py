@@ -77,7 +77,13 @@ class WorstMission(Plain):
 
 
 @dataclass(frozen=True, eq=False)
-class JudgedRequirement:
+class JudgedRequirement(
+    Plain,
+    only="name=requirement.name holds=requirement.holds probability=requirement.probability verdict sentence"
+    " failures=found.failures runs=found.runs failure_probability=found.estimate interval=found.interval"
+    " at_least=found.at_least at_most=found.at_most confidence=found.confidence further_runs smallest_reserve"
+    " unit=judgement.unit by_mission causes worst=worst_numbers",
+):
     """What the missions say of a requirement.
 
     Attributes
@@ -122,45 +128,15 @@ class JudgedRequirement:
         """Causes that are shown to matter."""
         return tuple(one for one in self.causes if one.named)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        found = self.found
-        return {
-            "name": self.requirement.name,
-            "holds": self.requirement.holds,
-            "probability": self.requirement.probability,
-            "verdict": self.verdict,
-            "sentence": self.sentence,
-            "failures": found.failures,
-            "runs": found.runs,
-            "failure_probability": found.estimate,
-            "interval": list(found.interval),
-            "at_least": found.at_least,
-            "at_most": found.at_most,
-            "confidence": found.confidence,
-            "further_runs": self.further_runs,
-            "smallest_reserve": float(np.min(self.judgement.reserve)),
-            "unit": self.judgement.unit,
-            "by_mission": {
-                name: {"failures": one.failures, "runs": one.runs, "interval": list(one.interval)}
-                for name, one in self.by_mission.items()
-            },
-            "causes": [
-                {
-                    "cause": one.label,
-                    "where": one.where,
-                    "named": one.named,
-                    "p_value": one.p_value,
-                    "corrected": one.corrected,
-                    "auc": one.auc,
-                    "correlation": one.correlation,
-                    "odds": one.odds,
-                    "sentence": str(one),
-                }
-                for one in self.causes
-            ],
-            "worst": [one.number for one in self.worst],
-        }
+    @property
+    def smallest_reserve(self) -> float:
+        """By how much the worst mission held it, in the unit of its reserve."""
+        return float(np.min(self.judgement.reserve))
+
+    @property
+    def worst_numbers(self) -> list[int]:
+        """With which the worst missions are flown again."""
+        return [one.number for one in self.worst]
 
 
 def judged(

@@ -8,6 +8,7 @@ Tests: ``tests/verification/test_rare.py``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
+from seatrial.base.progress import Clock, Progress
 from seatrial.verification.draws import COMMON_WIDTH, SEED_COLUMN, Draws, composed, scattered
 from seatrial.verification.failure_draws import FAULT_WIDTH, OUTAGE_WIDTH
 from seatrial.verification.judgement import robustness
@@ -105,3 +107,18 @@ class MissionSpace:
             flown = self.flights.fly_drawn(self.draws(x[rows], seeds[rows]), threads=threads)
             found.append(robustness(requirement, flown, self.flights))
         return np.concatenate(found) if found else np.zeros(0)
+
+
+def watched(
+    progress: Callable[[Progress], None] | None, clock: Clock, requirement: str, place: int, count: int
+) -> Callable[[float, str], None]:
+    """What the search of a requirement, one of `count` from 0, reports: as progress of the whole."""
+
+    def watch(share: float, detail: str) -> None:
+        if progress is None:
+            return
+        fraction = (place + share) / count
+        left = clock.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6)
+        progress(Progress(requirement, place, count, fraction, clock.elapsed_s, left, detail=detail))
+
+    return watch

@@ -23,13 +23,13 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.plain import Plain
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.progress import Clock
 from seatrial.base.run import RunDirectory, RunResult, sha256, to_json
 from seatrial.base.work import HERE, Work
 from seatrial.statistics.draws import generator
 from seatrial.statistics.subset_simulation import Population, RareEvent, importance, population, rare_event
 from seatrial.verification.judgement import robustness, unusable
-from seatrial.verification.mission_space import MissionSpace
+from seatrial.verification.mission_space import MissionSpace, watched
 from seatrial.verification.requirement import named
 
 if TYPE_CHECKING:
@@ -43,7 +43,11 @@ SIZE = 500
 
 
 @dataclass(frozen=True, eq=False)
-class RareRequirement:
+class RareRequirement(
+    Plain,
+    only="name=requirement.name holds=requirement.holds allowed=requirement.allowed verdict event why_not"
+    " likeliest nearest_deviations common sample seed",
+):
     """How rarely a requirement fails.
 
     Attributes
@@ -82,22 +86,6 @@ class RareRequirement:
         if high <= self.requirement.allowed:
             return "held"
         return "failed" if low > self.requirement.allowed else "undecided"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "name": self.requirement.name,
-            "holds": self.requirement.holds,
-            "allowed": self.requirement.allowed,
-            "verdict": self.verdict,
-            "event": None if self.event is None else self.event.to_dict(),
-            "why_not": None if self.why_not is None else self.why_not.to_dict(),
-            "likeliest": dict(self.likeliest),
-            "nearest_deviations": self.nearest_deviations if self.likeliest else None,
-            "common": {name: list(row) for name, row in self.common.items()},
-            "sample": list(self.sample),
-            "seed": self.seed if self.sample else None,
-        }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -231,7 +219,7 @@ class Rare:
             try:
                 for place, requirement in enumerate(chosen):
                     search = _Search(scenario, requirement, self, run, threads, fleet)
-                    watch = _watch(work.progress, clock, requirement.name, place, len(chosen))
+                    watch = watched(work.progress, clock, requirement.name, place, len(chosen))
                     judged.append(search.run(watch))
             except KeyboardInterrupt:
                 interrupted = True
@@ -263,7 +251,7 @@ class _Search:
     threads: int | None
     fleet: Fleet | None
 
-    def run(self, watch: Callable[[float, str, int], None]) -> RareRequirement:
+    def run(self, watch: Callable[[float, str], None]) -> RareRequirement:
         flights, space = self.scenario.flights, MissionSpace(self.scenario.flights)
         first = flights.fly(np.arange(min(self.asked.population, _BATCH)), threads=self.threads)
         if why := unusable(self.requirement, robustness(self.requirement, first, flights)):
@@ -312,7 +300,7 @@ class _Search:
             seed=float(seeds[nearest_one]),
         )
 
-    def _parts(self, watch: Callable[[float, str, int], None]) -> list[Population]:
+    def _parts(self, watch: Callable[[float, str], None]) -> list[Population]:
         """All populations, wherever they are flown."""
         flights = self.scenario.flights
         shared = Shared((flights, self.requirement, self.asked.population))
@@ -333,14 +321,14 @@ class _Search:
 
             def passed(levels: int, threshold: float) -> None:
                 share = (number + levels / (levels + 2.0)) / (self.asked.populations + 1)
-                watch(share, f"level {levels}, robustness {threshold:.3g}", number + 1)
+                watch(share, f"population {number + 1}, level {levels}, robustness {threshold:.3g}")
 
             return rare_population(shared.value, number, self.threads, passed)
 
         parts = []
         for done in run_chunks(chunks, self.run_directory, _FORMAT, fleet=self.fleet, here=here):
             parts.append(done.value)
-            watch(len(parts) / (self.asked.populations + 1), "flown", len(parts))
+            watch(len(parts) / (self.asked.populations + 1), f"population {len(parts)}, flown")
         return parts
 
 
@@ -386,27 +374,3 @@ def _unpacked(kept: Mapping[str, Any]) -> Population:
 
 
 _FORMAT: Format[Population] = Format(pack=_packed, unpack=_unpacked)
-
-
-def _watch(
-    progress: Callable[[Progress], None] | None, clock: Clock, name: str, place: int, count: int
-) -> Callable[[float, str, int], None]:
-    """What a search reports, as progress of the whole."""
-
-    def watch(share: float, detail: str, number: int) -> None:
-        if progress is None:
-            return
-        fraction = (place + share) / count
-        progress(
-            Progress(
-                what=name,
-                done=place,
-                total=count,
-                fraction=fraction,
-                elapsed_s=clock.elapsed_s,
-                left_s=clock.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6),
-                detail=f"population {number}, {detail}",
-            )
-        )
-
-    return watch

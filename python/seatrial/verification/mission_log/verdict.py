@@ -12,11 +12,12 @@ Tests: ``test_recorded_verdict.py``, ``test_recorded_campaign.py`` and ``test_re
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from seatrial.base.plain import Plain
 from seatrial.base.progress import Clock
 from seatrial.base.report import Reported
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
@@ -60,7 +61,12 @@ class JudgedRequirement:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LogVerdict(Reported):
+class LogVerdict(
+    Reported,
+    Plain,
+    only="log=log.trial.name outcome held model reason validity suspects contradictions power metrics"
+    " requirements steps envelope current_m_s=current notes",
+):
     """What a log says of the model and of the mission.
 
     Attributes
@@ -141,36 +147,6 @@ class LogVerdict(Reported):
     def held(self) -> bool:
         """Whether the outcome is "held": what was not shown does not pass."""
         return self.outcome == "held"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything but the samples as plain data."""
-        return {
-            "log": self.log.trial.name,
-            "outcome": self.outcome,
-            "held": self.held,
-            "model": self.model,
-            "reason": self.reason,
-            "validity": None if self.validity is None else self.validity.to_dict(),
-            "suspects": [one.to_dict() for one in self.suspects],
-            "contradictions": [asdict(one) for one in self.contradictions],
-            "power": None if self.power is None else self.power.to_dict(),
-            "metrics": dict(self.metrics),
-            "requirements": [
-                {
-                    "name": one.name,
-                    "holds": one.holds,
-                    "held": one.held,
-                    "reserve": one.reserve,
-                    "unit": one.unit,
-                    "missing": list(one.missing),
-                }
-                for one in self.requirements
-            ],
-            "steps": [step.to_dict() for step in self.steps],
-            "envelope": None if self.envelope is None else self.envelope.to_dict(),
-            "current_m_s": None if self.current is None else list(self.current),
-            "notes": list(self.notes),
-        }
 
     def junit(self) -> str:
         """JUnit XML with a case for the model, and one per requirement and step of a set point."""
