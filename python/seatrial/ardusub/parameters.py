@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from seatrial.base.atomic_write import write_atomic
+from seatrial.base.atomic_write import write_atomic, writing
 from seatrial.base.errors import TrialError, reason
 
 GENERATIONS: Mapping[str, tuple[str, ...]] = {
@@ -260,10 +260,8 @@ def write_changes(path: str | Path, changed: Iterable[Change], *, title: str) ->
         The file cannot be written; what was there before is still there.
     """
     target = Path(path)
-    try:
+    with writing(path, TrialError, advice="choose another folder"):
         write_atomic(target, changes_text(changed, title=title).encode())
-    except OSError as error:
-        raise TrialError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
 
 
 def changes_text(changed: Iterable[Change], *, title: str) -> str:

@@ -25,6 +25,30 @@ if TYPE_CHECKING:
     import polars as pl
 
 
+@contextlib.contextmanager
+def writing(
+    place: str | Path,
+    kind: type[SeatrialError] = SeatrialError,
+    *,
+    advice: str = "choose a folder that you may write to",
+) -> Iterator[None]:
+    """A block that writes at a place: an error of the system is raised as one of `kind`, in a sentence.
+
+    Examples
+    --------
+    >>> try:
+    ...     with writing("nowhere/a.csv", advice="make the folder first"):
+    ...         open("nowhere/a.csv", "w")
+    ... except SeatrialError as error:
+    ...     print(error)
+    nowhere/a.csv: cannot be written (No such file or directory); make the folder first
+    """
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{place}: cannot be written ({reason(error)}); {advice}") from None
+
+
 def write_atomic(path: Path, content: bytes | Callable[[Path], None], *, new: bool = False) -> None:
     """Write a file whole or not at all.
 
@@ -128,10 +152,8 @@ def write_table(
     before_table()
     target = Path(path)
     content = parquet(frame) if target.suffix == ".parquet" else (comments + frame.write_csv()).encode()
-    try:
+    with writing(path, TrialError, advice=advice):
         write_atomic(target, content)
-    except OSError as error:
-        raise TrialError(f"{path}: cannot be written ({reason(error)}); {advice}") from None
 
 
 _worked: int | None = None

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.atomic_write import write_atomic
-from seatrial.base.errors import SeatrialError, reason
+from seatrial.base.atomic_write import write_atomic, writing
+from seatrial.base.errors import SeatrialError
 from seatrial.base.report import Reported
 from seatrial.base.run import RunDirectory, to_json
 from seatrial.bench_test.characteristic import actuator_ratios
@@ -290,12 +290,8 @@ class BenchTest(Reported):
                 f"{target}: this file exists and is not overwritten; give another name, or --in-place for the"
                 " vehicle file of the bench test"
             )
-        try:
+        with writing(target):
             write_atomic(target, self.vehicle_text.encode())
-        except OSError as error:
-            raise SeatrialError(
-                f"{target}: cannot be written ({reason(error)}); choose a folder that you may write to"
-            ) from None
         return target
 
 

@@ -110,18 +110,13 @@ def new(
 @contextmanager
 def _fresh(folder: Path) -> Iterator[None]:
     """A new folder, written whole or not at all; what the system says is one message."""
-    from seatrial.base.atomic_write import whole_folder
+    from seatrial.base.atomic_write import whole_folder, writing
     from seatrial.base.errors import SeatrialError
 
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise SeatrialError(f"{folder}: expected an empty or a new folder, found files; choose another name")
-    try:
-        with whole_folder(folder):
-            yield
-    except OSError as error:
-        raise SeatrialError(
-            f"{folder}: cannot be written ({error.strerror}); choose a folder that you may write to"
-        ) from None
+    with writing(folder), whole_folder(folder):
+        yield
 
 
 def _like(asked: str, folder: Path) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.atomic_write import write_atomic
+from seatrial.base.atomic_write import write_atomic, writing
 from seatrial.base.errors import TrialError
 from seatrial.base.plain import Plain
 from seatrial.base.run import RunResult, to_json
@@ -191,14 +191,10 @@ class Plan(RunResult, Plain, without="facts model", also="score_after"):
             raise TrialError(f"trial {trial}: the plan has trials 1 to {len(self.sequence)}")
         ranked = self.sequence[trial - 1]
         sheet = target.with_suffix(".toml")
-        try:
+        with writing(target, TrialError):
             target.parent.mkdir(parents=True, exist_ok=True)
             ranked.manoeuvre.write_csv(target)
             write_atomic(sheet, self.sheet(ranked, target.name, trial).encode())
-        except OSError as error:
-            raise TrialError(
-                f"{target}: cannot be written ({error.strerror}); choose a folder that you may write to"
-            ) from None
         return [target, sheet]
 
     def write_dithers(self, folder: str | Path) -> list[Path]:
@@ -211,13 +207,9 @@ class Plan(RunResult, Plain, without="facts model", also="score_after"):
         """
         paths = [Path(folder) / dither.file_name for dither in self.dithers]
         for path, dither in zip(paths, self.dithers, strict=True):
-            try:
+            with writing(path, TrialError):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 write_atomic(path, dither.csv().encode())
-            except OSError as error:
-                raise TrialError(
-                    f"{path}: cannot be written ({error.strerror}); choose a folder that you may write to"
-                ) from None
         return paths
 
     def sheet(self, ranked: Ranked, commands: str, trial: int) -> str:

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial._core import Autopilot, Vehicle, autopilot_c, filter_c, vehicle_c
-from seatrial.base.atomic_write import whole_folder, write_atomic
-from seatrial.base.errors import SimulationError, printable, reason
+from seatrial.base.atomic_write import whole_folder, write_atomic, writing
+from seatrial.base.errors import SimulationError, printable
 from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.base.run import version
 from seatrial.base.toml_file import loaded
@@ -343,15 +343,10 @@ def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:
         One cannot be written.
     """
     paths = [folder / name for name in texts]
-    try:
-        with whole_folder(folder):
-            for path, text in zip(paths, texts.values(), strict=True):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                write_atomic(path, text if isinstance(text, bytes) else text.encode())
-    except OSError as error:
-        raise SimulationError(
-            f"{folder}: cannot be written ({reason(error)}); choose another folder"
-        ) from None
+    with writing(folder, SimulationError, advice="choose another folder"), whole_folder(folder):
+        for path, text in zip(paths, texts.values(), strict=True):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(path, text if isinstance(text, bytes) else text.encode())
     return paths
 
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.atomic_write import whole_folder, write_atomic, write_table
-from seatrial.base.errors import SeatrialError, TrialError, printable, reason
+from seatrial.base.atomic_write import whole_folder, write_atomic, write_table, writing
+from seatrial.base.errors import TrialError, printable
 from seatrial.base.run import from_json
 from seatrial.inspect.consistency_trials import accepted
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, line
@@ -198,28 +198,23 @@ def write_project(
         "campaign.toml": campaign_text(folder.resolve().name or "imported", made.vehicle, drafted),
     }
     kept = []
-    try:
-        with whole_folder(folder):
-            (folder / "trials").mkdir(parents=True, exist_ok=True)
-            for trial, table in zip(drafted, recorded, strict=True):
-                write_table(table.table, folder / trial.file)
-            for name, text in texts.items():
-                if edited(folder, name) and (folder / name).read_text(encoding="utf-8") != text:
-                    kept.append(name)
-                else:
-                    write_atomic(folder / name, text.encode())
-            hashes = {
-                name: hashlib.sha256(text.encode()).hexdigest()
-                for name, text in texts.items()
-                if name not in kept
-            }
-            hashes |= {name: _hashes(folder).get(name, "") for name in kept}
-            record = {"format": 1, "written": hashes} | made.to_dict() | {"kept": kept}
-            write_atomic(folder / _OWN, json.dumps(_plain(record), indent=1, ensure_ascii=False).encode())
-    except OSError as error:
-        raise SeatrialError(
-            f"{folder}: cannot be written ({reason(error)}); choose a folder that you may write to"
-        ) from None
+    with writing(folder), whole_folder(folder):
+        (folder / "trials").mkdir(parents=True, exist_ok=True)
+        for trial, table in zip(drafted, recorded, strict=True):
+            write_table(table.table, folder / trial.file)
+        for name, text in texts.items():
+            if edited(folder, name) and (folder / name).read_text(encoding="utf-8") != text:
+                kept.append(name)
+            else:
+                write_atomic(folder / name, text.encode())
+        hashes = {
+            name: hashlib.sha256(text.encode()).hexdigest()
+            for name, text in texts.items()
+            if name not in kept
+        }
+        hashes |= {name: _hashes(folder).get(name, "") for name in kept}
+        record = {"format": 1, "written": hashes} | made.to_dict() | {"kept": kept}
+        write_atomic(folder / _OWN, json.dumps(_plain(record), indent=1, ensure_ascii=False).encode())
     return tuple(kept)
 
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from seatrial._core import Vehicle
-from seatrial.base.atomic_write import write_atomic
+from seatrial.base.atomic_write import write_atomic, writing
 from seatrial.base.budget import Budget, guarded
-from seatrial.base.errors import VehicleError, reason
+from seatrial.base.errors import VehicleError
 from seatrial.base.plain import Plain
 from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.base.toml_file import loaded
@@ -166,10 +166,8 @@ def write_text(path: Path, text: str) -> None:
     VehicleError
         It cannot be written.
     """
-    try:
+    with writing(path, VehicleError, advice="choose another folder"):
         write_atomic(path, text.encode())
-    except OSError as error:
-        raise VehicleError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
 
 
 def _not_carried(vehicle: Vehicle) -> list[str]:

@@ -20,8 +20,8 @@ import numpy as np
 
 from seatrial.base import units
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import write_atomic, write_table
-from seatrial.base.errors import TrialError, nearest, reason
+from seatrial.base.atomic_write import write_atomic, write_table, writing
+from seatrial.base.errors import TrialError, nearest
 from seatrial.base.frames import attitude_to_ned
 from seatrial.base.rotation import from_euler
 from seatrial.logs.formats import extra
@@ -95,10 +95,8 @@ def export(table: pl.DataFrame, path: str | Path, *, units: Mapping[str, str] | 
         if units:
             raise TrialError(f"{path}: MCAP keeps units as they are; leave out the units or write CSV")
         content = _mcap(table, path)
-        try:
+        with writing(path, TrialError, advice="choose another folder"):
             write_atomic(path, content)
-        except OSError as error:
-            raise TrialError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
         return
     write_table(_in_units(table, units or {}, path), path)
 

@@ -14,7 +14,7 @@ from html.parser import HTMLParser
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from seatrial.base.atomic_write import whole_folder, write_atomic
+from seatrial.base.atomic_write import whole_folder, write_atomic, writing
 from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.file_names import no_file
 from seatrial.base.run import from_json, sha256
@@ -101,17 +101,12 @@ def unpack(page: str | Path, folder: str | Path) -> list[Path]:
     if target.is_symlink() or (target.exists() and (not target.is_dir() or any(target.iterdir()))):
         raise SeatrialError(f"{target}: expected an empty or a new folder, found files; choose another name")
     written = []
-    try:
-        with whole_folder(target):
-            for name, text in files.items():
-                place = target.joinpath(*PurePosixPath(name).parts)
-                place.parent.mkdir(parents=True, exist_ok=True)
-                write_atomic(place, text.encode())
-                written.append(place)
-    except OSError as error:
-        raise SeatrialError(
-            f"{target}: cannot be written ({reason(error)}); choose a folder that you may write to"
-        ) from None
+    with writing(target), whole_folder(target):
+        for name, text in files.items():
+            place = target.joinpath(*PurePosixPath(name).parts)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(place, text.encode())
+            written.append(place)
     return written
 
 
