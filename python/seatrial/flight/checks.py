@@ -38,6 +38,14 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool | np.complexfloating)
 
 
+def _floats(value: Any) -> Array:
+    """Its numbers; a lone NaN where it holds anything else."""
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        return np.array(np.nan)
+
+
 def positive(name: str, value: Any, unit: str) -> None:
     """Refuse what is no positive finite number."""
     if not is_number(value) or not math.isfinite(value) or value <= 0.0:
@@ -111,10 +119,7 @@ def checked_vector(name: str, value: Any) -> tuple[float, float, float]:
 
 def checked_rows(name: str, value: Any) -> Array:
     """Velocities of water, (3,) or (k, 3), m/s."""
-    try:
-        rows = np.asarray(value, float)
-    except (TypeError, ValueError):
-        rows = np.empty(0)
+    rows = _floats(value)
     if rows.ndim not in (1, 2) or rows.shape[-1] != 3 or not np.isfinite(rows).all():
         raise SimulationError(
             f"{name}: expected three finite numbers, north, east, down in m/s, found {value!r}"
@@ -130,10 +135,7 @@ def checked_rows(name: str, value: Any) -> Array:
 
 def checked_triple(name: str, value: Any, parts: str) -> tuple[float, float, float]:
     """Three finite numbers; `parts` says of what, in which unit."""
-    try:
-        row = np.asarray(value, float)
-    except (TypeError, ValueError):
-        row = np.empty(0)
+    row = _floats(value)
     if row.shape != (3,) or not np.isfinite(row).all():
         raise SimulationError(f"{name}: expected three finite numbers, {parts}, found {value!r}")
     return float(row[0]), float(row[1]), float(row[2])
@@ -141,10 +143,7 @@ def checked_triple(name: str, value: Any, parts: str) -> tuple[float, float, flo
 
 def checked_bottom(value: Any) -> tuple[float, float, float]:
     """Depth of the bottom in m and its slopes north and east, from a depth alone or all three."""
-    try:
-        bottom = np.atleast_1d(np.asarray(value, float))
-    except (TypeError, ValueError):
-        bottom = np.empty(0)
+    bottom = np.atleast_1d(_floats(value))
     if bottom.shape == (1,):
         bottom = np.array([bottom[0], 0.0, 0.0])
     if bottom.shape != (3,) or not np.isfinite(bottom).all():
@@ -213,10 +212,7 @@ def checked_turbulence(given: Any, what: str = "turbulence") -> tuple[float, flo
     """
     if is_number(given):
         given = (given, given, 0.0)
-    try:
-        values = [float(x) for x in np.asarray(given, float).ravel()]
-    except (TypeError, ValueError):
-        values = []
+    values = [float(x) for x in _floats(given).ravel()]
     if len(values) != 3 or not all(0.0 <= x <= _MOST_EDDIES for x in values):
         raise SimulationError(
             f"{what}: expected a standard deviation from 0 to {_MOST_EDDIES:g} m/s, or three of them,"
@@ -367,10 +363,7 @@ def checked_columns(what: str, given: Any) -> dict[str, Array]:
         raise SimulationError(f"{what}: expected {{name: values}}, found {given!r}")
     columns = {}
     for name, values in given.items():
-        try:
-            column = np.asarray(values, float)
-        except (TypeError, ValueError):
-            column = np.empty(())
+        column = _floats(values)
         if column.ndim != 1 or not np.isfinite(column).all():
             raise SimulationError(
                 f"{what}: {name}: expected finite numbers (k,), one per case, found {values!r}"
