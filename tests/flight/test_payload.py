@@ -93,7 +93,15 @@ def test_lit_unesco_density_and_conductivity() -> None:
 @pytest.mark.parametrize("x", [0.0, 10.0, 200.0])
 def test_law_a_plume_carries_what_is_discharged(x: float) -> None:
     """The effluent through any plane across the current is the discharge: the surface sends it back."""
-    plume = Plume(3.0, -4.0, 2.0, 0.02, 40.0, 5.0, 12.0, width_m=2.0, height_m=1.0)
+    plume = Plume(
+        north_m=3.0,
+        east_m=-4.0,
+        depth_m=2.0,
+        discharge_m3_s=0.02,
+        nitrate_mg_l=40.0,
+        salinity=5.0,
+        temperature_c=12.0,
+    )
     direction = np.array([0.6, 0.8])
     y, z = np.linspace(-60.0, 60.0, 601), np.linspace(0.0, 30.0, 601)
     across, down = np.meshgrid(y, z, indexing="ij")

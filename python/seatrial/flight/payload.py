@@ -35,29 +35,6 @@ if TYPE_CHECKING:
 Rows = NDArray[np.intp]
 
 
-class _Water(Section):
-    nitrate_mg_l: NotNegative
-    salinity: NotNegative
-    temperature_c: Number
-    nitrate_per_m: Number = 0.0
-    salinity_per_m: Number = 0.0
-    temperature_per_m: Number = 0.0
-
-
-class _Plume(Section):
-    north_m: Number
-    east_m: Number
-    depth_m: NotNegative
-    discharge_m3_s: Positive
-    nitrate_mg_l: NotNegative
-    salinity: NotNegative
-    temperature_c: Number
-    width_m: Positive = 2.0
-    height_m: Positive = 1.0
-    horizontal_m2_s: NotNegative = 0.05
-    vertical_m2_s: NotNegative = 1e-3
-
-
 class _Sensor(Section):
     response_s: NotNegative = 0.0
     noise: NotNegative = 0.0
@@ -75,8 +52,8 @@ class _File(Section):
     format: Literal[1]
     description: str = ""
     rate_hz: Positive = 1.0
-    water: _Water
-    plumes: list[_Plume] = Field(default_factory=list)
+    water: Profile
+    plumes: list[Plume] = Field(default_factory=list)
     sensors: _Sensors = Field(default_factory=_Sensors)
 
 
@@ -147,8 +124,8 @@ class Payload:
         return cls(
             text,
             file.rate_hz,
-            Profile(**file.water.model_dump()),
-            tuple(Plume(**plume.model_dump()) for plume in file.plumes),
+            file.water,
+            tuple(file.plumes),
             *(np.array([getattr(s, key) for s in sensors]) for key in ("response_s", "noise", "bias")),
         )
 

@@ -18,13 +18,13 @@ Poisson, Deep-Sea Research 28A (1981), at one atmosphere; conductivity: the Prac
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
+from seatrial.base.toml_file import NotNegative, Number, Positive, Section
 
 CHANNELS = {
     "nitrate_mg_l": "mg/L",
@@ -38,18 +38,17 @@ SLOWEST_M_S = 0.01
 """Slowest current in which a plume is steady within hours."""
 
 
-@dataclass(frozen=True)
-class Profile:
+class Profile(Section):
     """Nitrate in mg/L, practical salinity and temperature in deg C at the surface, and their change per m of
     depth.
     """
 
-    nitrate_mg_l: float
-    salinity: float
-    temperature_c: float
-    nitrate_per_m: float = 0.0
-    salinity_per_m: float = 0.0
-    temperature_per_m: float = 0.0
+    nitrate_mg_l: NotNegative
+    salinity: NotNegative
+    temperature_c: Number
+    nitrate_per_m: Number = 0.0
+    salinity_per_m: Number = 0.0
+    temperature_per_m: Number = 0.0
 
     def at(self, depth: Array) -> Array:
         """Nitrate, salinity and temperature, (n, 3), at depths (n,) in m."""
@@ -58,8 +57,7 @@ class Profile:
         return np.asarray(surface + np.maximum(depth, 0.0)[:, None] * slope)
 
 
-@dataclass(frozen=True)
-class Plume:
+class Plume(Section):
     """A source of effluent.
 
     Attributes
@@ -76,17 +74,17 @@ class Plume:
         Turbulent diffusivities, m2/s.
     """
 
-    north_m: float
-    east_m: float
-    depth_m: float
-    discharge_m3_s: float
-    nitrate_mg_l: float
-    salinity: float
-    temperature_c: float
-    width_m: float = 2.0
-    height_m: float = 1.0
-    horizontal_m2_s: float = 0.05
-    vertical_m2_s: float = 1e-3
+    north_m: Number
+    east_m: Number
+    depth_m: NotNegative
+    discharge_m3_s: Positive
+    nitrate_mg_l: NotNegative
+    salinity: NotNegative
+    temperature_c: Number
+    width_m: Positive = 2.0
+    height_m: Positive = 1.0
+    horizontal_m2_s: NotNegative = 0.05
+    vertical_m2_s: NotNegative = 1e-3
 
     def share(self, places: Array, current: ArrayLike) -> Array:
         """Share of effluent in the water, (n,), 0 to 1, at places (n, 3), m, NED.
