@@ -15,7 +15,7 @@ the position that of a Doppler log, and the other way round). Held by ``tests/tr
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,35 +45,39 @@ _CHANCE = 3  # repeats in a row of a scalar that mean nothing
 
 _STUCK = 1e-6  # rad: less than any sensor's noise, more than the rounding of quaternions
 
-_LONGEST_SPIKE = 3  # samples in a row
 
-_FAR = 8.0  # a spike stands out by this many times what 95 % of the samples do
+@dataclass(frozen=True)
+class _Spike:
+    """What makes samples that stand alone a spike of the sensor."""
 
-_WINDOW = 7  # samples of the running median that a spike stands out of
+    longest: int = 3  # samples in a row
+    far: float = 8.0  # it stands out by this many times what 95 % of the samples do
+    window: int = 7  # samples of the running median that it stands out of
+    neighbours: int = 5  # samples on both sides of it
+    moves: float = 0.1  # a neighbour moves if it stands out by this share of the spike
+    changes: float = 0.25  # or if it changes by this share from sample to sample
+    most_alone: int = 3  # neighbours that may: those of two spikes do, or of a step between two samples
+    shown: float = 0.5  # share of it that another sensor must show within a second to make it a motion
+    unusual: float = 5.0  # medians by which that sensor must stand out of its own noise
 
-_NEIGHBOURS = 5  # samples on both sides of a spike
 
-_MOVES = 0.1  # a neighbour moves if it stands out by this share of the spike
+@dataclass(frozen=True)
+class _Correction:
+    """What makes lone steps the corrections of a sensor's filter."""
 
-_CHANGES = 0.25  # or if it changes by this share from sample to sample
+    # A sensor corrects itself that makes this many lone steps beyond so many medians of its steps. Of
+    # Gaussian noise 0.07 % are as large.
+    outstanding: float = 5.0
+    fewest: int = 10
+    # Of random steps one in eight is undone by the next one to 30 %, of wrong solutions one in two.
+    undone: float = 0.3
+    returning: float = 0.3
+    # Of exponentially distributed corrections one in a thousand is beyond ten of their medians.
+    largest: float = 10.0
+    small: float = 0.1  # of the record's motion: what corrects an estimate of it usually
 
-_MOST_ALONE = 3  # neighbours that may, as those of two spikes do, or of a step that lies between two samples
 
-_SHOWN = 0.5  # share of a spike that another sensor must show within a second to make it a motion
-
-_UNUSUAL = 5.0  # medians by which that sensor must stand out of its own noise
-
-# A sensor that makes this many lone steps beyond _OUTSTANDING medians of its steps corrects itself. Of
-# Gaussian noise 0.07 % are as large; ten of their medians stand out of that noise as well.
-_OUTSTANDING, _FEWEST_CORRECTIONS = 5.0, 10
-
-# Of random steps one in eight is undone by the next one to 30 %, of wrong solutions one in two.
-_UNDONE, _RETURNING = 0.3, 0.3
-
-# Of exponentially distributed corrections one in a thousand is beyond ten of their medians.
-_LARGEST_CORRECTION = 10.0
-
-_SMALL = 0.1  # of the record's motion: what corrects an estimate of it usually
+_SPIKE, _CORRECTION = _Spike(), _Correction()
 
 _BACK = 0.5  # of the largest jump: what is left of jumps that cancel
 
@@ -195,14 +199,18 @@ def _corrections(steps: Array, wide: float) -> float:
         return 0.0
     # A step that stands alone: a motion has neighbours that move too.
     beside = np.pad(size, 1)
-    alone = np.maximum(beside[:-2], beside[2:]) < _CHANGES * size
-    large = np.flatnonzero((size > _OUTSTANDING * float(np.median(moved))) & alone)
-    if len(large) < _FEWEST_CORRECTIONS:
+    alone = np.maximum(beside[:-2], beside[2:]) < _SPIKE.changes * size
+    large = np.flatnonzero((size > _CORRECTION.outstanding * float(np.median(moved))) & alone)
+    if len(large) < _CORRECTION.fewest:
         return 0.0
     left = np.linalg.norm(steps[large[1:]] + steps[large[:-1]], axis=1)
-    undone = left < _UNDONE * np.maximum(size[large[1:]], size[large[:-1]])
+    undone = left < _CORRECTION.undone * np.maximum(size[large[1:]], size[large[:-1]])
     usual = float(np.median(size[large]))
-    return 0.0 if undone.mean() > _RETURNING or usual > _SMALL * wide else _LARGEST_CORRECTION * usual
+    return (
+        0.0
+        if undone.mean() > _CORRECTION.returning or usual > _CORRECTION.small * wide
+        else _CORRECTION.largest * usual
+    )
 
 
 def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingReport) -> Mask:
@@ -255,8 +263,8 @@ def _deviation(y: Array, window: int) -> Array:
 
 def _extent(deviation: Array, at: int) -> tuple[int, int]:
     """Start and end (exclusive) of the samples in a row that stand out half as far as sample `at` or more."""
-    first = max(at - _WINDOW, 0)
-    high = deviation[first : at + _WINDOW + 1] > 0.5 * deviation[at]
+    first = max(at - _SPIKE.window, 0)
+    high = deviation[first : at + _SPIKE.window + 1] > 0.5 * deviation[at]
     before, after = high[: at - first][::-1], high[at - first :]
     start = at - (int(np.argmin(before)) if not before.all() else len(before))
     return start, at + (int(np.argmin(after)) if not after.all() else len(after))
@@ -267,10 +275,10 @@ def _alone(y: Array, deviation: Array, at: int) -> bool:
 
     A vehicle that moves fast moves before or after it too: inertia spreads a motion over several samples.
     """
-    first, last = max(at - _NEIGHBOURS, 0), at + _NEIGHBOURS + 1
-    outstanding = int(np.sum(deviation[first:last] > _MOVES * deviation[at]))
-    changing = int(np.sum(np.abs(np.diff(y[first:last])) > _CHANGES * deviation[at]))
-    return outstanding <= _MOST_ALONE and changing <= _MOST_ALONE + 1
+    first, last = max(at - _SPIKE.neighbours, 0), at + _SPIKE.neighbours + 1
+    outstanding = int(np.sum(deviation[first:last] > _SPIKE.moves * deviation[at]))
+    changing = int(np.sum(np.abs(np.diff(y[first:last])) > _SPIKE.changes * deviation[at]))
+    return outstanding <= _SPIKE.most_alone and changing <= _SPIKE.most_alone + 1
 
 
 def _between_jumps(signal: Signal, speedometer: Signal | None, report: RecordingReport) -> Mask:
@@ -332,7 +340,7 @@ def _wrong(steps: Array, jump: NDArray[np.intp], place: int, t: Array, wide: flo
     much of the whole record's motion are no corrections, whatever they lead to.
     """
     size = np.linalg.norm(steps[jump], axis=1)
-    if size[place - 1 : place + 1].max() > _SMALL * wide:
+    if size[place - 1 : place + 1].max() > _CORRECTION.small * wide:
         return True
     for first in range(place - 1, -1, -1):
         if first < place - 1 and t[jump[first + 1]] - t[jump[first] + 1] > _TRUSTED_AFTER_S:
@@ -364,7 +372,7 @@ def _speed(signals: Mapping[str, Signal], name: str) -> tuple[Array, Array] | No
     Body rates by axis; of a position, whose axes are not the body's, the change of its speed counts for each.
     """
     pose = signals.get("attitude" if name == "rates" else "position")
-    if pose is None or np.count_nonzero(pose.good) < _WINDOW:
+    if pose is None or np.count_nonzero(pose.good) < _SPIKE.window:
         return None
     t, y = pose.t[pose.good], pose.y[pose.good]
     step = np.diff(t)[:, None]
@@ -388,15 +396,17 @@ def _spikes(signal: Signal, shown: tuple[Array, Array] | None, report: Recording
     axes = "pqr" if signal.name == "rates" else "uvw"
     for k, channel in enumerate(signal.channels):
         good = np.flatnonzero(~signal.bad[:, k])
-        if len(good) < _WINDOW:
+        if len(good) < _SPIKE.window:
             continue
         y = signal.y[good, k]
-        deviation = _deviation(y[:, None], _WINDOW)[:, 0]
-        far = deviation > max(_FAR * float(np.quantile(deviation, 0.95)), 1e-9)
+        deviation = _deviation(y[:, None], _SPIKE.window)[:, 0]
+        far = deviation > max(_SPIKE.far * float(np.quantile(deviation, 0.95)), 1e-9)
         other = None if shown is None else (shown[0], shown[1][:, axes.index(channel[0])])
-        for highest in np.flatnonzero(far & (deviation == maximum_filter1d(deviation, _WINDOW))).tolist():
+        for highest in np.flatnonzero(
+            far & (deviation == maximum_filter1d(deviation, _SPIKE.window))
+        ).tolist():
             start, stop = _extent(deviation, highest)
-            if stop - start > _LONGEST_SPIKE or not _alone(y, deviation, highest):
+            if stop - start > _SPIKE.longest or not _alone(y, deviation, highest):
                 continue
             if not _confirmed(other, signal.t[good[highest]], deviation[highest]):
                 result[good[start:stop], k] = True
@@ -410,11 +420,11 @@ def _confirmed(shown: tuple[Array, Array] | None, t: float, size: float) -> bool
         return False
     times, speed = shown
     near = speed[np.searchsorted(times, t - 1.0) : np.searchsorted(times, t + 1.0)]
-    if len(near) < _WINDOW // 2:
+    if len(near) < _SPIKE.window // 2:
         return False
     moved = float(np.abs(near - np.median(near)).max())
     noise = float(np.median(np.abs(np.diff(speed))))
-    return moved > max(_SHOWN * size, _UNUSUAL * noise)
+    return moved > max(_SPIKE.shown * size, _SPIKE.unusual * noise)
 
 
 def _report_constant(signal: Signal, report: RecordingReport) -> None:
