@@ -303,9 +303,8 @@ def _with_ends(
     channel = replace(channel, low_us=low, trim_us=trim, high_us=high)
     if not channel.low_us < channel.trim_us < channel.high_us:
         raise TrialError(
-            f"{where}: channel {channel.number}: expected rest between the ends, found"
-            f" {channel.low_us:g}, {channel.trim_us:g} and {channel.high_us:g} us; correct"
-            f" {', '.join(names.values())}"
+            f"{where}: channel {channel.number}: expected rest between the ends, found {channel.low_us:g},"
+            f" {channel.trim_us:g} and {channel.high_us:g} us; correct {', '.join(names.values())}"
         )
     return channel
 
@@ -348,8 +347,7 @@ def _turned(
         if abs(fit) < _FIT:
             remarks.append(
                 f"{name}: motor {key} of {frame} pushes elsewhere (cosine {fit:.2f}); its direction stays"
-                " that"
-                " of the vehicle file: check FRAME_CONFIG and the order of the thrusters."
+                " that of the vehicle file: check FRAME_CONFIG and the order of the thrusters."
             )
         elif fit < 0.0:
             turned.append(name)
@@ -396,8 +394,7 @@ def _neutral_sentences(channels: list[Channel]) -> list[str]:
     return (
         [
             f"ArduSub rests at {odd[0].trim_us:g} us, {_some([channel.actuator for channel in odd])} of the"
-            " vehicle file"
-            f" at {odd[0].neutral:g} us: pulses are counted from each one's own rest."
+            f" vehicle file at {odd[0].neutral:g} us: pulses are counted from each one's own rest."
         ]
         if odd
         else []

@@ -55,9 +55,8 @@ def energy_sentences(
     )
     if energy.total_wh > energy.battery_wh:
         return notes, [
-            f"the mission takes {energy.total_wh:.0f} W h, more than the battery holds"
-            f" ({energy.battery_wh:g} W h);"
-            " shorten the mission or fly slower"
+            f"the mission takes {energy.total_wh:.0f} W h, more than the battery holds ({energy.battery_wh:g}"
+            " W h); shorten the mission or fly slower"
         ]
     if energy.total_wh > (1.0 - _LEFT) * energy.battery_wh:
         left = 100.0 * (1.0 - energy.total_wh / energy.battery_wh)

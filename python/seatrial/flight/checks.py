@@ -126,9 +126,8 @@ def checked_rows(name: str, value: Any) -> Array:
         )
     if rows.size and (most := float(np.abs(rows).max())) > _FASTEST_WATER_M_S:
         raise SimulationError(
-            f"{name}: expected at most {_FASTEST_WATER_M_S:g} m/s, faster than any ocean current,"
-            f" found {most:g};"
-            " give it in m/s (1 kn is 0.514 m/s)"
+            f"{name}: expected at most {_FASTEST_WATER_M_S:g} m/s, faster than any ocean current, found"
+            f" {most:g}; give it in m/s (1 kn is 0.514 m/s)"
         )
     return rows
 

@@ -113,9 +113,8 @@ def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> str:
         return ""
     loop = max(lost, key=lambda name: lost[name])
     return (
-        f"at the crossover of its {loop} loop the delay of this vehicle costs"
-        f" {math.degrees(lost[loop]):.0f} deg of phase, by its gains and the apparent mass alone, and may"
-        " leave little margin"
+        f"at the crossover of its {loop} loop the delay of this vehicle costs {math.degrees(lost[loop]):.0f}"
+        " deg of phase, by its gains and the apparent mass alone, and may leave little margin"
     )
 
 

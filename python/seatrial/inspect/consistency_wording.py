@@ -329,10 +329,9 @@ def _opposed(sensor: Found) -> str | None:
         else f"{apart:.3g} m/s rms with the best correction ({sensor.sizes[0]:.3g} m/s as recorded)"
     )
     return (
-        f"{what} contradict one another: they differ by {differ},"
-        f" while the {what.removesuffix(' and the velocity')} is"
-        f" {sensor.motion:.3g} m/s rms; check axes, signs and unit of the velocity in map.toml, and"
-        " tilt_deg.velocity under [corrections] in the campaign"
+        f"{what} contradict one another: they differ by {differ}, while the"
+        f" {what.removesuffix(' and the velocity')} is {sensor.motion:.3g} m/s rms; check axes, signs and"
+        " unit of the velocity in map.toml, and tilt_deg.velocity under [corrections] in the campaign"
     )
 
 

@@ -150,9 +150,8 @@ class Verdict:
         by = f" in waves of {self.wave_period_s:.1f} s" if math.isfinite(self.wave_period_s) else ""
         verb = "follows" if len(self.commands) == 1 else "follow"
         return (
-            f"{who} is dominated by feedback: {', '.join(self.commands)} {verb} the motion{by}, and"
-            f" commands independent of feedback drive only {share}; this log does not determine how the axis"
-            " responds"
+            f"{who} is dominated by feedback: {', '.join(self.commands)} {verb} the motion{by}, and commands"
+            f" independent of feedback drive only {share}; this log does not determine how the axis responds"
         )
 
 

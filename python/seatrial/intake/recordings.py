@@ -362,9 +362,8 @@ def _cut(table: pl.DataFrame, start: float | None, stop: float | None, name: str
     kept = table.filter((t >= (first if start is None else start)) & (t <= (last if stop is None else stop)))
     if not kept.height:
         raise TrialError(
-            f"map, trials {name!r}: no sample from {start} to {stop} s; the recording lasts from"
-            f" {first:.6g} to"
-            f" {last:.6g} s"
+            f"map, trials {name!r}: no sample from {start} to {stop} s; the recording lasts from {first:.6g}"
+            f" to {last:.6g} s"
         )
     return kept
 

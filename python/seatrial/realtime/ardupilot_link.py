@@ -140,9 +140,8 @@ class SitlSession(
             worst = f"{self.lost} frames were lost on the way; {worst}"
         if self.frames and self.steps_per_s < self.rate_hz:
             worst = (
-                f"slower than real time: {self.steps_per_s:.0f} steps per second of work for"
-                f" {self.rate_hz} Hz;"
-                f" lower SIM_RATE_HZ; {worst}"
+                f"slower than real time: {self.steps_per_s:.0f} steps per second of work for {self.rate_hz}"
+                f" Hz; lower SIM_RATE_HZ; {worst}"
             )
         following = "use the log as a trial, or fly on"
         if self.ended == "diverged":

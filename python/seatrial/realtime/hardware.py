@@ -165,8 +165,7 @@ class HardwareFacts(
         return (
             f"{self.sent} packets sent, {self.taken} taken, {self.lost} lost; round trip"
             f" {1e3 * float(np.median(trips)):.2f} ms in the middle, {1e3 * float(trips.max()):.2f} ms at"
-            " most;"
-            f" the watchdog expired {self.expired} times{lost}"
+            f" most; the watchdog expired {self.expired} times{lost}"
         )
 
     def table(self) -> Table:

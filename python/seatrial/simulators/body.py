@@ -258,9 +258,8 @@ def _rigid_sentences(body: Body) -> list[str]:
         principal = np.sort(np.linalg.eigvalsh((centred + centred.T) / 2.0))
         if principal[0] <= 0.0 or principal[0] + principal[1] < principal[2] * (1.0 - 1e-9):
             sentences.append(
-                "principal moments of inertia"
-                f" {', '.join(f'{value:.4g}' for value in principal)} kg m2 are those of no body: each"
-                " must be positive and at most the sum of the others."
+                f"principal moments of inertia {', '.join(f'{value:.4g}' for value in principal)} kg m2 are"
+                " those of no body: each must be positive and at most the sum of the others."
             )
     still = [axis for k, axis in enumerate(_MOTIONS) if not (body.linear[k, k] or body.quadratic[k, k])]
     if still:

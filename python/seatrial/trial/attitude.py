@@ -329,9 +329,8 @@ def level(
     if tilted is None:
         return levelled
     text = (
-        f"the earth frame is tilted by {tilted.angle / DEGREE:.1f} deg"
-        f" (+/- {tilted.deviation / DEGREE:.1f} deg) against gravity, as the measured attitude"
-        " at different headings shows"
+        f"the earth frame is tilted by {tilted.angle / DEGREE:.1f} deg (+/- {tilted.deviation / DEGREE:.1f}"
+        " deg) against gravity, as the measured attitude at different headings shows"
     )
     if not tilted.trusted or not remove:
         report.add("warning", "attitude", f"{text}; left as recorded")

@@ -229,9 +229,8 @@ def why_outside(quiet: StepPerformance, corridor: Corridor) -> str:
     """What makes a response leave its corridor, and what to do, from the same step with perfect sensors."""
     if quiet.nominal_s == 0.0:
         return (
-            "with perfect sensors it stays inside, so sensor noise or latency is the cause; take"
-            " larger steps,"
-            " or raise settled and overshoot"
+            "with perfect sensors it stays inside, so sensor noise or latency is the cause; take larger"
+            " steps, or raise settled and overshoot"
         )
     if not quiet.overshoot < _AWAY:  # nor where it diverged
         return "the motion grows at that speed; leave it out of speeds_m_s, or begin with gains that hold it"

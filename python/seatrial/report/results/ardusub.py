@@ -227,10 +227,9 @@ def _behind(tuning: LogTuning) -> tuple[str, ...]:
     statements = [
         f"Disturbances estimated from the fitted part: steady wrench {_short(rig.steady[2])} N down,"
         f" {', '.join(_short(x) for x in rig.steady[3:])} N m in roll, pitch, yaw; a wandering wrench of"
-        f" {', '.join(_short(x) for x in wander[:3])} N and"
-        f" {', '.join(_short(x) for x in wander[3:])} N m with a time constant of"
-        f" {rig.wander_s:g} s; current {_short(float(tuning.reflight.current[0]))} m/s north,"
-        f" {_short(float(tuning.reflight.current[1]))} m/s east.",
+        f" {', '.join(_short(x) for x in wander[:3])} N and {', '.join(_short(x) for x in wander[3:])} N m"
+        f" with a time constant of {rig.wander_s:g} s; current {_short(float(tuning.reflight.current[0]))}"
+        f" m/s north, {_short(float(tuning.reflight.current[1]))} m/s east.",
         Spread().sentence(),
         "The missions judge the loops under the model that the log identified: its errors affect the results"
         " before and after the changes alike.",

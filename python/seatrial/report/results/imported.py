@@ -121,16 +121,14 @@ def _problems(made: Imported) -> Iterator[str]:
         yield "no commands of actuators and no wrench are in the logs: nothing can be identified"
     elif made.vehicle is not None and made.unmatched:
         yield (
-            f"no command for {', '.join(made.unmatched)} of {made.vehicle.name}: map them under"
-            f" [actuators] in"
-            " map.toml"
+            f"no command for {', '.join(made.unmatched)} of {made.vehicle.name}: map them under [actuators]"
+            " in map.toml"
         )
     speeds = {c for imported in made.trials for c in imported.trial.channels if c in "uvw"}
     if not speeds:
         yield (
             "no velocity and no position from which it follows: only rotations can be identified; add a"
-            " Doppler"
-            " log or a positioning system"
+            " Doppler log or a positioning system"
         )
     if made.vehicle is None:
         yield (

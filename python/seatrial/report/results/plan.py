@@ -39,8 +39,7 @@ def report(plan: Plan) -> Report:
         good=(
             f"{'it reduces' if count == 1 else 'they reduce'} the sum of the relative standard deviations of"
             f" {len(plan.coefficients)} coefficients from {_number(plan.score_before)} to"
-            f" {_number(plan.score_after)}; known so far:"
-            f" {basis}{_AT[plan.at]}"
+            f" {_number(plan.score_after)}; known so far: {basis}{_AT[plan.at]}"
         ),
         worst=unknown[0] if unknown else f"no coefficient stays unknown to more than {100 * UNKNOWN:.0f} %",
         next_step=(

@@ -147,9 +147,8 @@ def judge_model(
         return ModelJudgement("not judged", reason)
     if reference is None:
         notes.append(
-            "No reference was given: the band holds the log's own noise and the coefficients'"
-            " spread, but not the usual error of a valid model; give a log on which the model is"
-            " known to hold."
+            "No reference was given: the band holds the log's own noise and the coefficients' spread, but not"
+            " the usual error of a valid model; give a log on which the model is known to hold."
         )
     if not known.names:
         notes.append("The coefficients' covariance is not known: they count as exact.")

@@ -81,9 +81,8 @@ class UnloggedThrust:
         """The thrust in words."""
         mean, size = float(self.thrust.mean()), float(np.sqrt(np.mean(self.thrust**2)))
         return (
-            f"{self.actuator} does not produce the thrust that its commands ask for ({size:.2g} N"
-            " rms beyond them,"
-            f" {mean:+.2g} N on average)"
+            f"{self.actuator} does not produce the thrust that its commands ask for ({size:.2g} N rms beyond"
+            f" them, {mean:+.2g} N on average)"
         )
 
 
