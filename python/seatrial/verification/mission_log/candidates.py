@@ -169,25 +169,19 @@ def candidates(
     drag = [name for name in values if _DRAG.fullmatch(name) and values[name]]
     axial = [name for name in drag if name in ("X_u", "X_uu")]
     lift = [name for name in values if _LIFT.fullmatch(name) and values[name]]
-    found += [
-        one
-        for one in (
-            _factor("drag ahead (X_u, X_uu)", axial, values),
-            _factor("all drag", [name for name in drag if len(drag) > len(axial)], values),
-            _factor("all lift", lift, values),
-        )
-        if one is not None and len(one.coefficients) > 1
-    ]
     gains = {
         group: [f"{a}.gain" for a in members if f"{a}.gain" in values]
         for group, members in actuator_groups(vehicle).items()
     }
-    for group, members in gains.items():
-        if len(members) > 1:
-            found.append(_thrust(f"thrust of the group {group}", members, values))
-    every = [name for members in gains.values() for name in members]
-    if len(gains) > 1 and len(every) > 1:
-        found.append(_thrust("all thrust (supply)", every, values))
+    groups = {
+        "drag ahead (X_u, X_uu)": axial,
+        "all drag": drag if len(drag) > len(axial) else [],
+        "all lift": lift,
+        **{f"thrust of the group {group}": members for group, members in gains.items()},
+        "all thrust (supply)": [name for members in gains.values() for name in members if len(gains) > 1],
+    }
+    # A group of one is that coefficient.
+    found += [_factor(name, members, values) for name, members in groups.items() if len(members) > 1]
     found += [payload(vehicle, density=payload_density_kg_m3), _entrained(vehicle)]
     return found
 
@@ -279,9 +273,7 @@ def _single(name: str, value: float, unit: str, values: Mapping[str, float]) -> 
             return f"buoyancy {theta[0]:+.3g} N: {'lighter' if theta[0] > 0.0 else 'heavier'} in water"
         if name.endswith(".gain") and value:
             return f"{name.removesuffix('.gain')} gives {100.0 * theta[0] / value:+.0f} % thrust"
-        change = f" ({100.0 * theta[0] / abs(value):+.0f} % in magnitude)" if value else ""
-        if value:
-            change = f" ({100.0 * (abs(new) - abs(value)) / abs(value):+.0f} % in magnitude)"
+        change = f" ({100.0 * (abs(new) - abs(value)) / abs(value):+.0f} % in magnitude)" if value else ""
         return f"{name} {value:.3g} to {new:.3g}{plain}{change}"
 
     size = abs(value) or (0.02 if name[:2] in ("x_", "y_", "z_") else 1.0)
@@ -298,10 +290,7 @@ def _single(name: str, value: float, unit: str, values: Mapping[str, float]) -> 
     )
 
 
-def _factor(name: str, members: Sequence[str], values: Mapping[str, float]) -> Candidate | None:
-    if not members:
-        return None
-
+def _factor(name: str, members: Sequence[str], values: Mapping[str, float]) -> Candidate:
     def changes(theta: Array) -> dict[str, float]:
         return {member: (1.0 + float(theta[0])) * values[member] for member in members}
 
@@ -315,12 +304,6 @@ def _factor(name: str, members: Sequence[str], values: Mapping[str, float]) -> C
         lambda theta: f"{label} {100.0 * theta[0]:+.0f} %",
         tuple(members),
     )
-
-
-def _thrust(name: str, members: Sequence[str], values: Mapping[str, float]) -> Candidate:
-    made = _factor(name, members, values)
-    assert made is not None
-    return made
 
 
 _STEPS = 4  # reweightings of Huber's loss
