@@ -5,6 +5,7 @@ Held by ``tests/check/test_check.py``.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
@@ -108,13 +109,13 @@ def _triangle(vehicle: Vehicle) -> list[str]:
 
 def _motors(vehicle: Vehicle) -> list[str]:
     """Motors whose least speed lies above their largest."""
-    names_by_fault: dict[str, list[str]] = {}
+    names_by_fault: defaultdict[str, list[str]] = defaultdict(list)
     for name, facts in vehicle.actuator_info().items():
         for side in ("ahead", "astern"):
             least, most = float(facts[f"minimum_{side}"]), float(facts[f"maximum_{side}"])
             if least > most > 0.0:
                 wrong = f"minimum_{side} = {least:g} above maximum_{side} = {most:g}"
-                names_by_fault.setdefault(wrong, []).append(name)
+                names_by_fault[wrong].append(name)
     return [
         f"{wrong} of {listed(names)}: no command lies between; correct the motor"
         for wrong, names in names_by_fault.items()
@@ -138,7 +139,7 @@ def _ranges(vehicle: Vehicle) -> list[str]:
     """Limits, lags, areas and thrusts that no actuator of this kind has, as with degrees or percent."""
     values, box = vehicle.coefficients(), vehicle.geometry()
     weight = values["m"] * vehicle.environment()["g"]
-    names_by_fault: dict[str, list[str]] = {}
+    names_by_fault: defaultdict[str, list[str]] = defaultdict(list)
     for name, facts in vehicle.actuator_info().items():
         fin, unit = facts["kind"] == "fin", str(facts["unit"])
         least, most, how = _LIMITS[unit]
@@ -146,17 +147,15 @@ def _ranges(vehicle: Vehicle) -> list[str]:
             limit = float(facts[f"maximum_{side}"])
             if 0.0 < limit < least or most < limit < np.inf:
                 what = f"maximum_{side} = {limit:g} is outside the {least:g} to {most:g} {unit}"
-                names_by_fault.setdefault(f"{what} of any such actuator; give it {how}", []).append(name)
+                names_by_fault[f"{what} of any such actuator; give it {how}"].append(name)
         # A lag in ms or a rate in deg/s is a hundred times too large: wide limits find both.
         lag = max(values.get(f"{name}.T_1", 0.0), values.get(f"{name}.T_t", 0.0))
         if lag > (_SERVO_LAG_S if fin else _MOTOR_LAG_S):
-            names_by_fault.setdefault(
-                f"lag or dead time of {lag:g} s is longer than any; give it in s", []
-            ).append(name)
+            names_by_fault[f"lag or dead time of {lag:g} s is longer than any; give it in s"].append(name)
         rate = values.get(f"{name}.n_acc", 0.0)
         if fin and rate > _SERVO_RATE:
             what = f"n_acc_per_s = {rate:g} rad/s is faster than any servo; give it in rad/s:"
-            names_by_fault.setdefault(f"{what} {rate:g} deg/s are {np.deg2rad(rate):.2g}", []).append(name)
+            names_by_fault[f"{what} {rate:g} deg/s are {np.deg2rad(rate):.2g}"].append(name)
     tables = {str(fin["name"]): fin for fin in vehicle.to_dict().get("fins", [])}
     # An area in cm2 is ten thousand times too large.
     for name, fin in tables.items():
@@ -164,14 +163,12 @@ def _ranges(vehicle: Vehicle) -> list[str]:
         # More than half of the hull seen from the side is no fin.
         if box and area > 0.5 * box["length"] * max(box["diameter"], box["height"]):
             what = f"area_m2 = {area:g} is more than half of the hull seen from the side; give it in m2"
-            names_by_fault.setdefault(what, []).append(name)
+            names_by_fault[what].append(name)
     for push in pushes(vehicle):
         force = float(np.linalg.norm(push.wrench[:3]))
         if force > _STRONGEST * weight:
             what = f"pushes with {force:.3g} N, {force / weight:.2g} times the weight of the vehicle"
-            names_by_fault.setdefault(f"{what}; check unit and size of its characteristic", []).append(
-                push.actuator
-            )
+            names_by_fault[f"{what}; check unit and size of its characteristic"].append(push.actuator)
     return [f"{listed(list(dict.fromkeys(names)))}: {what}" for what, names in names_by_fault.items()]
 
 

@@ -159,12 +159,7 @@ def _delay(sensor: Found, fit: Fit, name: str, group: str) -> list[Correction]:
     word = "late" if value > 0.0 else "early"
     label = _SENSOR.get(group, f"the {group}")
     sentence = f"{label} is {abs(value):.3f} s (+/- {sd:.3f} s) {word} against the attitude"
-    key = f"delay_s.{_word(group)}"
-    return [
-        Correction(
-            "corrections", key, round(value, 4), sd, "s", fit.alone[name], fit.after, sensor.of, sentence
-        )
-    ]
+    return [_simple(sensor, fit, name, f"delay_s.{_word(group)}", round(value, 4), sd, "s", sentence)]
 
 
 def _mounting(sensor: Found, fit: Fit, mounting_yaw: bool) -> list[Correction]:
@@ -180,13 +175,9 @@ def _mounting(sensor: Found, fit: Fit, mounting_yaw: bool) -> list[Correction]:
             for name in given
         )
         sentence = f"the velocity sensor is turned by {parts}; an offset of the attitude looks alike"
-        before = max(fit.alone[name] for name in given)
+        worst = max(given, key=fit.alone.__getitem__)
         value = [round(angle, 3) for angle in angles]
-        made.append(
-            Correction(
-                "corrections", "tilt_deg.velocity", value, sds, "deg", before, fit.after, sensor.of, sentence
-            )
-        )
+        made.append(_simple(sensor, fit, worst, "tilt_deg.velocity", value, sds, "deg", sentence))
     if "heading" in fit.values and not mounting_yaw:
         value_deg, sd = fit.values["heading"] / DEGREE, fit.sd["heading"] / DEGREE
         sentence = (
@@ -210,8 +201,9 @@ def _mounting(sensor: Found, fit: Fit, mounting_yaw: bool) -> list[Correction]:
 
 
 def _simple(
-    sensor: Found, fit: Fit, name: str, key: str, value: Any, sd: float, unit: str, sentence: str
+    sensor: Found, fit: Fit, name: str, key: str, value: Any, sd: Any, unit: str, sentence: str
 ) -> Correction:
+    """A correction in the campaign, whose effect is measured on what stays without the parameter `name`."""
     return Correction("corrections", key, value, sd, unit, fit.alone[name], fit.after, sensor.of, sentence)
 
 
