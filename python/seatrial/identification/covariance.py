@@ -33,12 +33,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.plain import Plain
 from seatrial.estimation.homogeneity import STATIC
 from seatrial.problem.parameter import coefficient_names, expansion_matrix
+from seatrial.statistics.uncertainty import bound_reached
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
     from seatrial.diagnosis.assessment import Assessment
     from seatrial.estimation.scale import ScaleReport
+    from seatrial.identification.events import EventEstimate
 
 _UNIFORM = 1.0 / 12.0  # variance of a number somewhere in an interval of length one
 
@@ -110,6 +113,7 @@ def coefficient_covariance(
     staged: Sequence[str] = (),
     bench: BenchTest | None = None,
     held: Sequence[str] = (),
+    events: Sequence[EventEstimate] = (),
 ) -> CoefficientCovariance:
     """Covariance of the coefficients that an identification set.
 
@@ -127,11 +131,26 @@ def coefficient_covariance(
         Whose thrust the campaign takes.
     held : sequence of str, optional
         What was to be identified and is not, because feedback hides it.
+    events : sequence of EventEstimate, optional
+        What was estimated from events, independent of the joint estimate.
     """
     parameters, own = assessment.parameters, vehicle.coefficients()
     matrix, notes = _bounded(assessment)
     factors = expansion_matrix(parameters)
     names, among = coefficient_names(parameters), factors.T @ matrix @ factors
+    for estimate in events:
+        width = np.array([parameter.upper - parameter.lower for parameter in estimate.parameters])
+        ended = np.array([
+            bound_reached(value, parameter.lower, parameter.upper) is not None
+            for value, parameter in zip(estimate.values, estimate.parameters, strict=True)
+        ])
+        # As in `_bounded`: what ended at a bound stays there, and no direction is wider than the bounds.
+        scaled = _with_fixed(estimate.covariance / np.outer(width, width), ended)
+        sizes, vectors = np.linalg.eigh(scaled)
+        scaled = (vectors * np.clip(sizes, 0.0, _UNIFORM)) @ vectors.T * np.outer(width, width)
+        spread = expansion_matrix(estimate.parameters)
+        names = [*names, *coefficient_names(estimate.parameters)]
+        among = block_diag(among, spread.T @ scaled @ spread)
     notes += _beyond(assessment, scale)
     alone = [name for name in staged if name not in names]
     if alone:

@@ -72,7 +72,7 @@ def quadratic_or_strips(
         sentence for each plane that was compared.
     """
     kind: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
-    if joint.method != "innovations" or polished.interrupted or not _slender(joint.vehicle):
+    if joint.method != "innovations" or polished.interrupted or not slender(joint.vehicle):
         return joint, polished, kind, ()
     notes: list[str] = []
     for name, made in STRIPS.items():
@@ -125,7 +125,7 @@ def quadratic_or_strips(
     return joint, polished, kind, tuple(notes)
 
 
-def _slender(vehicle: Vehicle) -> bool:
+def slender(vehicle: Vehicle) -> bool:
     """Whether a hull is so long that strips of it see a cross-flow; a hull without measures may be."""
     measures = vehicle.geometry()
     return not measures or measures["length"] >= _SLENDER * max(measures["diameter"], measures["height"])

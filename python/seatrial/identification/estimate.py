@@ -19,6 +19,7 @@ from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.diagnosis.assessment import Assessment
+    from seatrial.identification.events import EventEstimate
     from seatrial.problem.problem import Problem
 
 
@@ -194,10 +195,12 @@ def estimates(
     assessment: Assessment | None = None,
     *,
     failed: Sequence[str] = (),
+    events: Sequence[EventEstimate] = (),
 ) -> tuple[Estimate, ...]:
     """Rows for every coefficient that was set: by the joint estimate, or by the last stage that freed it.
 
-    What only stages freed that ``failed`` keeps its value and is not identifiable.
+    What only stages freed that ``failed`` keeps its value and is not identifiable; what ``events`` tell is
+    in neither.
     """
     rows: dict[str, Estimate] = {}
     for stage in stages:
@@ -218,6 +221,16 @@ def estimates(
                 start=parameter.start,
                 stage=before.stage if before is not None and not moved else "joint estimate",
                 known=known,
+            )
+    for estimate in events:
+        for place, parameter in enumerate(estimate.parameters):
+            rows |= _rows(
+                problem,
+                parameter,
+                estimate.values[place],
+                start=parameter.start,
+                stage="events",
+                known=estimate.known(place),
             )
     own = problem.vehicle.coefficients()
     for name in failed:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.assessment import Assessment
     from seatrial.diagnosis.identifiability import Identifiability
     from seatrial.estimation.scale import ScaleReport
+    from seatrial.identification.events import EventEstimate
     from seatrial.identification.rounds import Proposal
     from seatrial.problem.problem import Problem
     from seatrial.scoring.score import Score
@@ -78,6 +79,8 @@ class Identification(RunResult):
         filter of a joint estimate knew, less than ten seconds where the vehicle runs away.
     proposals
         A `Proposal` per change of the model that was tried in rounds, and whether it was kept.
+    events
+        An `EventEstimate` per stage whose commands answer the motion: what its open-loop stretches tell.
     doubt
         Heading where many vehicles drawn from the covariance are physically impossible; empty otherwise.
     fallbacks
@@ -104,6 +107,7 @@ class Identification(RunResult):
     restarts: Restarts = field(default_factory=Restarts)
     fallbacks: tuple[Fallback, ...] = ()
     proposals: tuple[Proposal, ...] = ()
+    events: tuple[EventEstimate, ...] = ()
 
     def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
         """How good, the worst problem, what to do next; then tables and remarks.
@@ -145,6 +149,7 @@ class Identification(RunResult):
                 staged=[row.name for row in self.coefficients],
                 bench=self.problem.bench,
                 held=list(dict.fromkeys(row.parameter for row in self.held)),
+                events=[estimate for estimate in self.events if estimate.enough],
             )
         except ValueError as error:
             if not is_numerical(error):
@@ -232,6 +237,7 @@ class Identification(RunResult):
             },
             "replayed": list(replayed(self.problem)),
             "choice": None if self.choice is None else self.choice.to_dict(),
+            "events": [estimate.to_dict() for estimate in self.events],
             "proposals": [proposal.to_dict() for proposal in self.proposals],
             "notes": list(self.notes),
             "fallbacks": [asdict(fallback) for fallback in self.fallbacks],

@@ -34,6 +34,7 @@ from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.conclusion import Conclusion, concluded, scored, staged
 from seatrial.identification.estimate import estimates
+from seatrial.identification.events import from_events
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.identification import Identification
 from seatrial.identification.preparation import prepare
@@ -367,6 +368,9 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
     clock, threads, progress = Clock(), work.threads, work.progress
     with RunDirectory(work.run_dir, "identification", resume=work.resume) as run:
         ready = prepare(problem, threads=threads)  # refuses a bad campaign before a search
+        told = from_events(problem, threads=threads)
+        if told.taken:
+            ready = prepare(told.rest, threads=threads)
         problem, plans, before, notes = ready.problem, ready.plans, ready.sentences, ready.no_joint
         fitted = dict.fromkeys(name for plan in plans for name in plan.stage.trials)
         late = late_velocity(
@@ -392,12 +396,13 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
                 watch=_watch(order, progress),
                 threads=threads,
             )
+        end = replace(end, problem=told.restored(end.problem))
         vehicle, judged = scored(end, fallbacks)
         problem, sure = end.problem, end.assessment
         fit = Identification(
             problem=problem,
             vehicle=vehicle,
-            coefficients=estimates(problem, stages, sure, failed=order.failed),
+            coefficients=estimates(problem, stages, sure, failed=order.failed, events=told.taken),
             stages=stages,
             assessment=sure,
             scores=judged.scores,
@@ -426,6 +431,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
             choice=end.choice,
             restarts=end.restarts,
             proposals=end.proposals,
+            events=told.estimates,
         )
         fit = replace(
             fit,

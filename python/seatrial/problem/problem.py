@@ -321,6 +321,14 @@ class Problem:
         """Problem that asks something else of the joint estimate, or nothing."""
         return self._variant(joint=joint)
 
+    def with_vehicle(self, vehicle: Vehicle) -> Self:
+        """Problem that begins with other values of the same vehicle's coefficients."""
+        return self._variant(vehicle=vehicle)
+
+    def with_stages(self, stages: Sequence[Stage]) -> Self:
+        """Problem with other stages on its trials."""
+        return self._variant(stages=tuple(stages))
+
     def with_trials(self, trials: Mapping[str, Trial]) -> Self:
         """Problem on other records of its trials, by the same names; what was judged of the old ones goes."""
         given = dict.fromkeys(trials)

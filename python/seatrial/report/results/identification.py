@@ -17,6 +17,7 @@ from seatrial.identification.apparent_mass import (
 )
 from seatrial.identification.choice import Choice
 from seatrial.identification.estimate import Estimate, derived, distinct, plus_minus
+from seatrial.identification.events import FEWEST, LEAST_S
 from seatrial.identification.held import SHARE, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
@@ -52,6 +53,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         *_beside_baselines(fit),
         _choice_table(fit),
         _proposal_table(fit),
+        _event_table(fit),
     )
     return Report(
         title=fit.problem.name,
@@ -439,6 +441,51 @@ def _proposal_table(fit: Identification) -> Table:
     return Table.of(title, (*head, *judged), rows, left=1, note=note)
 
 
+def _event_table(fit: Identification) -> Table:
+    """Open-loop stretches of closed loops: which commands, how many, how long, what they tell."""
+    rows = []
+    for estimate in fit.events:
+        lengths = [event.stop_s - event.start_s for event in estimate.events]
+        at_limit = sum(event.kind == "limit" for event in estimate.events)
+        verdicts = zip(estimate.parameters, estimate.verdicts, strict=True)
+        told = [parameter.name for parameter, verdict in verdicts if verdict == "identifiable"]
+        rows.append((
+            estimate.stage,
+            str(len(lengths)),
+            str(at_limit),
+            f"{min(lengths):.0f} to {max(lengths):.0f}" if lengths else "",
+            estimate.damping,
+            ", ".join(told) or "too little",
+        ))
+    head = ("stage", "events", "at a limit", "length s", Column("damping", align="left"))
+    title = "Events: a command that steps and is held, where the commands answer the motion elsewhere"
+    return Table.of(title, (*head, Column("they tell", align="left")), rows, left=1)
+
+
+def _events(fit: Identification) -> list[str]:
+    """Sentences on what events tell, and on axes whose events carry too little."""
+    lines = []
+    for estimate in fit.events:
+        count = len(estimate.events)
+        if not estimate.enough:
+            lines.append(
+                f"{estimate.stage}: the events carry too little: {count} stretch{'es' if count != 1 else ''}"
+                f" of {LEAST_S:g} s or more with a command held after a step, of which {FEWEST} or more tell"
+                " a coefficient; let the autopilot hold its actuators at a limit or a constant after a step"
+            )
+            continue
+        line = f"{estimate.stage}: estimated from {count} events alone, because its commands answer waves"
+        if estimate.likelier:
+            kinds = ("cross-flow drag by strips", "quadratic damping")
+            better, worse = kinds if estimate.strips else kinds[::-1]
+            line += (
+                f"; {better} foretells each event from the others better than {worse}, by"
+                f" {estimate.likelier:.0f} in log-likelihood"
+            )
+        lines.append(line)
+    return lines
+
+
 def _meaning_table(fit: Identification) -> Table:
     """Apparent masses, net buoyancy, gains and lags."""
     rows = [(name, f"{value:.4g}") for name, value in derived(fit.vehicle).items()]
@@ -507,7 +554,7 @@ def advice(fit: Identification) -> list[str]:
         for row in distinct(fit.coefficients)
         if row.at_bound and not wired
     ]
-    lines += [fallback.sentence for fallback in fit.fallbacks]
+    lines += [fallback.sentence for fallback in fit.fallbacks] + _events(fit)
     lines += _implausible(fit) + contradictions(fit)
     if fit.choice is not None:
         lines += _joint_remarks(fit.choice)
