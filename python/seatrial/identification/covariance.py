@@ -106,7 +106,7 @@ class CoefficientCovariance(Plain):
 
 
 def coefficient_covariance(
-    assessment: Assessment,
+    assessment: Assessment | None,
     vehicle: Vehicle,
     *,
     scale: ScaleReport,
@@ -119,8 +119,8 @@ def coefficient_covariance(
 
     Parameters
     ----------
-    assessment : Assessment
-        The joint estimate.
+    assessment : Assessment, optional
+        The joint estimate; None where events tell everything.
     vehicle : Vehicle
         With all estimates.
     scale : ScaleReport
@@ -134,10 +134,12 @@ def coefficient_covariance(
     events : sequence of EventEstimate, optional
         What was estimated from events, independent of the joint estimate.
     """
-    parameters, own = assessment.parameters, vehicle.coefficients()
-    matrix, notes = _bounded(assessment)
-    factors = expansion_matrix(parameters)
-    names, among = coefficient_names(parameters), factors.T @ matrix @ factors
+    own, notes = vehicle.coefficients(), list[str]()
+    names, among = list[str](), np.zeros((0, 0))
+    if assessment is not None:
+        matrix, notes = _bounded(assessment)
+        factors = expansion_matrix(assessment.parameters)
+        names, among = coefficient_names(assessment.parameters), factors.T @ matrix @ factors
     for estimate in events:
         width = np.array([parameter.upper - parameter.lower for parameter in estimate.parameters])
         ended = np.array([
@@ -151,7 +153,7 @@ def coefficient_covariance(
         spread = expansion_matrix(estimate.parameters)
         names = [*names, *coefficient_names(estimate.parameters)]
         among = block_diag(among, spread.T @ scaled @ spread)
-    notes += _beyond(assessment, scale)
+    notes += [] if assessment is None else _beyond(assessment, scale)
     alone = [name for name in staged if name not in names]
     if alone:
         notes.append(

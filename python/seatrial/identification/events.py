@@ -18,23 +18,23 @@ cross-flow drag by strips are both estimated; each event is foretold by the esti
 of Gauss and Newton), and its likelihood there weighs the two. The result is the likelier, its variance that
 of the mixture (Hoeting et al., *Stat. Sci.* 14 (1999) 382).
 
-Tests: ``tests/identification/test_events.py``.
+Tests: ``tests/identification/test_event_estimates.py``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import t as student
 
 from seatrial._core import initial_names, nuisance_names
-from seatrial.base.arrays import Array, Mask, runs
-from seatrial.base.channels import AXES, CHANNELS, MOTIONS
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import AXES, CHANNELS, MOTIONS, deviations
 from seatrial.base.plain import Plain
 from seatrial.diagnosis.assessment import TOLD
 from seatrial.diagnosis.weak_combination import ABSENT, WEAK
@@ -43,140 +43,87 @@ from seatrial.estimation.method import method_of
 from seatrial.estimation.segment_model import SegmentModel, StageData, cut
 from seatrial.estimation.step import stage_step
 from seatrial.identification.damping import slender
+from seatrial.inspect.events import EVENT_LIMITS, Event, events
 from seatrial.problem.parameter import STRIPS, Parameter, coefficients, parameters
 from seatrial.problem.settings import Stage
 from seatrial.scoring.record import restarted
-from seatrial.vehicle.actuators import drivers
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.problem.problem import Problem
-    from seatrial.trial.trial import Trial
-
-FEWEST = 5
-"""Events from which their scatter tells a deviation: the jackknife of fewer has under four degrees of
-freedom."""
-
-LEAST_S, MOST_S = 5.0, 20.0
-"""Length of an event, s: shorter than a wave it is not told from one, and after four or five time constants
-of a torpedo's turn or a hovering vehicle's drift nothing new is seen."""
-
-BEFORE_S = 1.5
-"""How long before its command an event begins, s: the angle's slope there is the rate that it starts with."""
-
-_HELD = 0.003
-"""Change of a command, over its range, that counts as none: a servo's report trembles by some counts."""
-
-_STEP = 0.15
-"""Change of a command, over its range, that begins an event: below it waves move the vehicle more."""
-
-NAMES, INITIALS = tuple(nuisance_names()), tuple(initial_names())
-
-_CURRENTS = [NAMES.index("current_north"), NAMES.index("current_east")]
-
-_ANGLE = {"p": "roll", "q": "pitch", "r": "yaw"}
-
-_DECAYS_S, _MEMORIES_S = (4.0, 10.0, 25.0), (0.3, 1.0, 3.0, 10.0)
-"""Decay of the waves' covariance and memory of slow errors, s: a swell keeps its phase for some periods; a
-wind sea for less."""
-
-_WAVES = np.linspace(0.4, 3.2, 15)
-"""Frequencies of waves, rad/s: periods of 2 to 16 s, closer than the width of a decay of 25 s smears."""
-
-_CURRENT, _VELOCITY, _ANGLE_SD, _PLACE = 0.1, 0.3, 0.1, 0.5
-"""Prior deviations of an event's own current, m/s, and of its start: velocity, angle in rad, place in m. They
-are wide; the event tells them."""
-
-_DRAG = 0.95, 0.25
-"""Cross-flow drag coefficient of a hull known beforehand, 0.7 to 1.2: cylinders and ellipses of finite length
-(White 2011, table 7.3; Hoerner 1965, chapter 3)."""
-
-_BALANCE = 0.3
-"""Deviation of quadratic damping about the vehicle's value, over it: that of `_DRAG`."""
-
-_AT_BOUND = 1e-3
-"""Distance from a bound, over the width of the bounds, from which a value lies inside them."""
-
-_DIVERGED = 1e6
-"""Largest error or derivative, SI: beyond it the simulation of an event has diverged."""
-
-_ROUNDS = 6
-"""Estimates and covariances in turn at most; three settle it."""
-
-_STEPS, _LITTLE = 25, 1e-5
-"""Steps of a round at most, and the part of its cost that the last one gains: the covariance changes more."""
-
-_SETTLED = 0.1
-"""Change of an estimate, in its deviations, from which a round is the last."""
 
 
 @dataclass(frozen=True)
-class Event(Plain):
-    """A stretch of a trial in which the commands of an axis are held.
+class EventSettings:
+    """Thresholds of an estimate on events.
 
     Attributes
     ----------
-    trial
-        Its name.
-    axis
-        Letter of the axis that the commands push.
-    start_s, stop_s
-        When the command changes, and when it answers again or the event is long enough.
-    command
-        What is held, by the first actuator of the axis, in the unit of its command.
-    kind
-        "limit" where the command is the largest of the trial, "held" elsewhere.
+    fewest
+        Events from which their scatter tells a deviation: the jackknife of fewer has under four degrees of
+        freedom.
+    most
+        Events at most, spread over the trials: of more, every second or third.
+    explained
+        Part of an axis' motion within its events that the simulation has to show: of less, waves are most.
+    decays_s, memories_s
+        Decay of the waves' covariance and memory of slow errors, s: a swell keeps its phase for some
+        periods, a wind sea for less.
+    waves_rad_s
+        Frequencies of waves: periods of 2 to 16 s, closer than the width that a decay of 25 s smears.
+    current, velocity, angle, place
+        Prior deviations of an event's own current, m/s, and of its start: m/s and rad/s, rad, m. They are
+        wide; the event tells them.
+    drag
+        Cross-flow drag coefficient of a hull known beforehand, value and deviation: 0.7 to 1.2, cylinders and
+        ellipses of finite length (White 2011, table 7.3; Hoerner 1965, chapter 3).
+    damping
+        Deviation of quadratic damping about the vehicle's value, over it: that of ``drag``.
+    at_bound
+        Distance from a bound, over the width of the bounds, from which a value lies inside them.
+    beyond
+        Deviations beyond a bound from which the data contradict it, as in `seatrial.diagnosis.assessment`.
+    damped
+        Linear damping of the second start, over its lower bound: an unstable hull without any runs away.
+    diverged
+        Largest error or derivative, SI: beyond it the simulation of an event has diverged.
+    rounds, settled
+        Estimates and covariances in turn at most (three settle it), and the change of an estimate, in its
+        deviations, from which a round is the last.
+    steps, little
+        Steps of a round at most, and the part of its cost that its last one gains: the covariance changes
+        more.
     """
 
-    trial: str
-    axis: str
-    start_s: float
-    stop_s: float
-    command: float
-    kind: Literal["limit", "held"]
+    fewest: int = 5
+    most: int = 20
+    explained: float = 0.5
+    decays_s: tuple[float, ...] = (4.0, 10.0, 25.0)
+    memories_s: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0)
+    waves_rad_s: tuple[float, ...] = tuple(np.linspace(0.4, 3.2, 15).tolist())
+    current: float = 0.1
+    velocity: float = 0.3
+    angle: float = 0.1
+    place: float = 0.5
+    drag: tuple[float, float] = (0.95, 0.25)
+    damping: float = 0.3
+    at_bound: float = 1e-3
+    beyond: float = 3.0
+    damped: float = 0.05
+    diverged: float = 1e6
+    rounds: int = 6
+    settled: float = 0.1
+    steps: int = 25
+    little: float = 1e-5
 
 
-def events(trial: Trial, vehicle: Vehicle, axis: str, usable: Mask | None = None) -> tuple[Event, ...]:
-    """Events of an axis: its commands change at once by a good part of their range and are held after it.
+SETTINGS = EventSettings()
 
-    Parameters
-    ----------
-    trial, vehicle
-    axis : str
-        Letter among ``XYZKMN``.
-    usable : ndarray of bool, shape (n,), optional
-        Samples that may be in an event; all when omitted.
-    """
-    names = [name for name in drivers(vehicle).get(axis, ()) if name in trial.commands]
-    if not names:
-        return ()
-    commands = np.column_stack([np.asarray(trial.commands[name], float) for name in names])
-    span = np.ptp(commands, axis=0)
-    names = [name for name, width in zip(names, span, strict=True) if width > 0.0]
-    if not names:
-        return ()
-    scaled = commands[:, span > 0.0] / span[span > 0.0]
-    still = np.abs(np.diff(scaled, axis=0, prepend=scaled[:1])).max(axis=1) <= _HELD
-    if usable is not None:
-        still &= usable
-    before = max(round(BEFORE_S / trial.dt), 1)
-    stretches = []
-    for first, end in runs(still):
-        # The command may reach its limit over some samples: the event begins where it left its old value.
-        last = min(end, first + round(MOST_S / trial.dt))
-        if (last - first) * trial.dt < LEAST_S or first < before:
-            continue
-        held = scaled[first]
-        if np.ptp(scaled[first:last], axis=0).max() > 4.0 * _HELD:
-            continue
-        earlier = scaled[first - before : first]
-        if not len(earlier) or np.abs(earlier - held).max() < _STEP:
-            continue
-        size = np.abs(commands[:, span > 0.0][:, 0])
-        at = float(commands[:, span > 0.0][first, 0])
-        kind: Literal["limit", "held"] = "limit" if abs(at) >= 0.995 * size.max() else "held"
-        stretches.append(Event(trial.name, axis, float(trial.t[first]), float(trial.t[last - 1]), at, kind))
-    return tuple(stretches)
+_NUISANCES, _INITIALS = tuple(nuisance_names()), tuple(initial_names())
+
+_CURRENTS = ("current_north", "current_east")
+
+_ANGLE = {"p": "roll", "q": "pitch", "r": "yaw"}
 
 
 class _Windows:
@@ -194,7 +141,7 @@ class _Windows:
         segments = []
         for place, event in enumerate(chosen):
             trial = records[event.trial].trial
-            first, last = np.searchsorted(trial.t, (event.start_s - BEFORE_S, event.stop_s))
+            first, last = np.searchsorted(trial.t, (event.start_s - EVENT_LIMITS.before_s, event.stop_s))
             starts = np.flatnonzero(trial.startable[first:last])
             segments += restarted(trial, [(int(first + starts[0]), int(last + 1))], place)
         data = StageData(
@@ -214,11 +161,11 @@ class _Windows:
         self.channels = tuple(stage.channels)
         self.dt = data.dt
         self.counted = [self.model.counted(i)[:, self.used] for i in range(len(segments))]
-        names = {f"initial_{CHANNELS[AXES.index(axis)]}": _VELOCITY for axis in stage.axes.free}
-        names |= {f"initial_{c}": _ANGLE_SD for c in ("roll", "pitch", "yaw") if c in self.channels}
-        names |= {f"initial_{c}": _PLACE for c in "xyz" if c in self.channels}
+        names = {f"initial_{CHANNELS[AXES.index(axis)]}": SETTINGS.velocity for axis in stage.axes.free}
+        names |= {f"initial_{c}": SETTINGS.angle for c in ("roll", "pitch", "yaw") if c in self.channels}
+        names |= {f"initial_{c}": SETTINGS.place for c in "xyz" if c in self.channels}
         self.initials = tuple(names)
-        self.own_sd = np.array([_CURRENT, _CURRENT, *names.values()])
+        self.own_sd = np.array([SETTINGS.current, SETTINGS.current, *names.values()])
         self.lower = np.array([parameter.lower for parameter in self.parameters])
         self.upper = np.array([parameter.upper for parameter in self.parameters])
 
@@ -231,11 +178,30 @@ class _Windows:
         """Coefficients (m,), the core's rows of nuisances (events, k) and initial conditions (events, 12)."""
         count = len(self.parameters)
         own = x[count:].reshape(self.events, -1)
-        nuisance = np.zeros((self.events, len(NAMES)))
-        nuisance[:, _CURRENTS] = own[:, :2]
-        initial = np.zeros((self.events, len(INITIALS)))
-        initial[:, [INITIALS.index(name) for name in self.initials]] = own[:, 2:]
+        nuisance = np.zeros((self.events, len(_NUISANCES)))
+        nuisance[:, [_NUISANCES.index(name) for name in _CURRENTS]] = own[:, :2]
+        initial = np.zeros((self.events, len(_INITIALS)))
+        initial[:, [_INITIALS.index(name) for name in self.initials]] = own[:, 2:]
         return x[:count], nuisance, initial
+
+    def explained(self, x: Array, axes: str) -> float:
+        """Least part over the axes of the motion within events that a simulation shows, 1 for all of it."""
+        parts, errors = [], self.errors(x)
+        for axis in axes:
+            velocity = CHANNELS[AXES.index(axis)]
+            channel = velocity if velocity in self.channels else _ANGLE.get(velocity, "")
+            if channel not in self.channels:
+                continue
+            place = self.channels.index(channel)
+            left = moved = 0.0
+            for error, mask, segment in zip(errors, self.counted, self.model.data.segments, strict=True):
+                trial = self.model.data.trials[segment.record]
+                shown = trial.observed[segment.start : segment.stop, CHANNELS.index(channel)]
+                shown = shown[len(shown) - len(mask) :][mask[:, place]]
+                left += float((error[mask[:, place], place] ** 2).sum())
+                moved += float((deviations(shown, channel) ** 2).sum())
+            parts.append(1.0 - left / max(moved, 1e-12))
+        return min(parts, default=0.0)
 
     def errors(self, x: Array) -> list[Array]:
         """Measured minus simulated (n, C) per event, SI, zero where not counted."""
@@ -249,7 +215,7 @@ class _Windows:
         values, nuisance, initial = self._placed(x)
         pieces = self.model.sensitivities(
             values,
-            nuisances=("current_north", "current_east"),
+            nuisances=_CURRENTS,
             initials=self.initials,
             channels=self.channels,
             nuisance=nuisance,
@@ -259,7 +225,8 @@ class _Windows:
 
 
 def _bounded(numbers: Array) -> Array:
-    return np.clip(np.nan_to_num(numbers, nan=_DIVERGED), -_DIVERGED, _DIVERGED)
+    most = SETTINGS.diverged
+    return np.asarray(np.clip(np.nan_to_num(numbers, nan=most), -most, most))
 
 
 def _covariance(errors: Sequence[Array], dt: float) -> Array:
@@ -276,8 +243,10 @@ def _covariance(errors: Sequence[Array], dt: float) -> Array:
         counts[:n] += n - np.arange(n)
     lag = np.arange(longest) * dt
     terms = [np.where(lag == 0.0, 1.0, 0.0)]
-    terms += [(1.0 + lag / memory) * np.exp(-lag / memory) for memory in _MEMORIES_S]
-    terms += [np.exp(-lag / decay) * np.cos(w * lag) for decay in _DECAYS_S for w in _WAVES]
+    terms += [(1.0 + lag / memory) * np.exp(-lag / memory) for memory in SETTINGS.memories_s]
+    terms += [
+        np.exp(-lag / decay) * np.cos(w * lag) for decay in SETTINGS.decays_s for w in SETTINGS.waves_rad_s
+    ]
     basis = np.column_stack(terms)
     # Long lags come from few pairs: the far half is left out, the rest weighs by its pairs.
     use = slice(0, max(longest // 2, 2))
@@ -295,28 +264,47 @@ def _covariance(errors: Sequence[Array], dt: float) -> Array:
 class _Fit:
     """Estimate on events.
 
-    ``values`` (m,), ``prior`` centres and deviations (m,); per event, without its own unknowns, the
-    ``information`` (events, m, m), the downhill ``gradients`` (events, m) and ``deviances`` (events,), minus
-    twice the log-likelihood; priors are in none of these.
+    ``point`` are all unknowns, ``prior`` centres and deviations (m,); per event, without its own unknowns,
+    the ``information`` (events, m, m), the downhill ``gradients`` (events, m) and ``deviances`` (events,),
+    minus twice the log-likelihood; priors are in none of these.
     """
 
     windows: _Windows
-    values: Array
+    point: Array
     prior: tuple[Array, Array]
     information: Array
     gradients: Array
     deviances: Array
 
     @cached_property
+    def values(self) -> Array:
+        """Coefficients (m,), without the events' own unknowns."""
+        return self.point[: len(self.prior[0])]
+
+    @cached_property
     def _whole(self) -> Array:
-        return self.information.sum(axis=0) + np.diag(self.prior[1] ** -2.0)
+        return np.asarray(self.information.sum(axis=0) + np.diag(self.prior[1] ** -2.0))
 
     @cached_property
     def inside(self) -> Mask:
         """Which values (m,) lie inside their bounds; the others stay there."""
         width = self.windows.upper - self.windows.lower
         away = np.minimum(self.values - self.windows.lower, self.windows.upper - self.values)
-        return np.asarray(away > _AT_BOUND * width)
+        return np.asarray(away > SETTINGS.at_bound * width)
+
+    @cached_property
+    def contradicted(self) -> bool:
+        """Whether an estimate would end far beyond its bound: what shares its influence makes up for it."""
+        downhill = self.gradients.sum(axis=0) - (self.values - self.prior[0]) / self.prior[1] ** 2
+        for place in np.flatnonzero(~self.inside):
+            free = [*np.flatnonzero(self.inside), place]
+            inverse = np.linalg.inv(self._whole[np.ix_(free, free)])
+            step = float((inverse @ downhill[free])[-1])
+            upper = self.windows.upper[place] - self.values[place]
+            outward = step if upper < self.values[place] - self.windows.lower[place] else -step
+            if outward > SETTINGS.beyond * math.sqrt(inverse[-1, -1]):
+                return True
+        return False
 
     @cached_property
     def left_out(self) -> Array:
@@ -347,7 +335,9 @@ class _Fit:
         return np.asarray(self.deviances - 2.0 * linear + square)
 
 
-def _estimate(windows: _Windows, start: Array, known: tuple[Array, Array]) -> _Fit:
+def _estimate(
+    windows: _Windows, start: Array, known: tuple[Array, Array], rounds: int = SETTINGS.rounds
+) -> _Fit:
     """Generalised least squares on events from a start (m,), with prior values and deviations (m,)."""
     from scipy.linalg import block_diag, solve_triangular
     from scipy.optimize import least_squares
@@ -392,14 +382,20 @@ def _estimate(windows: _Windows, start: Array, known: tuple[Array, Array]) -> _F
         return -np.vstack([rows, np.diag(1.0 / prior_sd)])
 
     deviation = np.full(count, np.inf)
-    for turn in range(_ROUNDS):
+    for turn in range(rounds):
         inside = np.clip(x, bounds[0] + 1e-9, bounds[1] - 1e-9)
         result = least_squares(
-            residual, inside, jacobian, bounds=bounds, x_scale=prior_sd, max_nfev=_STEPS, ftol=_LITTLE
+            residual,
+            inside,
+            jacobian,
+            bounds=bounds,
+            x_scale=prior_sd,
+            max_nfev=SETTINGS.steps,
+            ftol=SETTINGS.little,
         )
         change = np.abs(result.x[:count] - x[:count])
         x = result.x
-        if turn and np.all(change <= _SETTLED * deviation):
+        if turn and np.all(change <= SETTINGS.settled * deviation):
             break
         errors = windows.errors(x)
         factors = [
@@ -432,7 +428,7 @@ def _reduced(
         gradients.append(shared.T @ error - shared.T @ local @ toward)
         size = sum(2.0 * np.log(np.diag(f)[: m.sum()]).sum() for f, m in zip(factors, mask.T, strict=True))
         deviances.append(float(error @ error + ((inside / windows.own_sd) ** 2).sum() + size))
-    return _Fit(windows, x[:count], known, np.array(information), np.array(gradients), np.array(deviances))
+    return _Fit(windows, x, known, np.array(information), np.array(gradients), np.array(deviances))
 
 
 @dataclass(frozen=True)
@@ -567,7 +563,9 @@ class Told:
         return next(stage for stage in self.whole.stages if stage.name == name)
 
 
-def from_events(problem: Problem, *, threads: int | None = None) -> Told:
+def from_events(
+    problem: Problem, *, threads: int | None = None, watch: Callable[[str], None] | None = None
+) -> Told:
     """Coefficients of axes whose commands answer the motion, from the events of their trials.
 
     Only where the joint estimate would otherwise be by innovations: a simulation of the whole log is biased
@@ -578,6 +576,8 @@ def from_events(problem: Problem, *, threads: int | None = None) -> Told:
     problem : Problem
     threads : int, optional
         Of the core; the result does not depend on it.
+    watch : callable, optional
+        Gets the name of each stage whose events are estimated.
     """
     if problem.joint is None or problem.joint.method == "output":
         return Told(problem)
@@ -585,7 +585,9 @@ def from_events(problem: Problem, *, threads: int | None = None) -> Told:
     for stage in problem.stages:
         closed = _closed(problem, stage.trials) & set(stage.axes.free)
         if closed:
-            estimates.append(_of_stage(problem, stage, _events(problem, stage.trials, closed), threads))
+            if watch is not None:
+                watch(stage.name)
+            estimates.append(on_events(problem, stage, _events(problem, stage.trials, closed), threads))
             judged |= closed
     trials = tuple(dict.fromkeys(name for stage in problem.stages for name in stage.trials))
     for axis in AXES:
@@ -612,15 +614,19 @@ def _events(problem: Problem, trials: Sequence[str], axes: set[str]) -> tuple[Ev
         for axis in sorted(axes)
         for event in events(problem.trials[name], problem.vehicle, axis, ~problem.held_out(name))
     }
-    return tuple(chosen.values())
+    # One covariance holds for all, so that all have the time base of most.
+    bases = [round(problem.trials[name].dt, 6) for name, _ in chosen]
+    usual = max(bases, key=bases.count, default=0.0)
+    alike = [event for event, dt in zip(chosen.values(), bases, strict=True) if dt == usual]
+    return tuple(alike[:: math.ceil(len(alike) / SETTINGS.most)] if alike else ())
 
 
-def _of_stage(
+def on_events(
     problem: Problem, stage: Stage, chosen: tuple[Event, ...], threads: int | None
 ) -> EventEstimate:
     """What the events of a stage tell."""
     few = EventEstimate(stage.name, "".join(dict.fromkeys(event.axis for event in chosen)), chosen)
-    if len(chosen) < FEWEST:
+    if len(chosen) < SETTINGS.fewest:
         return few
     fits = {"": _with_damping(problem, stage, chosen, "", threads)}
     info = problem.vehicle.coefficient_info()
@@ -631,7 +637,7 @@ def _of_stage(
             and slender(problem.vehicle)
             and upper is not None
         ):
-            change = problem.with_strips(name, (0.0, float(upper)), _DRAG[0])
+            change = problem.with_strips(name, (0.0, float(upper)), SETTINGS.drag[0])
             other = next(s for s in change.stages if s.name == stage.name)
             fits[name] = _with_damping(change, other, chosen, name, threads)
     strips = min(fits, key=lambda name: float(fits[name].unseen.sum()))
@@ -656,8 +662,10 @@ def _of_stage(
         for parameter, verdict in zip(estimate.parameters, estimate.verdicts, strict=True)
         if parameter.name.endswith(".gain")
     ]
-    told = gains or estimate.verdicts
-    return estimate if "identifiable" in told and set(gains) <= {"identifiable"} else few
+    # A motion that the simulation hardly shows is that of the waves, whatever its coefficients.
+    shown = not best.contradicted and best.windows.explained(best.point, few.axes) >= SETTINGS.explained
+    known = "identifiable" in (gains or estimate.verdicts) and set(gains) <= {"identifiable"}
+    return estimate if shown and known else few
 
 
 def _with_damping(
@@ -667,7 +675,7 @@ def _with_damping(
     vehicle = problem.vehicle
     if strips:
         replaced = (STRIPS[strips][0], STRIPS[strips][-1])
-        vehicle = vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {strips: _DRAG[0]})
+        vehicle = vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {strips: SETTINGS.drag[0]})
     channels = dict.fromkeys(
         _ANGLE[channel] if all(_ANGLE.get(channel) in problem.trials[n].channels for n in stage.trials)
         else channel
@@ -678,10 +686,12 @@ def _with_damping(
     known = _known(windows.parameters)
     start = np.array([parameter.start for parameter in windows.parameters])
     # Without linear damping a hull that the file makes unstable runs away: the second start has some.
-    damped = [float(p.start == p.upper == 0.0) * 0.05 * p.lower for p in windows.parameters]
-    brief = [replace(event, stop_s=min(event.stop_s, event.start_s + MOST_S / 2)) for event in chosen]
+    damped = [float(p.start == p.upper == 0.0) * SETTINGS.damped * p.lower for p in windows.parameters]
+    brief = [
+        replace(event, stop_s=min(event.stop_s, event.start_s + EVENT_LIMITS.most_s / 2)) for event in chosen
+    ]
     short = _Windows(problem, stage, brief, vehicle, threads)
-    begun = [_estimate(short, at, known) for at in (start, start + damped)]
+    begun = [_estimate(short, at, known, rounds=2) for at in (start, start + damped)]
     first = min(begun, key=lambda fit: float(fit.deviances.sum()))
     return _estimate(windows, first.values, known)
 
@@ -695,10 +705,10 @@ def _known(chosen: Sequence[Parameter]) -> tuple[Array, Array]:
         if math.isfinite(parameter.sd):
             continue
         if parameter.name in STRIPS:
-            centre[place], sd[place] = _DRAG
+            centre[place], sd[place] = SETTINGS.drag
         elif parameter.name in made and parameter.start:
             # The vehicle file's own value, or that of its geometry.
-            sd[place] = _BALANCE * abs(parameter.start)
+            sd[place] = SETTINGS.damping * abs(parameter.start)
     return centre, sd
 
 

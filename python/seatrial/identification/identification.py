@@ -139,7 +139,7 @@ class Identification(RunResult):
     @cached_property
     def covariance(self) -> CoefficientCovariance | None:
         """Covariance of the coefficients, SI, to draw vehicles with; None without a joint estimate."""
-        if self.assessment is None:
+        if self.assessment is None and not any(estimate.enough for estimate in self.events):
             return None
         try:
             return coefficient_covariance(

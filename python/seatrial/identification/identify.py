@@ -34,7 +34,7 @@ from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.conclusion import Conclusion, concluded, scored, staged
 from seatrial.identification.estimate import estimates
-from seatrial.identification.events import from_events
+from seatrial.identification.events import Told, from_events
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.identification import Identification
 from seatrial.identification.preparation import prepare
@@ -148,6 +148,8 @@ def identify(
     with fleet_of(work.executor) as fleet:
         return run_identification(problem, work, fleet=fleet)
 
+
+_CHECK = "check the bounds, the damping and the signs and units of the commands of these axes"
 
 _WORTH_SAYING_S = 10.0
 """Stages that took longer than this are followed by a joint estimate that takes long too."""
@@ -368,9 +370,23 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
     clock, threads, progress = Clock(), work.threads, work.progress
     with RunDirectory(work.run_dir, "identification", resume=work.resume) as run:
         ready = prepare(problem, threads=threads)  # refuses a bad campaign before a search
-        told = from_events(problem, threads=threads)
-        if told.taken:
+        early = Fallbacks()
+
+        def watch_events(stage: str) -> None:
+            if progress is not None:
+                progress(Progress(f"events of {stage}", 0, len(ready.plans), 0.0, clock.elapsed_s, math.nan))
+
+        told = early.attempt(
+            "estimate on events",
+            lambda: from_events(problem, threads=threads, watch=watch_events),
+            Told(problem),
+            kept="the estimate on the whole log",
+            remedy=_CHECK,
+        )
+        if told.taken and told.rest.stages:
             ready = prepare(told.rest, threads=threads)
+        elif told.taken:  # events tell all that was asked
+            ready = replace(ready, problem=told.rest, whole=told.rest, held=(), plans=())
         problem, plans, before, notes = ready.problem, ready.plans, ready.sentences, ready.no_joint
         fitted = dict.fromkeys(name for plan in plans for name in plan.stage.trials)
         late = late_velocity(
@@ -379,11 +395,12 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
         findings = (*(() if late is None else (late.finding,)), *ready.findings)
         before = (*(() if late is None else (words_of(late.finding),)), *before)
         order = StageOrder(problem, plans, run, progress=progress, threads=threads, fleet=fleet)
-        if progress is not None and before:
+        if progress is not None and before and plans:
             progress(replace(order.state(plans[0], None), notes=before))
         stages, fallbacks = order.stages(), order.fallbacks
+        fallbacks.findings[:0] = early.findings
         end = Conclusion(problem, staged(problem, stages, fallbacks), notes, interrupted=order.stop.is_set())
-        if not end.interrupted and not notes:
+        if not end.interrupted and not notes and plans:
             if progress is not None:
                 progress(_joint_progress(order))
             spoilt = words_of(late.finding) if late is not None and late.spoils else ""

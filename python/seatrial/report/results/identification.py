@@ -17,10 +17,11 @@ from seatrial.identification.apparent_mass import (
 )
 from seatrial.identification.choice import Choice
 from seatrial.identification.estimate import Estimate, derived, distinct, plus_minus
-from seatrial.identification.events import FEWEST, LEAST_S
+from seatrial.identification.events import SETTINGS
 from seatrial.identification.held import SHARE, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
+from seatrial.inspect.events import EVENT_LIMITS
 from seatrial.report.results import trial_findings
 from seatrial.scoring.baselines import not_beaten
 from seatrial.scoring.score import LIMITS, baseline_table, limit_text
@@ -470,8 +471,8 @@ def _events(fit: Identification) -> list[str]:
         if not estimate.enough:
             lines.append(
                 f"{estimate.stage}: the events carry too little: {count} stretch{'es' if count != 1 else ''}"
-                f" of {LEAST_S:g} s or more with a command held after a step, of which {FEWEST} or more tell"
-                " a coefficient; let the autopilot hold its actuators at a limit or a constant after a step"
+                f" of {EVENT_LIMITS.least_s:g} s or more with a command held after a step, and it takes"
+                f" {SETTINGS.fewest}; let the autopilot hold an actuator at a limit, or constant after a step"
             )
             continue
         line = f"{estimate.stage}: estimated from {count} events alone, because its commands answer waves"
