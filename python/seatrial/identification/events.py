@@ -38,7 +38,6 @@ from seatrial.base.channels import AXES, CHANNELS, MOTIONS, deviations
 from seatrial.base.plain import Plain
 from seatrial.diagnosis.assessment import TOLD
 from seatrial.diagnosis.weak_combination import ABSENT, WEAK
-from seatrial.estimation.joint import joint_stage
 from seatrial.estimation.method import method_of
 from seatrial.estimation.segment_model import SegmentModel, StageData, cut
 from seatrial.estimation.step import stage_step
@@ -81,8 +80,9 @@ class EventSettings:
         Deviation of quadratic damping about the vehicle's value, over it: that of ``drag``.
     at_bound
         Distance from a bound, over the width of the bounds, from which a value lies inside them.
-    beyond
-        Deviations beyond a bound from which the data contradict it, as in `seatrial.diagnosis.assessment`.
+    beyond, moved
+        Deviations beyond a bound from which the data contradict it; deviations and part of its value by which
+        a coefficient moves without such bounds that makes up for them: as in `seatrial.diagnosis.assessment`.
     damped
         Linear damping of the second start, over its lower bound: an unstable hull without any runs away.
     diverged
@@ -109,6 +109,7 @@ class EventSettings:
     damping: float = 0.3
     at_bound: float = 1e-3
     beyond: float = 3.0
+    moved: tuple[float, float] = (2.0, 0.05)
     damped: float = 0.05
     diverged: float = 1e6
     rounds: int = 6
@@ -293,18 +294,29 @@ class _Fit:
         return np.asarray(away > SETTINGS.at_bound * width)
 
     @cached_property
-    def contradicted(self) -> bool:
-        """Whether an estimate would end far beyond its bound: what shares its influence makes up for it."""
+    def bent(self) -> Mask:
+        """Which values (m,) make up for bounds that the data contradict: released, they move far."""
         downhill = self.gradients.sum(axis=0) - (self.values - self.prior[0]) / self.prior[1] ** 2
+        inner = [*np.flatnonzero(self.inside)]
+
+        def released(places: list[np.intp]) -> tuple[Array, Array]:
+            """Step of the inner values and these, and its deviations."""
+            free = np.ix_([*inner, *places], [*inner, *places])
+            inverse = np.linalg.inv(self._whole[free])
+            return inverse @ downhill[[*inner, *places]], np.sqrt(np.diag(inverse))
+
+        against = []
         for place in np.flatnonzero(~self.inside):
-            free = [*np.flatnonzero(self.inside), place]
-            inverse = np.linalg.inv(self._whole[np.ix_(free, free)])
-            step = float((inverse @ downhill[free])[-1])
-            upper = self.windows.upper[place] - self.values[place]
-            outward = step if upper < self.values[place] - self.windows.lower[place] else -step
-            if outward > SETTINGS.beyond * math.sqrt(inverse[-1, -1]):
-                return True
-        return False
+            step, sd = released([place])
+            middle = 0.5 * (self.windows.lower[place] + self.windows.upper[place])
+            outward = math.copysign(1.0, self.values[place] - middle)
+            if outward * step[-1] > SETTINGS.beyond * sd[-1]:
+                against.append(place)
+        moved = np.zeros(len(self.values))
+        if against:
+            moved[inner] = released(against)[0][: len(inner)]
+        far = np.abs(moved) > SETTINGS.moved[0] * np.sqrt(np.diag(self.covariance))
+        return np.asarray(far & (np.abs(moved) > SETTINGS.moved[1] * np.abs(self.values)))
 
     @cached_property
     def left_out(self) -> Array:
@@ -472,6 +484,11 @@ class EventEstimate(Plain, without="parameters covariance"):
     strips: str = ""
 
     @property
+    def upper(self) -> float:
+        """Upper bound of the drag coefficient of the strips; 0 without strips."""
+        return max((p.upper for p in self.parameters if p.name == self.strips), default=0.0)
+
+    @property
     def enough(self) -> bool:
         """Whether the coefficients of the stage are taken from its events."""
         return bool(self.parameters)
@@ -529,27 +546,18 @@ class Told:
 
     @cached_property
     def rest(self) -> Problem:
-        """The problem without what events tell: its vehicle has their values, all axes are simulated."""
+        """The problem without what events tell: its vehicle has their values, their axes are replayed."""
         if not self.taken:
             return self.whole
-        assert self.whole.joint is not None
         names = {name for estimate in self.taken for name in self._stage(estimate.stage).coefficients}
-        joint = self.whole.joint.model_copy(update={"axes": joint_stage(self.whole).axes})
         vehicle = self.whole.vehicle.with_coefficients(self.values)
-        return self.whole.with_joint(joint).without_coefficients(names).with_vehicle(vehicle)
+        return self.whole.without_coefficients(names).with_vehicle(vehicle)
 
     def restored(self, rest: Problem) -> Problem:
         """The whole problem again, with what the rest of the identification made of the others' stages."""
         if not self.taken:
             return rest
-        whole = self.whole
-        for estimate in self.taken:
-            if estimate.strips:
-                width = next(p for p in estimate.parameters if p.name == estimate.strips)
-                whole = whole.with_strips(estimate.strips, (width.lower, width.upper), width.start)
-        joint = None
-        if rest.joint is not None and whole.joint is not None:
-            joint = rest.joint.model_copy(update={"axes": whole.joint.axes})
+        whole = self._damped
         own = {stage.name: stage for stage in rest.stages}
         names = {estimate.stage for estimate in self.taken}
         stages = [
@@ -557,7 +565,37 @@ class Told:
             for stage in whole.stages
             if stage.name in names or stage.name in own
         ]
-        return rest.with_vehicle(self.whole.vehicle).with_joint(joint).with_stages(stages)
+        return rest.with_vehicle(self.whole.vehicle).with_stages(stages)
+
+    def again(self, vehicle: Vehicle, *, threads: int | None = None) -> Told:
+        """The estimates once more beside what the rest of the identification found.
+
+        ``X_udot`` is in the Munk moment of sway and yaw: events tell their sum with ``N_uv``.
+
+        Parameters
+        ----------
+        vehicle
+            With the result of the rest.
+        """
+        known = self._damped.with_vehicle(vehicle)
+        stages = {stage.name: stage for stage in known.stages}
+        estimates = []
+        for estimate in self.estimates:
+            if estimate.enough:
+                stage = stages[estimate.stage]
+                fit = _with_damping(known, stage, estimate.events, estimate.strips, threads, estimate.values)
+                estimate = replace(estimate, values=tuple(fit.values.tolist()))
+            estimates.append(estimate)
+        return replace(self, estimates=tuple(estimates))
+
+    @cached_property
+    def _damped(self) -> Problem:
+        """The whole problem with the damping that events prefer."""
+        whole = self.whole
+        for estimate in self.taken:
+            if estimate.strips:
+                whole = whole.with_strips(estimate.strips, (0.0, estimate.upper), SETTINGS.drag[0])
+        return whole
 
     def _stage(self, name: str) -> Stage:
         return next(stage for stage in self.whole.stages if stage.name == name)
@@ -663,15 +701,23 @@ def on_events(
         if parameter.name.endswith(".gain")
     ]
     # A motion that the simulation hardly shows is that of the waves, whatever its coefficients.
-    shown = not best.contradicted and best.windows.explained(best.point, few.axes) >= SETTINGS.explained
+    shown = best.windows.explained(best.point, few.axes) >= SETTINGS.explained
     known = "identifiable" in (gains or estimate.verdicts) and set(gains) <= {"identifiable"}
     return estimate if shown and known else few
 
 
 def _with_damping(
-    problem: Problem, stage: Stage, chosen: Sequence[Event], strips: str, threads: int | None
+    problem: Problem,
+    stage: Stage,
+    chosen: Sequence[Event],
+    strips: str,
+    threads: int | None,
+    begun: Sequence[float] = (),
 ) -> _Fit:
-    """Estimate of a stage on events: of their first half, which is nearly linear, then of all."""
+    """Estimate of a stage on events: of their first half, which is nearly linear, then of all.
+
+    From values that are ``begun`` on all at once.
+    """
     vehicle = problem.vehicle
     if strips:
         replaced = (STRIPS[strips][0], STRIPS[strips][-1])
@@ -684,6 +730,8 @@ def _with_damping(
     stage = stage.model_copy(update={"channels": dict.fromkeys(channels, 1.0)})
     windows = _Windows(problem, stage, chosen, vehicle, threads)
     known = _known(windows.parameters)
+    if len(begun):
+        return _estimate(windows, np.array(begun), known)
     start = np.array([parameter.start for parameter in windows.parameters])
     # Without linear damping a hull that the file makes unstable runs away: the second start has some.
     damped = [float(p.start == p.upper == 0.0) * SETTINGS.damped * p.lower for p in windows.parameters]
@@ -691,8 +739,8 @@ def _with_damping(
         replace(event, stop_s=min(event.stop_s, event.start_s + EVENT_LIMITS.most_s / 2)) for event in chosen
     ]
     short = _Windows(problem, stage, brief, vehicle, threads)
-    begun = [_estimate(short, at, known, rounds=2) for at in (start, start + damped)]
-    first = min(begun, key=lambda fit: float(fit.deviances.sum()))
+    both = [_estimate(short, at, known, rounds=2) for at in (start, start + damped)]
+    first = min(both, key=lambda fit: float(fit.deviances.sum()))
     return _estimate(windows, first.values, known)
 
 
@@ -736,8 +784,9 @@ def _verdicts(fit: _Fit, covariance: Array) -> tuple[str, ...]:
     size = np.clip(np.abs(fit.values), 0.1 * width, width / math.sqrt(12.0))
     sigma = np.sqrt(np.diag(covariance))
     verdicts = []
-    for inside, relative, share in zip(fit.inside, sigma / size, sigma / fit.prior[1], strict=True):
-        if not inside or relative >= ABSENT:
+    known = zip(fit.inside & ~fit.bent, sigma / size, sigma / fit.prior[1], strict=True)
+    for sound, relative, share in known:
+        if not sound or relative >= ABSENT:
             verdicts.append("not identifiable")
         else:
             verdicts.append("identifiable" if relative <= WEAK and share <= TOLD else "weak")

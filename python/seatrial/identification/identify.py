@@ -413,7 +413,10 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
                 watch=_watch(order, progress),
                 threads=threads,
             )
-        end = replace(end, problem=told.restored(end.problem))
+        if told.taken:
+            told = told.again(end.vehicle, threads=threads)
+            vehicle = end.vehicle.with_coefficients(told.values)
+            end = replace(end, problem=told.restored(end.problem), vehicle=vehicle)
         vehicle, judged = scored(end, fallbacks)
         problem, sure = end.problem, end.assessment
         fit = Identification(
