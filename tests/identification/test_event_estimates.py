@@ -24,7 +24,7 @@ def waves(t: np.ndarray, rng: np.random.Generator, size: float) -> np.ndarray:
     """A narrow band about 1.2 rad/s with a standard deviation of ``size``."""
     tones = rng.uniform(1.05, 1.35, 12)
     phases = rng.uniform(0.0, 2.0 * np.pi, 12)
-    return size * np.sqrt(2.0 / 12.0) * np.cos(np.outer(t, tones) + phases).sum(axis=1)
+    return np.asarray(size * np.sqrt(2.0 / 12.0) * np.cos(np.outer(t, tones) + phases).sum(axis=1))
 
 
 def mission(seed: int = 1, turns: int = 9) -> st.Trial:

@@ -22,7 +22,7 @@ def recording(rudder: np.ndarray, dt: float = 0.1) -> st.Trial:
 def answering(t: np.ndarray, seed: int = 1) -> np.ndarray:
     """A rudder that answers waves of 5 s: a degree about its middle, never at rest."""
     noise = np.random.default_rng(seed).normal(size=len(t)).cumsum()
-    return 0.015 * np.sin(1.2 * t) + 0.002 * (noise - noise.mean()) / noise.std()
+    return np.asarray(0.015 * np.sin(1.2 * t) + 0.002 * (noise - noise.mean()) / noise.std())
 
 
 def test_a_rudder_at_its_limit_is_an_event_and_one_that_answers_waves_is_none() -> None:

@@ -16,6 +16,7 @@ import queue
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -137,10 +138,7 @@ def identify(
         if callable(getattr(problem, "problem", None)):
             raise CampaignError("identify: found a campaign; use campaign.identify(work=st.Work(...))")
         if trials is None or "free" not in asked:
-            raise CampaignError(
-                "identify: expected a Problem, or a vehicle, its trials and free=...: the coefficients to"
-                " identify"
-            )
+            raise CampaignError("identify: expected a Problem, or a vehicle, its trials and free=[names]")
         problem = Problem(problem, trials, **asked)
     elif trials is not None or asked:
         given = "trials" if trials is not None else next(iter(asked))
@@ -149,7 +147,8 @@ def identify(
         return run_identification(problem, work, fleet=fleet)
 
 
-_CHECK = "check the bounds, the damping and the signs and units of the commands of these axes"
+_EVENTS = {"kept": "the estimate on the whole log", "remedy": "check bounds and damping of their axes"}
+"""What an identification has where the estimate on events fails."""
 
 _WORTH_SAYING_S = 10.0
 """Stages that took longer than this are followed by a joint estimate that takes long too."""
@@ -370,28 +369,25 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
     clock, threads, progress = Clock(), work.threads, work.progress
     with RunDirectory(work.run_dir, "identification", resume=work.resume) as run:
         ready = prepare(problem, threads=threads)  # refuses a bad campaign before a search
-        early = Fallbacks()
+        fitted = dict.fromkeys(name for plan in ready.plans for name in plan.stage.trials)
+        late = late_velocity(
+            {name: problem.trials[name] for name in fitted}, problem.recordings, problem=str(problem.source)
+        )
+        spoilt = words_of(late.finding) if late is not None and late.spoils else ""
+        early, told = Fallbacks(), Told(problem)
 
         def watch_events(stage: str) -> None:
             if progress is not None:
-                progress(Progress(f"events of {stage}", 0, len(ready.plans), 0.0, clock.elapsed_s, math.nan))
+                progress(Progress(f"{stage}: events", 0, len(ready.plans), 0.0, clock.elapsed_s, math.nan))
 
-        told = early.attempt(
-            "estimate on events",
-            lambda: from_events(problem, threads=threads, watch=watch_events),
-            Told(problem),
-            kept="the estimate on the whole log",
-            remedy=_CHECK,
-        )
+        if not spoilt:  # what is late biases an event as it does the whole log
+            ask = partial(from_events, problem, threads=threads, watch=watch_events)
+            told = early.attempt("events", ask, told, **_EVENTS)
         if told.taken and told.rest.stages:
             ready = prepare(told.rest, threads=threads)
         elif told.taken:  # events tell all that was asked
             ready = replace(ready, problem=told.rest, whole=told.rest, held=(), plans=())
         problem, plans, before, notes = ready.problem, ready.plans, ready.sentences, ready.no_joint
-        fitted = dict.fromkeys(name for plan in plans for name in plan.stage.trials)
-        late = late_velocity(
-            {name: problem.trials[name] for name in fitted}, problem.recordings, problem=str(problem.source)
-        )
         findings = (*(() if late is None else (late.finding,)), *ready.findings)
         before = (*(() if late is None else (words_of(late.finding),)), *before)
         order = StageOrder(problem, plans, run, progress=progress, threads=threads, fleet=fleet)
@@ -403,7 +399,6 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
         if not end.interrupted and not notes and plans:
             if progress is not None:
                 progress(_joint_progress(order))
-            spoilt = words_of(late.finding) if late is not None and late.spoils else ""
             end = concluded(
                 ready,
                 end,
@@ -414,7 +409,8 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
                 threads=threads,
             )
         if told.taken:
-            told = told.again(end.vehicle, threads=threads)
+            again = partial(told.again, end.vehicle, threads=threads)
+            told = told if end.interrupted else fallbacks.attempt("events", again, told, **_EVENTS)
             vehicle = end.vehicle.with_coefficients(told.values)
             end = replace(end, problem=told.restored(end.problem), vehicle=vehicle)
         vehicle, judged = scored(end, fallbacks)
