@@ -27,8 +27,8 @@ def test_identify_remarks_an_inertia_that_the_vehicle_cannot_have(n_rdot: float,
     assert set(odd) == ({"N"} if told else set())
     fit = SimpleNamespace(
         problem=SimpleNamespace(vehicle=start), vehicle=found, coefficients=(row,), choice=None,
-        assessment=None, scale=SimpleNamespace(sentences=list), notes=(), findings=(), fallbacks=(), events=(),
-        interrupted=False,
+        assessment=None, scale=SimpleNamespace(sentences=list), notes=(), findings=(), fallbacks=(),
+        interrupted=False, events=(),
     )  # fmt: skip
     remarks = advice(fit)  # type: ignore[arg-type]
     assert (
