@@ -124,18 +124,7 @@ def violations(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
 def criterion(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
     """Constraint criterion Q (...) in s: weighted area outside the corridor, 0 where a response stays inside.
 
-    Parameters
-    ----------
-    t : array, shape (n,)
-        Even grid of the control periods, s since the step.
-    y : array, shape (..., n)
-        Normalised responses.
-    corridor : Corridor
-
-    Raises
-    ------
-    SimulationError
-        The grid is not even, or does not fit the responses.
+    Arguments and errors are those of `violations`.
 
     Examples
     --------
@@ -155,19 +144,8 @@ def criterion(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
 def time_weighted_error(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
     """Time-weighted absolute error (...) in s^2 over the corridor: the tie-breaker of feasible responses.
 
-    Parameters
-    ----------
-    t : array, shape (n,)
-        Even grid of the control periods, s since the step.
-    y : array, shape (..., n)
-        Normalised responses.
-    corridor : Corridor
-        Gives the target and the time over which it counts.
-
-    Raises
-    ------
-    SimulationError
-        The grid is not even, or does not fit the responses.
+    The corridor gives the target and the time over which it counts; arguments and errors are those of
+    `violations`.
     """
     at, response, period = _grid(t, y)
     with np.errstate(invalid="ignore"):
