@@ -137,9 +137,6 @@ NEAR_S = 0.004
 FEWEST = 20
 """Rows of a topic below which nothing is replayed from it; a mode with fewer rows owes no check."""
 
-_COVERED = 0.9
-"""Share of a controller's rows that its topic must cover: mode changes cost a row or two."""
-
 _COVERS_S = 0.3  # between a row and the time for which it stands: three periods of a log at 10 Hz
 
 _TOPICS = (
@@ -282,7 +279,7 @@ class Comparison:
             return
         due = self.ticks[self.modes.controls(self.ticks, control)]
         _, near = rows.at(due, _COVERS_S)
-        if len(due) >= FEWEST and near.mean() < _COVERED:
+        if len(due) >= FEWEST and near.mean() < 0.9:  # its topic covers less; mode changes cost a row or two
             why = f"{name} covers {100 * near.mean():.0f} % of the time in which the modes control {control}"
             self.impossible.append(Impossible(name, "rows of all its time", why, name, partly=True))
 

@@ -32,14 +32,6 @@ _CHANNELS = 32  # of ArduPilot
 
 _ABOUT_MOTORS = re.compile(r"FRAME_CONFIG|MOT_.*|SERVO\d+_.*|RCMAP_.*|JS_.*GAIN.*|SERVO_.*")
 
-_SLANT = 0.05
-"""Share of the largest component of a push below which a component is not worth a word."""
-
-_FIT = 0.5
-"""Smallest cosine between the push of a thruster and that of the frame's motor which counts as the same
-motor.
-"""
-
 
 @dataclass(frozen=True)
 class Channel:
@@ -123,7 +115,8 @@ class ChannelMap:
             )
             # A fin has no push of its own at rest.
             words = (
-                _words(np.where(np.abs(push) < _SLANT * np.abs(push).max(), 0.0, push)) if push.any() else ""
+                # Below a twentieth of the largest a component is not worth a word.
+                _words(np.where(np.abs(push) < 0.05 * np.abs(push).max(), 0.0, push)) if push.any() else ""
             )
             mapped = channel.actuator in self.turned
             turned = "turned by the parameters" if mapped else "as in the vehicle file"
@@ -344,7 +337,7 @@ def _turned(
         push = np.asarray(facts["wrench"], float) * (-1.0 if facts["reversed"] else 1.0)
         # Only along or against is a direction; anything between means another frame or order.
         fit = _cosine(push, direction * _push(factor), names, info)
-        if abs(fit) < _FIT:
+        if abs(fit) < 0.5:  # the least cosine between both pushes that counts as the same motor
             remarks.append(
                 f"{name}: motor {key} of {frame} pushes elsewhere (cosine {fit:.2f}); its direction stays"
                 " that of the vehicle file: check FRAME_CONFIG and the order of the thrusters."

@@ -48,7 +48,6 @@ RECORDS = "chunks.json"
 """File of a run directory with the record of every chunk."""
 
 _ATTEMPTS = 5  # of a chunk whose workers are lost: it may be what kills them
-_POLL_S = 0.5  # between two looks at the progress while chunks are under way
 _OVER = 2  # chunks under way per worker: one that works, one that waits beside it
 
 
@@ -332,7 +331,8 @@ class _Window(Generic[V]):
     def _collect(self) -> None:
         """Keep what is finished, and send again what was lost."""
         self.waiting()
-        finished, _ = wait(self.pending, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+        # Twice a second the progress is looked at while chunks are under way.
+        finished, _ = wait(self.pending, timeout=0.5, return_when=FIRST_COMPLETED)
         lost, errors = [], []
         for future in finished:
             place, chunk = self.pending.pop(future)

@@ -16,10 +16,6 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-_TELLING_GENERATIONS = 5
-"""Generations of a search from which on its time left is told."""
-
-
 class Clock:
     """Time since some work began.
 
@@ -122,7 +118,7 @@ class Progress:
             words += [*what[:-1], f"{what[-1]} {step.generation} of at most {step.generations}"]
             words.append(f"best {step.best:.4g}")
         # The first generations load and warm up what the later ones find ready.
-        if math.isfinite(self.left_s) and (step is None or step.generation >= _TELLING_GENERATIONS):
+        if math.isfinite(self.left_s) and (step is None or step.generation >= 5):
             left = f"{self.left_s:.0f} s" if self.left_s < 90 else f"{self.left_s / 60:.0f} min"
             words.append(f"{'about' if step is None else 'at most'} {left} left")
         return f"{head}: {', '.join(words)}" if words else head

@@ -172,7 +172,6 @@ def _size_of_errors(problem: Problem, x: Array, noise: Noise) -> float:
 
 _CHANCE = 2.0 * NORMAL**2  # rise of the squared errors, in variances; doubled because errors are coloured
 _LONGEST = 40.0  # samples at which the search for the longest lag ends
-_HALVINGS = 8  # of the interval in which the longest lag lies: to half a per cent of it
 
 _LAG, _DELAY = NAMES.index("T_1"), NAMES.index("T_t")
 
@@ -243,7 +242,7 @@ def _longest_lag(problem: Problem, best: Fit, sample: float) -> float:
         if length > _LONGEST * sample:
             return math.inf
     shorter = float(best.x[_LAG])
-    for _ in range(_HALVINGS):
+    for _ in range(8):  # halvings of the interval: to half a per cent of it
         middle = 0.5 * (shorter + length)
         if _allowed(problem, best, _LAG, middle):
             shorter = middle

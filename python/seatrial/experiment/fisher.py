@@ -49,9 +49,6 @@ if TYPE_CHECKING:
 NOISE = {"dvl": 0.01, "gyro": 0.2, "attitude": 0.5, "depth": 0.02}
 """Instruments and the standard deviation of their noise, m/s, deg/s, deg and m, unless others are given."""
 
-_POSITION_M = 0.5
-"""Deviation of positions that is taken where none is given."""
-
 _OF_KIND = {
     "dvl": ("u", "v", "w"),
     "gyro": ("p", "q", "r"),
@@ -120,7 +117,7 @@ class Instruments:
         >>> Instruments.on_board({"gyro": 0.1}).noise["p"]
         0.0017
         """
-        usual = NOISE | {"position": _POSITION_M}
+        usual = NOISE | {"position": 0.5}  # m, where none is given
         noise: dict[str, float] = {}
         for kind, value in (NOISE if kinds is None else kinds).items():
             if kind not in _OF_KIND:

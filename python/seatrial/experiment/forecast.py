@@ -38,9 +38,6 @@ START_TILT_DEG = 1.0
 _STEEP_DEG = 45.0
 """Tilt from which a forecast says so."""
 
-_HEAVY_NM = 60.0
-"""Moment from which a tilt takes more than hands."""
-
 _MAX_STEP_S = 0.05
 """Longest step of a forecast's simulation."""
 
@@ -216,7 +213,8 @@ def _heavy(vehicle: Vehicle, manoeuvre: Manoeuvre) -> str:
     attitude = np.deg2rad([start.roll_deg, start.pitch_deg, 0.0])
     moments = np.asarray(vehicle.forces(np.zeros(6), attitude)["restoring"])[3:]
     size = float(np.linalg.norm(moments))
-    return f", {size:.0f} N m: a line to a boat or shifted ballast" if size > _HEAVY_NM else ""
+    # Such a tilt takes more than hands.
+    return f", {size:.0f} N m: a line to a boat or shifted ballast" if size > 60.0 else ""
 
 
 def _sizes(vehicle: Vehicle) -> tuple[float, float]:
@@ -237,14 +235,8 @@ _PARTS = (1, 2, 4)
 _SHORTEST_S = 20.0
 """A run is cut no shorter."""
 
-_ANGLES_DEG = (30.0, 20.0, 10.0)
-"""Releases of a free decay: the largest well inside the limits is taken."""
-
 _PERIODS, _LEAST_DECAY_S, _LONGEST_DECAY_S = 6.0, 15.0, 90.0
 """Natural periods that a decay is recorded for, and its least and longest time, s."""
-
-_RISE_S = 40.0
-"""Longest time of a free rise."""
 
 Build = Callable[[float, float], Manoeuvre]
 
@@ -375,7 +367,8 @@ def _decays(thrusters: Thrusters, duration_s: float, limits: Limits) -> Iterator
     """Free decays of what has a righting moment, and of heave where the vehicle rises or sinks."""
     rest = statics(thrusters.vehicle)
     ways = (None, "half") if thrusters.drivers else (None,)
-    angle = max((a for a in _ANGLES_DEG if a <= 0.9 * limits.tilt_deg), default=0.5 * limits.tilt_deg)
+    # The largest release well inside the limits is taken.
+    angle = max((a for a in (30.0, 20.0, 10.0) if a <= 0.9 * limits.tilt_deg), default=0.5 * limits.tilt_deg)
     for axis, period in (("K", rest.roll_period_s), ("M", rest.pitch_period_s)):
         if period is None:
             continue
@@ -383,4 +376,4 @@ def _decays(thrusters: Thrusters, duration_s: float, limits: Limits) -> Iterator
         for ahead in ways:
             yield free_decay(thrusters, axis, duration_s=span, angle_deg=angle, ahead=ahead)
     if abs(rest.net_n) > 1e-4 * rest.weight_n:
-        yield free_decay(thrusters, "Z", duration_s=min(_RISE_S, duration_s))
+        yield free_decay(thrusters, "Z", duration_s=min(40.0, duration_s))  # a free rise takes no longer

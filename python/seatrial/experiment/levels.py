@@ -35,13 +35,6 @@ def times(duration_s: float) -> Array:
     return np.arange(round(duration_s * RATE_HZ) + 1) / RATE_HZ
 
 
-_LEAST_HOLD_S = 4.0
-"""Levels are held no shorter."""
-
-_ROUNDS = 40
-"""Rounds of clipping."""
-
-
 def held_levels(t: Array, levels: Sequence[float], ends: Sequence[float]) -> Array:
     """Levels (n,), each held until its end in s; zero after the last.
 
@@ -76,7 +69,7 @@ def zigzag_levels(t: Array, duration_s: float, *, switch_s: float) -> Array:
 
     What it turns is turned back: the sum of the levels is zero.
     """
-    whole = max(int(duration_s / max(switch_s, _LEAST_HOLD_S)), 2)
+    whole = max(int(duration_s / max(switch_s, 4.0)), 2)  # levels are held no shorter than 4 s
     signs = [(-1.0) ** k for k in range(whole + 1)]
     weights = [0.5, *[1.0] * (whole - 1), 0.5]
     if whole % 2:  # an even number of halves, so that the signs cancel
@@ -108,7 +101,7 @@ def multisine_levels(
     fine = np.arange(16 * highest) / (16 * highest)
     turns = np.exp(2j * np.pi * np.outer(lines, fine))
     size = np.sqrt(power)
-    for _ in range(_ROUNDS):
+    for _ in range(40):  # rounds of clipping
         signal = (size[:, None] * np.real(np.exp(1j * phases)[:, None] * turns)).sum(axis=0)
         # Clip what stands out and keep the phases of what is left (Van der Ouderaa).
         clipped = np.clip(signal, -0.85 * np.abs(signal).max(), 0.85 * np.abs(signal).max())

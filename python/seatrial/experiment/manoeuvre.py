@@ -118,10 +118,6 @@ class Manoeuvre:
         write_table(self.table(), path)
 
 
-_SPEEDS_UP_S = 120.0
-"""Simulated time at whose end the speed counts as steady."""
-
-
 def free_decay(
     thrusters: Thrusters, axis: str, *, duration_s: float, angle_deg: float = 20.0, ahead: str | None = None
 ) -> Manoeuvre:
@@ -174,7 +170,7 @@ def free_decay(
 
 def steady_speed(thrusters: Thrusters, thrusts: Array) -> float:
     """Speed ahead in m/s that constant thrusts (actuators,) at rest come to, on a straight course."""
-    t = np.arange(0.0, _SPEEDS_UP_S, 0.25)
+    t = np.arange(0.0, 120.0, 0.25)  # at its end the speed counts as steady
     commands = thrusters.commands(np.tile(thrusts, (len(t), 1)))
     voltage = voltage_for(thrusters.vehicle, t, thrusters.voltage_v)
     run = thrusters.vehicle.simulate(t, dict(commands), free="X", voltage_v=voltage)

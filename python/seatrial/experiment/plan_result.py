@@ -20,12 +20,6 @@ if TYPE_CHECKING:
     from seatrial.experiment.forecast import Forecast
     from seatrial.experiment.manoeuvre import Manoeuvre
 
-_SHEET_ROWS = 8
-"""Coefficients on the sheet of a trial: those that it tells most of."""
-
-_ZERO = 0.01
-"""Share of what the score takes a deviation relative to: a smaller value is one of zero."""
-
 
 VEHICLE, IDENTIFIED, START = "vehicle", "identification", "start values"
 """Whence the coefficients are at which a plan is made."""
@@ -59,7 +53,7 @@ class Change(Plain, also="relative_before relative_after"):
     @property
     def of_value(self) -> bool:
         """Whether a deviation is told in per cent of the value; one of a value of about zero is not."""
-        return abs(self.value) > _ZERO * self.relative_to
+        return abs(self.value) > 0.01 * self.relative_to  # a smaller share is one of zero
 
     @property
     def whole(self) -> float:
@@ -248,7 +242,7 @@ class Plan(RunResult, Plain, without="facts model", also="score_after"):
             "# where that is about zero, in its unit.",
             "[tells]",
         ]
-        lines += [_tells(change) for change in ranked.gains[:_SHEET_ROWS]]
+        lines += [_tells(change) for change in ranked.gains[:8]]  # those that it tells most of
         return "\n".join(lines) + "\n"
 
 

@@ -226,8 +226,6 @@ def _unit(program: Program, version: str, samples: Mapping[str, Array], compiler
     return stream.getvalue()
 
 
-_LIMIT_S = 600.0  # a unit is built in half a minute
-
 _OPTIONS: Sequence[str] = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 
 
@@ -247,7 +245,7 @@ def platform() -> str:
 def ran(
     command: Sequence[str | Path],
     *,
-    limit_s: float = _LIMIT_S,
+    limit_s: float = 600.0,  # a unit is built in half a minute
     folder: Path | None = None,
     environment: Mapping[str, str] | None = None,
 ) -> subprocess.CompletedProcess[str]:

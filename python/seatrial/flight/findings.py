@@ -42,8 +42,6 @@ _BUOYANT = 0.01  # of the weight: hulls of torpedoes carry so much net buoyancy 
 
 _CARRIED = 0.5  # of the heave loop's limit: less net buoyancy leaves enough to change the depth
 
-_CROSSING = 0.1  # of a leg's speed: from there on a current counts across it
-
 _LONGER, _LEAST_S = 1.2, 30.0  # of the planned time, from which on a flight was late, and at least so much
 
 _SATURATED = 0.05  # of a loop's time: less is a turn or a start
@@ -408,7 +406,7 @@ def off_course(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
         "loop": "heave" if _by_heave(flight, k) else "pitch",
         "speed_m_s": speed,
         "current_m_s": current,
-        "crossing": current > _CROSSING * speed,
+        "crossing": current > 0.1 * speed,  # from a tenth of a leg's speed on a current counts across it
         "lookahead_m": guidance["lookahead_m"],
         "integral_gain_m_s": guidance["integral_gain_m_s"],
     }

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 Numbers = NDArray[np.int64]
 
-_ABORT = 3  # level of the reaction from which on no loop is at work
-
 
 @dataclass(frozen=True, eq=False)
 class FlightLog:
@@ -109,7 +107,8 @@ class FlightLog:
     def active(self) -> Mask:
         """Loops at work, (n, 6), in the order surge, sway, heave, roll, pitch, heading."""
         table = np.array([mode["loops"] for mode in self.autopilot.modes]) > 0.5
-        live = (self.alert < _ABORT) & np.isfinite(self.nu).all(axis=1)
+        # From the third level of the reaction on no loop is at work.
+        live = (self.alert < 3) & np.isfinite(self.nu).all(axis=1)
         return np.asarray(table[self.mode] & live[:, None])
 
     @cached_property

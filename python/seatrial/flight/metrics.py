@@ -149,8 +149,6 @@ def ending_of(metrics: Mapping[str, Array], case: int = 0) -> str:
 OFF_M = 0.05
 """An error of a position in m from which it is worth a word."""
 
-_LEAST_STEP_M = 0.5  # smaller changes of depth are none
-
 
 @dataclass(frozen=True)
 class Leg(Plain):
@@ -326,7 +324,7 @@ def _step(path: Route, k: int) -> float:
     if path.follows_bottom(k):
         return math.nan
     step = float(path.stops[k].position[2] - path.before(k)[2])
-    return step if abs(step) >= _LEAST_STEP_M else math.nan
+    return step if abs(step) >= 0.5 else math.nan  # m: smaller changes of depth are none
 
 
 def _overshoot(flight: FlightLog, k: int, of_legs: _Rows) -> tuple[float, float]:

@@ -68,8 +68,6 @@ def patience(watch: str, safety: Mapping[str, Any]) -> float:
     return float(table.get("after_s", 0.0)) if isinstance(table, Mapping) else 0.0
 
 
-_SANK_M = 0.1  # below where the reaction began: less is the way on of a hull under way
-
 _RISING_M_S, _LATELY_S = 0.02, 10.0  # slower it does not come up; time over which that is told
 
 
@@ -134,7 +132,7 @@ def ascent(flight: FlightLog, alerts: Sequence[Alert]) -> dict[str, Any]:
     if up or since < _LATELY_S or not math.isfinite(depth[-1]):
         return {}
     rising = float((depth[lately] - depth[-1]) / (flight.t[-1] - flight.t[lately]))
-    sank = depth[-1] > depth[begins] + _SANK_M
+    sank = depth[-1] > depth[begins] + 0.1  # less is the way on of a hull under way
     return {
         "ended": "rising" if rising > _RISING_M_S else "sank" if sank else "stayed",
         "since_s": since,

@@ -138,9 +138,6 @@ def density(salinity: Array, temperature: Array) -> Array:
     return np.asarray(fresh + a * s + b * s**1.5 + 4.8314e-4 * s**2)
 
 
-_STANDARD_S_M = 4.2914  # conductivity at practical salinity 35, 15 deg C and the surface
-
-
 def conductivity(salinity: Array, temperature: Array, depth: Array) -> Array:
     """Conductivity of sea water in S/m, of practical salinity, deg C and depth in m, (n,).
 
@@ -171,4 +168,4 @@ def conductivity(salinity: Array, temperature: Array, depth: Array) -> Array:
     for _ in range(5):
         below = 1.0 + 3.426e-2 * t + 4.464e-4 * t**2 + (4.215e-1 - 3.107e-3 * t) * whole
         whole = ratio * (1.0 + pressure / below)
-    return np.asarray(_STANDARD_S_M * whole)
+    return np.asarray(4.2914 * whole)  # S/m at practical salinity 35, 15 deg C and the surface

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from seatrial.trial.recording import Recording
     from seatrial.trial.trial import Trial
 
-_DIFFERENT = 4.0  # deviations that trials are apart whose corrections are not one
-
 
 @dataclass(frozen=True)
 class Proposal:
@@ -59,9 +57,6 @@ def consistency_of_recording(recording: Recording) -> Consistency:
 
 _TELLS_DELAY = ("z", "u", "v", "w", "roll", "pitch", "yaw")
 
-_SPOILS = 1.5
-"""Times the error of a rate of depth that a delay leaves, from which an estimate on it is none."""
-
 
 @dataclass(frozen=True)
 class LateVelocity:
@@ -81,7 +76,7 @@ class LateVelocity:
     @property
     def spoils(self) -> bool:
         """Whether the channels contradict one another so much that no coefficient is to be had from them."""
-        return self.before > _SPOILS * self.after
+        return self.before > 1.5 * self.after  # an estimate on a rate that errs so much more is none
 
     @property
     def finding(self) -> Finding:
@@ -202,7 +197,7 @@ def common(entries: Mapping[str, Correction], count: int) -> bool:
     if not all(np.issubdtype(value.dtype, np.number) for value in values):
         return all(np.array_equal(values[0], value) for value in values)
     off, _ = mean(entries)
-    return bool(off < _DIFFERENT)
+    return bool(off < 4.0)  # deviations that trials are apart whose corrections are not one
 
 
 def mean(entries: Mapping[str, Correction]) -> tuple[float, Any]:

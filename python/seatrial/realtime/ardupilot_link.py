@@ -41,20 +41,6 @@ LOOPBACK = "127.0.0.1"
 
 _LARGEST = 2048  # bytes of a packet that are read
 
-_LATE_FRAMES = 32
-"""A packet whose number is lower by no more is a late one; by more, or 0 or 1, the autopilot began anew."""
-
-_MOST_LOST = 100
-"""Frames that are made up for at most where packets were lost."""
-
-_AGAIN_S = 1.0
-"""An answer to a repeated packet is repeated when the last one is older: ArduPilot repeats a packet after
-10 s.
-"""
-
-_PEER_SILENT_S = 2.0
-"""After this silence another sender may take the place of the peer."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SitlSession(
@@ -182,7 +168,8 @@ class _Link:
 
     def frames_of(self, packet: ServoPacket, sender: Any, now: float) -> int | str:
         """Frames to step for a packet; 0 begins anew; or in a word why it is passed over."""
-        if self.peer is not None and sender != self.peer and now - self.heard < _PEER_SILENT_S:
+        # After two seconds of silence another sender may take the place of the peer.
+        if self.peer is not None and sender != self.peer and now - self.heard < 2.0:
             return "stranger"
         if self.count is None or sender != self.peer:
             return 0 if self.count is not None else 1
@@ -191,7 +178,8 @@ class _Link:
             return gap
         if gap == 0:
             return "duplicate"
-        if packet.frame_count > 1 and -gap <= _LATE_FRAMES:
+        # By no more than 32 frames a packet is late; by more, or 0 or 1, the autopilot began anew.
+        if packet.frame_count > 1 and -gap <= 32:
             return "late"
         return 0
 
@@ -350,7 +338,8 @@ class _Loop:
             link.ignored[frames] += 1
             if frames == "duplicate":
                 link.heard = now
-                if now - link.sent_at > _AGAIN_S:
+                # ArduPilot repeats a packet after 10 s: it gets its answer again, unless that was just given.
+                if now - link.sent_at > 1.0:
                     link.sent_at = now
                     return link.sent
             return None
@@ -360,7 +349,7 @@ class _Loop:
         first = frames == 0 or link.count is None
         link.peer, link.heard, link.count, link.rate = sender, now, packet.frame_count, packet.frame_rate
         # Frames that were lost on the way are made up for under the commands of before.
-        missing = 0 if first else min(frames - 1, _MOST_LOST)
+        missing = 0 if first else min(frames - 1, 100)  # at most so many are made up for
         link.lost += 0 if first else frames - 1
         dt = 1.0 / packet.frame_rate
         for _ in range(missing):

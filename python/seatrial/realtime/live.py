@@ -36,9 +36,6 @@ _EARTH, _BODY = "earth", "vehicle"
 _TRACK_POINTS = 2000
 """Points of the track that are shown: older ones are thinned."""
 
-_HULL_M = (1.0, 0.4, 0.3)
-"""Size of the hull that is drawn where the vehicle file has no geometry."""
-
 
 class Live:
     """Viewers of a flight.
@@ -115,7 +112,7 @@ class Live:
             "/flight", schema=schema, message_encoding="json", context=self._context
         )
         geometry = vehicle.geometry()
-        self._size = _HULL_M
+        self._size = (1.0, 0.4, 0.3)  # m: a hull is drawn where the file has no geometry
         if geometry:
             diameter = geometry["diameter"]
             self._size = (geometry["length"], diameter, geometry.get("height", diameter))

@@ -28,8 +28,6 @@ _SIZES = {MAGIC_16: 16, MAGIC_32: 32}  # channels of a packet, by its magic numb
 
 _SLOWEST_HZ, _FASTEST_HZ = 1, 20_000  # of a frame rate that ArduPilot can mean
 
-_LONGEST_PULSE_US = 3000  # servo pulses are 800 to 2200 us long
-
 
 @dataclass(frozen=True)
 class ServoPacket:
@@ -60,7 +58,7 @@ class ServoPacket:
         pwm = struct.unpack_from(f"<{channels}H", data, _HEAD.size)
         if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
             return "rate"
-        if max(pwm) > _LONGEST_PULSE_US:
+        if max(pwm) > 3000:  # servo pulses are 800 to 2200 us long
             return "pulse"
         return cls(rate, count, pwm)
 
