@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.atomic_write import parquet
+from seatrial.base.plain import plain
 from seatrial.base.run import RunResult, to_json
 from seatrial.flight.mismatch import tuned_for
 from seatrial.tuning.performance import Performance
@@ -180,7 +181,7 @@ class Tuning(RunResult):
             "reverted": list(self.reverted),
             "groups": [group.to_dict() for group in self.groups],
             "performance": [performance.to_dict() for performance in self.performance],
-            "margins": {} if self.interrupted else _plain_margins(self.margins),
+            "margins": {} if self.interrupted else plain(self.margins),
             "notes": list(self.plan.fitted.notes),
         }
 
@@ -224,10 +225,6 @@ def tuned_autopilot(
     rounded = {name: float(f"{value:.{_DIGITS}g}") for name, value in gains.items()}
     tuned = start.with_gains(rounded) if rounded else start
     return tuned.renamed(f"{name} tuned", tuned_for(start.name, vehicle, origin))
-
-
-def _plain_margins(margins: Mapping[str, list[ReportedMargins]]) -> dict[str, list[dict[str, Any]]]:
-    return {name: [row.to_dict() for row in rows] for name, rows in margins.items()}
 
 
 def _told_short(row: ReportedMargins, margins: Margins) -> list[str]:
