@@ -30,7 +30,7 @@ LIMITS = {
     "numeric constants of modules without a reason": 0,
     "comment lines per 1,000 lines of long functions, at least": 19,
     "bindings named by a pronoun or a participle": 325,
-    "words of documentation": 91_860,
+    "words of documentation": 89_574,
 }
 """Beyond these the build fails."""
 
