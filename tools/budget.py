@@ -20,17 +20,17 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 413,
-    "Python lines": 116_435,
-    "modules that import the campaign": 15,
-    "lines that build text below the verbs": 6_700,
-    "functions over 8 parameters": 45,
+    "Python files": 412,
+    "Python lines": 115_680,
+    "modules that import the campaign": 13,
+    "lines that build text below the verbs": 6_660,
+    "functions over 8 parameters": 44,
     "parameters of the widest function": 20,
-    "numeric constants of modules": 1_668,
+    "numeric constants of modules": 1_550,
     "numeric constants of modules without a reason": 0,
-    "comment lines per 1,000 lines of long functions, at least": 19,
-    "bindings named by a pronoun or a participle": 325,
-    "words of documentation": 89_574,
+    "comment lines per 1,000 lines of long functions, at least": 22,
+    "bindings named by a pronoun or a participle": 318,
+    "words of documentation": 89_260,
 }
 """Beyond these the build fails."""
 

@@ -164,12 +164,27 @@ def test_issue_the_rudder_of_field_torpedo_is_told_by_its_turns(tmp_path: Path) 
     lines = campaign.read_text().splitlines()
     accepted = ("# [corrections]", "# tilt_deg", "# corrections.current")
     campaign.write_text("\n".join(line[2:] if line.startswith(accepted) else line for line in lines))
-    told = from_events(st.Campaign.load(campaign).problem())
-    yaw, pitch = told.estimates
+    fit = st.Campaign.load(campaign).identify()
+    yaw, pitch = fit.events
     assert yaw.enough
     assert not pitch.enough
     assert yaw.strips == "C_Dy"
-    known = {p.name: yaw.known(k) for k, p in enumerate(yaw.parameters)}
-    assert known["rudder.gain"]["estimate"] == pytest.approx(0.161, rel=0.1)
-    assert known["rudder.gain"]["lower"] < 0.161 < known["rudder.gain"]["upper"]
-    assert known["rudder.gain"]["verdict"] == "identifiable"
+    rows = {row.name: row for row in fit.coefficients}
+    gain = rows["rudder_upper.gain"]
+    assert gain.estimate == pytest.approx(0.161, rel=0.1)
+    assert gain.interval is not None
+    assert gain.interval[0] < 0.161 < gain.interval[1]
+    assert (gain.verdict, gain.stage) == ("identifiable", "events")
+    # The rest is estimated beside it, and both are in what vehicles are sampled from.
+    assert rows["X_uu"].stage == "joint estimate"
+    assert fit.covariance is not None
+    assert {"X_uu", "rudder_upper.gain", "C_Dy"} <= set(fit.covariance.names)
+    assert fit.vehicle.coefficients()["rudder_upper.gain"] == pytest.approx(gain.estimate)
+    assert [stage.name for stage in fit.problem.stages] == ["surge", "sway and yaw", "heave"]
+    ahead = fit.scores["hold_out"]["ahead"]["field_torpedo"].r2
+    assert ahead["u"] > 0.95
+    assert ahead["v"] > 0.87
+    assert ahead["r"] > 0.9
+    words = str(fit.report())
+    assert "sway and yaw: estimated from 11 events alone" in words
+    assert "pitch: the events carry too little: 0 stretches" in words
