@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,14 @@ def test_what_is_held_out_is_in_no_event_nor_the_moment_before_it() -> None:
     assert len(events(trial, remus, "N", t < 55.0)) == 1
     assert not events(trial, remus, "N", t > 39.0)
     assert not events(trial, remus, "N", t < 43.0)
+
+
+def test_a_gap_of_the_log_is_no_command_that_is_held() -> None:
+    t = np.arange(0.0, 100.0, 0.1)
+    rudder = answering(t)
+    gap = (t >= 40.0) & (t < 60.0)
+    rudder[gap] = LIMIT
+    assert not events(replace(recording(rudder), silent=gap), st.Vehicle.load("remus100"), "N")
 
 
 def test_a_command_that_creeps_is_not_held() -> None:

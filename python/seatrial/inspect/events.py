@@ -100,6 +100,8 @@ def events(
     commands = np.column_stack([np.asarray(trial.commands[name], float) for name in names])
     scaled = commands / np.ptp(commands, axis=0)
     allowed = np.ones(len(trial), dtype=bool) if usable is None else usable
+    if trial.silent is not None:  # a command that is not logged is no command that is held
+        allowed = allowed & ~trial.silent
     still = allowed & (np.abs(np.diff(scaled, axis=0, prepend=scaled[:1])).max(axis=1) <= limits.held)
     before = max(round(limits.before_s / trial.dt), 1)
     longest = round(limits.most_s / trial.dt)
