@@ -92,8 +92,20 @@ impl<T: Real> Allocator<T> {
         voltage: f64,
         signals: &mut [T],
     ) -> Vec6<T> {
-        let zero = tau[0].zero();
         self.survey(vehicle, nu_r, voltage);
+        self.allocate_surveyed(vehicle, tau, voltage, signals)
+    }
+
+    /// The same in the water of the last [`Self::survey`].
+    #[inline(always)]
+    pub fn allocate_surveyed(
+        &mut self,
+        vehicle: &Vehicle<T>,
+        tau: &Vec6<T>,
+        voltage: f64,
+        signals: &mut [T],
+    ) -> Vec6<T> {
+        let zero = tau[0].zero();
         let mut rest = *tau;
         for k in 0..self.usable.len() {
             let mut known = self.usable[k] * self.reach[k].preferred;

@@ -21,6 +21,10 @@
 //! tether or the bottom push as no actuator does. It is given up after four, where the others can do without it and its
 //! signal is not measured; from then on it counts as standing at the force that was found, and is looked at again.
 //!
+//! Nothing of this changes faster than the lags: motion, attitude and signals are averaged over 0.25 s, and a batch pays
+//! for lags and ratios at their ends alone. With `S = L Lᵀ` the ratios are products of `L⁻¹ r` and `L⁻¹ b`. What a current
+//! changes is found for one from ahead and one from the side in turn.
+//!
 //! Source: Willsky and Jones (1976), generalised likelihood ratio; De Luca and Mattone (2003), momentum in place of
 //! acceleration. Constants: this project, by simulation, docs/validation.md.
 //! Tests: `tests/core/test_helm_actuators.py`, `tests/export/test_c_faults.py`.
@@ -31,7 +35,7 @@ use crate::control::navigation::{ALTITUDE, DEPTH, Measurement};
 use crate::model::drive::act;
 use crate::model::kinematics::{from_euler, rotation};
 use crate::model::vehicle::{Instant, Vehicle};
-use crate::number::algebra::{Mat6, Vec6, cross, dot, product, restricted_inverse};
+use crate::number::algebra::{Mat6, Vec3, Vec6, cross, dot, each, product};
 use crate::number::real::Real;
 
 /// Time constant τ of each lag, s: between a motor's and a wave's.
@@ -56,7 +60,7 @@ const LEAST: f64 = 2e-3;
 /// A current that no sensor tells, m/s: the standard deviation of each component.
 const CURRENT_M_S: f64 = 0.25;
 
-/// Λ from which an actuator is suspected: 13 was exceeded six times in 62 h of models 15 % off, 20 never. Share of the unexplained that it must explain.
+/// Λ from which an actuator is suspected: of models 15 % off 13 was exceeded six times in 62 h, 20 nine times in 1,228 h. Share of the unexplained that it must explain.
 const SUSPECT: f64 = 20.0;
 const EXPLAINS: f64 = 0.6;
 
@@ -65,6 +69,9 @@ const SUSPECTED_S: f64 = 2.0;
 
 /// The same actuator for so long, s, is given up.
 const CERTAIN_S: f64 = 4.0;
+
+/// Means are looked at when there are more than so many seconds of them: an eighth of a lag.
+const LOOK_S: f64 = 0.25;
 
 /// A signal at which a propeller pulls and turns; the ratio of both hardly depends on it.
 const AHEAD: f64 = 1000.0;
@@ -93,6 +100,16 @@ pub struct Isolation<T> {
     force: Vec<Lagged<T>>,
     /// What waves and noise leave, squared.
     variance: Vec6<T>,
+    /// What a current from ahead and one from the side would change, N and N m; 1 where the side is next.
+    drift: [Vec6<T>; 2],
+    aside: T,
+    /// Velocities and rates, the velocity through the water, the vertical in the body frame, and the signals of the
+    /// actuators since the last look, times the time, s, of which there was so much; 1 where something was not seen.
+    moved: [T; 9],
+    down: Vec3<T>,
+    acted: Vec<T>,
+    waited: T,
+    hidden: T,
     /// For how long it has looked, s; 1 where the last look was blind.
     looked: T,
     blind: T,
@@ -106,9 +123,14 @@ pub struct Isolation<T> {
     /// The force that the best actuator gives instead, N.
     instead: T,
     instant: Instant<T>,
+    /// Mean signal of each actuator, and its wrench per newton, while they are judged.
+    signals: Vec<T>,
+    directions: Vec<Vec6<T>>,
 }
 
-crate::memory!(Isolation: last, momentum, known, flow, force, variance, looked, blind, settled, best, lasting, certain, instead; instant);
+crate::memory!(Isolation:
+    last, momentum, known, flow, force, variance, drift, aside, moved, down, acted, waited, hidden, looked, blind, settled, best, lasting, certain, instead;
+    instant, signals, directions);
 
 impl<T: Real> Isolation<T> {
     /// Nothing seen yet of so many actuators.
@@ -124,6 +146,13 @@ impl<T: Real> Isolation<T> {
             flow: lagged,
             force: vec![[zero; 2]; actuators],
             variance: [zero; 6],
+            drift: [[zero; 6]; 2],
+            aside: zero,
+            moved: [zero; 9],
+            down: [zero; 3],
+            acted: vec![zero; actuators],
+            waited: zero,
+            hidden: zero,
             looked: zero,
             blind: zero.splat(1.0),
             settled: zero,
@@ -132,13 +161,16 @@ impl<T: Real> Isolation<T> {
             certain: zero,
             instead: zero,
             instant,
+            signals: vec![zero; actuators],
+            directions: vec![[zero; 6]; actuators],
         }
     }
 
     /// The actuator that is suspected, from 1; one more than there are where all are dead, 0 for none.
     #[inline(always)]
     pub fn suspect(&self) -> T {
-        T::select(self.best.splat(SUSPECTED_S).lt(self.lasting), self.best, self.best.zero())
+        // Half a look earlier it was no less true, in the mean.
+        T::select(self.best.splat(SUSPECTED_S - 0.5 * LOOK_S).lt(self.lasting), self.best, self.best.zero())
     }
 
     /// Where actuator `k` is certain not to do what it is commanded, and the force that it gives instead, N.
@@ -155,45 +187,84 @@ impl<T: Real> Isolation<T> {
         self.certain = T::select(at, self.lasting.zero(), self.certain);
     }
 
-    /// Looks at what is believed `dt` seconds after the last look, while the actuators stand at `signals`, as they are
-    /// measured or else expected; where the sensors do not `agree` nothing is judged for a time.
+    /// Takes what is believed `dt` seconds after the last step, while the actuators stand at `signals`, as they are
+    /// measured or else expected, and looks at the means when they are due; where the sensors do not `agree` nothing is
+    /// judged for a time.
     #[inline(always)]
     pub fn see(
         &mut self,
-        (model, allocator): (&Vehicle<T>, &Allocator<T>),
+        known: (&Vehicle<T>, &Allocator<T>),
         (measured, agree): (&Measurement<T>, T::Mask),
         signals: &[T],
         dt: f64,
     ) {
         let zero = self.looked.zero();
-        let (one, half) = (zero.splat(1.0), zero.splat(0.5));
         let ([u, v, w], [p, q, r]) = (measured.velocity(), measured.rates());
         let [u_r, v_r, w_r] = measured.water();
-        let (nu, nu_r) = ([u, v, w, p, q, r], [u_r, v_r, w_r, p, q, r]);
+        let time = zero.splat(dt);
+        let moving = [u, v, w, p, q, r, u_r, v_r, w_r];
+        for (sum, x) in self.moved.iter_mut().zip(moving) {
+            *sum = x.mul_add(time, *sum);
+        }
+        // The latest attitude alone would bring the noise of one sample in three.
+        let [_, _, down] = rotation(&from_euler(&measured.attitude()));
+        for (sum, x) in self.down.iter_mut().zip(down) {
+            *sum = x.mul_add(time, *sum);
+        }
+        for (sum, &signal) in self.acted.iter_mut().zip(signals) {
+            *sum = signal.mul_add(time, *sum);
+        }
         let oldest = measured.age[ATTITUDE..ALTITUDE].iter().fold(zero, |oldest, &age| oldest.max(age));
-        let blind = T::select(zero.splat(BLIND_S).lt(oldest), one, zero);
-        // What was not seen is no force: the momentum goes on from where it is.
-        let unseen = half.lt(blind.max(self.blind));
-        self.blind = blind;
-        let share = T::select(unseen, zero, zero.splat(dt / (LAG_S + dt)));
-        let submerged = T::both(zero.splat(SUBMERGED_M).lt(measured.channels[DEPTH]), zero.lt(share));
-        let memory = (zero.splat(dt) / (self.looked + dt)).max(zero.splat(dt / MEMORY_S));
-        let memory = T::select(submerged, memory, zero);
-        let seen = T::select(submerged, zero.splat(dt), zero);
-        self.looked += seen;
-        self.settled = T::select(agree, self.settled + seen, zero);
+        let blind = T::select(zero.splat(BLIND_S).lt(oldest), zero.splat(1.0), zero);
+        self.hidden = self.hidden.max(blind);
+        self.settled = T::select(agree, self.settled, zero);
+        self.waited += time;
+        let due = zero.splat(LOOK_S).lt(self.waited);
+        if T::any(due) {
+            zero.apart(
+                #[inline(always)]
+                || self.look(known, measured, due),
+            );
+        }
+    }
 
-        act(model, signals, measured.voltage, |_| None, &mut self.instant);
+    /// Where it is `due`, looks at the means since the last look.
+    #[inline(always)]
+    fn look(
+        &mut self,
+        (model, allocator): (&Vehicle<T>, &Allocator<T>),
+        measured: &Measurement<T>,
+        due: T::Mask,
+    ) {
+        let zero = self.looked.zero();
+        let (half, waited) = (zero.splat(0.5), self.waited);
+        let mean = zero.splat(1.0) / waited;
+        let [u, v, w, p, q, r, u_r, v_r, w_r] = each(&self.moved, |sum| sum * mean);
+        let (nu, nu_r) = ([u, v, w, p, q, r], [u_r, v_r, w_r, p, q, r]);
+        for (signal, &sum) in self.signals.iter_mut().zip(&self.acted) {
+            *signal = sum * mean;
+        }
+        // What was not seen is no force: the momentum goes on from where it is.
+        let unseen = T::both(due, half.lt(self.hidden.max(self.blind)));
+        self.blind = T::select(due, self.hidden, self.blind);
+        let share = T::select(unseen, zero, waited / (waited + LAG_S));
+        let share = T::select(due, share, zero);
+        let submerged = T::both(zero.splat(SUBMERGED_M).lt(measured.channels[DEPTH]), zero.lt(share));
+        let memory = (waited / (self.looked + waited)).max(waited * (1.0 / MEMORY_S));
+        let memory = T::select(submerged, memory, zero);
+        let seen = T::select(submerged, waited, zero);
+        self.looked += seen;
+        self.settled += seen;
+
+        act(model, &self.signals, measured.voltage, |_| None, &mut self.instant);
         let (flow, acting) = (hydrodynamic(model, &nu_r), model.wrench(&self.instant, &nu_r));
         let mut known = model.bias.unwrap_or([zero; 6]);
         for i in 0..6 {
             known[i] += flow[i] + acting[i];
         }
         let known = model.rigid_body.add_coriolis(&nu, &known);
-        let known = model.restoring.add(&rotation(&from_euler(&measured.attitude())), &known);
+        let known = model.restoring.add_weight(&each(&self.down, |sum| sum * mean), &known);
         let momentum = product(&model.mass_matrix, &nu);
-
-        let (mut unexplained, mut covariance) = ([zero; 6], [[zero; 6]; 6]);
         for i in 0..6 {
             let leap = T::select(unseen, momentum[i] - self.last[i], zero);
             let [once, twice] = self.momentum[i];
@@ -201,88 +272,163 @@ impl<T: Real> Isolation<T> {
             self.known[i] = lag(self.known[i], known[i], share);
             self.flow[i] = lag(self.flow[i], flow[i], share);
             let [once, twice] = self.momentum[i];
-            let inertia = (once - twice) * (1.0 / LAG_S);
-            unexplained[i] = inertia - self.known[i][1];
             let quick = (momentum[i] - once) * (1.0 / LAG_S) - self.known[i][0];
-            let wave = quick - unexplained[i];
+            let wave = quick - ((once - twice) * (1.0 / LAG_S) - self.known[i][1]);
             self.variance[i] += memory * wave.mul_sub(wave, self.variance[i]);
-            let least = model.mass_matrix[i][i] * LEAST;
-            let error = inertia.mul_add(inertia, self.flow[i][1] * self.flow[i][1]);
-            covariance[i][i] =
-                least.mul_add(least, self.variance[i] * LEFT) + error * (MODEL_ERROR * MODEL_ERROR);
+            self.last[i] = T::select(due, momentum[i], self.last[i]);
         }
-        self.last = momentum;
-
-        let mut able = [zero; 6];
-        for k in 0..signals.len() {
-            let b = direction(model, k, measured.voltage);
-            self.force[k] =
-                lag(self.force[k], allocator.force(model, k, signals[k], measured.voltage), share);
-            let [lowest, highest] = allocator.within_reach(k);
-            for i in 0..6 {
-                able[i] = b[i].abs().mul_add((highest - lowest) * (0.5 * TRIM_ERROR), able[i]);
-            }
-            spread(&mut covariance, &b, self.force[k][1] * THRUST_ERROR);
-        }
-        for i in 0..6 {
-            covariance[i][i] = able[i].mul_add(able[i], covariance[i][i]);
-        }
-        for axis in 0..2 {
-            // From the side a slender hull goes with the water.
-            let against = T::both(nu_r[1].lt(zero), zero.splat(0.5).lt(zero.splat(axis as f64)));
-            let current = T::select(against, zero.splat(-CURRENT_M_S), zero.splat(CURRENT_M_S));
-            let (mut through, mut drift) = (nu_r, [zero; 3]);
-            through[axis] -= current;
-            drift[axis] = current;
-            let [x, y, z] = cross(&drift, &[p, q, r]);
-            let carried = model.added_mass.momentum(&[x, y, z, zero, zero, zero]);
-            let (other, pushed) = (hydrodynamic(model, &through), model.wrench(&self.instant, &through));
-            let change = std::array::from_fn(|i| other[i] - flow[i] + pushed[i] - acting[i] + carried[i]);
-            spread(&mut covariance, &change, one);
+        for k in 0..self.acted.len() {
+            let force = match (model.actuators.get(k), self.instant.thrusts.get(k)) {
+                (Some(thruster), Some(thrust)) => {
+                    thrust.force_per_inflow.mul_add(dot(&thruster.inflow, &nu_r), thrust.force)
+                }
+                _ => allocator.force(model, k, self.signals[k], measured.voltage),
+            };
+            self.force[k] = lag(self.force[k], force, share);
         }
         let ready = T::both(submerged, zero.splat(SETTLED_S).lt(self.settled));
-        self.judge((model, allocator), (&covariance, &unexplained), (ready, measured.voltage), dt);
+        self.drift_on(model, (&nu_r, &flow, &acting), due);
+        self.judge((model, allocator), (due, ready), measured.voltage);
+        // The next means begin.
+        self.moved = each(&self.moved, |sum| T::select(due, zero, sum));
+        self.down = each(&self.down, |sum| T::select(due, zero, sum));
+        self.acted.iter_mut().for_each(|sum| *sum = T::select(due, zero, *sum));
+        self.hidden = T::select(due, zero, self.hidden);
+        self.waited = T::select(due, zero, waited);
     }
 
-    /// Finds what explains the unexplained best, and counts for how long it has done so.
+    /// Where it is `due`, finds what explains the unexplained best, and counts for how long it has done so.
     #[inline(always)]
     fn judge(
         &mut self,
         (model, allocator): (&Vehicle<T>, &Allocator<T>),
-        (covariance, unexplained): (&Mat6<T>, &Vec6<T>),
-        (ready, voltage): (T::Mask, f64),
-        dt: f64,
+        (due, ready): (T::Mask, T::Mask),
+        voltage: f64,
     ) {
         let zero = self.looked.zero();
-        let inverse = restricted_inverse(covariance, &[true; 6]);
-        let weighed = product(&inverse, unexplained);
-        let explainable = dot(unexplained, &weighed);
-        let (mut best, mut largest, mut instead, mut lost) = (zero, zero, zero, [zero; 6]);
+        let (mut unexplained, mut able, mut covariance) = ([zero; 6], [zero; 6], [[zero; 6]; 6]);
+        for k in 0..self.force.len() {
+            let b = direction(model, k, voltage);
+            let [lowest, highest] = allocator.within_reach(k);
+            for i in 0..6 {
+                able[i] = b[i].abs().mul_add((highest - lowest) * (0.5 * TRIM_ERROR), able[i]);
+            }
+            let error = self.force[k][1] * THRUST_ERROR;
+            spread(&mut covariance, &b, error * error);
+            self.directions[k] = b;
+        }
+        for i in 0..6 {
+            let [once, twice] = self.momentum[i];
+            let inertia = (once - twice) * (1.0 / LAG_S);
+            unexplained[i] = inertia - self.known[i][1];
+            let least = model.mass_matrix[i][i] * LEAST;
+            let error = inertia.mul_add(inertia, self.flow[i][1] * self.flow[i][1]);
+            let own = least.mul_add(least, self.variance[i] * LEFT) + error * (MODEL_ERROR * MODEL_ERROR);
+            covariance[i][i] += able[i].mul_add(able[i], own);
+            for change in &self.drift {
+                for j in 0..=i {
+                    covariance[i][j] = change[i].mul_add(change[j], covariance[i][j]);
+                }
+            }
+        }
+
+        let whitening = Whitening::of(&covariance);
+        let weighed = whitening.apply(&unexplained);
+        let explainable = dot(&weighed, &weighed);
+        let (mut best, mut largest, mut instead) = (zero, zero, zero);
         let mut take = |k: usize, ratio: T, gives: T| {
             let better = largest.lt(ratio);
             best = T::select(better, zero.splat(k as f64 + 1.0), best);
             instead = T::select(better, gives, instead);
             largest = largest.max(ratio);
         };
+        let mut all = [zero; 6];
         for k in 0..self.force.len() {
-            let (b, force) = (direction(model, k, voltage), self.force[k][1]);
-            let (along, across) = (dot(&b, &weighed), dot(&b, &product(&inverse, &b)));
+            let (b, force) = (whitening.apply(&self.directions[k]), self.force[k][1]);
+            let (along, across) = (dot(&b, &weighed), dot(&b, &b));
             let [lowest, highest] = allocator.within_reach(k);
             // What the actuator gives beyond the expected, N.
             let more = (along / across).clamped(lowest.min(zero) - force, highest.max(zero) - force);
             take(k, more * (along * 2.0 - more * across), force + more);
             for i in 0..6 {
-                lost[i] = b[i].neg_mul_add(force, lost[i]);
+                all[i] = b[i].mul_add(force, all[i]);
             }
         }
-        take(self.force.len(), dot(&lost, &weighed) * 2.0 - dot(&lost, &product(&inverse, &lost)), zero);
+        take(self.force.len(), -(dot(&all, &weighed) * 2.0 + dot(&all, &all)), zero);
         let least = (explainable * EXPLAINS).max(zero.splat(SUSPECT));
         let holds = T::both(ready, least.lt(largest));
-        self.lasting = T::select(holds, self.lasting + dt, zero);
-        let same = T::both(holds, (best - self.best).abs().lt(zero.splat(0.5)));
-        self.certain = T::select(same, self.certain + dt, zero);
-        self.best = T::select(holds, best, zero);
-        self.instead = instead;
+        let same = (best - self.best).abs().lt(zero.splat(0.5));
+        let lasting = T::select(holds, self.lasting + self.waited, zero);
+        let certain = T::select(same, self.certain, zero) + self.waited;
+        self.lasting = T::select(due, lasting, self.lasting);
+        self.certain = T::select(due, T::select(holds, certain, zero), self.certain);
+        self.best = T::select(due, T::select(holds, best, zero), self.best);
+        self.instead = T::select(due, instead, self.instead);
+    }
+
+    /// What a current from one of two sides would change of the forces, the sides in turn.
+    #[inline(always)]
+    fn drift_on(
+        &mut self,
+        model: &Vehicle<T>,
+        (nu_r, flow, acting): (&Vec6<T>, &Vec6<T>, &Vec6<T>),
+        due: T::Mask,
+    ) {
+        let zero = self.looked.zero();
+        let half = zero.splat(0.5);
+        let (ahead, aside) = (self.aside.lt(half), half.lt(self.aside));
+        // From the side a slender hull goes with the water.
+        let against = T::both(nu_r[1].lt(zero), aside);
+        let current = T::select(against, zero.splat(-CURRENT_M_S), zero.splat(CURRENT_M_S));
+        let (x, y) = (T::select(aside, zero, current), T::select(aside, current, zero));
+        let [u, v, w, p, q, r] = *nu_r;
+        let through = [u - x, v - y, w, p, q, r];
+        let [x, y, z] = cross(&[x, y, zero], &[p, q, r]);
+        let carried = model.added_mass.momentum(&[x, y, z, zero, zero, zero]);
+        let (other, pushed) = (hydrodynamic(model, &through), model.wrench(&self.instant, &through));
+        for i in 0..6 {
+            let change = other[i] - flow[i] + pushed[i] - acting[i] + carried[i];
+            for (side, is_it) in [ahead, aside].into_iter().enumerate() {
+                self.drift[side][i] = T::select(T::both(due, is_it), change, self.drift[side][i]);
+            }
+        }
+        self.aside = T::select(due, zero.splat(1.0) - self.aside, self.aside);
+    }
+}
+
+/// `L⁻¹` of `S = L Lᵀ`.
+struct Whitening<T> {
+    /// `L`, of its diagonal the reciprocals.
+    factor: Mat6<T>,
+}
+
+impl<T: Real> Whitening<T> {
+    /// That of a positive definite matrix of which the lower triangle is known.
+    #[inline(always)]
+    fn of(covariance: &Mat6<T>) -> Self {
+        let mut l = *covariance;
+        for j in 0..6 {
+            for i in j..6 {
+                for k in 0..j {
+                    l[i][j] = l[i][k].neg_mul_add(l[j][k], l[i][j]);
+                }
+                l[i][j] = if i == j { l[i][j].splat(1.0) / l[i][j].sqrt() } else { l[i][j] * l[j][j] };
+            }
+        }
+        Self { factor: l }
+    }
+
+    /// `L⁻¹ x`.
+    #[inline(always)]
+    fn apply(&self, x: &Vec6<T>) -> Vec6<T> {
+        let mut y = *x;
+        for i in 0..6 {
+            for j in 0..i {
+                y[i] = self.factor[i][j].neg_mul_add(y[j], y[i]);
+            }
+            y[i] *= self.factor[i][i];
+        }
+        y
     }
 }
 
@@ -307,13 +453,12 @@ fn direction<T: Real>(model: &Vehicle<T>, k: usize, voltage: f64) -> Vec6<T> {
     b
 }
 
-/// Adds what an error of `size` along `direction` may leave.
+/// Adds what an error with this `variance` along `direction` may leave, to the lower triangle.
 #[inline(always)]
-fn spread<T: Real>(covariance: &mut Mat6<T>, direction: &Vec6<T>, size: T) {
+fn spread<T: Real>(covariance: &mut Mat6<T>, direction: &Vec6<T>, variance: T) {
     for i in 0..6 {
-        let scaled = direction[i] * size * size;
-        for j in 0..6 {
-            covariance[i][j] = scaled.mul_add(direction[j], covariance[i][j]);
+        for j in 0..=i {
+            covariance[i][j] = (direction[i] * direction[j]).mul_add(variance, covariance[i][j]);
         }
     }
 }

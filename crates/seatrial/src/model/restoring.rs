@@ -44,12 +44,17 @@ impl<T: Real> Restoring<T> {
     /// `tau − g(η)`, N and N m, at the rotation `r` (body → NED).
     #[inline(always)]
     pub fn add(&self, r: &Mat3<T>, tau: &Vec6<T>) -> Vec6<T> {
-        let down = r[2];
+        self.add_weight(&r[2], tau)
+    }
+
+    /// The same where `down` is the vertical in the body frame, or its mean.
+    #[inline(always)]
+    pub fn add_weight(&self, down: &Vec3<T>, tau: &Vec6<T>) -> Vec6<T> {
         let mut sum = *tau;
         for i in 0..3 {
             sum[i] = self.net_weight.mul_add(down[i], sum[i]);
         }
-        let moment = add_cross(&self.moment, &down, &[sum[3], sum[4], sum[5]]);
+        let moment = add_cross(&self.moment, down, &[sum[3], sum[4], sum[5]]);
         [sum[0], sum[1], sum[2], moment[0], moment[1], moment[2]]
     }
 

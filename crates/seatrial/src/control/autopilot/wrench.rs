@@ -34,17 +34,16 @@ impl<T: Real> Autopilot<T> {
         }
         self.actuators_at_work(mode, &mut state.usable);
         state.monitor.exclude(&mut state.usable, &mut state.allocator);
-        let [u, v, w] = measured.water();
-        let [p, q, r] = measured.rates();
+        let [u, _, _] = measured.water();
         let rows = situation.active;
         let mut weights = rows;
         for i in 0..6 {
             weights[i] = T::select(half.lt(rows[i]), rows[i], zero.splat(self.idle_rows[i]));
         }
         state.allocator.prepare(&self.model, &weights, &state.usable, u);
-        let nu_r = [u, v, w, p, q, r];
-        let reached =
-            state.allocator.allocate(&self.model, &tau, &nu_r, measured.voltage, &mut state.signals);
+        // The water was surveyed where the step looked for failed actuators.
+        let (model, voltage) = (&self.model, measured.voltage);
+        let reached = state.allocator.allocate_surveyed(model, &tau, voltage, &mut state.signals);
         // The loops are not told of the dither: an integrator would work against it.
         for (signal, dither) in state.signals.iter_mut().zip(&state.dither) {
             *signal = T::select(stopped, zero, *signal + *dither);
