@@ -126,12 +126,16 @@ def test_after_the_operators_reset_what_is_still_true_calls_again() -> None:
 
 
 @pytest.mark.long
-def test_scalar_sensors_of_one_motion_give_no_alarm_in_hours_of_waves() -> None:
-    """240 h: none leaves at most 12 in 1,000 h with 95 % (3/H); docs/validation.md has more hours."""
+def test_ordinary_flight_in_waves_gives_two_alarms_in_240_hours_at_most() -> None:
+    """Ten in 1,228 h of models 15 % off (docs/validation.md) are two in 246 h; the aim is one in 1,000 h."""
+    began: list[str] = []
     for vehicle in false_alarms.VEHICLES:
         alarms, hours = false_alarms.flown(vehicle, cases=64, seed=1)
         assert hours > 50.0
-        assert not [watch for watch in alarms if not watch.endswith(false_alarms.LAUNCHED)], vehicle
+        began += [watch for watch in alarms.elements() if not watch.endswith(false_alarms.LAUNCHED)]
+    assert len(began) <= 2, began
+    # Contradictions of sensors are none of them: what is wrong there is the autopilot's model.
+    assert set(began) <= {"actuator"}
 
 
 @pytest.mark.parametrize(("value", "after_s"), [(math.nan, 120.0), (-1.0, 5.0), (5.0, 5.0)])

@@ -202,12 +202,13 @@ def test_issue_a_dead_stern_propeller_is_found_and_the_mission_completed(
         assert flown.overshoot_percent < 5.0
 
 
-def test_issue_a_dead_propeller_without_feedback_costs_depth_but_not_the_mission() -> None:
+def test_issue_a_dead_propeller_without_feedback_is_found_by_its_force_and_the_mission_completed() -> None:
+    # Carried by the integrals alone its share costs 5 to 30 % of overshoot in depth; found by the momentum
+    # that it does not give and taken out of the allocation, it costs what a reported stop does.
     for flown in flights("cwolf", 1.5, faults=(st.Fault("SbU", at_s=100.0),), feedback=False):
         assert flown.outcome == "complete"
         assert flown.missed_by <= RADIUS_M["cwolf"]
-        # Nobody takes the dead one out: the loops fight its share until the integrals carry it.
-        assert 5.0 < flown.overshoot_percent < 30.0
+        assert flown.overshoot_percent < 5.0
 
 
 @pytest.mark.parametrize("name", ["thruster_1", "thruster_5"])
