@@ -20,8 +20,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 412,
-    "Python lines": 115_680,
+    "Python files": 413,
+    "Python lines": 115_720,
     "modules that import the campaign": 13,
     "lines that build text below the verbs": 6_660,
     "functions over 8 parameters": 44,

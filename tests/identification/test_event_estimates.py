@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.identification.events import SETTINGS, EventEstimate, Told, from_events, on_events
+from seatrial.estimation.event_fit import SETTINGS
+from seatrial.identification.events import EventEstimate, EventEstimates, from_events, on_events
 from seatrial.inspect.events import Event, events
 from seatrial.problem.problem import Problem
 from seatrial.problem.settings import Axes, Coefficient, JointSettings, Stage, TrialUse
@@ -54,7 +54,7 @@ def mission(seed: int = 1, turns: int = 9) -> st.Trial:
     return st.Trial.read(table, name="log", align=False)
 
 
-def problem(trial: st.Trial, **use: object) -> Problem:
+def problem(trial: st.Trial) -> Problem:
     """Sway and yaw of the mission, from the built-in vehicle, and the surge beside them."""
     free = {
         "rudder.gain": Coefficient(bounds=(0.1, 3.0)),
@@ -80,7 +80,7 @@ def problem(trial: st.Trial, **use: object) -> Problem:
     return Problem.of(
         vehicle=st.Vehicle.load("remus100"),
         trials={"log": trial},
-        uses={"log": replace(TrialUse("commands", False), **use)},  # type: ignore[arg-type]
+        uses={"log": TrialUse("commands", False)},
         stages=stages,
         joint=JointSettings(),
     )
@@ -125,10 +125,9 @@ def test_four_events_carry_too_little() -> None:
     assert estimate.events == found
 
 
-def test_events_of_what_is_held_out_are_not_used() -> None:
-    trial = mission()
-    open_loop = from_events(problem(trial, hold_out_s=((200.0, 400.0),)))
-    # This rudder answers no measurement: there is nothing to estimate on events.
+def test_an_open_loop_is_not_estimated_on_events() -> None:
+    """This rudder answers no measurement."""
+    open_loop = from_events(problem(mission()))
     assert not open_loop.estimates
     assert open_loop.rest is open_loop.whole
 
@@ -136,13 +135,17 @@ def test_events_of_what_is_held_out_are_not_used() -> None:
 def test_the_rest_has_the_events_values_and_the_whole_comes_back(
     asked: Problem, estimate: EventEstimate
 ) -> None:
-    told = Told(asked, (estimate,))
+    told = EventEstimates(asked, (estimate,))
     rest = told.rest
     assert [stage.name for stage in rest.stages] == ["surge"]
     gain = estimate.values[[p.name for p in estimate.parameters].index("rudder.gain")]
     assert rest.vehicle.coefficients()["rudder_upper.gain"] == pytest.approx(gain)
     # What the joint estimate frees is surge; sway and yaw are replayed beside it.
     assert rest.stages[0].axes.measured == "YZKMN"
+    again = told.again(rest.vehicle)
+    # Nothing else has changed: the same estimate, whose priors are still those of the vehicle file.
+    assert again.taken[0].prior == estimate.prior
+    assert again.taken[0].values == pytest.approx(estimate.values, rel=0.03, abs=0.1)
     whole = told.restored(rest)
     assert [stage.name for stage in whole.stages] == ["sway and yaw", "surge"]
     assert whole.vehicle.coefficients() == asked.vehicle.coefficients()

@@ -35,7 +35,7 @@ from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.conclusion import Conclusion, concluded, scored, staged
 from seatrial.identification.estimate import estimates
-from seatrial.identification.events import Told, from_events
+from seatrial.identification.events import EventEstimates, from_events
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.identification import Identification
 from seatrial.identification.preparation import prepare
@@ -374,7 +374,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
             {name: problem.trials[name] for name in fitted}, problem.recordings, problem=str(problem.source)
         )
         spoilt = words_of(late.finding) if late is not None and late.spoils else ""
-        early, told = Fallbacks(), Told(problem)
+        early, by_events = Fallbacks(), EventEstimates(problem)
 
         def watch_events(stage: str) -> None:
             if progress is not None:
@@ -382,11 +382,11 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
 
         if not spoilt:  # what is late biases an event as it does the whole log
             ask = partial(from_events, problem, threads=threads, watch=watch_events)
-            told = early.attempt("events", ask, told, **_EVENTS)
-        if told.taken and told.rest.stages:
-            ready = prepare(told.rest, threads=threads)
-        elif told.taken:  # events tell all that was asked
-            ready = replace(ready, problem=told.rest, whole=told.rest, held=(), plans=())
+            by_events = early.attempt("events", ask, by_events, **_EVENTS)
+        if by_events.taken and by_events.rest.stages:
+            ready = prepare(by_events.rest, threads=threads)
+        elif by_events.taken:  # events tell all that was asked
+            ready = replace(ready, problem=by_events.rest, whole=by_events.rest, held=(), plans=())
         problem, plans, before, notes = ready.problem, ready.plans, ready.sentences, ready.no_joint
         findings = (*(() if late is None else (late.finding,)), *ready.findings)
         before = (*(() if late is None else (words_of(late.finding),)), *before)
@@ -408,17 +408,19 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
                 watch=_watch(order, progress),
                 threads=threads,
             )
-        if told.taken:
-            again = partial(told.again, end.vehicle, threads=threads)
-            told = told if end.interrupted else fallbacks.attempt("events", again, told, **_EVENTS)
-            vehicle = end.vehicle.with_coefficients(told.values)
-            end = replace(end, problem=told.restored(end.problem), vehicle=vehicle)
+        if by_events.taken:
+            again = partial(by_events.again, end.vehicle, threads=threads)
+            by_events = (
+                by_events if end.interrupted else fallbacks.attempt("events", again, by_events, **_EVENTS)
+            )
+            vehicle = end.vehicle.with_coefficients(by_events.values)
+            end = replace(end, problem=by_events.restored(end.problem), vehicle=vehicle)
         vehicle, judged = scored(end, fallbacks)
         problem, sure = end.problem, end.assessment
         fit = Identification(
             problem=problem,
             vehicle=vehicle,
-            coefficients=estimates(problem, stages, sure, failed=order.failed, events=told.taken),
+            coefficients=estimates(problem, stages, sure, failed=order.failed, events=by_events.taken),
             stages=stages,
             assessment=sure,
             scores=judged.scores,
@@ -447,7 +449,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
             choice=end.choice,
             restarts=end.restarts,
             proposals=end.proposals,
-            events=told.estimates,
+            events=by_events.estimates,
         )
         fit = replace(
             fit,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from seatrial.base.channels import CHANNELS, MOTIONS, readable
 from seatrial.base.report import Column, Report, Section, Table, appended
 from seatrial.diagnosis.assessment import TOLD
+from seatrial.estimation.event_fit import SETTINGS
 from seatrial.identification.apparent_mass import (
     LARGEST_DRAG,
     implausible_drags,
@@ -17,7 +18,6 @@ from seatrial.identification.apparent_mass import (
 )
 from seatrial.identification.choice import Choice
 from seatrial.identification.estimate import Estimate, derived, distinct, plus_minus
-from seatrial.identification.events import SETTINGS
 from seatrial.identification.held import SHARE, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
@@ -480,7 +480,7 @@ def _events(fit: Identification) -> list[str]:
             kinds = ("cross-flow drag by strips", "quadratic damping")
             better, worse = kinds if estimate.strips else kinds[::-1]
             line += (
-                f"; {better} foretells each event from the others better than {worse}, by"
+                f"; {better} predicts each event from the others better than {worse}, by"
                 f" {estimate.likelier:.0f} in log-likelihood"
             )
         lines.append(line)
