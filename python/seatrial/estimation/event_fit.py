@@ -241,7 +241,7 @@ def _covariance(errors: Sequence[Array], dt: float) -> Array:
     share, _ = nnls(basis[use] * weight[:, None], total[use] / counts[use] * weight)
     fitted = basis @ share
     # The least white noise is what second differences show: 6 times its variance (of slower errors little).
-    # Without it interpolated samples, whose autocovariance has no jump at nil, would weigh infinitely.
+    # Without it interpolated samples, whose autocovariance has no jump at lag zero, would weigh infinitely.
     bends = np.concatenate([np.diff(error, 2) for error in errors])
     fitted[0] += max(float(bends @ bends) / (6.0 * len(bends)) - share[0], 1e-4 * total[0] / counts[0], 1e-18)
     return np.asarray(cholesky(toeplitz(fitted), lower=True))
