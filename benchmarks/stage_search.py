@@ -19,8 +19,7 @@ from rich.table import Table
 import seatrial as st
 from benchmarks.four_stages import EXAMPLE
 from seatrial.estimation import stage as stages
-from seatrial.estimation.criterion import Criterion
-from seatrial.estimation.descent import descend
+from seatrial.estimation.descent import Criterion, descend
 from seatrial.estimation.search import evolve, refine
 from seatrial.estimation.segment_model import SegmentModel
 from seatrial.problem.parameter import coefficients

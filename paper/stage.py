@@ -235,7 +235,7 @@ def stage_result(fit: Identification, result: StageResult) -> Figure:
 
 def polished_cost(fit: Identification, result: StageResult) -> float | None:
     """Criterion of a stage at the joint estimate, in standard deviations; None without one."""
-    from seatrial.estimation.criterion import Criterion
+    from seatrial.estimation.descent import Criterion
 
     if fit.assessment is None or not fit.assessment.polished.rounds:
         return None

@@ -30,9 +30,8 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.campaign.campaign import Campaign
-from seatrial.diagnosis.identifiability import judge
+from seatrial.diagnosis.identifiability import WEAK, judge
 from seatrial.diagnosis.residual_analysis import analyse_joint
-from seatrial.diagnosis.weak_combination import WEAK
 from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, polish

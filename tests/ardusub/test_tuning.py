@@ -24,7 +24,7 @@ from seatrial.ardusub.tuning import (
     step_courses,
     tune_parameters,
 )
-from seatrial.identification.apparent_mass import plausible_masses
+from seatrial.identification.estimate import plausible_masses
 from tests.ardusub import flown_log
 
 WANDER = np.array([0.5, 0.5, 0.5, 0.02, 0.02, 0.02])

@@ -16,7 +16,7 @@ from benchmarks.four_stages_scipy import measure as extrapolate
 from benchmarks.speed import measure
 from benchmarks.stage_arrays import arrays
 from benchmarks.stage_numpy import Vectorised, textbook_cost
-from seatrial.estimation.criterion import Criterion
+from seatrial.estimation.descent import Criterion
 from seatrial.estimation.segment_model import SegmentModel
 from seatrial.estimation.stage import plan
 

@@ -21,8 +21,13 @@ from seatrial.diagnosis.missing_terms import (
 )
 from seatrial.diagnosis.refitting import suggested_bounds
 from seatrial.diagnosis.residual_analysis import analyse
-from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
-from seatrial.diagnosis.residual_signals import motion_signals, recorded_signals
+from seatrial.diagnosis.residual_signals import (
+    autocorrelations,
+    block_length,
+    block_numbers,
+    motion_signals,
+    recorded_signals,
+)
 from seatrial.report.plot.identification import residual_figure
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.statistics.score_test import score_tests

@@ -11,8 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.diagnosis.advice import role
-from seatrial.diagnosis.identifiability import Identifiability, judge
-from seatrial.diagnosis.weak_combination import ABSENT, WEAK, weak_groups
+from seatrial.diagnosis.identifiability import ABSENT, WEAK, Identifiability, judge, weak_groups
 from seatrial.statistics.information import covariance, eliminate, singular
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from seatrial.base.arrays import Array
-from seatrial.estimation.answers import answers
-from seatrial.estimation.one_step import Span
-from seatrial.estimation.prediction_errors import Errors
+from seatrial.estimation.instruments import answers
+from seatrial.estimation.one_step import Errors, Span
 
 DT, SAMPLES = 0.1, 12000
 DAMPING, GAIN = 1.0, 0.8  # 1/s and 1/s2

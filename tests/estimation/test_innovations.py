@@ -22,8 +22,8 @@ from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.method import ByItself
 from seatrial.estimation.one_step import Motion, OneStep
 from seatrial.estimation.specification import Horizon, LogAlone
-from seatrial.identification import damping
-from seatrial.identification.damping import quadratic_or_strips
+from seatrial.identification import choice
+from seatrial.identification.choice import quadratic_or_strips
 from seatrial.scoring.windows import channel_errors, predict
 from seatrial.trial import Recipe
 
@@ -460,7 +460,7 @@ BOTH = LATERAL.replace("N_rr = [-250.0, -10.0]", "Y_vv = [-3000.0, -50.0]\nN_rr 
 def undecided(joint: Joint, polished: Polished) -> None:
     """Were the log not to tell the two, what both say of the rudder would stand in the report."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(damping, "_LIKELIER", 1e9)
+        patch.setattr(choice, "_LIKELIER", 1e9)
         kept, found, _, _ = quadratic_or_strips(joint, polished)
     assert kept is joint
     (other,) = found.others

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from seatrial._core import Vehicle
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.estimation.dependence import dependence
 from seatrial.estimation.homogeneity import homogeneity
-from seatrial.estimation.inputs import judge_inputs, trained
+from seatrial.estimation.inputs import dependence, judge_inputs, trained
 from seatrial.inspect.wiring import thrusts
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

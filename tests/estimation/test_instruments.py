@@ -8,8 +8,7 @@ import pytest
 
 from seatrial.base.arrays import Array
 from seatrial.estimation.instruments import driven, drivers, instrumented, lag_s
-from seatrial.estimation.one_step import Span
-from seatrial.estimation.prediction_errors import Errors
+from seatrial.estimation.one_step import Errors, Span
 from seatrial.scoring.record import Record
 from seatrial.trial.trial import Trial
 

@@ -12,7 +12,7 @@ from seatrial._core import LinearModel
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.estimation.kalman import Filters, shaped
-from seatrial.estimation.noise_model import NoiseModel
+from seatrial.estimation.method import NoiseModel
 from seatrial.estimation.one_step import Motion, Span
 
 N, S, Y, M, SAMPLES = 6, 3, 2, 2, 40

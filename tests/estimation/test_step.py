@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import four_stages
 from seatrial._core import Vehicle
-from seatrial.estimation.criterion import Criterion
+from seatrial.estimation.descent import Criterion
 from seatrial.estimation.segment_model import SegmentModel
 from seatrial.estimation.stage import plan
 from seatrial.estimation.step import RATE_LIMIT, SEARCH_RATE_LIMIT, around, stage_step

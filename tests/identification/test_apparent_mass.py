@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 import seatrial as st
-from seatrial.identification.apparent_mass import implausible_drags, implausible_masses, masses_of
-from seatrial.identification.estimate import Estimate
+from seatrial.identification.estimate import Estimate, implausible_drags, implausible_masses, masses_of
 from seatrial.report.results.identification import advice
 
 

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from seatrial.identification import damping
-from seatrial.identification.damping import likelier_by
+from seatrial.identification import choice
+from seatrial.identification.choice import likelier_by
 
 
 def test_a_gain_of_likelihood_is_held_against_chance() -> None:
@@ -31,7 +31,7 @@ def test_strips_are_tried_on_slender_hulls_only() -> None:
             method="innovations", unknowns=(), vehicle=SimpleNamespace(geometry=lambda: measures)
         )
         try:
-            damping.quadratic_or_strips(joint, SimpleNamespace(interrupted=False))  # type: ignore[arg-type]
+            choice.quadratic_or_strips(joint, SimpleNamespace(interrupted=False))  # type: ignore[arg-type]
         except AttributeError as asked:  # it goes on to ask the campaign
             return asked.name == "hidden"
         return False
@@ -58,8 +58,8 @@ def test_of_the_estimates_with_noises_kept_and_found_anew_the_likelier_one_stays
     def judge(_: object) -> SimpleNamespace:
         return SimpleNamespace(likelihoods=lambda values: np.array([{"kept": kept, "anew": anew}[values]]))
 
-    monkeypatch.setattr(damping, "polish", polished)
-    monkeypatch.setattr(damping, "Innovations", judge)
-    found = damping._likeliest(joint, ["kept", None], np.zeros(1), 6, None)  # type: ignore[arg-type, list-item]
+    monkeypatch.setattr(choice, "polish", polished)
+    monkeypatch.setattr(choice, "Innovations", judge)
+    found = choice._likeliest(joint, ["kept", None], np.zeros(1), 6, None)  # type: ignore[arg-type, list-item]
     assert found.values == best
     assert joint.noise_model == best

@@ -19,7 +19,7 @@ from seatrial.base.progress import Progress
 from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.estimation.criterion import Criterion
+from seatrial.estimation.descent import Criterion
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
 from seatrial.identification.noise_of_filter import filter_noise

@@ -2,7 +2,7 @@
 
 Gains of a loop are changed only where five things hold: its coefficients were identified from the log; no
 search ended at a bound; the apparent mass is one that the vehicle of the file can have
-(`seatrial.identification.apparent_mass`); drawn vehicles agree about it; and on held-out data the model
+(`seatrial.identification.estimate`); drawn vehicles agree about it; and on held-out data the model
 predicts better than the best baseline.
 Otherwise the parameters stay, and the report says which trial would tell.
 
@@ -27,7 +27,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.control_design.margins import loop_margins
 from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
-from seatrial.identification.apparent_mass import AGREE, implausible_masses, mass_in_words
+from seatrial.identification.estimate import AGREE, implausible_masses, mass_in_words
 from seatrial.vehicle.actuators import bollard
 from seatrial.vehicle.authority import delays
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.plain import Plain
-from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
+from seatrial.diagnosis.residual_signals import autocorrelations, block_length, block_numbers
 from seatrial.problem.parameter import OF_AN_AXIS, STRIPS, axes_of
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests, unexplained

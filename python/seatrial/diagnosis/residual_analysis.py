@@ -31,9 +31,10 @@ from seatrial.diagnosis.missing_terms import (
     trial_forces,
 )
 from seatrial.diagnosis.refitting import campaign_line, refitted
-from seatrial.diagnosis.residual_autocorrelation import Autocorrelation, autocorrelations
 from seatrial.diagnosis.residual_signals import (
+    Autocorrelation,
     FollowedSignal,
+    autocorrelations,
     followed_signals,
     motion_signals,
     recorded_signals,

@@ -33,12 +33,10 @@ from seatrial.base.errors import NumericalError
 from seatrial.base.fallback import is_numerical
 from seatrial.base.progress import Step
 from seatrial.estimation import kalman
-from seatrial.estimation.answers import Answers, answers
-from seatrial.estimation.instruments import driven, drivers, instrumented, lag_s
+from seatrial.estimation.instruments import Answers, answers, driven, drivers, instrumented, lag_s
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.noise_model import NoiseModel
-from seatrial.estimation.one_step import OneStep, Path, Span
-from seatrial.estimation.prediction_errors import BLOCK_S, Errors, PredictionErrorCriterion
+from seatrial.estimation.method import NoiseModel
+from seatrial.estimation.one_step import BLOCK_S, Errors, OneStep, Path, PredictionErrorCriterion, Span
 from seatrial.scoring.baselines import predicted_from_past
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.trial.trial import Trial
@@ -492,7 +490,7 @@ class Innovations:
         return instrumented(late, self.errors(spans, 1), known, lag)
 
     def answers(self, spans: Sequence[Span]) -> Answers:
-        """Which commands answer more than the log holds (`seatrial.estimation.answers`)."""
+        """Which commands answer more than the log holds (`seatrial.estimation.instruments`)."""
         velocities = [self._velocities(span) for span in spans]
         names = drivers(self.joint.data.records)
         return answers(self._driving(spans), names, self.errors(spans, 1), velocities)

@@ -23,9 +23,8 @@ from seatrial._core import Vehicle, nuisance_names
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.estimation.criterion import velocity_noise
-from seatrial.estimation.method import ByItself, Method, method_of
-from seatrial.estimation.noise_model import NoiseModel
+from seatrial.estimation.descent import velocity_noise
+from seatrial.estimation.method import ByItself, Method, NoiseModel, method_of
 from seatrial.estimation.segment_model import SegmentModel, cut, unfit_trials
 from seatrial.estimation.step import stage_step
 from seatrial.problem.parameter import Parameter, coefficients, parameters

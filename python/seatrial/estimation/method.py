@@ -1,21 +1,22 @@
-"""Which criterion a joint estimate takes, and what its recordings say against it.
+"""Which criterion a joint estimate takes, what speaks against it, and the noise model of a filter.
 
-Output error takes all that a simulation misses for noise of the sensors. That holds for open loops, where
-waves only widen the intervals. In a closed loop the commands answer the waves, the error is correlated with
-the input, and gains are bent (Ljung 1999, section 13.4). In calm water the autopilot answers the noise of its
-sensors and what the model lacks. Predictions of a filter are compared then, or recommended where the
-campaign asks for output error. So they are where the vehicle runs away while its controls are held: a
-simulation then diverges from the log for any coefficients.
+Output error takes all that a simulation misses for noise of the sensors. That holds for open loops. In a
+closed loop the commands answer the waves, and in calm water the noise of the sensors and what the model
+lacks: the error is correlated with the input, and gains are bent (Ljung 1999, section 13.4). Predictions of a
+filter are compared then, or recommended where the campaign asks for output error; so they are where the
+vehicle runs away while its controls are held, for a simulation diverges from the log for any coefficients.
 
 Tests: ``tests/estimation/test_method.py``.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+from seatrial.base.arrays import Array
 from seatrial.inspect.feedback import runs_away
 from seatrial.inspect.verdict import REPLAYED, Verdict, best
 from seatrial.inspect.waves import waves
@@ -112,3 +113,49 @@ def _remedy(asked: JointSettings) -> str:
             " correct the log by [corrections] and [clocks] and delete the nuisances"
         )
     return 'compare with method = "innovations"'
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Intensities of the noises.
+
+    ``process`` (N,) variance per sample of what drives each state, ``sensors`` (Y,) variance of each measured
+    channel, ``wave_hz`` the frequency of the waves, ``waved`` the axes (places among the velocities) that
+    they push and ``water`` the directions (0 north, 1 east, 2 down) in which they carry the water.
+    ``damping`` is the damping ratio of their shaping filters: the broader the spectrum, the larger.
+    ``toward`` is where the waves go, rad from north over east: a vehicle meets them at another frequency on
+    every course then, and ``wave_hz`` is that of a point adrift. Without it they are met at ``wave_hz``.
+    ``carried`` says whether the water of the waves carries the vehicle along, or flows past it.
+    """
+
+    process: Array
+    sensors: Array
+    wave_hz: float | None
+    waved: tuple[int, ...]
+    water: tuple[int, ...]
+    damping: float
+    toward: float | None = None
+    carried: bool = True
+
+    def shaped(self, wave_hz: float, damping: float) -> NoiseModel:
+        """The same waves with another frequency and damping ratio, their rates' variances as they were."""
+        assert self.wave_hz is not None
+        first, last = len(self.process) - 2 - 2 * (len(self.waved) + len(self.water)), len(self.process) - 2
+        process = self.process.copy()
+        process[first:last] *= damping * wave_hz / (self.damping * self.wave_hz)
+        return replace(self, process=process, wave_hz=wave_hz, damping=damping)
+
+    def waves(self) -> dict[str, float | bool | None] | None:
+        """Period, s, where they go, degrees from north over east, damping ratio and whether they carry.
+
+        None without waves.
+        """
+        if self.wave_hz is None:
+            return None
+        toward_deg = None if self.toward is None else math.degrees(self.toward) % 360.0
+        return {
+            "period_s": 1.0 / self.wave_hz,
+            "toward_deg": toward_deg,
+            "damping_ratio": self.damping,
+            "carried": self.carried if self.water else None,
+        }

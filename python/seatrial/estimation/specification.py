@@ -4,8 +4,8 @@ A noise model may be wrong, and the estimate then depends on how far ahead is pr
 therefore estimated again from predictions over other horizons, with what was known at the start of each as
 instruments (`seatrial.estimation.instruments`), so that an autopilot's answer within a horizon does not bend
 them. A model of the damping may be wrong, and the log may not tell it from another one
-(`seatrial.identification.damping`). An autopilot may answer what its sensors show and the log does not hold
-(`seatrial.estimation.answers`). Where the difference is larger than three of its standard deviations,
+(`seatrial.identification.choice`). An autopilot may answer what its sensors show and the log does not hold
+(`seatrial.estimation.instruments`). Where the difference is larger than three of its standard deviations,
 and larger than a twentieth of the estimate, the coefficient is not identified.
 
 Standard deviations of differences are those of the sums over blocks of time longer than the correlation.
@@ -26,8 +26,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.one_step import Span
-from seatrial.estimation.prediction_errors import Errors
+from seatrial.estimation.one_step import Errors, Span
 
 _APART, _MATTERS = 3.0, 0.05  # standard deviations of a difference, and part of the estimate
 

@@ -26,8 +26,7 @@ from seatrial.base.errors import CampaignError, SimulationError, VehicleError
 from seatrial.base.fallback import is_numerical
 from seatrial.base.plain import Plain
 from seatrial.base.progress import Step
-from seatrial.estimation.criterion import Criterion, with_initial_velocities
-from seatrial.estimation.descent import descend
+from seatrial.estimation.descent import Criterion, descend, with_initial_velocities
 from seatrial.estimation.search import LANES, batch_size, evolve, join, refine, refine_rounds
 from seatrial.estimation.segment_model import SegmentModel, StageData, cut
 from seatrial.estimation.step import StageStep, around, stage_step

@@ -21,8 +21,7 @@ from seatrial.base.errors import NumericalError
 from seatrial.base.fallback import Fallback, Fallbacks
 from seatrial.diagnosis.assessment import Assessment, assess
 from seatrial.estimation.joint_estimate import Polished, polish
-from seatrial.identification.choice import Choice, choose, with_or_without_presumed
-from seatrial.identification.damping import quadratic_or_strips
+from seatrial.identification.choice import Choice, choose, quadratic_or_strips, with_or_without_presumed
 from seatrial.identification.held import Conditional, conditional, joint_estimate_of
 from seatrial.identification.hold_out import PartScores, Restarts, part_scores
 from seatrial.identification.noise_of_filter import with_model_error

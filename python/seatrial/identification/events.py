@@ -27,10 +27,10 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, MOTIONS
 from seatrial.base.plain import Plain
 from seatrial.diagnosis.assessment import TOLD
-from seatrial.diagnosis.weak_combination import ABSENT, WEAK
+from seatrial.diagnosis.identifiability import ABSENT, WEAK
 from seatrial.estimation.event_fit import ANGLE_OF, SETTINGS, EventFit, EventWindows, estimate_on_events
 from seatrial.estimation.method import method_of
-from seatrial.identification.damping import slender
+from seatrial.identification.choice import slender
 from seatrial.inspect.events import EVENT_LIMITS, Event, events
 from seatrial.problem.parameter import STRIPS, Parameter, coefficients
 

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from seatrial.diagnosis.assessment import Assessment
     from seatrial.diagnosis.residual_analysis import ResidualAnalysis
-    from seatrial.diagnosis.residual_autocorrelation import Autocorrelation
+    from seatrial.diagnosis.residual_signals import Autocorrelation
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.identification import Identification
     from seatrial.scoring.windows import Window

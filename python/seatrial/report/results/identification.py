@@ -10,14 +10,17 @@ from seatrial.base.channels import CHANNELS, MOTIONS, readable
 from seatrial.base.report import Column, Report, Section, Table, appended
 from seatrial.diagnosis.assessment import TOLD
 from seatrial.estimation.event_fit import SETTINGS
-from seatrial.identification.apparent_mass import (
+from seatrial.identification.choice import Choice
+from seatrial.identification.estimate import (
     LARGEST_DRAG,
+    Estimate,
+    derived,
+    distinct,
     implausible_drags,
     implausible_masses,
     masses_of,
+    plus_minus,
 )
-from seatrial.identification.choice import Choice
-from seatrial.identification.estimate import Estimate, derived, distinct, plus_minus
 from seatrial.identification.held import SHARE, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
