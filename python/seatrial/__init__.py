@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from seatrial.base.errors import SimulationError as SimulationError
     from seatrial.base.errors import TrialError as TrialError
     from seatrial.base.errors import VehicleError as VehicleError
-    from seatrial.base.progress import ProgressBar as ProgressBar
+    from seatrial.base.work import ProgressBar as ProgressBar
     from seatrial.base.work import Work as Work
     from seatrial.bench_test.evaluate import bench as bench
     from seatrial.bench_test.result import BenchTest as BenchTest
@@ -113,7 +113,7 @@ _HOME = {
     "Outage": "seatrial.flight.failures",
     "Plan": "seatrial.experiment.plan_result",
     "Problem": "seatrial.problem.problem",
-    "ProgressBar": "seatrial.base.progress",
+    "ProgressBar": "seatrial.base.work",
     "Rare": "seatrial.verification.rare",
     "RareFailures": "seatrial.verification.rare",
     "Requirement": "seatrial.verification.requirement",

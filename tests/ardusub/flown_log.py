@@ -8,10 +8,9 @@ import numpy as np
 
 import seatrial as st
 from seatrial._core import Vehicle, ardusub_pulses, ardusub_rates
-from seatrial.ardusub.course import Course, still_targets
-from seatrial.ardusub.flights import Cases, Rig, fly_course
+from seatrial.ardusub.course import Cases, Course, Rig, fly_course, still_targets
 from seatrial.base.arrays import Array
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from tests.ardusub.text_log import rows_of_text
 
 GAINS = {

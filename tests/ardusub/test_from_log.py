@@ -15,10 +15,9 @@ from typer.testing import CliRunner
 
 import seatrial as st
 from seatrial import TrialError
-from seatrial.ardusub.flights import Rig, check_rig
-from seatrial.ardusub.from_log import tune_log
+from seatrial.ardusub.course import Rig, check_rig
+from seatrial.ardusub.from_log import LogTuning, by_chance, tune_log
 from seatrial.ardusub.parameters import ParameterFile, changes, in_metres, of_generation
-from seatrial.ardusub.result import LogTuning, by_chance
 from seatrial.ardusub.tuning import Missions
 from seatrial.cli import app
 from seatrial.report.plot.ardusub import envelope_figure, steps_figure

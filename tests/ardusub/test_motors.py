@@ -12,9 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial._core import ardusub_rates
+from seatrial.ardusub.comparison import Found, Quantity
 from seatrial.ardusub.log_replay import Replay, replay
 from seatrial.ardusub.parameters import ParameterFile
-from seatrial.ardusub.quantity import Found, Quantity
 from seatrial.base.arrays import Array
 from seatrial.cli import app
 from seatrial.report.plot.ardusub import replay_figure

@@ -10,8 +10,7 @@ import pytest
 
 import seatrial as st
 from seatrial import TrialError
-from seatrial.ardusub.course import Course, logged_courses
-from seatrial.ardusub.flights import Cases, Rig, fly_course
+from seatrial.ardusub.course import Cases, Course, Rig, fly_course, logged_courses
 from seatrial.ardusub.reflight import refly
 from seatrial.base.arrays import Array
 from seatrial.logs.formats import open_log

@@ -12,7 +12,7 @@ import pytest
 import seatrial as st
 from seatrial._core import ardusub_defaults, ardusub_terms
 from seatrial.ardusub.axes import AMPLE, SOUGHT, AxisVerdict, MarginModel, Margins, axis_verdicts, loop_law
-from seatrial.ardusub.flights import Cases, Rig, fly_course
+from seatrial.ardusub.course import Cases, Rig, fly_course
 from seatrial.ardusub.tuning import (
     SIZES_DEG,
     STEPS,

@@ -7,7 +7,7 @@ import pytest
 
 from seatrial.base import frames
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import matrix, to_euler
+from seatrial.base.frames import matrix, to_euler
 from tests.trial import motion
 
 ROUND_OFF = 1e-12
@@ -28,7 +28,7 @@ def test_law_turning_then_renaming_is_renaming_then_turning(name: str) -> None:
     [("FLU/NWU", [0.1, -0.2, -0.3]), ("FLU/ENU", [0.1, -0.2, np.pi / 2 - 0.3]), ("FRD/NED", [0.1, 0.2, 0.3])],
 )
 def test_lit_rep103_euler_angles_of_z_up_frames(name: str, expected: list[float]) -> None:
-    from seatrial.base.rotation import from_euler
+    from seatrial.base.frames import from_euler
 
     q = frames.attitude_to_ned(from_euler([0.1, 0.2, 0.3]), name, "")
     np.testing.assert_allclose(to_euler(q), expected, atol=ROUND_OFF)

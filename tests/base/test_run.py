@@ -16,10 +16,8 @@ import polars as pl
 import pytest
 from typer.testing import CliRunner
 
-from seatrial.base.atomic_write import whole_folder, write_atomic, write_table
+from seatrial.base.atomic_write import only_user, whole_folder, write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError
-from seatrial.base.folder_lock import only_user
-from seatrial.base.progress import Clock
 from seatrial.base.run import (
     RUN_FILE,
     Kind,
@@ -31,6 +29,7 @@ from seatrial.base.run import (
     run_facts,
     to_json,
 )
+from seatrial.base.work import Clock
 from seatrial.cli import app
 from seatrial.export import c_code
 from seatrial.intake.import_logs import import_logs

@@ -9,8 +9,7 @@ from seatrial._core import State, Vehicle
 from seatrial.check.vehicle import check_vehicle, stability_sentences
 from seatrial.vehicle.actuators import pushes
 from seatrial.vehicle.stability import damping_gain, growth, neutral_fins
-from seatrial.vehicle.steady_state import turn_kinds
-from seatrial.vehicle.turning import fin_turn, rudders
+from seatrial.vehicle.steady_state import fin_turn, rudders, turn_kinds
 
 REMUS, LAUV, ROV = (Vehicle.load(name) for name in ("remus100", "lauv", "bluerov2-heavy"))
 

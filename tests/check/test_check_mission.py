@@ -16,8 +16,7 @@ from seatrial.check.legs import beyond, clearance, corners, ways
 from seatrial.check.mission import MissionCheck, check_mission
 from seatrial.cli import app
 from seatrial.flight.mission import Mission
-from seatrial.vehicle.steady_state import Turn, cruise, speeds, turns
-from seatrial.vehicle.turning import FinTurn, fin_turn, turning_radius
+from seatrial.vehicle.steady_state import FinTurn, Turn, cruise, fin_turn, speeds, turning_radius, turns
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "missions"
 CWOLF, REMUS, ROV = (Vehicle.load(name) for name in ("cwolf", "remus100", "bluerov2-heavy"))

@@ -21,7 +21,7 @@ from typer.testing import CliRunner, Result
 
 from seatrial._core import Vehicle
 from seatrial.base.errors import CampaignError
-from seatrial.base.progress import Progress, Step
+from seatrial.base.work import Progress, Step
 from seatrial.bench_test.evaluate import bench
 from seatrial.cli import app
 from seatrial.cli import demo as demo_verb

@@ -17,10 +17,10 @@ from seatrial.control_design.loops import (
     restoring_law,
     sampled,
     step_response,
+    trim,
     with_law,
 )
 from seatrial.control_design.margins import least_margins
-from seatrial.control_design.trim import trim
 from seatrial.vehicle.authority import Delay, commandable, delays, mixing, reach
 from seatrial.vehicle.stability import neutral_fins
 from seatrial.vehicle.steady_state import cruise

@@ -11,7 +11,7 @@ from scipy.linalg import solve_continuous_are
 
 import seatrial as st
 from seatrial._core import Vehicle
-from seatrial.control_design.loops import Plant, closed, plant, restoring_law, sampled, step_response
+from seatrial.control_design.loops import Plant, closed, plant, restoring_law, sampled, step_response, trim
 from seatrial.control_design.lqr import (
     MOTION,
     TARGETS,
@@ -23,7 +23,6 @@ from seatrial.control_design.lqr import (
 )
 from seatrial.control_design.margins import least_margins
 from seatrial.control_design.start_gains import start_gains
-from seatrial.control_design.trim import trim
 from seatrial.vehicle.authority import LOOPS, ROWS, Delay, delays
 from tests.docs.pages import ROOT
 from tests.flight.acceptance import AUTOPILOTS, RADIUS_M, flights

@@ -16,6 +16,7 @@ from seatrial.control_design.loops import (
     restoring_law,
     sampled,
     step_response,
+    trim,
 )
 from seatrial.control_design.margins import least_margins
 from seatrial.control_design.mode_table import flies, top_speeds
@@ -33,9 +34,8 @@ from seatrial.control_design.start_guidance import (
     safety,
     without_substitute,
 )
-from seatrial.control_design.trim import trim
 from seatrial.vehicle.authority import LOOPS, ROWS, delays
-from seatrial.vehicle.turning import turning_radius
+from seatrial.vehicle.steady_state import turning_radius
 
 NAMES = ("cwolf", "remus100", "lauv", "bluerov2-heavy", "beluga")
 

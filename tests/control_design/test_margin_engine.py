@@ -12,11 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st_
 
 import seatrial as st
-from seatrial.control_design.autopilot_facts import autopilot_facts
 from seatrial.control_design.loops import Sampled, feedback
 from seatrial.control_design.margin_report import report_margins
 from seatrial.control_design.margins import decibel, law_margins, loop_margins, refined_margins
-from seatrial.control_design.operating_points import measurement_delays, mode_law, mode_loop
+from seatrial.control_design.operating_points import autopilot_facts, measurement_delays, mode_law, mode_loop
 
 CWOLF = st.Vehicle.load("cwolf")
 START = Path(__file__).parents[2] / "examples" / "cwolf" / "start_autopilot.toml"

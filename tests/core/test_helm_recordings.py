@@ -18,7 +18,7 @@ import pytest
 import seatrial as st
 from seatrial._core import Helm
 from seatrial.base.arrays import Array
-from seatrial.base.rotation import to_euler
+from seatrial.base.frames import to_euler
 from seatrial.logs.formats import open_log
 
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent"))

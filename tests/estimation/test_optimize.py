@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.stage_search import searched
 from seatrial.base.arrays import Array
-from seatrial.base.progress import Step
+from seatrial.base.work import Step
 from seatrial.estimation.search import LANES, _simplex, evolve, minimize, refine
 
 

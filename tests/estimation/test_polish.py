@@ -10,7 +10,7 @@ import pytest
 
 from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError
-from seatrial.base.progress import Step
+from seatrial.base.work import Step
 from seatrial.campaign.campaign import Campaign
 from seatrial.estimation import joint_estimate
 from seatrial.estimation.joint import Joint

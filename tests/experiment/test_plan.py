@@ -17,8 +17,7 @@ from typer.testing import CliRunner, Result
 
 from seatrial import Campaign, CampaignError, Identification, State, Trial, TrialError, Vehicle, identify
 from seatrial.base.channels import CHANNELS, DEGREE
-from seatrial.base.progress import Progress
-from seatrial.base.work import Work
+from seatrial.base.work import Progress, Work
 from seatrial.cli import app
 from seatrial.experiment.combinations import Thrusters
 from seatrial.experiment.fisher import (

@@ -11,7 +11,7 @@ import pytest
 
 from seatrial import Campaign, Identification, Problem, SimulationError, Trial, Vehicle
 from seatrial.base.errors import CampaignError, NumericalError, SeatrialError
-from seatrial.base.fallback import Fallback, Fallbacks, is_numerical
+from seatrial.base.finding import Fallback, Fallbacks, is_numerical
 from seatrial.base.work import Work
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint

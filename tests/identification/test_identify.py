@@ -15,8 +15,7 @@ import pytest
 
 from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError
-from seatrial.base.progress import Progress
-from seatrial.base.work import Work
+from seatrial.base.work import Progress, Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.estimation.descent import Criterion

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial.base.errors import CampaignError
-from seatrial.base.progress import Progress
+from seatrial.base.work import Progress
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.identification.leave_one_out import LeaveOneOut, leave_one_out

@@ -19,8 +19,7 @@ import pytest
 from seatrial._core import State, Vehicle
 from seatrial.base.channels import AXES
 from seatrial.base.errors import SeatrialError
-from seatrial.base.progress import Progress
-from seatrial.base.work import Work
+from seatrial.base.work import Progress, Work
 from seatrial.campaign.campaign import Campaign
 
 VEHICLES = ("cwolf", "remus100", "bluerov2-heavy")

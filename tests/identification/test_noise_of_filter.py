@@ -11,7 +11,7 @@ import pytest
 import seatrial as st
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import to_euler
+from seatrial.base.frames import to_euler
 from seatrial.identification.noise_of_filter import residual_noise
 from seatrial.scoring.record import Record
 

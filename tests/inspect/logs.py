@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.trial.signals import Series
 
 

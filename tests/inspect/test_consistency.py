@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.inspect.consistency import consistency
 from seatrial.inspect.consistency_result import Consistency, Correction
 from seatrial.trial.signals import Series

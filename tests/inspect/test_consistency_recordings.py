@@ -13,7 +13,7 @@ import polars as pl
 import pytest
 
 from seatrial.base.arrays import Array
-from seatrial.base.rotation import to_euler
+from seatrial.base.frames import to_euler
 from seatrial.inspect.consistency import consistency
 from seatrial.inspect.consistency_result import Consistency, Correction
 from seatrial.trial.signals import Series

@@ -12,7 +12,7 @@ import pytest
 import seatrial
 from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
-from seatrial.base.rotation import from_euler, matrix, product
+from seatrial.base.frames import from_euler, matrix, product
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.inspect.consistency_result import Consistency, Correction

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.logs import open_log

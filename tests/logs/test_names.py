@@ -11,7 +11,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.intake.survey import chosen, survey
 from seatrial.logs.layout import layout_of
 from seatrial.logs.log import Field, Topic

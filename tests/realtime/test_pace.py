@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial.base.errors import SimulationError
-from seatrial.realtime.pace import Pacer
+from seatrial.realtime.flight import Pacer
 
 
 class Clock:

@@ -33,7 +33,7 @@ def test_law_specific_force_is_the_derivative_of_the_velocity_less_gravity() -> 
     h, seen = 1e-3, []
     for _ in range(41):
         seen.append(plant.advance(AHEAD, h))
-    from seatrial.base.rotation import matrix
+    from seatrial.base.frames import matrix
 
     def speed(one: Motion) -> np.ndarray:
         return np.asarray(matrix(one.attitude) @ (one.nu[:3] + np.cross(one.nu[3:], arm)))

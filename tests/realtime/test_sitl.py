@@ -26,8 +26,8 @@ from seatrial.ardusub.servos import map_channels
 from seatrial.base.errors import SimulationError, TrialError
 from seatrial.cli import app
 from seatrial.realtime import ardupilot_link as link
+from seatrial.realtime.ardupilot_link import MAGIC_16, MAGIC_32, ServoPacket
 from seatrial.realtime.plant import Plant
-from seatrial.realtime.servo_packet import MAGIC_16, MAGIC_32, ServoPacket
 
 VEHICLE = st.Vehicle.load("bluerov2-heavy")
 AHEAD = [1600, 1600, 1400, 1400, *[1500] * 12]

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import seatrial as st
-from seatrial.base.progress import Progress, callers_errors_pass
 from seatrial.base.report import Report, Reported, Section, Table
+from seatrial.base.work import Progress, callers_errors_pass
 from seatrial.check.autopilot import check_autopilot
 from seatrial.check.vehicle import check_vehicle
 from seatrial.report.plot import DRAWN, drawings, gallery

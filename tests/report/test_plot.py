@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from seatrial._core import Vehicle
 from seatrial.base.errors import SeatrialError
-from seatrial.base.progress import Step
+from seatrial.base.work import Step
 from seatrial.estimation.stage import StageResult
 from seatrial.report.plot.identification import convergence
 from seatrial.report.plot.performance import characteristic, thrust

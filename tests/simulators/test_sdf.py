@@ -16,7 +16,7 @@ import pytest
 import seatrial as st
 from seatrial.base.arrays import Array
 from seatrial.base.errors import VehicleError
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.simulators import export_model, import_model
 from seatrial.simulators.sdf import parse, read_bytes
 from tests.simulators.test_convert import FULL

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,7 @@ import polars as pl
 import pytest
 
 from seatrial.base.arrays import Array
-from seatrial.base.frames import attitude_to_ned
-from seatrial.base.rotation import conjugate, from_euler, product, to_euler
+from seatrial.base.frames import attitude_to_ned, conjugate, from_euler, product, to_euler
 from seatrial.inspect.consistency import consistency, convention_of
 from seatrial.inspect.consistency_result import Consistency
 from seatrial.intake.import_logs import import_logs

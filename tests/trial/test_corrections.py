@@ -10,7 +10,7 @@ import pytest
 from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import CampaignError, TrialError
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.campaign.file import parse
 from seatrial.trial.corrections import merged
 from seatrial.trial.trial import Trial

@@ -9,8 +9,8 @@ import pytest
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
-from seatrial.base.rotation import from_euler, matrix, to_euler
-from seatrial.base.rotation import product as turned
+from seatrial.base.frames import from_euler, matrix, to_euler
+from seatrial.base.frames import product as turned
 from seatrial.inspect.consistency import consistency
 from seatrial.inspect.consistency_result import Consistency
 from seatrial.trial.kinematic_axes import at_end, implausible_side, pressure_of

@@ -12,7 +12,7 @@ import pytest
 
 from seatrial import Trial
 from seatrial.base.errors import TrialError
-from seatrial.base.progress import Progress
+from seatrial.base.work import Progress
 from seatrial.cli.console import reading_progress
 
 pytestmark = pytest.mark.long

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.cli import app
 from seatrial.trial.generated import Recipe, files_of
 from seatrial.trial.trial import Trial

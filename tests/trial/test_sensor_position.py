@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import seatrial as st
-from seatrial.base.rotation import matrix
+from seatrial.base.frames import matrix
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.base.rotation import angle_between, conjugate, from_euler, matrix, product
+from seatrial.base.frames import angle_between, conjugate, from_euler, matrix, product
 from seatrial.trial.attitude import LARGEST, tilt
 from seatrial.trial.trial import Trial
 from tests.trial import motion

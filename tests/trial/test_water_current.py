@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import seatrial as st
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.trial.assembly import water_current
 
 Array = NDArray[np.float64]

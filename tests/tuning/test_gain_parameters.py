@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st_
 
 import seatrial as st
-from seatrial.tuning.gain_parameters import GAINS, GainParameters, excited_points
+from seatrial.tuning.scope import GAINS, GainParameters, excited_points
 from tests.tuning.tuning_campaigns import start
 
 POINTS = (-5.0, -3.0, -1.0, 1.0, 3.0, 5.0)

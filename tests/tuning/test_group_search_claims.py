@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.base.progress import Step
+from seatrial.base.work import Step
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.estimation.search import Optimum
 from seatrial.tuning import search as group_search
 from seatrial.tuning.objective import Objective
-from seatrial.tuning.race import Race
-from seatrial.tuning.search import GroupResult, search_group, search_margins
+from seatrial.tuning.search import GroupResult, Race, search_group, search_margins
 from tests.tuning.tuning_campaigns import HEADING, plan
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from seatrial.control_design.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
 from seatrial.report.results.tuning import sentences
 from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.path_following import GUIDANCE, course_lookahead, path_trials, search_paths
+from seatrial.tuning.loop_steps import GUIDANCE, course_lookahead, path_trials, search_paths
 from seatrial.tuning.step_trial import Samples
 from seatrial.tuning.tuning_run import tune
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.control_design.margin_constraint import MarginConstraint
-from seatrial.tuning.gain_parameters import GainParameters
 from seatrial.tuning.objective import Flown, Objective
-from seatrial.tuning.race import FEW, Race
+from seatrial.tuning.scope import GainParameters
+from seatrial.tuning.search import FEW, Race
 from seatrial.tuning.step_trial import Samples
 from tests.tuning.tuning_campaigns import rig, start, trials
 

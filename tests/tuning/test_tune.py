@@ -14,7 +14,7 @@ import tomlkit
 
 import seatrial as st
 from seatrial.base.errors import CampaignError, SeatrialError
-from seatrial.base.progress import Progress
+from seatrial.base.work import Progress
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.control_design.tuning_table import TuningTable
 from seatrial.report.results.tuning import comparison_head, comparison_rows, gain_rows, sentences, trial_rows

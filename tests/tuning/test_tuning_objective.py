@@ -12,8 +12,8 @@ from hypothesis import strategies as st_
 from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.control_design.tuning_table import Margins
-from seatrial.tuning.gain_parameters import GainParameters
 from seatrial.tuning.objective import Objective, Terms, robust, violated
+from seatrial.tuning.scope import GainParameters
 from seatrial.tuning.step_trial import LoopTrials
 from tests.tuning.tuning_campaigns import cwolf, rig, start, still
 

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.control_design.margin_constraint import MarginConstraint
-from seatrial.tuning.gain_parameters import GainParameters
 from seatrial.tuning.objective import HEADROOM, Objective, Terms
+from seatrial.tuning.scope import GainParameters
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 from tests.tuning.tuning_campaigns import rig, start, trials
 

@@ -13,12 +13,11 @@ import tomlkit
 
 import seatrial as st
 from seatrial.base.errors import CampaignError
-from seatrial.control_design.autopilot_facts import autopilot_facts
-from seatrial.control_design.operating_points import reachable_points
+from seatrial.control_design.operating_points import autopilot_facts, reachable_points
 from seatrial.control_design.tuning_table import LOOPS, TuningTable, Weights, default_steps
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.corridors import StartMetrics, default_corridor, start_metrics, steps_above_noise
+from seatrial.tuning.criterion import StartMetrics, default_corridor, start_metrics, steps_above_noise
 from tests.tuning.tuning_campaigns import HEAD, plan, start
 
 VEHICLES = ("cwolf", "bluerov2-heavy", "lauv", "remus100", "beluga")

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from seatrial.base.progress import Progress
-from seatrial.base.work import Work
+from seatrial.base.work import Progress, Work
 from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.margin_report import ReportedMargins
 from seatrial.identification.fitted import Fitted

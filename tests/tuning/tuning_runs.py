@@ -11,7 +11,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.run import RunDirectory
-from seatrial.tuning import revert as revert_gains
+from seatrial.tuning import performance as revert_gains
 from seatrial.tuning import tuning_run
 from seatrial.tuning.control_problem import ControlProblem, Group
 from seatrial.tuning.performance import Performance, StepPerformance

@@ -12,7 +12,7 @@ from hypothesis import strategies as some
 from scipy.spatial.transform import Rotation
 
 import seatrial as st
-from seatrial.base.rotation import continuous
+from seatrial.base.frames import continuous
 from seatrial.verification.mission_log.candidates import Suspect, candidates, payload
 from seatrial.verification.mission_log.restarts import restarts
 from seatrial.verification.mission_log.spread import Spread, spread_of_reference

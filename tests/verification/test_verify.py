@@ -16,7 +16,7 @@ import pytest
 from scipy.stats import binom, norm
 
 import seatrial as st
-from seatrial.base.progress import Progress
+from seatrial.base.work import Progress
 from seatrial.identification.fitted import Fitted
 from seatrial.report.plot.verification import WorstFlight, drawings, worst_missions
 from seatrial.verification import missions as mission_series

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from seatrial.base.front import front
 
 if TYPE_CHECKING:
+    from seatrial.ardusub.from_log import LogTuning as LogTuning
     from seatrial.ardusub.from_log import tune_log as tune_log
     from seatrial.ardusub.log_replay import Replay as Replay
     from seatrial.ardusub.log_replay import replay as replay
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from seatrial.ardusub.parameters import ParameterFile as ParameterFile
     from seatrial.ardusub.parameters import changes as changes
     from seatrial.ardusub.parameters import write_changes as write_changes
-    from seatrial.ardusub.result import LogTuning as LogTuning
     from seatrial.ardusub.servos import ChannelMap as ChannelMap
     from seatrial.ardusub.servos import map_channels as map_channels
     from seatrial.ardusub.servos import map_parameters as map_parameters
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Change": "parameters",
     "ChannelMap": "servos",
-    "LogTuning": "result",
+    "LogTuning": "from_log",
     "ParameterFile": "parameters",
     "Replay": "log_replay",
     "changes": "parameters",

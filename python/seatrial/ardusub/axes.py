@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial._core import ardusub_defaults, ardusub_pulses
-from seatrial.ardusub.flights import Rig
+from seatrial.ardusub.course import Rig
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.control_design.margins import loop_margins

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from seatrial._core import ardusub_rates, ardusub_terms, ardusub_velocity
-from seatrial.ardusub.comparison import Comparison, Rows
-from seatrial.ardusub.quantity import LIMITS, Found
+from seatrial.ardusub.comparison import LIMITS, Comparison, Found, Rows
 from seatrial.base.arrays import Array
 
 _AXES = ("roll", "pitch", "yaw")

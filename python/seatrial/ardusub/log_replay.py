@@ -19,14 +19,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from seatrial.ardusub.comparison import Found, Impossible, Quantity
 from seatrial.ardusub.controllers import Controllers
 from seatrial.ardusub.motors import replay_motors, replay_sticks
 from seatrial.ardusub.parameters import ParameterFile, generation, in_metres
-from seatrial.ardusub.quantity import Found, Impossible, Quantity
 from seatrial.base.errors import TrialError
-from seatrial.base.progress import Clock
 from seatrial.base.report import Column, Report, Section, Table, listed
 from seatrial.base.run import RunResult, run_facts, sha256, to_json
+from seatrial.base.work import Clock
 from seatrial.logs.formats import open_log
 
 

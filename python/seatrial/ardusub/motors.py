@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from seatrial._core import ardusub_forward_lateral, ardusub_frames, ardusub_pulses
-from seatrial.ardusub.comparison import CONTROLS, FEWEST, Comparison, Rows
-from seatrial.ardusub.quantity import LIMITS, Found, Quantity
+from seatrial.ardusub.comparison import CONTROLS, FEWEST, LIMITS, Comparison, Found, Quantity, Rows
 from seatrial.base.arrays import Array
 
 _OUTPUTS = 14  # columns of RCOU

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.ardusub.course import CHANNELS, ROW_S, Course
-from seatrial.ardusub.flights import Cases, Rig, fly_course
+from seatrial.ardusub.course import CHANNELS, ROW_S, Cases, Course, Rig, fly_course
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
 

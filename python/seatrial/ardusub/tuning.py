@@ -19,8 +19,7 @@ import numpy as np
 
 from seatrial._core import ardusub_defaults
 from seatrial.ardusub.axes import SOUGHT, AxisVerdict, MarginModel, Margins, margins_of
-from seatrial.ardusub.course import ROW_S, Course, still_targets
-from seatrial.ardusub.flights import Cases, Rig, fly_course
+from seatrial.ardusub.course import ROW_S, Cases, Course, Rig, fly_course, still_targets
 from seatrial.ardusub.parameters import Change
 from seatrial.base.arrays import Array
 from seatrial.control_design.corridor import Corridor

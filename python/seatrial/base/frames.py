@@ -1,16 +1,10 @@
-"""Frames: vectors and attitudes of a recording into NED and FRD by name; north and east about an origin.
+"""Attitudes as quaternions and Euler angles, frames of a recording by name, a local frame of the Earth.
 
-Body frames: FRD (x forward, y starboard, z down), FLU (y port, z up). Earth frames: NED, NWU (z up, y west),
-ENU (x east, y north, z up). An attitude turns the body frame into the earth frame and names both: "FLU/ENU".
-With ``v_NED = E v`` and ``v_FRD = B v`` for the recording's frames, its rotation R becomes ``E R B'``.
-ROS uses FLU and ENU (REP 103). Held by the ``test_law_`` functions of ``tests/base/test_frames.py``.
-
-A local frame is the azimuthal equidistant projection of WGS 84: a point lies at its geodesic distance s from
-the origin, in the direction of the geodesic's azimuth α there, north = s cos α, east = s sin α. Distances and
-bearings from the origin are exact; across, lengths grow by (s/R)²/6, 0.4 ppm at 10 km (4 mm) and 41 ppm at
-100 km (4 m). At s to the east, true north differs by s tan(latitude)/R, 0.16° at 10 km and 60° latitude.
-Source: Snyder, *Map Projections: A Working Manual* (USGS Professional Paper 1395, 1987), chapter 25; Karney,
-*Algorithms for geodesics*, Journal of Geodesy 87 (2013). Held by ``tests/flight/test_mission_geographic.py``.
+Inside, ``v_n = R(q) v_b`` from the body frame b (FRD: x forward, y starboard, z down) to the earth frame n
+(NED); ``q' = 1/2 q (x) [0, omega]``, omega in rad/s expressed in b. Source: Fossen, Handbook of Marine Craft
+Hydrodynamics and Motion Control (2011), sections 2.2.1 and 2.2.2. Held by the ``test_law_`` functions of
+``tests/base/test_rotation.py`` and ``tests/base/test_frames.py``; `LocalFrame` by
+``tests/flight/test_mission_geographic.py``.
 """
 
 from __future__ import annotations
@@ -23,7 +17,104 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import product
+
+
+def product(a: ArrayLike, b: ArrayLike) -> Array:
+    """Hamilton product a (x) b of quaternions, shape (n, 4) or (4,)."""
+    aw, ax, ay, az = np.moveaxis(np.asarray(a, float), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b, float), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(q: ArrayLike) -> Array:
+    """Inverse rotation of unit quaternions, shape (n, 4) or (4,)."""
+    return np.asarray(np.asarray(q, float) * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
+def matrix(q: ArrayLike) -> Array:
+    """Rotation matrix body -> NED, shape (n, 3, 3) or (3, 3), of unit quaternions."""
+    w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    if np.ndim(w) == 0:  # one of a stepped vehicle: stacking takes far longer than the arithmetic
+        return np.array(rows)
+    return np.asarray(np.stack([np.stack(row, axis=-1) for row in rows], axis=-2))
+
+
+def from_euler(angles: ArrayLike) -> Array:
+    """Unit quaternion, shape (n, 4) or (4,), of roll, pitch, yaw in rad.
+
+    Examples
+    --------
+    >>> from_euler([0.0, 0.0, np.pi]).round(3).tolist()
+    [0.0, 0.0, 0.0, 1.0]
+    """
+    half = 0.5 * np.moveaxis(np.asarray(angles, float), -1, 0)
+    (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
+    return np.stack(
+        [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ],
+        axis=-1,
+    )
+
+
+def to_euler(q: ArrayLike) -> Array:
+    """Roll, pitch, yaw in rad, shape (n, 3) or (3,), of unit quaternions; yaw in (-pi, pi]."""
+    w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
+    return np.stack(
+        [
+            np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+            np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0)),
+            np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+        ],
+        axis=-1,
+    )
+
+
+def continuous(q: ArrayLike) -> tuple[Array, int]:
+    """The same attitudes (n, 4) without sign flips (q and -q are one rotation), and the number of flips."""
+    q = np.asarray(q, float)
+    flips = np.einsum("ij,ij->i", q[1:], q[:-1]) < 0.0
+    sign = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
+    return q * sign[:, None], int(flips.sum())
+
+
+def body_rates(q: ArrayLike, q_dot: ArrayLike) -> Array:
+    """Angular velocity p, q, r in rad/s in the body frame, shape (n, 3), from q and dq/dt."""
+    return 2.0 * product(conjugate(q), q_dot)[..., 1:]
+
+
+def angle_between(a: ArrayLike, b: ArrayLike) -> Array:
+    """Angle in rad of the rotation from a to b, shape (n,)."""
+    d = product(conjugate(a), b)
+    return np.asarray(2.0 * np.arctan2(np.linalg.norm(d[..., 1:], axis=-1), np.abs(d[..., 0])))
+
+
+def shorter(angle: ArrayLike) -> Array:
+    """The same angle the shorter way round, in [-pi, pi), rad.
+
+    Examples
+    --------
+    >>> shorter([0.5 + 2.0 * np.pi, -6.0]).round(3).tolist()
+    [0.5, 0.283]
+    """
+    return np.asarray((np.asarray(angle, dtype=float) + np.pi) % (2.0 * np.pi) - np.pi)
+
 
 _Z_UP = np.diag([1.0, -1.0, -1.0])  # half a turn about x: y and z change their signs
 _ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # x and y change places, z its sign
@@ -87,6 +178,9 @@ def earth_matrix(frame: str, where: str) -> Array:
 def attitude_to_ned(q: Array, frame: str, where: str) -> Array:
     """Quaternions (n, 4) FRD -> NED from those between the two frames that `frame` names.
 
+    With ``v_NED = E v`` and ``v_FRD = B v`` for the recording's frames, its rotation R becomes ``E R B'``.
+    ROS uses FLU and ENU (REP 103).
+
     One name implies its usual partner: "FLU" and "NWU" are "FLU/NWU", "ENU" is "FLU/ENU".
 
     Raises
@@ -114,6 +208,13 @@ FARTHEST_M = 100e3
 @dataclass(frozen=True)
 class LocalFrame:
     """A plane, north and east in m, that touches the Earth at an origin in degrees.
+
+    It is the azimuthal equidistant projection of WGS 84: a point lies at its geodesic distance s from the
+    origin, in the direction of the geodesic's azimuth there. Distances and bearings from the origin are
+    exact; across, lengths grow by (s/R)²/6, 0.4 ppm at 10 km and 41 ppm (4 m) at 100 km. At s to the east,
+    true north differs by s tan(latitude)/R, 0.16° at 10 km and 60° latitude. Source: Snyder, *Map
+    Projections: A Working Manual* (USGS Professional Paper 1395, 1987), chapter 25; Karney, *Algorithms for
+    geodesics*, Journal of Geodesy 87 (2013).
 
     Examples
     --------

@@ -52,13 +52,21 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 from seatrial._core import simd_level
-from seatrial.base.atomic_write import make_folders, remove, write_atomic
+from seatrial.base.atomic_write import (
+    absolute,
+    lock,
+    make_folders,
+    refusal,
+    refuse_name,
+    remove,
+    unlock,
+    write_atomic,
+)
 from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import SeatrialError
 from seatrial.base.file_names import file_name
-from seatrial.base.folder_lock import absolute, lock, refusal, refuse_name, unlock
-from seatrial.base.progress import Clock
 from seatrial.base.report import Reported
+from seatrial.base.work import Clock
 
 Content = str | bytes | Callable[[Path], None]
 """What stands in a file, or what writes it to a path: for a table that memory may not hold."""

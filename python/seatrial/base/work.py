@@ -1,4 +1,4 @@
-"""`Work`: on what a run computes, where it keeps its results, and whom it informs.
+"""`Work`: on what a run computes, where it keeps its results, and whom it informs of its `Progress`.
 
 `takes` marks functions that take such objects in place of stacks of keywords: a keyword that is a field of
 one is refused with the call that replaces it. Held by ``tests/base/test_work.py``.
@@ -6,16 +6,263 @@ one is refused with the call that replaces it. Held by ``tests/base/test_work.py
 
 from __future__ import annotations
 
+import html
+import math
+import sys
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from datetime import UTC, datetime, timedelta
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
-
-from seatrial.base.progress import Progress
+from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar, cast
 
 if TYPE_CHECKING:
     from seatrial.base.fleet import Workers
+
+
+class Clock:
+    """Time since some work began.
+
+    Attributes
+    ----------
+    started
+        When it began, UTC.
+    """
+
+    def __init__(self) -> None:
+        self.started = datetime.now(UTC)
+        self._began = time.monotonic()
+        self._wall_s: float | None = None
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time since then, s; until `stop`, after it."""
+        return time.monotonic() - self._began if self._wall_s is None else self._wall_s
+
+    @property
+    def reached(self) -> datetime:
+        """The time now, UTC; that of `stop`, after it."""
+        return self.started + timedelta(seconds=self.elapsed_s)
+
+    def stop(self) -> Self:
+        """The clock itself, which goes on no further."""
+        self._wall_s = self.elapsed_s
+        return self
+
+    def left_s(self, done: float, to_do: float) -> float:
+        """Time left, s, if what is to do goes on as fast as what was done; NaN where nothing was done yet."""
+        return self.elapsed_s * to_do / done if done > 0.0 else math.nan
+
+
+@dataclass(frozen=True)
+class Step:
+    """State of a search after one batch: what a progress display needs and the history keeps."""
+
+    phase: str
+    generation: int
+    generations: int
+    evaluations: int
+    best: float
+    elapsed_s: float
+
+    @property
+    def left_s(self) -> float:
+        """Time left in this phase, s, if it uses its whole budget."""
+        return self.elapsed_s * (self.generations - self.generation) / max(self.generation, 1)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """State of long work: a search, a series of missions, repetitions, a plan.
+
+    Attributes
+    ----------
+    what
+        Part of the work that is under way: stage, group of gains, autopilot, repetition, trial.
+    done, total
+        Parts (or missions, repetitions) that are finished, and all of them.
+    fraction
+        Share of all work that is done.
+    elapsed_s
+        Time so far, s.
+    left_s
+        Time left, s; of a search, if it uses its whole budget. NaN while nothing is known of it.
+    step
+        State of the search that is under way; None where nothing is searched.
+    detail
+        More words on it.
+    notes
+        Sentences to show at once: what the data cannot determine, known before the search.
+    """
+
+    what: str
+    done: int
+    total: int
+    fraction: float
+    elapsed_s: float
+    left_s: float
+    step: Step | None = None
+    detail: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def best(self) -> float:
+        """Best cost of the search so far; NaN where nothing is searched."""
+        return math.nan if self.step is None else self.step.best
+
+    @property
+    def words(self) -> str:
+        """What runs, how far, the best cost and the time left, in a line."""
+        head, step = self.what, self.step
+        if self.total and not self.detail:
+            head += f" [{min(self.done + 1, self.total)}/{self.total}]"
+        words = [self.detail] if self.detail else []
+        if step is not None:
+            what = ["round"] if step.phase == "polish" else [step.phase, "generation"]
+            words += [*what[:-1], f"{what[-1]} {step.generation} of at most {step.generations}"]
+            words.append(f"best {step.best:.4g}")
+        # The first generations load and warm up what the later ones find ready.
+        if math.isfinite(self.left_s) and (step is None or step.generation >= 5):
+            left = f"{self.left_s:.0f} s" if self.left_s < 90 else f"{self.left_s / 60:.0f} min"
+            words.append(f"{'about' if step is None else 'at most'} {left} left")
+        return f"{head}: {', '.join(words)}" if words else head
+
+
+class ProgressBar:
+    """Progress of a run as a bar, in a notebook or on a terminal: ``st.Work(progress=st.ProgressBar())``.
+
+    In a notebook the bar stands in the cell's output; elsewhere a line on standard error takes its place.
+
+    Parameters
+    ----------
+    every_s : float
+        Least time between two states that are shown, s: a notebook keeps every one.
+    """
+
+    def __init__(self, *, every_s: float = 0.2) -> None:
+        self._every_s = every_s
+        ipython = sys.modules.get("IPython")  # nobody else has loaded it than a notebook or its shell
+        shell = ipython.get_ipython() if ipython is not None else None
+        self._display = ipython.display if ipython is not None and hasattr(shell, "kernel") else None
+        self._begin()
+
+    def _begin(self) -> None:
+        self._cell: Any = None
+        self._clock: Clock | None = None
+        self._last = -math.inf
+
+    def __call__(self, state: Progress) -> None:
+        """Show the state of the work, where the one before is old enough."""
+        self._clock = self._clock or Clock()
+        if time.monotonic() - self._last >= self._every_s:
+            self._last = time.monotonic()
+            self._show(state.fraction, state.words)
+
+    def finish(self) -> None:
+        """Show that the work is done and what it took, s; the next one has a bar of its own."""
+        if self._clock is not None:
+            self._show(1.0, f"done, {self._clock.elapsed_s:.0f} s", end="\n")
+        self._begin()
+
+    def _show(self, fraction: float, words: str, *, end: str = "") -> None:
+        text = f"{100 * fraction:3.0f} %  {words}"
+        if self._display is None:
+            print(f"\r{text[:110]:110}", end=end, file=sys.stderr, flush=True)
+            return
+        bar = self._display.HTML(f"<progress value={fraction:.4f}></progress> {html.escape(text)}")
+        if self._cell is None:
+            self._cell = self._display.display(bar, display_id=True)
+        else:
+            self._cell.update(bar)
+
+
+Watch = Callable[[Step], None]
+
+
+class _OfTheCaller(BaseException):
+    """Carries an exception of a caller's function past every ``except Exception`` on the way."""
+
+    def __init__(self, call: object, error: Exception) -> None:
+        super().__init__()
+        self.call, self.error = call, error
+
+
+def callers_errors_pass(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, of which what the caller's `progress` or `share` raises comes back as it was raised.
+
+    On its way it passes blocks that make a sentence of all that a damaged file raises, or go on where numbers
+    fail: an error of the caller is neither.
+
+    Examples
+    --------
+    >>> @callers_errors_pass
+    ... def work(*, progress=None):
+    ...     try:
+    ...         progress(0.5)
+    ...     except Exception:
+    ...         return "went on"
+    >>> work(progress=lambda share: 1 / 0)
+    Traceback (most recent call last):
+    ZeroDivisionError: division by zero
+    """
+
+    @wraps(function)
+    def passing(*args: P.args, **kwargs: P.kwargs) -> R:
+        name = "share" if "share" in kwargs else "progress"
+        work: Any = kwargs.get("work")  # an `st.Work`, which holds the function
+        given = cast("Callable[..., None] | None", getattr(work, "progress", kwargs.get(name)))
+        if given is None:
+            return function(*args, **kwargs)
+        call = object()  # of nested calls each hands on what its own caller raised
+
+        def progress(*state: Any) -> None:
+            try:
+                given(*state)
+            except Exception as error:
+                raise _OfTheCaller(call, error) from None
+
+        if work is None:
+            kwargs[name] = progress
+        else:
+            kwargs["work"] = replace(work, progress=progress)
+        try:
+            result = function(*args, **kwargs)
+        except _OfTheCaller as carried:
+            if carried.call is not call:
+                raise
+            error = carried.error
+        else:
+            if isinstance(given, ProgressBar):
+                given.finish()
+            return result
+        raise error  # outside of the handler, so that it has the context that it was raised with
+
+    return passing
+
+
+def part_of(
+    progress: Callable[[Progress], None], part: str, number: int, count: int, clock: Clock
+) -> Callable[[Progress], None]:
+    """Callback for one of `count` equal parts of long work, from 0, which reports the progress of the whole.
+
+    What the part reports itself follows its name; `clock` is that of the whole.
+    """
+
+    def show(state: Progress) -> None:
+        fraction = (number + state.fraction) / count
+        progress(
+            replace(
+                state,
+                what=f"{part}, {state.what}",
+                fraction=fraction,
+                elapsed_s=clock.elapsed_s,
+                left_s=clock.left_s(fraction, 1.0 - fraction),
+            )
+        )
+
+    return show
+
 
 P = ParamSpec("P")
 R = TypeVar("R")

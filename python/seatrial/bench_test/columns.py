@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base import frames, units
+from seatrial.base import frames
 from seatrial.base.arrays import Array
+from seatrial.base.channels import ACTUATOR_UNITS, unit_factor
 from seatrial.base.errors import CampaignError, TrialError, nearest
 from seatrial.trial.columns import Source, columns_of, mapped
 from seatrial.trial.readers import read_table
@@ -133,7 +134,7 @@ def _per_actuator(
         if canonical.startswith(prefix):
             _no_frame(canonical, source, file)
             where = f"{file}: {canonical}"
-            scale = units.factor(source.unit, units.ACTUATOR_UNITS, where) if source.unit else 1.0
+            scale = unit_factor(source.unit, ACTUATOR_UNITS, where) if source.unit else 1.0
             columns[canonical.removeprefix(prefix)] = (
                 numbers(table[source.column], canonical, file) * scale * source.sign
             )
@@ -151,7 +152,7 @@ def _scalar(
 
 
 def _scaled(table: pl.DataFrame, source: Source, canonical: str, unit: str, file: str) -> Array:
-    scale = units.factor(source.unit, (unit,), f"{file}: {canonical}") if source.unit else 1.0
+    scale = unit_factor(source.unit, (unit,), f"{file}: {canonical}") if source.unit else 1.0
     return np.asarray(numbers(table[source.column], canonical, file) * scale * source.sign)
 
 

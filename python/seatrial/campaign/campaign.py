@@ -24,7 +24,7 @@ from seatrial.trial.corrections import merged, refuse_far
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.progress import Progress
+    from seatrial.base.work import Progress
     from seatrial.bench_test.result import BenchTest
     from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted

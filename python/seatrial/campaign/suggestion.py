@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from seatrial.base.errors import CampaignError
 from seatrial.base.plain import Plain
-from seatrial.base.progress import callers_errors_pass
-from seatrial.base.work import HERE, Work, takes
+from seatrial.base.work import HERE, Work, callers_errors_pass, takes
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import parse
 from seatrial.diagnosis.missing_terms import Suggestion

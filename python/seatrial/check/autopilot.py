@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.report import Report, Reported, report_of
 from seatrial.check.autopilot_on_vehicle import on_vehicle
-from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts
+from seatrial.control_design.operating_points import AutopilotFacts, autopilot_facts
 from seatrial.flight.reactions import GROUPS
 from seatrial.vehicle.actuators import NOMINAL_V
 

@@ -15,15 +15,20 @@ import numpy as np
 
 from seatrial.base.plain import Plain
 from seatrial.base.report import Column, Table, listed
-from seatrial.control_design.autopilot_facts import AutopilotFacts, AutopilotMode, mode_at, refuse_misfit
 from seatrial.control_design.margin_report import SENSITIVITY_NOTE, MarginRow, autopilot_margins, sound_speeds
 from seatrial.control_design.mode_table import top_speeds
-from seatrial.control_design.operating_points import reachable_points
+from seatrial.control_design.operating_points import (
+    AutopilotFacts,
+    AutopilotMode,
+    mode_at,
+    reachable_points,
+    refuse_misfit,
+)
 from seatrial.control_design.start_guidance import least_lookahead_of, lookahead_share
 from seatrial.flight.mismatch import mismatch
 from seatrial.vehicle.authority import LOOPS, ROWS, reach, thrusts
 from seatrial.vehicle.stability import statics
-from seatrial.vehicle.turning import turning_radius
+from seatrial.vehicle.steady_state import turning_radius
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle

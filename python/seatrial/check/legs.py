@@ -5,7 +5,7 @@ nearest to where the vehicle comes from. Held by tests/check/test_check_mission.
 
 A turn by an angle psi on a circle of radius R that begins at the radius of acceptance R_0 before its corner
 runs R (1 - cos psi) - R_0 sin psi beyond the next leg. A corner is tight where no circle of radius R
-touches both ways within their nearer halves. R is the vehicle's (`seatrial.vehicle.turning`) or what the
+touches both ways within their nearer halves. R is the vehicle's (`seatrial.vehicle.steady_state`) or what the
 largest rate of the desired heading allows, U/omega, whichever is larger. An autopilot with ``turn_radius_m``
 begins its turns before the corner; what it makes of them is flown (`seatrial.check.flown`).
 """
@@ -21,7 +21,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.report import Table
-from seatrial.control_design.autopilot_facts import autopilot_facts
+from seatrial.control_design.operating_points import autopilot_facts
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot

@@ -19,10 +19,10 @@ import numpy as np
 from seatrial.base.report import Report, Reported, Section
 from seatrial.check.flown import FlownCheck, flown_sentences, flown_table, fly_beforehand
 from seatrial.check.legs import LegRow, fence_sentences, leg_rows, legs_table, turn_sentences
-from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
+from seatrial.control_design.operating_points import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.flight.mismatch import mismatch
 from seatrial.vehicle.actuators import NOMINAL_V
-from seatrial.vehicle.turning import turning_radius
+from seatrial.vehicle.steady_state import turning_radius
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle

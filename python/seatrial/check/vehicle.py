@@ -22,20 +22,22 @@ from seatrial.vehicle.stability import Statics, damping_gain, growth, statics
 from seatrial.vehicle.steady_state import (
     KNOT_M_S,
     TURN_SHARES,
+    FinTurn,
     Speed,
     Turn,
     cruise,
     drivers,
     farthest,
+    fin_turn,
     refuse_impossible_speed,
     round_speeds_kn,
+    rudders,
     speeds,
     turn_kinds,
     turning_senses,
     turns,
     unbounded,
 )
-from seatrial.vehicle.turning import FinTurn, fin_turn, rudders
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

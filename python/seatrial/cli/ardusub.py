@@ -11,8 +11,8 @@ from seatrial.cli.options import FigureFormat, Figures, Json, Threads, Verbose
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
+    from seatrial.ardusub.from_log import LogTuning
     from seatrial.ardusub.log_replay import Replay
-    from seatrial.ardusub.result import LogTuning
 
 
 def ardusub(

@@ -138,7 +138,7 @@ def _check_vehicle(
     json: bool,
 ) -> None:
     from seatrial._core import Vehicle
-    from seatrial.base.folder_lock import only_user
+    from seatrial.base.atomic_write import only_user
     from seatrial.check.vehicle import check_vehicle
     from seatrial.cli.console import answer, print_json
 
@@ -241,8 +241,7 @@ def _check_mission(
     json: bool,
 ) -> None:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.atomic_write import write_atomic
-    from seatrial.base.folder_lock import only_user
+    from seatrial.base.atomic_write import only_user, write_atomic
     from seatrial.base.toml_file import loaded
     from seatrial.check.mission import check_mission
     from seatrial.cli.console import answer, print_json

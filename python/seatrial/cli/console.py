@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
     from seatrial.base.fleet import Fleet
-    from seatrial.base.progress import Progress as State
     from seatrial.base.report import Report, Table
+    from seatrial.base.work import Progress as State
 
 _PIPED_WIDTH = 118  # columns where there is no terminal: the widest table, unbroken
 

@@ -45,7 +45,7 @@ def demo(
 
     Example: seatrial demo
     """
-    from seatrial.base.folder_lock import only_user
+    from seatrial.base.atomic_write import only_user
     from seatrial.cli.console import output, print_json
 
     with only_user(out):

@@ -96,7 +96,7 @@ def fly(
 
 def _tell(flight: Flight, many: Seeds | None, directory: RunDirectory, folder: Path, output: Output) -> None:
     """Show a flight, publish its run directory that is held, and draw its figures."""
-    from seatrial.base.folder_lock import only_user
+    from seatrial.base.atomic_write import only_user
     from seatrial.cli.console import answer, print_json
     from seatrial.report.plot import gallery
 

@@ -162,7 +162,7 @@ def _like(asked: str, folder: Path) -> None:
 def _kind_of_log(log: str) -> tuple[str, list[str]]:
     """Kind of `LIKE` that has the frame of a log of ArduSub, and its thrusters that run reversed."""
     from seatrial._core import Vehicle
-    from seatrial.ardusub.flights import Rig, against
+    from seatrial.ardusub.course import Rig, against
     from seatrial.ardusub.log_replay import replay
     from seatrial.base.errors import SeatrialError, nearest
 

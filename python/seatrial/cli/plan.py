@@ -79,8 +79,8 @@ def plan(
 
     Example: seatrial plan vehicle.toml --duration 60 --count 3 --out next.csv
     """
+    from seatrial.base.atomic_write import only_user
     from seatrial.base.file_names import check_place
-    from seatrial.base.folder_lock import only_user
     from seatrial.cli.console import answer, print_json, say, search_progress
     from seatrial.experiment.forecast import Limits
     from seatrial.experiment.plan import plan as planned

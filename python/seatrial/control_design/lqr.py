@@ -32,9 +32,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.loops import STATES, Sampled, plant, restoring_law, sampled, with_law
+from seatrial.control_design.loops import (
+    STATES,
+    Sampled,
+    level,
+    plant,
+    restoring_law,
+    sampled,
+    trim,
+    with_law,
+)
 from seatrial.control_design.margins import LawMargins, law_margins, least_margins
-from seatrial.control_design.trim import level, trim
 from seatrial.vehicle.authority import LOOPS, ROWS, delays, reach
 
 if TYPE_CHECKING:

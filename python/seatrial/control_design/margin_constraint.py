@@ -25,7 +25,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, refuse_other_laws
 from seatrial.control_design.loops import closed, feedback, responses
 from seatrial.control_design.margins import (
     LoopMargins,
@@ -36,11 +35,14 @@ from seatrial.control_design.margins import (
     open_each,
 )
 from seatrial.control_design.operating_points import (
+    AutopilotFacts,
     ModeLoop,
+    autopilot_facts,
     measurement_delays,
     mode_loop,
     operating_points,
     reachable_speeds,
+    refuse_other_laws,
 )
 from seatrial.control_design.pole_placement import LoopGain, law
 from seatrial.control_design.tuning_table import Margins

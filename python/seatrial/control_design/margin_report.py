@@ -18,7 +18,6 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
 from seatrial.base.report import Column, Table
-from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.control_design.loops import Sampled, closed
 from seatrial.control_design.lqr import Tolerances
 from seatrial.control_design.margins import (
@@ -34,7 +33,10 @@ from seatrial.control_design.margins import (
 )
 from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.operating_points import (
+    AutopilotFacts,
+    autopilot_facts,
     measurement_delays,
+    mode_at,
     mode_law,
     mode_loop,
     operating_points,

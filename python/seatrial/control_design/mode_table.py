@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.errors import VehicleError
-from seatrial.control_design.trim import Trim, level, trim
+from seatrial.control_design.loops import Trim, level, trim
 from seatrial.vehicle.actuators import NOMINAL_V, command
 from seatrial.vehicle.authority import LOOPS, ROWS, reach
 from seatrial.vehicle.steady_state import drivers, steady, unbounded

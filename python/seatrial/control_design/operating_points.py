@@ -1,16 +1,9 @@
-"""Where an autopilot works: modes and speeds, the linear loop at each of them, and the age of measurements.
+"""Where an autopilot works: what its tables say, modes and speeds, the loop at each, the age of measurements.
 
-All loops of a mode are closed on the linear motion about its trim, behind lag and dead time of the actuators
-and the control period (`seatrial.control_design.loops`), with the restoring feed-forward where the file has
-it.
-
-A sensor tells what was latency_s ago, and holds it until its next sample: 1/rate_hz later, so that the hold
-adds half of that on the average. Sample and hold is taken as this dead time: its phase is the same, its fall
-in magnitude is left out. A loop counts with the older of its measurements, of what it holds and of that
-one's rate. A sensor without rate_hz is as fast as the control period. Source: Åström and Wittenmark,
-*Computer-Controlled Systems* (1997), section 2.
-
-Held by tests/control_design/test_margin_sensors.py and tests/control_design/test_margin_constraint.py.
+The compiled core owns the autopilot file and its defaults; `autopilot_facts` is the one place above it that
+reads the tables. All loops of a mode are closed on the linear motion about its trim, behind lag and dead time
+of the actuators and the control period. Held by tests/control_design/test_margin_engine.py,
+test_margin_sensors.py and test_margin_constraint.py beside it.
 """
 
 from __future__ import annotations
@@ -18,17 +11,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial._core import Mission
 from seatrial.base.arrays import Array
-from seatrial.control_design.autopilot_facts import AutopilotFacts
-from seatrial.control_design.loops import SMALL_MOTION, STATES, Sampled, plant, restoring_law, sampled
+from seatrial.base.errors import CampaignError
+from seatrial.control_design.loops import (
+    SMALL_MOTION,
+    STATES,
+    Sampled,
+    level,
+    plant,
+    restoring_law,
+    sampled,
+    trim,
+)
 from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.pole_placement import LoopGain, law
-from seatrial.control_design.trim import level, trim
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.authority import LOOPS, ROWS, delays
@@ -36,6 +38,138 @@ from seatrial.vehicle.authority import LOOPS, ROWS, delays
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.sensors.sensor import Sensor
+
+
+@dataclass(frozen=True)
+class AutopilotMode:
+    """A row of the mode table; ``actuators`` are names and groups of those at work, all where empty."""
+
+    name: str
+    loops: tuple[str, ...]
+    depth_by: str
+    from_speed_m_s: float
+    hysteresis_m_s: float
+    actuators: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AutopilotFacts:
+    """An autopilot's tables with the core's defaults.
+
+    ``loops`` are the tables of the loops, with scalars where a gain does not change with the speed;
+    ``regulators`` is per mode the gain (points, 6, 15) or (6, 15) of ``control = "lqr"``.
+    """
+
+    control: str
+    period_s: float
+    speeds_m_s: tuple[float, ...]
+    modes: tuple[AutopilotMode, ...]
+    loops: Mapping[str, Mapping[str, Any]]
+    restoring: bool
+    guidance: Mapping[str, Any]
+    safety: Mapping[str, Any]
+    regulators: Mapping[str, Array]
+
+    @property
+    def hovers(self) -> bool:
+        """Whether a mode keeps the depth without speed."""
+        return any(mode.depth_by == "heave" for mode in self.modes)
+
+    def mode(self, name: str) -> AutopilotMode:
+        """The mode of a name."""
+        return next(mode for mode in self.modes if mode.name == name)
+
+    def at_points(self, loop: str, key: str) -> Array:
+        """A gain of a loop at every breakpoint of the schedule; 0 where the file has none."""
+        return np.broadcast_to(np.asarray(self.loops[loop].get(key, 0.0), dtype=float), len(self.speeds_m_s))
+
+    def gain(self, loop: str, key: str, speed_m_s: float) -> float:
+        """A gain of a loop at a desired speed, linear between the breakpoints as in the core."""
+        return float(np.interp(speed_m_s, self.speeds_m_s, self.at_points(loop, key)))
+
+    def shares(self, speed_m_s: float) -> Array:
+        """Weight of each breakpoint's gains at a desired speed, linear between them as in the core."""
+        return np.array([
+            np.interp(speed_m_s, self.speeds_m_s, unit) for unit in np.eye(len(self.speeds_m_s))
+        ])
+
+
+def autopilot_facts(autopilot: Autopilot) -> AutopilotFacts:
+    """What the tables of an autopilot say.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> [(mode.name, mode.depth_by) for mode in autopilot_facts(st.Autopilot.load("cwolf")).modes]
+    [('hover', 'heave'), ('cruise', 'pitch')]
+    """
+    regulators = autopilot.to_dict().get("lqr", ())
+    return AutopilotFacts(
+        control=autopilot.control,
+        period_s=autopilot.period_s,
+        speeds_m_s=tuple(autopilot.speeds_m_s),
+        modes=tuple(
+            AutopilotMode(
+                name=mode["name"],
+                loops=tuple(mode["loop_names"]),
+                depth_by=mode["depth_by"],
+                from_speed_m_s=mode["from_speed_m_s"],
+                hysteresis_m_s=mode["hysteresis_m_s"],
+                actuators=tuple(mode["actuators"] or ()),
+            )
+            for mode in autopilot.modes
+        ),
+        loops=autopilot.loops(),
+        restoring=autopilot.feed_forward()["restoring"],
+        guidance=autopilot.guidance(),
+        safety=autopilot.safety(),
+        regulators={table["mode"]: np.asarray(table["gain"], dtype=float) for table in regulators},
+    )
+
+
+def mode_at(facts: AutopilotFacts, speed_m_s: float) -> AutopilotMode:
+    """The mode that works at a desired speed in m/s."""
+    reached = [mode for mode in facts.modes[1:] if speed_m_s >= mode.from_speed_m_s]
+    return (reached or list(facts.modes[:1]))[-1]
+
+
+def refuse_other_laws(autopilot: Autopilot) -> None:
+    """Refuse an autopilot whose gains are not those of PID loops.
+
+    Raises
+    ------
+    CampaignError
+        Its control is another one.
+    """
+    control = autopilot_facts(autopilot).control
+    if control != "pid":
+        raise CampaignError(
+            f'{autopilot.name}: expected control = "pid", whose gains can be tuned, found "{control}";'
+            " begin with an autopilot of PID loops"
+        )
+
+
+_ANY_MISSION = """
+format = 1
+name = "fit"
+speed_m_s = 1.0
+acceptance_radius_m = 1.0
+[[legs]]
+north_m = 100.0
+east_m = 0.0
+"""
+
+
+def refuse_misfit(autopilot: Autopilot, vehicle: Vehicle) -> None:
+    """Refuse an autopilot that cannot steer a vehicle.
+
+    Raises
+    ------
+    VehicleError
+        A loop, an actuator or a limit of the autopilot does not fit.
+    """
+    autopilot.engage(vehicle, Mission.from_toml(_ANY_MISSION))
+
 
 _READ = {
     "surge": ("dvl",),
@@ -52,6 +186,12 @@ def measurement_delays(
     sensors: Mapping[str, Sensor] | str | Path | None, vehicle: Vehicle
 ) -> dict[str, float]:
     """Mean age in s of the measurements of each loop, the older of those that it closes on.
+
+    A sensor tells what was latency_s ago, and holds it until its next sample: 1/rate_hz later, so that the
+    hold adds half of that on the average. Sample and hold is taken as this dead time: its phase is the same,
+    its fall in magnitude is left out. A loop counts with the older of its measurements, of what it holds and
+    of that one's rate. A sensor without rate_hz is as fast as the control period. Source: Åström and
+    Wittenmark, *Computer-Controlled Systems* (1997), section 2.
 
     Nothing is late where sensors are perfect (None), nor where a kind is missing. Raises TrialError where a
     file or a kind is not usable.

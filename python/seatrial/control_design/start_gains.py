@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.loops import Plant, plant, restoring_law, sampled, step_response
+from seatrial.control_design.loops import Plant, level, plant, restoring_law, sampled, step_response
 from seatrial.control_design.margins import decibel, least_margins, small, spectral_radius
 from seatrial.control_design.mode_table import (
     CRUISE,
@@ -43,7 +43,6 @@ from seatrial.control_design.pole_placement import (
     law,
     loop_gain,
 )
-from seatrial.control_design.trim import level
 from seatrial.vehicle.actuators import NOMINAL_V, bollard, command
 from seatrial.vehicle.authority import LOOPS, ROWS, Delay, commandable, delays, reach
 from seatrial.vehicle.stability import neutral_fins

@@ -14,8 +14,8 @@ closer to -1 than `CLOSEST` at some speed, as behind a pitch that overshoots, th
 the phase of the linear motion behind lag and dead time at that crossover, over its frequency; the third-order
 reference filter has ``3 atan(w / w_r) / w`` of it, 3/w_r when slow.
 
-Turns begin on the identified turning circle (`seatrial.vehicle.turning`), half of tau early; a vehicle with
-sway turns on the spot instead.
+Turns begin on the identified turning circle (`seatrial.vehicle.steady_state`), half of tau early; a vehicle
+with sway turns on the spot instead.
 
 The integral gains are a quarter of the speed in the horizontal plane (critical damping) and a tenth in the
 vertical one, where only trim and lift are to be learnt. Turns and accelerations take a share of the largest
@@ -33,14 +33,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.control_design.loops import Sampled, plant, reference_drive, restoring_law, sampled
 from seatrial.control_design.mode_table import Mode, flies, mode_trim
-from seatrial.control_design.operating_points import mode_law, mode_loop
+from seatrial.control_design.operating_points import (
+    AutopilotFacts,
+    autopilot_facts,
+    mode_at,
+    mode_law,
+    mode_loop,
+)
 from seatrial.control_design.pole_placement import LoopGain, law, three_digits
 from seatrial.control_design.start_gains import StartGains
 from seatrial.vehicle.authority import LOOPS, ROWS, Delay, reach
-from seatrial.vehicle.turning import turning_radius
+from seatrial.vehicle.steady_state import turning_radius
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle

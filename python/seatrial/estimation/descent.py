@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
-from seatrial.base.progress import Watch
+from seatrial.base.work import Watch
 from seatrial.estimation.search import Ledger, Objective, Optimum
 from seatrial.estimation.segment_model import SegmentModel, StageData
 

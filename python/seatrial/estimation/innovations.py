@@ -30,8 +30,8 @@ from seatrial._core import initial_names
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, deviations
 from seatrial.base.errors import NumericalError
-from seatrial.base.fallback import is_numerical
-from seatrial.base.progress import Step
+from seatrial.base.finding import is_numerical
+from seatrial.base.work import Step
 from seatrial.estimation import kalman
 from seatrial.estimation.instruments import Answers, answers, driven, drivers, instrumented, lag_s
 from seatrial.estimation.joint import Joint

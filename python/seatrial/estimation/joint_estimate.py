@@ -30,8 +30,8 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
-from seatrial.base.fallback import is_numerical
-from seatrial.base.progress import Step
+from seatrial.base.finding import is_numerical
+from seatrial.base.work import Step
 from seatrial.estimation.gauss_newton import INITIALS, GaussNewton
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint

@@ -27,7 +27,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import CampaignError
-from seatrial.base.rotation import from_euler, matrix, shorter, to_euler
+from seatrial.base.frames import from_euler, matrix, shorter, to_euler
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.step import RATE_LIMIT
 from seatrial.problem.parameter import coefficient_names, expansion_matrix

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
-from seatrial.base.progress import Step, Watch
+from seatrial.base.work import Step, Watch
 
 Objective = Callable[[Array], ArrayLike]
 

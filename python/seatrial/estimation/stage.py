@@ -23,9 +23,9 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS, DEGREE
 from seatrial.base.errors import CampaignError, SimulationError, VehicleError
-from seatrial.base.fallback import is_numerical
+from seatrial.base.finding import is_numerical
 from seatrial.base.plain import Plain
-from seatrial.base.progress import Step
+from seatrial.base.work import Step
 from seatrial.estimation.descent import Criterion, descend, with_initial_velocities
 from seatrial.estimation.search import LANES, batch_size, evolve, join, refine, refine_rounds
 from seatrial.estimation.segment_model import SegmentModel, StageData, cut

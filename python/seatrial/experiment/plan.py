@@ -24,8 +24,8 @@ from seatrial._core import Vehicle, checked_threads
 from seatrial.base.arrays import Array
 from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import CampaignError, SeatrialError, nearest
-from seatrial.base.progress import Clock, Progress, callers_errors_pass
 from seatrial.base.run import run_facts, sha256
+from seatrial.base.work import Clock, Progress, callers_errors_pass
 from seatrial.campaign.campaign import Campaign
 from seatrial.experiment import fisher
 from seatrial.experiment.dither import Dither, dithers

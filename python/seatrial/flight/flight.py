@@ -16,9 +16,9 @@ import numpy as np
 from seatrial._core import autopilot_names
 from seatrial.base.atomic_write import parquet
 from seatrial.base.finding import Finding
-from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Reported, Section, report_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
+from seatrial.base.work import Clock
 from seatrial.flight import excesses
 from seatrial.flight.findings import Result, findings
 from seatrial.flight.log import FlightLog, log_fields

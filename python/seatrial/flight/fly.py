@@ -17,10 +17,9 @@ from seatrial._core import Autopilot, Flights, State, Vehicle, checked_threads
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import SimulationError
 from seatrial.base.plain import Plain
-from seatrial.base.progress import Clock
 from seatrial.base.report import Section
 from seatrial.base.toml_file import loaded
-from seatrial.base.work import takes
+from seatrial.base.work import Clock, takes
 from seatrial.flight.cases import Cases
 from seatrial.flight.checks import (
     Corridor,

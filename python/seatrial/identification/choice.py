@@ -33,7 +33,7 @@ from seatrial._core import Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import SeatrialError
-from seatrial.base.progress import Step
+from seatrial.base.work import Step
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish

@@ -3,7 +3,7 @@
 The joint estimate refines what the stages found, the choice judges both, the assessment gives deviations, and
 by-products follow: what rests on held values, where scores restart, the noise of a filter, the scores. Each
 step begins with what was there before it and falls back to that where it fails
-(`seatrial.base.fallback`). Where the joint estimate is the result and cannot be assessed, the stages are
+(`seatrial.base.finding`). Where the joint estimate is the result and cannot be assessed, the stages are
 assessed and are the result.
 
 Tests: ``tests/identification/test_fallbacks.py``, ``tests/identification/test_mutated_campaigns.py``.
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.errors import NumericalError
-from seatrial.base.fallback import Fallback, Fallbacks
+from seatrial.base.finding import Fallback, Fallbacks
 from seatrial.diagnosis.assessment import Assessment, assess
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.identification.choice import Choice, choose, quadratic_or_strips, with_or_without_presumed
@@ -29,7 +29,7 @@ from seatrial.identification.rounds import Proposal, in_rounds
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.base.progress import Step
+    from seatrial.base.work import Step
     from seatrial.estimation.joint import Joint
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.preparation import Preparation

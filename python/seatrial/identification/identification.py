@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import VehicleError
-from seatrial.base.fallback import Fallback, is_numerical
-from seatrial.base.finding import Finding
+from seatrial.base.finding import Fallback, Finding, is_numerical
 from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.estimation.stage import StageResult

@@ -25,12 +25,11 @@ import numpy as np
 from seatrial._core import Vehicle, checked_threads
 from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.errors import CampaignError
-from seatrial.base.fallback import Fallbacks
+from seatrial.base.finding import Fallbacks
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass
 from seatrial.base.report import words_of
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
-from seatrial.base.work import HERE, Work, takes
+from seatrial.base.work import HERE, Clock, Progress, Step, Work, callers_errors_pass, takes
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.conclusion import Conclusion, concluded, scored, staged

@@ -32,9 +32,9 @@ from seatrial.base.atomic_write import parquet
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import CampaignError, SeatrialError
 from seatrial.base.plain import Plain
-from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass, part_of
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version
+from seatrial.base.work import Clock, Progress, Step, callers_errors_pass, part_of
 from seatrial.estimation.stage import plan
 from seatrial.identification.conclusion import Conclusion, jointly, staged
 from seatrial.identification.held import joint_estimate_of

@@ -53,7 +53,7 @@ from seatrial.statistics.blocks import block_length
 from seatrial.statistics.uncertainty import covariance
 
 if TYPE_CHECKING:
-    from seatrial.base.progress import Step
+    from seatrial.base.work import Step
     from seatrial.problem.problem import Problem
 
 MOST_PARTS = 60

@@ -16,7 +16,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
-from seatrial.base.rotation import from_euler, matrix, to_euler
+from seatrial.base.frames import from_euler, matrix, to_euler
 from seatrial.inspect.consistency_current import slow_current
 from seatrial.inspect.consistency_result import Consistency, Correction, SlowCurrent
 from seatrial.inspect.consistency_sensors import Found, force_found, rates_found, scaled, velocity_found

@@ -14,7 +14,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
-from seatrial.base.rotation import matrix
+from seatrial.base.frames import matrix
 from seatrial.trial.kinematic_axes import (
     LEAST_MOTION,
     Assignment,

@@ -10,7 +10,7 @@ import numpy as np
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.finding import Finding, Severity
-from seatrial.base.rotation import from_euler, product, to_euler
+from seatrial.base.frames import from_euler, product, to_euler
 from seatrial.inspect.consistency import consistency
 from seatrial.inspect.consistency_result import Consistency, Correction, SlowCurrent, current_sentence
 from seatrial.trial.corrections import to_origin

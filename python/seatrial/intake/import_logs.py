@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.base.atomic_write import only_user
 from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import TrialError, printable
-from seatrial.base.folder_lock import only_user
-from seatrial.base.progress import callers_errors_pass
+from seatrial.base.work import callers_errors_pass
 from seatrial.inspect.consistency import consistency, convention_of
 from seatrial.inspect.consistency_result import Consistency
 from seatrial.inspect.consistency_trials import series_of

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from seatrial.base import units
+from seatrial.base.channels import ACTUATOR_UNITS, unit_factor
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.plain import Plain
 from seatrial.base.toml_file import Name, Number, Section, checked, tables, text_of
@@ -172,6 +172,6 @@ def _column(canonical: str, entry: Any, where: str, source: str) -> Column:
     stated = source_of(given, where)
     if stated.unit and not convert:
         group = next((group for group in GROUPS if canonical in group.columns), None)
-        own = units.ACTUATOR_UNITS if group is None else (group.unit or "dimensionless",)
-        units.factor(stated.unit, own, where)
+        own = ACTUATOR_UNITS if group is None else (group.unit or "dimensionless",)
+        unit_factor(stated.unit, own, where)
     return Column(stated.column, stated.unit or "", stated.frame or "", int(stated.sign), convert, why)

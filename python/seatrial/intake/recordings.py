@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base import units
 from seatrial.base.arrays import Array
+from seatrial.base.channels import unit_factor
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.file_names import file_name, free_name
 from seatrial.base.frames import LocalFrame
@@ -234,7 +234,7 @@ def table_of(
         if column.convert in _EARTH:  # turned below, when the attitude is known
             continue
         if column.convert == "pressure":
-            pressure = _numbers(table[name]) * units.factor(
+            pressure = _numbers(table[name]) * unit_factor(
                 column.unit or "Pa", ("Pa",), f"{log.path}: {canonical}"
             )
             table = table.with_columns(pl.Series(canonical, _depth(pressure, notes), nan_to_null=True))
@@ -243,7 +243,7 @@ def table_of(
             fixes[column.convert] = (
                 canonical,
                 _numbers(table[name])
-                * units.factor(column.unit or "deg", ("deg",), f"{log.path}: {canonical}"),
+                * unit_factor(column.unit or "deg", ("deg",), f"{log.path}: {canonical}"),
             )
             continue
         if canonical in plain:
@@ -293,7 +293,7 @@ def _with_body_velocity(
     """
     import polars as pl
 
-    from seatrial.base.rotation import matrix
+    from seatrial.base.frames import matrix
 
     over_earth = [c for c in _VELOCITY if c in homes and wanted.columns[c].convert in _EARTH]
     if not over_earth:
@@ -307,7 +307,7 @@ def _with_body_velocity(
         return table, over_earth
     cells = [
         _numbers(table[homes[c][0].column])
-        * units.factor(wanted.columns[c].unit or "m/s", ("m/s",), f"{file}: {c}")
+        * unit_factor(wanted.columns[c].unit or "m/s", ("m/s",), f"{file}: {c}")
         * wanted.columns[c].sign
         for c in _VELOCITY
     ]

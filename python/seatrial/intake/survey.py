@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 from seatrial.base.budget import Budget, guarded, size_of
 from seatrial.base.errors import TrialError, printable
-from seatrial.base.progress import callers_errors_pass
 from seatrial.base.report import Report, Reported, Section, Table
+from seatrial.base.work import callers_errors_pass
 from seatrial.logs.formats import FORMATS, open_log
 from seatrial.logs.gravity import by_gravity
 from seatrial.logs.log import Event, Field, Log, Share, Topic

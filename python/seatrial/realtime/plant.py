@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from seatrial._core import State, Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.errors import DivergenceError, SimulationError
-from seatrial.base.rotation import from_euler, matrix, to_euler
+from seatrial.base.frames import from_euler, matrix, to_euler
 
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor

@@ -241,7 +241,7 @@ class Driven:
     @classmethod
     def of(cls, trial: Trial, known: Baselines) -> Driven:
         """The signals of a trial that baselines are driven by."""
-        from seatrial.base.rotation import to_euler
+        from seatrial.base.frames import to_euler
 
         signals = _signals(trial, known) if known.trials else {}
         return cls(trial, signals, trial.smooth_nu(trial.t)[0], to_euler(trial.attitude)[:, :2])

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
-from seatrial.base.rotation import shorter
+from seatrial.base.frames import shorter
 from seatrial.trial.trial import Input, Trial
 
 if TYPE_CHECKING:

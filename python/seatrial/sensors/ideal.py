@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import continuous, from_euler, matrix, to_euler
+from seatrial.base.frames import continuous, from_euler, matrix, to_euler
 from seatrial.sensors.sensor import KINDS, Sensor
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import VehicleError, reason
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.simulators.body import FLIP, Body
 
 Element = ElementTree.Element

@@ -20,8 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.base.channels import ANGLES
-from seatrial.base.units import factor
+from seatrial.base.channels import ANGLES, unit_factor
 from seatrial.trial.attitude import AttitudeConvention, attitude_convention
 from seatrial.trial.columns import GROUPS, Group, Source
 from seatrial.trial.corrections import Corrections
@@ -443,7 +442,7 @@ def _report_scale_of_depth(
 
 def _size_of_unit(unit: str | None, group: Group) -> float:
     """SI value of one unit of a column: the stated one, or that of the canonical name."""
-    return factor(unit, (group.unit,), group.name) if unit else group.factor
+    return unit_factor(unit, (group.unit,), group.name) if unit else group.factor
 
 
 def _same_signs(

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
-from seatrial.base.rotation import body_rates, matrix, to_euler
+from seatrial.base.frames import body_rates, matrix, to_euler
 from seatrial.trial.resampling import GAP, angles, held, linear, silences
 from seatrial.trial.signals import RecordingReport, Signal
 

@@ -29,8 +29,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
-from seatrial.base.frames import attitude_to_ned
-from seatrial.base.rotation import conjugate, matrix, product
+from seatrial.base.frames import attitude_to_ned, conjugate, matrix, product
 from seatrial.trial.kinematic_axes import LEAST_MOTION, band
 from seatrial.trial.kinematics import Channels, Grid, differences, rotation_rates
 from seatrial.trial.signals import RecordingReport, Signal

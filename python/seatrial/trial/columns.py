@@ -12,9 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from seatrial.base.channels import DEGREE
+from seatrial.base.channels import ACTUATOR_UNITS, DEGREE, is_unit
 from seatrial.base.errors import TrialError, nearest
-from seatrial.base.units import ACTUATOR_UNITS, known
 from seatrial.logs.units import canonical_of, misfit_of
 
 
@@ -125,7 +124,7 @@ def parse(
         )
     for canonical, source in sources.items():
         stated = (units or {}).get(source.column, "")
-        if source.unit is None and known(stated):
+        if source.unit is None and is_unit(stated):
             sources[canonical] = replace(source, unit=stated)
     if len(sources) == 1:
         raise TrialError(

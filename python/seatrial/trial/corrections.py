@@ -23,7 +23,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import CampaignError, TrialError, nearest
-from seatrial.base.rotation import from_euler, matrix, product
+from seatrial.base.frames import from_euler, matrix, product
 from seatrial.trial.attitude import Tilt, turned_upright
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal

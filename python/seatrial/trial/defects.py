@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import ANGLES
-from seatrial.base.rotation import angle_between, conjugate, continuous, product, to_euler
+from seatrial.base.frames import angle_between, conjugate, continuous, product, to_euler
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.signals import RecordingReport, Signal
 

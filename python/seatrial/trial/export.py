@@ -18,12 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base import units
 from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import write_atomic, write_table, writing
+from seatrial.base.channels import unit_factor
 from seatrial.base.errors import TrialError, nearest
-from seatrial.base.frames import attitude_to_ned
-from seatrial.base.rotation import from_euler
+from seatrial.base.frames import attitude_to_ned, from_euler
 from seatrial.logs.formats import extra
 
 if TYPE_CHECKING:
@@ -113,7 +112,7 @@ def _in_units(table: pl.DataFrame, wanted: Mapping[str, str], path: Path) -> pl.
         unit, own = wanted[column], unit_of(column)
         if not own:
             raise TrialError(f"{path}: {column}: its name says no unit, so that it cannot be converted")
-        factor = 1.0 / units.factor(unit, (own,), f"{path}: {column}")
+        factor = 1.0 / unit_factor(unit, (own,), f"{path}: {column}")
         ending = next(end for end in _UNITS if column.endswith(end))
         changed.append((pl.col(column) * factor).alias(f"{column.removesuffix(ending)} [{unit}]"))
     for column in wanted:

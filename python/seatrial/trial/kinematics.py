@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.base.rotation import conjugate, continuous, from_euler, matrix, product
+from seatrial.base.frames import conjugate, continuous, from_euler, matrix, product
 from seatrial.trial.signals import CHANNEL_GROUPS, INPUTS, Series
 
 Values = Mapping[str, float]

@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask, runs
-from seatrial.base.rotation import to_euler
+from seatrial.base.frames import to_euler
 from seatrial.trial.signals import RecordingReport, Signal
 
 _LENGTHS = {1000.0: ("m", "mm"), 100.0: ("m", "cm"), 3.28084: ("m", "ft")}

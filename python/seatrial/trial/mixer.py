@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.base import units
 from seatrial.base.arrays import Array
+from seatrial.base.channels import ACTUATOR_UNITS, unit_factor
 from seatrial.base.errors import TrialError, nearest
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.table import numbers
@@ -265,7 +265,7 @@ class Mixer:
                 total += factor * sticks[stick_name]
             scale = 1.0
             if output.unit is not None:
-                scale = units.factor(output.unit, _units(name), f"{file}: mixer, outputs.{name}")
+                scale = unit_factor(output.unit, _units(name), f"{file}: mixer, outputs.{name}")
             rows = np.logical_or.reduce([sampled[s] for s in output.mix] or [np.ones(table.height, bool)])
             values = scale * (output.neutral + output.full * np.clip(total, -1.0, 1.0))
             columns[name if name in WRENCH else f"cmd.{name}"] = np.where(rows, values, np.nan)
@@ -283,5 +283,5 @@ class Mixer:
 
 def _units(output: str) -> tuple[str, ...]:
     if output not in WRENCH:
-        return units.ACTUATOR_UNITS
+        return ACTUATOR_UNITS
     return ("N",) if output.endswith("_n") else ("N*m",)

@@ -28,7 +28,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import continuous, to_euler
+from seatrial.base.frames import continuous, to_euler
 from seatrial.logs.stamps import Spread, base_step, spread_bursts, usual_interval
 from seatrial.trial.signals import RecordingReport, Signal
 

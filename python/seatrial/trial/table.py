@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.base import frames, units
+from seatrial.base import frames
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import ACTUATOR_UNITS, unit_factor
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import continuous, from_euler
+from seatrial.base.frames import continuous, from_euler
 from seatrial.logs.clock import Counter32, clock_times, scale_of
 from seatrial.trial.columns import GROUPS, Group, Source
 from seatrial.trial.misread import NO_SAMPLE, NO_SAMPLE_WORDS, sentinels
@@ -62,7 +63,7 @@ def time_base(table: pl.DataFrame, source: Source, file: str) -> Array:
                 f'{file}: t_s (column "{source.column}"): row 1: expected seconds, or a date with the time of'
                 f" day, found the day {column[0]} alone; write the time of each row"
             )
-        scale = units.factor(source.unit, ("s",), f"{file}: t_s") if source.unit else 1.0
+        scale = unit_factor(source.unit, ("s",), f"{file}: t_s") if source.unit else 1.0
         t = Counter32().of(numbers(column, "t_s", file)) * scale * source.sign
     where = f'{file}: t_s (column "{source.column}")'
     if not np.isfinite(t).all():
@@ -149,9 +150,7 @@ def _group(
         column = table[source.column]
         where = f"{file}: {name}"
         scale = (
-            units.factor(source.unit, (group.unit or "dimensionless",), where)
-            if source.unit
-            else group.factor
+            unit_factor(source.unit, (group.unit or "dimensionless",), where) if source.unit else group.factor
         )
         cells, filled = _without_sentinels(numbers(column, name, file), group, name, report)
         y[:, k] = _possible(cells * scale * source.sign, group, name, report)
@@ -318,7 +317,7 @@ def _actuator(
     if source.frame:
         raise TrialError(f"{file}: {name}: a scalar has no frame; leave it out")
     column = table[source.column]
-    scale = units.factor(source.unit, units.ACTUATOR_UNITS, f"{file}: {name}") if source.unit else 1.0
+    scale = unit_factor(source.unit, ACTUATOR_UNITS, f"{file}: {name}") if source.unit else 1.0
     cells, filled = _without_sentinels(numbers(column, name, file), None, name, report)
     y = _possible(cells * scale * source.sign, None, name, report)
     sampled = _sampled(column, y, spoken) & ~filled

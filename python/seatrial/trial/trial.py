@@ -23,7 +23,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.atomic_write import write_table
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError, nearest
-from seatrial.base.progress import Clock, Progress, callers_errors_pass
+from seatrial.base.work import Clock, Progress, callers_errors_pass
 from seatrial.trial import alignment, attitude, resampling, table
 from seatrial.trial.assembly import assemble, smooth, spline
 from seatrial.trial.columns import GROUPS

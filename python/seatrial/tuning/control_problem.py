@@ -29,15 +29,13 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.base.run import sha256
 from seatrial.base.toml_file import checked, loaded
-from seatrial.control_design.autopilot_facts import autopilot_facts, refuse_misfit, refuse_other_laws
+from seatrial.control_design.operating_points import autopilot_facts, refuse_misfit, refuse_other_laws
 from seatrial.control_design.tuning_table import LoopTable, TuningTable
 from seatrial.estimation.search import evolve
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.identification.fitted import Fitted
-from seatrial.tuning.gain_parameters import GainParameters, excited_points
-from seatrial.tuning.loop_steps import steps_of, usual_speeds
-from seatrial.tuning.path_following import GUIDANCE, course_lookahead
-from seatrial.tuning.scope import TuningScope
+from seatrial.tuning.loop_steps import GUIDANCE, course_lookahead, steps_of, usual_speeds
+from seatrial.tuning.scope import GainParameters, TuningScope, excited_points
 from seatrial.tuning.step_trial import CHANNELS, PATHS, RIDES_ON, LoopTrials
 
 if TYPE_CHECKING:

@@ -41,7 +41,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
-from seatrial.tuning.gain_parameters import GainParameters
+from seatrial.tuning.scope import GainParameters
 from seatrial.tuning.step_trial import RIDES_ON, LoopTrials, Rig, Samples
 
 if TYPE_CHECKING:

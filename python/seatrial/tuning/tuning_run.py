@@ -30,18 +30,16 @@ from typing import TYPE_CHECKING, Any, overload
 from seatrial._core import Autopilot, checked_threads
 from seatrial.base.errors import CampaignError, SeatrialError
 from seatrial.base.fleet import fleet_of
-from seatrial.base.progress import Clock, Progress, Step, callers_errors_pass
 from seatrial.base.run import RunDirectory, run_facts, version
-from seatrial.base.work import HERE, Work, takes
+from seatrial.base.work import HERE, Clock, Progress, Step, Work, callers_errors_pass, takes
 from seatrial.estimation.search import LANES, batch_size
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.control_problem import ControlProblem, Group
+from seatrial.tuning.loop_steps import path_work_s, search_paths
 from seatrial.tuning.objective import HEADROOM
-from seatrial.tuning.path_following import path_work_s, search_paths
-from seatrial.tuning.performance import Performance, assess, assess_without_noise
+from seatrial.tuning.performance import Performance, assess, assess_without_noise, revert_gains
 from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
-from seatrial.tuning.revert import revert_gains
 from seatrial.tuning.search import (
     GENERATIONS,
     GUIDANCE_SEARCH,

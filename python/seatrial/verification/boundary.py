@@ -19,9 +19,8 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock
 from seatrial.base.run import RunDirectory, RunResult, to_json
-from seatrial.base.work import HERE, Work
+from seatrial.base.work import HERE, Clock, Work
 from seatrial.statistics.failure_boundary import BoundarySurface
 from seatrial.verification.boundary_survey import BoundarySurvey, coefficients_at, flights_at, variables_of
 from seatrial.verification.requirement import named

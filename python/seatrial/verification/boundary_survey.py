@@ -19,8 +19,8 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, sha256
+from seatrial.base.work import Clock, Progress
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.statistics.failure_boundary import (
     BoundarySurface,

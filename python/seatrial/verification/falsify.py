@@ -22,9 +22,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.finding import Finding
 from seatrial.base.plain import Plain
-from seatrial.base.progress import Clock
 from seatrial.base.run import RunDirectory, RunResult, to_json
-from seatrial.base.work import HERE, Work
+from seatrial.base.work import HERE, Clock, Work
 from seatrial.verification.judgement import robustness, unusable
 from seatrial.verification.mission_space import MissionSpace, watched
 from seatrial.verification.regression import case_text

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.work import Clock, Progress
 from seatrial.verification.draws import COMMON_WIDTH, SEED_COLUMN, Draws, composed, scattered
 from seatrial.verification.failure_draws import FAULT_WIDTH, OUTAGE_WIDTH
 from seatrial.verification.judgement import robustness

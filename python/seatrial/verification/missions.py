@@ -38,7 +38,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import before_table, write_atomic
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import SeatrialError, reason
-from seatrial.base.progress import Clock, Progress
+from seatrial.base.work import Clock, Progress
 from seatrial.flight.cases import Cases
 from seatrial.flight.conditions import Conditions, Water
 from seatrial.flight.failures import Fault, Outage

@@ -23,9 +23,8 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.plain import Plain
-from seatrial.base.progress import Clock
 from seatrial.base.run import RunDirectory, RunResult, sha256, to_json
-from seatrial.base.work import HERE, Work
+from seatrial.base.work import HERE, Clock, Work
 from seatrial.statistics.draws import generator
 from seatrial.statistics.subset_simulation import Population, RareEvent, importance, population, rare_event
 from seatrial.verification.judgement import robustness, unusable

@@ -44,7 +44,7 @@ from seatrial.verification.requirement import Requirement, default_requirements,
 from seatrial.verification.table import MissionTable, RequirementTable, parse_verification
 
 if TYPE_CHECKING:
-    from seatrial.base.progress import Clock
+    from seatrial.base.work import Clock
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
     from seatrial.verification.table import Between, Current, DistributionTable, Waves

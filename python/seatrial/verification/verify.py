@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 from seatrial._core import Autopilot, checked_threads
 from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
-from seatrial.base.progress import Clock, callers_errors_pass
 from seatrial.base.run import RunDirectory
-from seatrial.base.work import HERE, Work, takes
+from seatrial.base.work import HERE, Clock, Work, callers_errors_pass, takes
 from seatrial.verification.comparison import AutopilotComparison, compared
 from seatrial.verification.judgement import (
     beyond_the_vehicle,

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.ardusub.result import LogTuning
+from seatrial.ardusub.from_log import LogTuning
 from seatrial.report.plot.style import MEASURED, RESIDUAL, SIMULATED, house_style, new_figure, panel_title
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from seatrial.ardusub.comparison import Quantity
     from seatrial.ardusub.log_replay import Replay
-    from seatrial.ardusub.quantity import Quantity
 
 _UNMET = 3  # checks that are not met and are shown beside the usual ones
 

@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 
 from seatrial.ardusub.axes import SOUGHT, AxisVerdict
+from seatrial.ardusub.from_log import NO_WORSE, LogTuning, worst_tail
 from seatrial.ardusub.reflight import ACCEPTED_OUTSIDE
-from seatrial.ardusub.result import NO_WORSE, LogTuning, worst_tail
 from seatrial.ardusub.tuning import Spread
 from seatrial.base.report import Column, Report, Section, Table, listed
 

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.report import Report, Section, Table, appended, listed
-from seatrial.tuning.gain_parameters import GAINS
 from seatrial.tuning.performance import Performance, StepPerformance
 from seatrial.tuning.result import Tuning, missed_limits, shown_below, without_table
+from seatrial.tuning.scope import GAINS
 from seatrial.tuning.search import GUIDANCE_SEARCH
 from seatrial.vehicle.authority import LOOPS
 

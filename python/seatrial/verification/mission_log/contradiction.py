@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
-from seatrial.base.rotation import from_euler, matrix
+from seatrial.base.frames import from_euler, matrix
 from seatrial.trial.trial import Trial
 
 _INTEGRALS = {

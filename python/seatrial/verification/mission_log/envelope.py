@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from seatrial._core import State
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
-from seatrial.base.rotation import shorter
+from seatrial.base.frames import shorter
 from seatrial.verification.mission_log.metrics import errors_of_guidance
 
 if TYPE_CHECKING:

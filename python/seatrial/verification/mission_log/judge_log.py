@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike
 from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, SimulationError
-from seatrial.base.progress import Clock
-from seatrial.base.work import takes
+from seatrial.base.work import Clock, takes
 from seatrial.identification.fitted import Fitted
 from seatrial.inspect.verdict import blind, judge_trial
 from seatrial.trial.trial import Trial

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.frames import shorter
 from seatrial.base.plain import Plain
-from seatrial.base.rotation import shorter
 from seatrial.flight.metrics import reserve, switches
 from seatrial.flight.mission import Route
 

@@ -38,7 +38,7 @@ from seatrial._core import initial_names, nuisance_names
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import SeatrialError
-from seatrial.base.rotation import shorter
+from seatrial.base.frames import shorter
 from seatrial.scoring.record import restarted
 from seatrial.verification.mission_log.restarts import FEWEST, PredictedLog
 from seatrial.verification.mission_log.spread import INITIAL_PLACES

@@ -41,7 +41,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, readable
-from seatrial.base.rotation import shorter
+from seatrial.base.frames import shorter
 from seatrial.statistics.multiple_testing import holm
 from seatrial.verification.mission_log.restarts import PredictedLog
 from seatrial.verification.mission_log.spread import (

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from seatrial.base.plain import Plain
-from seatrial.base.progress import Clock
 from seatrial.base.report import Reported
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
+from seatrial.base.work import Clock
 from seatrial.verification.junit import JUnitCase, junit_xml
 from seatrial.verification.mission_log.power import Power
 from seatrial.verification.mission_log.validity import Validity
