@@ -61,7 +61,7 @@ def searched(starts: int = STARTS, names: tuple[str, ...] = ()) -> Iterator[Sear
                 seed=plan.seed + seed,
                 population=plan.population,
                 generations=plan.generations,
-                **box | {"tolerance": max(plan.tolerance, stages.COARSE)},
+                **box | {"tolerance": max(plan.tolerance, stages.STAGE_RUN_SETTINGS.coarse_gain)},
             )
             fine = refine(criterion, coarse.elite, rounds=plan.rounds, axes=coarse.axes, **box)
             found.append((coarse, fine))

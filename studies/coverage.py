@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.campaign.campaign import Campaign
-from seatrial.diagnosis.identifiability import WEAK, judge
+from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS, judge
 from seatrial.diagnosis.residual_analysis import analyse_joint
 from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
@@ -240,7 +240,13 @@ def repetition(generated: GeneratedTrials, seed: int, *, analysed: bool = False)
 
 def nuisance_verdict(relative: float) -> str:
     """Verdict on a nuisance parameter from its standard deviation over that of its prior."""
-    return "identifiable" if relative <= WEAK else "weak" if relative < 0.5 * (1.0 + WEAK) else "prior"
+    return (
+        "identifiable"
+        if relative <= IDENTIFIABILITY_SETTINGS.weak
+        else "weak"
+        if relative < 0.5 * (1.0 + IDENTIFIABILITY_SETTINGS.weak)
+        else "prior"
+    )
 
 
 def hold_out(problem: Problem, joint: Joint, vehicle: Vehicle) -> dict[str, float]:

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.diagnosis.advice import role
-from seatrial.diagnosis.identifiability import ABSENT, WEAK, Identifiability, judge, weak_groups
+from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS, Identifiability, judge, weak_groups
 from seatrial.statistics.information import covariance, eliminate, singular
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 
@@ -215,7 +215,7 @@ def test_groups_are_the_smallest_ones() -> None:
     mixed = [role(name) for name in ("X_u", "X_uu", "Y_v", "N_r", "Z_w", "K_p")]
     groups = weak_groups(columns.T @ columns, mixed, np.ones(6))
     assert [group.places for group in groups] == [(0, 1), (2, 3, 4)]
-    assert all(group.sd > ABSENT > WEAK for group in groups)
+    assert all(group.sd > IDENTIFIABILITY_SETTINGS.absent > IDENTIFIABILITY_SETTINGS.weak for group in groups)
 
 
 def test_result_is_plain_json() -> None:

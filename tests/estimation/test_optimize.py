@@ -12,7 +12,7 @@ import pytest
 from benchmarks.stage_search import searched
 from seatrial.base.arrays import Array
 from seatrial.base.work import Step
-from seatrial.estimation.search import LANES, _simplex, evolve, minimize, refine
+from seatrial.estimation.search import SEARCH_SETTINGS, _simplex, evolve, minimize, refine
 
 
 def rosenbrock(x: Array) -> Array:
@@ -74,7 +74,7 @@ def test_population_is_asked_in_one_batch_of_full_lanes() -> None:
     objective = Recorder()
     best = evolve(objective, [0, 0, 0], lower=[-2] * 3, upper=[2] * 3, generations=5, population=20)
     assert [len(batch) for batch in objective.batches] == [1] + [24] * 5
-    assert 24 % LANES == 0
+    assert 24 % SEARCH_SETTINGS.lanes == 0
     assert [step.generation for step in best.history] == [1, 2, 3, 4, 5]
     assert best.evaluations == 1 + 24 * 5
 

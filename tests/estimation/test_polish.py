@@ -14,7 +14,7 @@ from seatrial.base.work import Step
 from seatrial.campaign.campaign import Campaign
 from seatrial.estimation import joint_estimate
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import linearise, polish
+from seatrial.estimation.joint_estimate import JointEstimateSettings, linearise, polish
 
 TRUTH = {"X_udot": -9.0, "X_uu": -13.0, "Y_vv": -380.0, "N_rr": -180.0, "N_rdot": -75.0, "PU.gain": 0.94}
 CURRENT = (0.12, -0.2, 0.0)
@@ -117,7 +117,7 @@ def test_a_part_of_many_segments_leads_to_the_optimum_of_all(monkeypatch: pytest
     one = joint(recording())
     direct = polish(one)
     # Sixteen segments of fifteen seconds: with fewer than a third of them the way is found on a part.
-    monkeypatch.setattr(joint_estimate, "_PART", 4)
+    monkeypatch.setattr(joint_estimate, "SETTINGS", JointEstimateSettings(way_segments=4))
     part, places = one.thinned(4)
     assert places.tolist() == [0, 4, 8, 12]
     assert part.data.counts[0] < 0.3 * one.data.counts[0]

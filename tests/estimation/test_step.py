@@ -12,7 +12,7 @@ from seatrial._core import Vehicle
 from seatrial.estimation.descent import Criterion
 from seatrial.estimation.segment_model import SegmentModel
 from seatrial.estimation.stage import plan
-from seatrial.estimation.step import RATE_LIMIT, SEARCH_RATE_LIMIT, around, stage_step
+from seatrial.estimation.step import STEP_SETTINGS, around, stage_step
 from seatrial.problem.parameter import Parameter
 
 
@@ -58,8 +58,8 @@ def test_law_no_candidate_of_the_box_is_faster_than_the_bound() -> None:
         for name, value in names.items()
     )
     bound = stage_step(vehicle, roaming, free="XYZKMN", speeds=speeds, dt=0.1)
-    assert 0.1 / bound.substeps * bound.rate <= RATE_LIMIT
-    assert 0.1 / bound.search * bound.rate <= SEARCH_RATE_LIMIT
+    assert 0.1 / bound.substeps * bound.rate <= STEP_SETTINGS.rate_limit
+    assert 0.1 / bound.search * bound.rate <= STEP_SETTINGS.search_rate_limit
     generator = np.random.default_rng(5)
     for _ in range(100):
         values = {p.name: generator.uniform(p.lower, p.upper) for p in roaming}

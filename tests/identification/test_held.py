@@ -11,7 +11,7 @@ import pytest
 
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
-from seatrial.identification.held import SHARE, Held, conditional, hold_untold
+from seatrial.identification.held import HELD_SETTINGS, Held, conditional, hold_untold
 from seatrial.identification.identification import Identification
 from seatrial.trial.trial import Trial
 from tests.inspect.test_verdict import sailed
@@ -99,7 +99,9 @@ def test_an_estimate_moves_with_a_held_value_as_least_squares_say(monkeypatch: p
     held = [Held(f"{side}.gain", 2.0, "1", "fins.gain", "M", "", "") for side in ("port", "starboard")]
     given: Any = (joint, polished, held, known)
     found = {one.name: one for one in conditional(*given)}
-    moved = np.linalg.lstsq(rows[:, :2], -rows[:, 3:] @ np.full(2, SHARE * 2.0), rcond=None)[0]
+    moved = np.linalg.lstsq(
+        rows[:, :2], -rows[:, 3:] @ np.full(2, HELD_SETTINGS.error_share * 2.0), rcond=None
+    )[0]
     assert found.keys() == {"a", "b"}
     assert [found["a"].change, found["b"].change] == pytest.approx(moved.tolist(), rel=1e-9)
     assert found["a"].deviations == pytest.approx(moved[0] / sigma[0], rel=1e-9)

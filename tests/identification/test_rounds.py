@@ -15,7 +15,7 @@ from seatrial.diagnosis.missing_terms import Suggestion
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
 from seatrial.identification.identification import Identification
-from seatrial.identification.rounds import LEVEL, Proposal, in_rounds
+from seatrial.identification.rounds import SETTINGS, Proposal, in_rounds
 from seatrial.problem.problem import Problem
 from seatrial.problem.settings import JointSettings
 
@@ -78,7 +78,7 @@ def test_a_missing_term_is_kept_and_found() -> None:
     kept = [proposal for proposal in proposals if proposal.verdict == "kept"]
     assert kept[0].name == "N_v"
     assert kept[0].channel == "r"
-    assert kept[0].p < LEVEL
+    assert kept[0].p < SETTINGS.level
     known = dict(zip([unknown.name for unknown in after.unknowns], after.start, strict=True))
     assert known["N_v"] == pytest.approx(-12.0, rel=0.1)
     # The line says the same as what was tried, and can be put into a campaign.

@@ -27,7 +27,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.control_design.margins import loop_margins
 from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
-from seatrial.identification.estimate import AGREE, implausible_masses, mass_in_words
+from seatrial.identification.estimate import ESTIMATE_SETTINGS, implausible_masses, mass_in_words
 from seatrial.vehicle.actuators import bollard
 from seatrial.vehicle.authority import delays
 
@@ -172,7 +172,7 @@ def _against(
     if stuck and len([coefficient for coefficient in damping if coefficient in stuck]) == len(damping):
         return f"{axis}: {stuck[0].name} ended at its bound of {stuck[0].estimate:.3g}"
     middle, sd = masses[axis]
-    if not sd <= AGREE * middle:
+    if not sd <= ESTIMATE_SETTINGS.agree * middle:
         return f"{axis}: drawn vehicles disagree, apparent mass {middle:.3g} ± {sd:.2g}"
     channel = _CHANNEL[axis]
     if scores is not None and channel in scores:

@@ -45,13 +45,24 @@ if TYPE_CHECKING:
     from seatrial.problem.problem import Problem
 
 
-_PART = 40  # segments that tell before a search what all of them will
+@dataclass(frozen=True)
+class AssessmentSettings:
+    """From where on data tell a coefficient, contradict a prior or a bound."""
 
-TOLD = 0.5
-"""Deviation of an estimate over that of what was known beforehand, from which the data tell it: three
-quarters of what is known of it is theirs."""
+    #: Segments that tell before a search what all of them will.
+    preview_segments: int = 40
+    #: Deviation of an estimate over that of what was known beforehand, up to which the data tell it: three
+    #: quarters of what is known of it is theirs.
+    told_share: float = 0.5
+    #: Prior standard deviations from which a nuisance parameter is doubtful.
+    far_sd: float = 3.0
+    #: Deviations beyond a bound from which the data contradict it.
+    contradicted_sd: float = 3.0
+    #: Deviations by which another coefficient moves that makes up for the bound.
+    moved_sd: float = 2.0
 
-_FAR = 3.0  # prior standard deviations from which a nuisance parameter is doubtful
+
+ASSESSMENT_SETTINGS = AssessmentSettings()
 
 
 @dataclass(frozen=True)
@@ -108,7 +119,11 @@ class Assessment:
         }
         # What the data have hardly sharpened is known beforehand, and not identified.
         shares = zip(self.unknowns, self.uncertainty.sigma.tolist(), strict=True)
-        presumed = {unknown.name for unknown, sigma in shares if sigma > TOLD * unknown.prior_sd}
+        presumed = {
+            unknown.name
+            for unknown, sigma in shares
+            if sigma > ASSESSMENT_SETTINGS.told_share * unknown.prior_sd
+        }
         return {
             name: "weak" if name in presumed and verdict == "identifiable" else verdict
             for name, verdict in judged.items()
@@ -147,7 +162,7 @@ class Assessment:
 
     def strayed(self) -> list[str]:
         """Sentences on nuisance parameters three or more deviations from their prior, the farthest first."""
-        far = [row for row in self.nuisances() if abs(row["away"]) >= _FAR]
+        far = [row for row in self.nuisances() if abs(row["away"]) >= ASSESSMENT_SETTINGS.far_sd]
         return [
             strayed(
                 row["name"],
@@ -376,7 +391,7 @@ def conditioning(problem: Problem, *, threads: int | None = None) -> list[str]:
 
 def _of_a_part(joint: Joint) -> Linearisation:
     """Linearisation at the start; where segments are many, of a part that counts for all of them."""
-    part, places = joint.thinned(_PART)
+    part, places = joint.thinned(ASSESSMENT_SETTINGS.preview_segments)
     lin = linearise(part, joint.start)
     more = len(joint.data.segments) / len(places)
     return replace(lin, pieces=tuple(replace(piece, weight=more * piece.weight) for piece in lin.pieces))
@@ -433,10 +448,6 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
     )
 
 
-_CONTRADICTED, _MOVED = 3.0, 2.0
-"""Deviations beyond a bound, and deviations that another coefficient moves."""
-
-
 @dataclass(frozen=True)
 class ContradictedBounds(Plain):
     """What the estimate would be without the bounds that the data contradict.
@@ -479,7 +490,7 @@ def contradicted_bounds(lin: Linearisation, known: Uncertainty) -> ContradictedB
         step, sd = _released(information, gradient, [*inner, place])
         outward = 1.0 if known.at_bound[place] == "upper" else -1.0
         pull = outward * step[place] / (sd[place] * wider[place])
-        if pull > _CONTRADICTED:
+        if pull > ASSESSMENT_SETTINGS.contradicted_sd:
             pulls[place] = float(pull)
     if not pulls:
         return None
@@ -489,7 +500,7 @@ def contradicted_bounds(lin: Linearisation, known: Uncertainty) -> ContradictedB
     refused = [
         place
         for place in coefficients
-        if abs(away[place]) > _MOVED
+        if abs(away[place]) > ASSESSMENT_SETTINGS.moved_sd
         and matters(lin.values[place], lin.values[place] + step[place], lin.unknowns[place].scale)
     ]
     return ContradictedBounds(

@@ -9,8 +9,8 @@ the verdict:
 
 A tenth, because a coefficient that is small beside its bounds need not be known to a part of itself;
 1/sqrt(12), because that is the standard deviation of a number somewhere inside the bounds: data that tell
-less add nothing. With a standard deviation above `WEAK` of it a coefficient is weak, from `ABSENT` on not
-identifiable.
+less add nothing. With a standard deviation above `weak` of it a coefficient is weak, from `absent` on not
+identifiable (`IdentifiabilitySettings`).
 
 What is not identifiable is described by its smallest combinations (`seatrial.diagnosis.identifiability`)
 in one sentence each, with what would determine it. All of it is local: it holds for the linearised model at
@@ -57,26 +57,50 @@ from seatrial.statistics.information import (
 )
 from seatrial.statistics.linearisation import Linearisation, Unknown
 
-ABSENT = 1.0
-"""Standard deviation over natural size from which a coefficient is not identifiable: its sign is a guess."""
 
-WEAK = 0.25
-"""Standard deviation over natural size above which it is weak: 95 % lie within half the value at best."""
+@dataclass(frozen=True)
+class IdentifiabilitySettings:
+    """When data tell a coefficient, and which are weak only together."""
 
-_HALF = 0.5
-"""Part of a standard deviation that a group must explain; the rest is a little of many others."""
+    #: Standard deviation over natural size from which a coefficient is not identifiable: its sign is a guess.
+    absent: float = 1.0
+    #: Standard deviation over natural size above which it is weak: 95 % lie within half the value at best.
+    weak: float = 0.25
+    #: Share of a standard deviation that a group must explain; the rest is a little of many others.
+    group_share: float = 0.5
+    #: Information on one force alone over that on all forces together, from which they count as scaling
+    #: together. It is a condition index of ten, where dependence begins to matter (Belsley, Kuh & Welsch
+    #: 1980, section 3.2).
+    common_scale: float = 100.0
+    #: Rise of the misfit when one force stays behind from which it belongs to those that scale together.
+    carried: float = 2.0
+    #: Members up to which all groups are tried; larger ones grow along the strongest correlations.
+    tried_members: int = 3
+    #: Standard deviation over natural size from which rounding speaks, not the data.
+    rounding: float = 1e3
+    #: Velocity below which an axis stands still, m/s and rad/s: noise of a Doppler log and of a small gyro.
+    still: tuple[float, ...] = (0.02, 0.02, 0.02, 0.01, 0.01, 0.01)
+    #: Standard deviation over the value above which no estimate is identifiable: 95 % reach to zero.
+    open: float = 0.5
+    #: Ratio of the standard deviations with nuisance parameters unknown and known from which these hide a
+    #: coefficient.
+    hidden: float = 2.0
+    #: Condition number from which a warning is due: the information's is its square, half of double
+    #: precision.
+    ill_conditioned: float = 1e4
+    #: Least natural size over the width of the bounds; default bounds of damping are four to ten times the
+    #: value wide.
+    small: float = 0.1
+    #: Standard deviation of a uniform distribution over an interval of width one.
+    uniform_sd: float = 12.0**-0.5
+    #: Component of a singular vector that is worth a name.
+    named_component: float = 0.1
+    #: Factor by which the memory of residuals may widen a standard deviation at most.
+    widest: float = 1e3
 
-_NEAR = 100.0
-"""Information on one force alone over that on all forces together, from which they count as scaling together.
 
-It is a condition index of ten, where dependence begins to matter (Belsley, Kuh & Welsch 1980, section 3.2).
-"""
+IDENTIFIABILITY_SETTINGS = IdentifiabilitySettings()
 
-_CARRIED = 2.0
-"""Rise of the misfit when one force stays behind from which it belongs to those that scale together."""
-
-_TRIED = 3
-"""Members up to which all groups are tried; larger ones grow along the strongest correlations."""
 
 _FOLLOW = ("mass", "inertia", "added mass", "gravity", "buoyancy", "buoyancy centre", "bias")
 
@@ -115,7 +139,7 @@ def weak_groups(information: Array, roles: Sequence[Role], values: Array) -> tup
     while left:
         part, kinds = information[np.ix_(left, left)], [roles[i] for i in left]
         sd = np.sqrt(np.diag(covariance(part)))
-        if not (sd > WEAK).any():
+        if not (sd > IDENTIFIABILITY_SETTINGS.weak).any():
             break
         single = _alone(part, sd)
         if len(single):
@@ -142,12 +166,19 @@ def _alone(information: Array, sd: Array) -> NDArray[np.intp]:
     """Places of what stays uncertain, or half as uncertain, with all others known."""
     own = np.diag(information)
     own_sd = np.where(own > 0, 1.0 / np.sqrt(np.where(own > 0, own, 1.0)), np.inf)
-    return np.flatnonzero((sd > WEAK) & (own_sd >= _limit(sd)))
+    return np.flatnonzero((sd > IDENTIFIABILITY_SETTINGS.weak) & (own_sd >= _limit(sd)))
 
 
 def _limit(sd: Array) -> Array:
     """Standard deviation that a group must give a member: enough for its verdict, or half of its own."""
-    return np.minimum(np.where(sd >= ABSENT, ABSENT, WEAK), _HALF * sd)
+    return np.minimum(
+        np.where(
+            sd >= IDENTIFIABILITY_SETTINGS.absent,
+            IDENTIFIABILITY_SETTINGS.absent,
+            IDENTIFIABILITY_SETTINGS.weak,
+        ),
+        IDENTIFIABILITY_SETTINGS.group_share * sd,
+    )
 
 
 def _scale(information: Array, roles: Sequence[Role], values: Array) -> tuple[Group, int] | None:
@@ -158,7 +189,7 @@ def _scale(information: Array, roles: Sequence[Role], values: Array) -> tuple[Gr
     """
     drives = [i for i, role in enumerate(roles) if role.kind in _DRIVE]
     drives = drives or [i for i, role in enumerate(roles) if role.kind in _UPRIGHT][:1]
-    best, most = None, _NEAR
+    best, most = None, IDENTIFIABILITY_SETTINGS.common_scale
     for drive in drives:
         follow = [i for i, role in enumerate(roles) if role.kind in _FOLLOW and i != drive]
         forced = [i for i, role in enumerate(roles) if i == drive or _takes_factor(role)]
@@ -168,13 +199,17 @@ def _scale(information: Array, roles: Sequence[Role], values: Array) -> tuple[Gr
         carried = [
             i
             for i in np.flatnonzero(chosen)
-            if i != at and _turned(misfit, chosen, int(i)) > _CARRIED * least
+            if i != at and _turned(misfit, chosen, int(i)) > IDENTIFIABILITY_SETTINGS.carried * least
         ]
         step = np.zeros(len(roles))
         step[forced] = chosen * factor
         step[follow] = -regression(information, forced, follow) @ step[forced]
         drag = any(roles[forced[i]].kind in _DRAG for i in carried)
-        if not drag or misfit[at, at] < most * least or np.abs(step).max() <= WEAK * np.sqrt(least):
+        if (
+            not drag
+            or misfit[at, at] < most * least
+            or np.abs(step).max() <= IDENTIFIABILITY_SETTINGS.weak * np.sqrt(least)
+        ):
             continue
         moved = [i for i in follow if step[i] ** 2 * information[i, i] > least]
         places = sorted([drive, *moved, *(forced[i] for i in carried)])
@@ -214,16 +249,16 @@ def _smallest(information: Array, sd: Array) -> tuple[int, ...]:
     """Places of the smallest group that explains why one of its members is uncertain."""
     size = np.sqrt(np.diag(information))
     unit, limit = information / np.outer(size, size), _limit(sd) * size
-    for count in range(2, min(_TRIED, len(sd)) + 1):
+    for count in range(2, min(IDENTIFIABILITY_SETTINGS.tried_members, len(sd)) + 1):
         groups = np.array(list(itertools.combinations(range(len(sd)), count)))
         blocks = unit[groups[:, :, None], groups[:, None, :]] + NULL * count * np.eye(count)
         own = np.sqrt(np.abs(np.diagonal(np.linalg.inv(blocks), axis1=1, axis2=2)))
-        over = np.where(sd[groups] > WEAK, own / limit[groups], 0.0).max(axis=1)
+        over = np.where(sd[groups] > IDENTIFIABILITY_SETTINGS.weak, own / limit[groups], 0.0).max(axis=1)
         if over.max() >= 1.0:
             return tuple(int(i) for i in groups[int(over.argmax())])
     worst, inverse = int(sd.argmax()), covariance(information)
     order = sorted(range(len(sd)), key=lambda i: (i != worst, -abs(inverse[i, worst]) / sd[i]))
-    for count in range(_TRIED + 1, len(sd)):
+    for count in range(IDENTIFIABILITY_SETTINGS.tried_members + 1, len(sd)):
         part = order[:count]
         if covariance(information[np.ix_(part, part)])[0, 0] >= _limit(sd)[worst] ** 2:
             return tuple(sorted(part))
@@ -246,17 +281,6 @@ def _merged(groups: Sequence[Group], roles: Sequence[Role]) -> tuple[Group, ...]
         else:
             merged.append(group)
     return tuple(merged)
-
-
-ROUNDING = 1e3
-"""Standard deviation over natural size from which rounding speaks, not the data."""
-
-_STILL = (0.02, 0.02, 0.02, 0.01, 0.01, 0.01)  # m/s and rad/s: noise of a Doppler log and of a small gyro
-
-_OPEN = 0.5
-"""Standard deviation over the value above which no estimate is identifiable: 95 % reach to zero."""
-
-_HIDDEN = 2.0  # ratio of standard deviations with the nuisance parameters unknown and known
 
 
 @dataclass(frozen=True)
@@ -299,7 +323,7 @@ def undetermined(
     groups += [
         Group("unexcited", (i,), relative[name])
         for i, name in enumerate(names)
-        if relative[name] > WEAK and i not in grouped
+        if relative[name] > IDENTIFIABILITY_SETTINGS.weak and i not in grouped
     ]
     total = lin.information()
     weak: list[Undetermined] = []
@@ -317,7 +341,11 @@ def undetermined(
             weak.append(Undetermined("combination", members, _capped(group.sd), remedy))
         else:
             single += members
-    blind = {name for name, value in zip(names, np.diag(sized), strict=True) if value * ROUNDING**2 < 1.0}
+    blind = {
+        name
+        for name, value in zip(names, np.diag(sized), strict=True)
+        if value * IDENTIFIABILITY_SETTINGS.rounding**2 < 1.0
+    }
     return (*_unexcited(lin, [name for name in names if name in single], blind, relative), *weak)
 
 
@@ -331,7 +359,7 @@ def _unexcited(
         single,
         moving=moving,
         silent=silent | {name for name in single if role(name).force in locked},
-        seen={name for name, value in relative.items() if value <= WEAK},
+        seen={name for name, value in relative.items() if value <= IDENTIFIABILITY_SETTINGS.weak},
         pushed=lin.pushed,
         fins=lin.fins,
     )
@@ -353,7 +381,10 @@ def _hidden(lin: Linearisation, total: Array, group: Group, natural: Array) -> s
     remaining = eliminate(total, chosen, outside) * scale
     unknown = np.sqrt(np.diag(covariance(remaining)))
     worst = int(unknown.argmax())
-    if known.max() > WEAK or unknown[worst] < _HIDDEN * known[worst]:
+    if (
+        known.max() > IDENTIFIABILITY_SETTINGS.weak
+        or unknown[worst] < IDENTIFIABILITY_SETTINGS.hidden * known[worst]
+    ):
         return None
     _, directions = np.linalg.eigh(remaining)
     along = directions[:, 0] * sizes
@@ -367,24 +398,15 @@ def _moving(lin: Linearisation) -> set[str]:
     rms = np.zeros(6)
     for piece in lin.pieces:
         rms = np.fmax(rms, np.sqrt(np.mean(piece.nu**2, axis=0)))
-    return {letter for letter, value, still in zip(VELOCITIES, rms, _STILL, strict=True) if value > still}
+    return {
+        letter
+        for letter, value, still in zip(VELOCITIES, rms, IDENTIFIABILITY_SETTINGS.still, strict=True)
+        if value > still
+    }
 
 
 def _capped(sd: float) -> float:
-    return sd if sd <= ROUNDING else math.inf
-
-
-ILL_CONDITIONED = 1e4
-"""Condition number from which a warning is due: the information's is its square, half of double precision."""
-
-_SMALL = 0.1  # of the width of the bounds; default bounds of damping are four to ten times the value wide
-
-_UNIFORM = 12.0**-0.5
-"""Standard deviation of a uniform distribution over an interval of width one."""
-
-_PART = 0.1  # component of a singular vector that is worth a name
-
-_COLOURED = 1e3  # most that the memory of residuals may widen a standard deviation
+    return sd if sd <= IDENTIFIABILITY_SETTINGS.rounding else math.inf
 
 
 @dataclass(frozen=True)
@@ -474,11 +496,13 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
     sd = np.sqrt(np.diag(inverse))
     given = np.array([math.nan if sigma is None else sigma.get(name, math.nan) for name in names])
     known = np.isfinite(given) & np.isfinite(sd)
-    widening = (np.where(known, given, 1.0) / np.where(known, sd, 1.0)).clip(1.0, _COLOURED)
+    widening = (np.where(known, given, 1.0) / np.where(known, sd, 1.0)).clip(
+        1.0, IDENTIFIABILITY_SETTINGS.widest
+    )
     relative = np.fmax(sd, given) / size
-    relative = np.where(relative > ROUNDING, np.inf, relative)
+    relative = np.where(relative > IDENTIFIABILITY_SETTINGS.rounding, np.inf, relative)
     # Start values before a search may be zero for want of anything better: of them this says nothing.
-    is_open = (np.fmax(sd, given) > _OPEN * np.abs(values)) & (sigma is not None)
+    is_open = (np.fmax(sd, given) > IDENTIFIABILITY_SETTINGS.open * np.abs(values)) & (sigma is not None)
     factors = inflation(information, inverse)
     judged = tuple(
         Judgement(
@@ -527,7 +551,7 @@ def _small(lin: Linearisation, judged: Sequence[Judgement]) -> list[Undetermined
             f" {manoeuvre(role(judgement.name, pushed=lin.pushed, fins=lin.fins))}",
         )
         for judgement in judged
-        if judgement.verdict == "weak" and judgement.relative <= WEAK
+        if judgement.verdict == "weak" and judgement.relative <= IDENTIFIABILITY_SETTINGS.weak
     ]
 
 
@@ -560,16 +584,23 @@ def warnings_before(lin: Linearisation) -> list[str]:
         if name in identifiability.names
         and (both := [member for member in made if member in identifiability.names])
     ]
-    if identifiability.condition <= ILL_CONDITIONED:
+    if identifiability.condition <= IDENTIFIABILITY_SETTINGS.ill_conditioned:
         return [*twice, *identifiability.sentences]
-    astray = identifiability.singular_values * ILL_CONDITIONED < identifiability.singular_values[0]
+    astray = (
+        identifiability.singular_values * IDENTIFIABILITY_SETTINGS.ill_conditioned
+        < identifiability.singular_values[0]
+    )
     part = np.abs(identifiability.vectors[astray]).max(axis=0)
-    along = ", ".join(name for name, share in zip(identifiability.names, part, strict=True) if share > _PART)
+    along = ", ".join(
+        name
+        for name, share in zip(identifiability.names, part, strict=True)
+        if share > IDENTIFIABILITY_SETTINGS.named_component
+    )
     size = f"{identifiability.condition:.1e}" if math.isfinite(identifiability.condition) else "infinite"
     return [
         *twice,
         f"ill-conditioned: the condition number of the scaled sensitivities is {size}, at most"
-        f" {ILL_CONDITIONED:.0e} is sound; the search will wander along {along}",
+        f" {IDENTIFIABILITY_SETTINGS.ill_conditioned:.0e} is sound; the search will wander along {along}",
         *identifiability.sentences,
     ]
 
@@ -581,11 +612,14 @@ def _sizes(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
     )
     width = np.where(bounded, [unknown.scale for unknown in unknowns], np.abs(values))
     width = np.where(width > 0, width, 1.0)
-    size = np.minimum(np.maximum(np.abs(values), _SMALL * width), _UNIFORM * width)
+    size = np.minimum(
+        np.maximum(np.abs(values), IDENTIFIABILITY_SETTINGS.small * width),
+        IDENTIFIABILITY_SETTINGS.uniform_sd * width,
+    )
     return width, np.where(bounded, size, width)
 
 
 def _verdict(relative: float, *, is_open: bool) -> Literal["identifiable", "weak", "not identifiable"]:
-    if relative <= WEAK:
+    if relative <= IDENTIFIABILITY_SETTINGS.weak:
         return "weak" if is_open else "identifiable"
-    return "weak" if relative < ABSENT else "not identifiable"
+    return "weak" if relative < IDENTIFIABILITY_SETTINGS.absent else "not identifiable"

@@ -36,20 +36,34 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.estimation.joint import Joint
 
-_AT_ONCE = 3e7
-"""Derivatives that are held at once."""
 
-_TO_CHOOSE = 5e6
-"""Derivatives of the part of the segments by which the strongest are chosen where they are more."""
+@dataclass(frozen=True)
+class MissingTermSettings:
+    """How many missing terms are tested, and which are named."""
 
-_FEWEST = 20
-"""Segments of it, at least."""
+    #: Derivatives that are held at once.
+    at_once: float = 3e7
+    #: Derivatives of the part of the segments by which the strongest are chosen where they are more.
+    to_choose: float = 5e6
+    #: Segments of that part at least.
+    fewest_segments: int = 20
+    #: Terms that are tested in full after a first ranking of all.
+    strongest: int = 40
+    #: Blocks that a record is cut into where its correlation is not known yet.
+    coarse_blocks: int = 40
+    #: Level of the test that tells two alternatives apart.
+    apart_level: float = 0.05
+    #: Alternatives that are named; more hide what is said.
+    named: int = 3
+    #: Strongest terms whose part is taken out of the residuals before their correlation is judged.
+    explaining: int = 3
+    #: Energy over that of the strongest channel from which a channel of the axis that a term acts on is
+    #: preferred.
+    fair_share: float = 0.2
 
-_STRONGEST = 40
-"""Terms that are tested in full after a first ranking of all."""
 
-_COARSE = 40
-"""Blocks that a record is cut into where its correlation is not known yet."""
+SETTINGS = MissingTermSettings()
+
 
 _OF_ONE = re.compile(r".+\.(gain|lever_[KMN])")
 
@@ -198,23 +212,25 @@ def strongest(
     if joint.method == "output":
         # A part of the segments tells which are to be looked at on all of them.
         each = joint.data.samples * len(joint.channels) * (len(joint.unknowns) + len(tried))
-        joint, places = joint.thinned(max(round(len(joint.data.segments) * _TO_CHOOSE / each), _FEWEST))
+        joint, places = joint.thinned(
+            max(round(len(joint.data.segments) * SETTINGS.to_choose / each), SETTINGS.fewest_segments)
+        )
         initial = None if initial is None else initial[places]
         fits = _fits(joint)
     gains = np.zeros(len(tried))
     for first in range(0, len(tried), fits):
         part = tried[first : first + fits]
         lin = linearise(joint, values, initial=initial, noise=noise, extra=members(part))
-        block = block_numbers(lin, joint.data.samples * lin.dt / _COARSE)
+        block = block_numbers(lin, joint.data.samples * lin.dt / SETTINGS.coarse_blocks)
         tests = score_tests(lin, columns_of(lin, part), fitted=fitted_places(lin, part), block=block)
         gains[first : first + len(part)] = tests.results().gain
-    return tuple(tried[place] for place in np.argsort(-gains, kind="stable")[:_STRONGEST])
+    return tuple(tried[place] for place in np.argsort(-gains, kind="stable")[: SETTINGS.strongest])
 
 
 def _fits(joint: Joint) -> int:
     """Coefficients whose derivatives are held at once beside those of the unknowns."""
     rows = joint.data.samples * len(joint.channels)
-    return max(round(_AT_ONCE / rows) - len(joint.unknowns), _STRONGEST // 2)
+    return max(round(SETTINGS.at_once / rows) - len(joint.unknowns), SETTINGS.strongest // 2)
 
 
 def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) -> str:
@@ -249,19 +265,6 @@ def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) ->
     if len(what) == 1:
         return what
     return f"|{what[0]}| {what[0]}" if what[0] == what[1] else f"{what[0]} {what[1]}"
-
-
-_APART = 0.05
-"""Level of the test that tells two alternatives apart."""
-
-_NAMED = 3
-"""Alternatives that a sentence names; more hide what it says."""
-
-_EXPLAINING = 3
-"""Strongest terms whose part is taken out of the residuals before their correlation is judged."""
-
-_FAIR_PART = 0.2
-"""A channel of the axis that a term acts on is preferred to one with up to five times its energy."""
 
 
 @dataclass(frozen=True)
@@ -400,7 +403,7 @@ def missing_terms(
         if not len(significant):
             break
         best = int(significant[np.argmax(results.gain[significant])])
-        rivals = np.flatnonzero(possible & open_ & (results.p < _APART))
+        rivals = np.flatnonzero(possible & open_ & (results.p < SETTINGS.apart_level))
         group = sorted([best, *_alternatives(tests, best, rivals)], key=lambda rival: -results.gain[rival])
         leader = group[0]
         channel = _channel(
@@ -439,13 +442,13 @@ def independent_blocks(
     the residual remember is no noise.
     """
     duration = sum(len(piece.t) for piece in lin.pieces) * lin.dt
-    number = block_numbers(lin, max(duration / _COARSE, lin.dt))
+    number = block_numbers(lin, max(duration / SETTINGS.coarse_blocks, lin.dt))
     left = lin
     if tried:
         columns, fitted = columns_of(lin, tried), fitted_places(lin, tried)
         tests = score_tests(lin, columns, fitted=fitted, block=number)
         best: list[int] = []
-        for _ in range(_EXPLAINING):
+        for _ in range(SETTINGS.explaining):
             best.append(int(np.argmax(np.where(tests.testable, tests.results().gain, 0.0))))
             tests = tests.beside(best[-1])
         explaining = _explaining(lin, columns, fitted=fitted, places=best)
@@ -473,7 +476,8 @@ def _alternatives(tests: ScoreTests, leader: int, rivals: NDArray[np.intp]) -> l
     return [
         rival
         for rival, pair in pairs
-        if pair.beside(0).results().p[1] >= _APART and pair.beside(1).results().p[0] >= _APART
+        if pair.beside(0).results().p[1] >= SETTINGS.apart_level
+        and pair.beside(1).results().p[0] >= SETTINGS.apart_level
     ]
 
 
@@ -503,16 +507,16 @@ def _channel(
     energy = np.where(velocity, energy, 0.0) if velocity.any() else energy
     for axis in axes_of(name):
         if (own := VELOCITIES[AXES.index(axis)]) in lin.channels:
-            energy[lin.channels.index(own)] /= _FAIR_PART
+            energy[lin.channels.index(own)] /= SETTINGS.fair_share
     return lin.channels[int(np.argmax(energy))]
 
 
 def worded(suggestion: Suggestion) -> Suggestion:
     """The suggestion with the sentence that its numbers make."""
     names = (suggestion.name, *suggestion.alternatives)
-    choice = " or ".join(names[:_NAMED])
-    if len(names) > _NAMED:
-        choice += f" (or one of {len(names) - _NAMED} more that look alike)"
+    choice = " or ".join(names[: SETTINGS.named])
+    if len(names) > SETTINGS.named:
+        choice += f" (or one of {len(names) - SETTINGS.named} more that look alike)"
     unit = "" if suggestion.unit == "1" else f" {suggestion.unit}"
     chance = "p < 1e-6" if suggestion.p < 1e-6 else f"p = {suggestion.p:.1g}"
     if suggestion.faster:

@@ -33,8 +33,20 @@ from seatrial.problem.settings import Coefficient, JointSettings, Nuisance, Tie
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import score_tests
 
-_SIGMAS = 4.0
-"""Room for a freed term on either side of its suggested value, in its standard deviations."""
+
+@dataclass(frozen=True)
+class RefittingSettings:
+    """How a suggested term is refitted."""
+
+    #: Room for a freed term on either side of its suggested value, in its standard deviations.
+    room_sd: float = 4.0
+    #: Further terms that are looked for beside the freed one.
+    beside: int = 4
+    #: Rounds of a refit at most: it starts where all but one coefficient are at their best.
+    rounds: int = 5
+
+
+SETTINGS = RefittingSettings()
 
 
 def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]]) -> tuple[float, float]:
@@ -46,7 +58,7 @@ def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any
     to two digits.
     """
     present, value = suggestion.present, suggestion.value
-    room = max(_SIGMAS * suggestion.sigma, abs(value - present))
+    room = max(SETTINGS.room_sd * suggestion.sigma, abs(value - present))
     lower, upper = _outwards(min(present, value) - room, -1), _outwards(max(present, value) + room, 1)
     facts = info.get(suggestion.name, {})
     least, most = facts.get("lower"), facts.get("upper")
@@ -112,13 +124,6 @@ def _outwards(number: float, direction: int) -> float:
     unit = 10.0 ** (math.floor(math.log10(abs(number))) - 1)
     rounded = (math.ceil if direction > 0 else math.floor)(number / unit - direction * 1e-9) * unit
     return float(f"{rounded:.6g}")
-
-
-_BESIDE = 4
-"""Further terms that are looked for beside the freed one."""
-
-_ROUNDS = 5
-"""Rounds of a refit at most: it starts where all but one coefficient are at their best."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +200,9 @@ def refitted(
     lin = _linearised(here, left)
     block, _ = independent_blocks(lin, left)
     info = joint.vehicle.coefficient_info()
-    beside = missing_terms(lin, left, block=block, info=info, tested=tested, level=level, most=_BESIDE)
+    beside = missing_terms(
+        lin, left, block=block, info=info, tested=tested, level=level, most=SETTINGS.beside
+    )
     return Refitted((_exact(lin, left, chosen, gain=gain), *beside), lin, left)
 
 
@@ -206,7 +213,7 @@ def _fit(joint: Joint, section: JointSettings, start: Mapping[str, float]) -> _F
     other = problem.with_joint(section)
     grown = Joint(other, joint.vehicle, threads=joint.threads, hidden=joint.hidden)
     values = np.array([start[unknown.name] for unknown in grown.unknowns])
-    polished = polish(grown, start=values, rounds=_ROUNDS)
+    polished = polish(grown, start=values, rounds=SETTINGS.rounds)
     if polished.interrupted:
         raise KeyboardInterrupt
     return _Fit(grown, polished)

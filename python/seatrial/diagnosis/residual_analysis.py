@@ -48,11 +48,19 @@ from seatrial.statistics.score_test import ScoreTests, score_tests
 if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint
 
-_EXCESS = 1.5
-"""Residuals are warned of from half as large again as the noise."""
 
-_UNLIKELY = 0.01
-"""Level of the test of correlation, for several channels at once."""
+@dataclass(frozen=True)
+class ResidualSettings:
+    """When residuals are more than noise."""
+
+    #: Residuals over the noise from which they are warned of.
+    excess: float = 1.5
+    #: Level of the test of correlation, for several channels at once.
+    unlikely_level: float = 0.01
+
+
+SETTINGS = ResidualSettings()
+
 
 _INTERVALS = (
     "intervals hold for the best model in the class; only the hold-out score shows whether a change is an"
@@ -323,7 +331,7 @@ def _warning(
     coloured = [
         correlation
         for correlation in correlations
-        if correlation.excess > _EXCESS and correlation.p < _UNLIKELY
+        if correlation.excess > SETTINGS.excess and correlation.p < SETTINGS.unlikely_level
     ]
     if not (coloured or suggestions or signals):
         return None

@@ -32,8 +32,29 @@ from seatrial.statistics.score_test import ScoreTests, SingleTests, false_discov
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-LAGS_S = (0.0, 2.0, 10.0, math.inf)
-"""Lags tried, s: 0 is the signal itself, infinity its integral."""
+
+@dataclass(frozen=True)
+class SignalSettings:
+    """Which lags are tested, and how long independent blocks are."""
+
+    #: Lags through which signals are tried, s: 0 is the signal itself, infinity its integral.
+    lags_s: tuple[float, ...] = (0.0, 2.0, 10.0, math.inf)
+    #: Longest lag of an autocorrelation, s.
+    longest_s: float = 10.0
+    #: Lags whose correlations are tested together.
+    lags_tested: int = 20
+    #: Correlation times of a block: four are almost independent, exp(-4) is 2 %.
+    block: float = 4.0
+    #: Shortest block, s, however white the residuals are.
+    shortest_s: float = 2.0
+    #: Blocks at least: 24 tell a standard deviation to 15 %.
+    fewest_blocks: int = 24
+    #: Blocks at most: 240 tell a standard deviation to 5 %.
+    most_blocks: int = 240
+
+
+SETTINGS = SignalSettings()
+
 
 _LEVERS = {
     ("u", "q"): "z",
@@ -164,7 +185,7 @@ def followed_signals(
         Signals per channel at most.
     """
     tests: dict[str, SingleTests | ScoreTests] = {}
-    labels = [(name, lag) for lag in LAGS_S for name in signals]
+    labels = [(name, lag) for lag in SETTINGS.lags_s for name in signals]
     columns: dict[str, list[Array]] = {}
     for channel in (channel for channel in lin.channels if channel in VELOCITIES):
         place = lin.channels.index(channel)
@@ -225,12 +246,12 @@ def _counted_alike(lin: Linearisation, first: int, other: int) -> bool:
 
 
 def _columns(lin: Linearisation, signals: Mapping[str, Sequence[Array]], place: int) -> list[Array]:
-    """What a channel would show (n, 1, k) of the signals behind each of `LAGS_S`, per segment."""
+    """What a channel would show (n, 1, k) of the signals behind each of the lags, per segment."""
     columns = []
     for index, piece in enumerate(lin.pieces):
         counted = piece.counted[:, place]
         values = np.stack([np.asarray(of[index], dtype=float) for of in signals.values()], axis=1)
-        shown = [_lagged(values, lag, lin.dt, counted) if lag > 0.0 else values for lag in LAGS_S]
+        shown = [_lagged(values, lag, lin.dt, counted) if lag > 0.0 else values for lag in SETTINGS.lags_s]
         columns.append(np.where(counted[:, None], np.concatenate(shown, axis=1), 0.0)[:, None, :])
     return columns
 
@@ -314,25 +335,6 @@ def _force_advice(channel: str, signal: str, estimated: Collection[str], known: 
     )
 
 
-LONGEST_S = 10.0
-"""Longest lag of an autocorrelation, s."""
-
-_LAGS_TESTED = 20
-"""Lags whose correlations are tested together."""
-
-_BLOCK = 4.0
-"""Blocks of four correlation times are almost independent: exp(-4) is 2 %."""
-
-_SHORTEST_S = 2.0
-"""A block is no shorter, however white the residuals are."""
-
-_FEWEST = 24
-"""Blocks at least: 24 tell a standard deviation to 15 %."""
-
-_MOST = 240
-"""Blocks at most: 240 tell a standard deviation to 5 %."""
-
-
 @dataclass(frozen=True)
 class Autocorrelation(Plain, without="effective", also="effective_samples=effective excess"):
     """Autocorrelation of one channel's residual, pooled over the trials.
@@ -378,7 +380,10 @@ class Autocorrelation(Plain, without="effective", also="effective_samples=effect
 
 
 def autocorrelations(
-    lin: Linearisation, *, longest_s: float = LONGEST_S, sensor_noise: Mapping[str, float] | None = None
+    lin: Linearisation,
+    *,
+    longest_s: float = SETTINGS.longest_s,
+    sensor_noise: Mapping[str, float] | None = None,
 ) -> tuple[Autocorrelation, ...]:
     """Autocorrelation of the residual of every channel that has samples.
 
@@ -414,8 +419,8 @@ def block_length(correlations: tuple[Autocorrelation, ...], duration_s: float) -
     5.0
     """
     memory = max((correlation.correlation_s for correlation in correlations), default=0.0)
-    shortest = max(_SHORTEST_S, duration_s / _MOST)
-    return float(max(shortest, min(_BLOCK * memory, duration_s / _FEWEST)))
+    shortest = max(SETTINGS.shortest_s, duration_s / SETTINGS.most_blocks)
+    return float(max(shortest, min(SETTINGS.block * memory, duration_s / SETTINGS.fewest_blocks)))
 
 
 def block_numbers(lin: Linearisation, length_s: float) -> list[NDArray[np.intp]]:
@@ -462,7 +467,7 @@ def _channel(
     memory = rho[: inside[0]] if len(inside) else rho
     correlation_s = lin.dt * (1.0 + 2.0 * float(memory.sum()))
     # Ljung and Box: the squares of the first correlations together.
-    lags = np.arange(1, min(_LAGS_TESTED, len(rho), samples - 1) + 1)
+    lags = np.arange(1, min(SETTINGS.lags_tested, len(rho), samples - 1) + 1)
     statistic = samples * (samples + 2) * float((rho[: len(lags)] ** 2 / (samples - lags)).sum())
     rms = float(lin.noise[column] * np.sqrt(power / samples))
     white = float(lin.noise[column] * np.sqrt(curvature / triples / 6.0)) if triples else rms

@@ -27,16 +27,31 @@ from seatrial.base.work import Watch
 from seatrial.estimation.search import Ledger, Objective, Optimum
 from seatrial.estimation.segment_model import SegmentModel, StageData
 
-DESCENT_ROUNDS = 15
-"""Budget of steps; three to six are usual."""
+
+@dataclass(frozen=True)
+class DescentSettings:
+    """How a descent of a stage steps, and what it takes for noise."""
+
+    #: Steps of a descent at most; three to six are usual.
+    rounds: int = 15
+    #: Reweightings of a step at most; the step has settled to 1e-5 before.
+    sweeps: int = 8
+    #: Share of the mean error below which an absolute error counts as its square: reweighting divides by it.
+    square_below: float = 0.1
+    #: Reweightings of a correction of initial velocities.
+    start_sweeps: int = 5
+    #: Share of the mean residual below which it counts as its square in such a correction.
+    start_square_below: float = 0.1
+    #: Least noise of a velocity, a share of the largest speed: a sensor that repeats its samples looks better
+    #: than it is.
+    least_noise: float = 0.03
+
+
+SETTINGS = DescentSettings()
+
 
 _LENGTHS = np.array([1.0, 0.7, 0.5, 0.3, 0.15, 0.05, 0.01, 1.3])
 """Lengths of a step that are tried in one batch of eight lanes; one is beyond the full step."""
-
-_SWEEPS = 8
-"""Reweightings within a step."""
-
-_FLOOR = 0.1  # of the mean error: below it an absolute error is taken as a square, as reweighting must
 
 
 @dataclass(frozen=True)
@@ -69,7 +84,7 @@ def descend(
     *,
     lower: ArrayLike,
     upper: ArrayLike,
-    rounds: int = DESCENT_ROUNDS,
+    rounds: int = SETTINGS.rounds,
     tolerance: float = 1e-4,
     watch: Watch | None = None,
 ) -> Optimum:
@@ -127,10 +142,10 @@ def _step(slopes: Slopes, jacobian: Array, lower: Array, upper: Array) -> Array:
     """Step (m,) between the bounds that minimises the linearised criterion."""
     from scipy.optimize import lsq_linear
 
-    floor = _FLOOR * float(slopes.share @ np.abs(slopes.residual)) / float(slopes.share.sum())
+    floor = SETTINGS.square_below * float(slopes.share @ np.abs(slopes.residual)) / float(slopes.share.sum())
     knee = max(slopes.knee, floor, np.finfo(float).tiny)
     step: Array = np.zeros(jacobian.shape[1])
-    for _ in range(_SWEEPS):
+    for _ in range(SETTINGS.sweeps):
         if np.isinf(knee):
             weight = slopes.share
         else:
@@ -214,15 +229,6 @@ class Criterion:
         return self.model.losses(candidates, weight=self._weight, loss=stage.loss, knee=stage.knee)
 
 
-_REWEIGHTINGS = 5
-"""Reweightings of the absolute residuals."""
-
-_RESIDUAL_FLOOR = 0.1
-"""Part of the mean residual below which residuals are taken as squares."""
-
-_LEAST_NOISE = 0.03  # of the largest speed: a sensor that repeats its samples looks better than it is
-
-
 def with_initial_velocities(criterion: Criterion, candidate: Array, prior: Array) -> Criterion:
     """The criterion with segments at better initial velocities; a segment that gains nothing stays.
 
@@ -260,7 +266,7 @@ def velocity_noise(data: StageData) -> Array:
             count = known.sum(axis=0)
             squares = (np.where(known, difference, 0.0) ** 2).sum(axis=0)
         widths.append(np.where(count > 0, np.sqrt(squares / np.maximum(count, 1)), 0.1 * largest))
-    return np.asarray(np.maximum(np.mean(widths, axis=0), _LEAST_NOISE * largest))
+    return np.asarray(np.maximum(np.mean(widths, axis=0), SETTINGS.least_noise * largest))
 
 
 def _spread(residuals: list[Array]) -> tuple[Array, Array]:
@@ -288,8 +294,8 @@ def _correction(residual: Array, jacobian: Array, mean: Array, thinning: Array, 
         return delta
     known = np.where(mean > 0, mean, 1.0)
     weight = np.tile(np.where(mean > 0, thinning / known, 0.0), len(residual))
-    floor = np.tile(_RESIDUAL_FLOOR * known, len(residual))
-    for _ in range(_REWEIGHTINGS):
+    floor = np.tile(SETTINGS.start_square_below * known, len(residual))
+    for _ in range(SETTINGS.start_sweeps):
         robust = weight / np.maximum(np.abs(flat + jacobian @ delta), floor)
         normal = jacobian.T @ (robust[:, None] * jacobian) + np.eye(len(delta))
         delta = np.asarray(-np.linalg.solve(normal, jacobian.T @ (robust * flat) + away), dtype=float)

@@ -29,32 +29,34 @@ from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 INITIALS: tuple[str, ...] = tuple(initial_names())
 """Initial conditions of a segment in the core's order."""
 
-_TRIALS = 6
-"""Flights of a round at most."""
 
-_LITTLE = 0.02
-"""A step that gains less than this part of what its round has gained is the round's last: the derivatives of
-the next one tell more."""
+@dataclass(frozen=True)
+class GaussNewtonSettings:
+    """How far a round of Gauss and Newton goes with the derivatives that it has."""
 
-_NOISE_FLOOR = 1e-3
-"""Least noise, a part of the scale of the channel: a record without noise must not weigh infinitely."""
+    #: Flights of a round at most.
+    trials: int = 6
+    #: Share of a round's gain below which a step is its last: the derivatives of the next round tell more.
+    little_share: float = 0.02
+    #: Least noise of a channel, a share of its scale: a record without noise must not weigh infinitely.
+    noise_floor: float = 1e-3
+    #: Promise of a step, in twice the log-likelihood, up to which the derivatives are held for the next one:
+    #: five to six standard deviations in all unknowns together. The residuals are always those of the step.
+    held_promise: float = 30.0
+    #: Promise, in the same units, up to which derivatives take half the step of the global search: an error
+    #: of some thousandths in them is nothing beside the way that is left, and 0.06 standard deviations of a
+    #: coefficient of the fastest motion at its end.
+    fine_promise: float = 1e3
+    #: Error, in standard deviations of the channel, from which a simulation counts as diverged.
+    diverged_sd: float = 1e3
 
-_NEAR = 30.0
-"""Promise of a step, in twice the log-likelihood, up to which the derivatives are held for the next one: five
-to six standard deviations in all unknowns together. The residuals are always those of the step."""
 
-_FAR = 1e3
-"""Promise, in the same units, up to which derivatives take half the step of the global search, and not all of
-it: an error of some thousandths in them is nothing beside the way that is left, and 0.06 standard deviations
-of a coefficient of the fastest motion at its end."""
-
-_DIVERGED = 1e3
-"""Error, in standard deviations of the channel, from which a simulation counts as diverged."""
+SETTINGS = GaussNewtonSettings()
 
 
 def ran_away(joint: Joint, error: Array) -> bool:
     """Whether the simulation of a segment, with residuals (n, C), tells nothing of its coefficients."""
-    return not np.all(np.abs(error) < _DIVERGED * joint.data.scale[joint.used])
+    return not np.all(np.abs(error) < SETTINGS.diverged_sd * joint.data.scale[joint.used])
 
 
 _Slopes = list[tuple[Array, Array, NDArray[np.intp]]]
@@ -72,7 +74,7 @@ def _at_its_end(twice: Sequence[float], renewed: bool) -> bool:
     if len(twice) < 3:
         return len(twice) == 2 and not renewed and twice[1] >= twice[0]
     gained, last = twice[0] - min(twice[:-1]), min(twice[:-1]) - twice[-1]
-    return gained > 0.0 and last < _LITTLE * gained
+    return gained > 0.0 and last < SETTINGS.little_share * gained
 
 
 @dataclass(frozen=True)
@@ -187,7 +189,7 @@ class GaussNewton:
                 np.clip(z, lower, upper),
                 jac=lambda _: held,
                 bounds=(lower, upper),
-                max_nfev=_TRIALS,
+                max_nfev=SETTINGS.trials,
                 ftol=1e-10,
                 xtol=1e-10,
                 gtol=1e-12,
@@ -195,9 +197,9 @@ class GaussNewton:
         new, begun = moved(min(tried, key=lambda trial: trial[0])[1])
         step = (new - at)[free]
         promised = float(step @ information[np.ix_(free, free)] @ step)
-        if promised > _NEAR and not self.near:
+        if promised > SETTINGS.held_promise and not self.near:
             self.held = None
-        if promised <= _FAR:
+        if promised <= SETTINGS.fine_promise:
             self.judge()
         return new, begun, promised
 
@@ -212,7 +214,7 @@ class GaussNewton:
         residuals = next((kept for known, kept in self._recent if known == key), None)
         if residuals is None:
             residuals = self.joint.residuals(values, initial)
-            self._recent = [(key, residuals), *self._recent[:_TRIALS]]
+            self._recent = [(key, residuals), *self._recent[: SETTINGS.trials]]
         return residuals
 
     def differentiated(self, values: Array, initial: Array) -> tuple[list[_Local], Array, Array]:
@@ -345,7 +347,7 @@ class GaussNewton:
                 noise = math.sqrt(float(np.mean(sizes**2)))
             else:
                 noise = 1.4826 * float(np.median(sizes))
-            floor = _NOISE_FLOOR * data.scale[channel]
+            floor = SETTINGS.noise_floor * data.scale[channel]
             self.noise[column] = max(noise, floor) / math.sqrt(data.weights[channel])
 
     def linearisation(self, values: Array, initial: Array, extra: Sequence[str]) -> Linearisation:

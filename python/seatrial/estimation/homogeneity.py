@@ -34,7 +34,16 @@ _CURVE = (
     *(f"{name}_{side}" for name in ("a0", "a1", "a11") for side in ("ahead", "astern")),
 )
 
-_LEVER = 1e-9  # kg m, N m: a product smaller than this is zero
+
+@dataclass(frozen=True)
+class HomogeneitySettings:
+    """Thresholds of homogeneity."""
+
+    lever: float = 1e-9  #: kg m, N m: a product smaller than this is zero
+
+
+SETTINGS = HomogeneitySettings()
+
 
 WRENCH, THRUST, LIFT, MASS, NET = "wrench", "thrust", "fin lift", "mass and inertia", "net weight"
 
@@ -202,7 +211,7 @@ def _thrust(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
     held = []
     for k, name in enumerate(vehicle.actuators):
         curve = {f"{name}.{key}" for key in _CURVE if values.get(f"{name}.{key}")}
-        if f"{name}.gain" in free or (curve & free) or not np.any(np.abs(matrix[acting, k]) > _LEVER):
+        if f"{name}.gain" in free or (curve & free) or not np.any(np.abs(matrix[acting, k]) > SETTINGS.lever):
             continue
         held.append(name)
     for group, members in actuator_groups(vehicle).items():
@@ -220,7 +229,7 @@ def _masses(free: set[str], rows: str) -> Iterator[str]:
 def _net_weight(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
     values = vehicle.coefficients()
     net = values["m"] * vehicle.environment()["g"] - values.get("B", 0.0)
-    if "Z" in rows and abs(net) > _LEVER and not {"m", "B"} & free:
+    if "Z" in rows and abs(net) > SETTINGS.lever and not {"m", "B"} & free:
         yield "m g - B"
 
 
@@ -231,7 +240,7 @@ def _righting(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
     for axis, turned in (("x", "MN"), ("y", "KN"), ("z", "KM")):
         centres = {f"{axis}_g", f"{axis}_b"}
         moment = weight * values.get(f"{axis}_g", 0.0) - buoyancy * values.get(f"{axis}_b", 0.0)
-        if set(turned) & set(rows) and abs(moment) > _LEVER and not ({"m", "B"} | centres) & free:
+        if set(turned) & set(rows) and abs(moment) > SETTINGS.lever and not ({"m", "B"} | centres) & free:
             yield f"{axis}_g m g - {axis}_b B"
 
 
@@ -258,5 +267,5 @@ def _static(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
     """Products of mass and centre of gravity, which couple translation and rotation."""
     values = vehicle.coefficients()
     for axis in "xyz":
-        if abs(values.get(f"{axis}_g", 0.0)) > _LEVER and not {"m", f"{axis}_g"} & free and rows:
+        if abs(values.get(f"{axis}_g", 0.0)) > SETTINGS.lever and not {"m", f"{axis}_g"} & free and rows:
             yield f"m {axis}_g"

@@ -36,44 +36,56 @@ from seatrial.estimation import kalman
 from seatrial.estimation.instruments import Answers, answers, driven, drivers, instrumented, lag_s
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.method import NoiseModel
-from seatrial.estimation.one_step import BLOCK_S, Errors, OneStep, Path, PredictionErrorCriterion, Span
+from seatrial.estimation.one_step import (
+    ONE_STEP_SETTINGS,
+    Errors,
+    OneStep,
+    Path,
+    PredictionErrorCriterion,
+    Span,
+)
 from seatrial.scoring.baselines import predicted_from_past
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.trial.trial import Trial
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
-_FIRST, _EACH = (10, 10, 30), 8
-"""Evaluations of the likelihood of the noises before the first round, and in each; the motion follows."""
 
-_AGAIN = (8, 8)
-"""Those before the first round where another estimate of the same data left its noises."""
+@dataclass(frozen=True)
+class InnovationSettings:
+    """How a filter finds its noises, and when it has left the log."""
 
-_SHAPE = 8
-"""Evaluations of the likelihood for each frequency and breadth of the waves that is tried."""
+    #: Evaluations of the likelihood of the noises before the first round, in turn; the motion follows each.
+    first_evaluations: tuple[int, int, int] = (10, 10, 30)
+    #: Evaluations of it in each round.
+    round_evaluations: int = 8
+    #: Evaluations before the first round where another estimate of the same data left its noises.
+    known_evaluations: tuple[int, int] = (8, 8)
+    #: Evaluations for each frequency and breadth of the waves that is tried.
+    wave_evaluations: int = 8
+    #: Largest step, in standard deviations of the unknowns, that ends the rounds.
+    close_sd: float = 0.5
+    #: Time that the filter needs from the start of a span until its errors count, s.
+    settling_s: float = 10.0
+    #: Process noise over its own while the motion of given values is found anew, from the log in still water:
+    #: derivatives about the log are far from those about the motion where a current is strong, and a filter
+    #: that trusts them may leave it.
+    settling_factors: tuple[float, ...] = (1e4, 1e2, 1.0, 1.0)
+    #: Least deviation of a process noise then, a share of what one step of the model misses along the motion
+    #: so far.
+    missed_share: float = 0.3
+    #: Error of half of a channel's predictions, over the spread of what was measured, from which the filter
+    #: has left the log: its likelihood has no slope that leads back.
+    diverged_spread: float = 1e3
+    #: Least spread of a channel that hardly moves, m/s, rad/s, rad or m.
+    least_spread: float = 0.01
 
-_CLOSE = 0.5  # standard deviations of the largest step that ends the rounds
 
-_SETTLING_S = 10.0
-"""What the filter needs from the start of a span until its errors count."""
+SETTINGS = InnovationSettings()
+
 
 _SUMS = ("mean", "filter", "hold last", "linear")
 
 _RATES = {"roll": "p", "pitch": "q", "yaw": "r"}
-
-_SETTLING, _MISSED = (1e4, 1e2, 1.0, 1.0), 0.3
-"""Where values are judged the motion is found anew, from the log in still water: process noise over its own.
-
-Derivatives about the log are far from those about the motion where a current is strong, and a filter that
-trusts them may leave it. The deviation of a process noise is therefore at least this share of what one step
-of the model misses along the motion so far.
-"""
-
-
-_DIVERGED = 1e3
-"""Error of half of a channel's predictions, over the spread of what was measured, from which the filter has
-left the log: its likelihood has no slope that leads back, and no round of it improves."""
-
-_LEAST_SPREAD = 0.01  # m/s, rad/s, rad or m: of a channel that hardly moves
 
 
 @dataclass(frozen=True)
@@ -127,7 +139,7 @@ class Innovations:
         self._likeliest: _Begun | None = None
         self.seen = [self.steps.states.index(name) for name in self.steps.channels]
         self.criterion = PredictionErrorCriterion(joint)
-        self.spread = np.maximum(_spread(joint.data.trials), _LEAST_SPREAD)
+        self.spread = np.maximum(_spread(joint.data.trials), SETTINGS.least_spread)
 
     def likelier(self, starts: Sequence[Array]) -> Array:
         """The start (m,) with which the log is most likely, each with noises of its own, which are kept.
@@ -139,7 +151,7 @@ class Innovations:
             self.joint.noise_model = None
             self.steps.follow_log()
             try:
-                spans, _ = self._improved(start, self._begun(start), _FIRST)
+                spans, _ = self._improved(start, self._begun(start), SETTINGS.first_evaluations)
             except NumericalError:
                 if number == len(starts) and not outcomes:
                     raise
@@ -180,11 +192,11 @@ class Innovations:
                 taken = self.criterion.step(errors, noise, at, self.joint.centres(start), fixed)
                 moved = np.clip(at + taken.step, self.criterion.lower, self.criterion.upper)
                 size = np.sqrt(np.diag(np.linalg.pinv(taken.information)))
-                converged = bool(np.all(np.abs(moved - at) < _CLOSE * size)) and count > 0
+                converged = bool(np.all(np.abs(moved - at) < SETTINGS.close_sd * size)) and count > 0
                 at, count = moved, count + 1
                 spans = self._begun(at)
                 # The derivatives of the next round follow the motion that this one finds.
-                self._follow(spans, _EACH)
+                self._follow(spans, SETTINGS.round_evaluations)
                 if converged and not settled:
                     # The waves are told apart from the errors of a right vehicle only.
                     waves, settled = self._waves(), True
@@ -218,16 +230,16 @@ class Innovations:
         Raises
         ------
         NumericalError
-            It does not: half of the errors of a channel are `_DIVERGED` times its spread, or no numbers.
+            Half of the errors of a channel are `diverged_spread` times its spread, or no numbers.
         """
         noise = self.criterion.noise(errors)
         for column, channel in enumerate(self.steps.channels):
-            settled = round(_SETTLING_S / self.dt)
+            settled = round(SETTINGS.settling_s / self.dt)
             measured = sum(int(part.span.valid[1:, column][settled:].sum()) for part in errors)
             counted = sum(int(part.counted[:, column].sum()) for part in errors)
             most = self.spread[CHANNELS.index(channel)]
             lost = 2 * counted < measured and counted < measured - settled * len(errors)
-            if lost or (counted and not noise[column] < _DIVERGED * most):
+            if lost or (counted and not noise[column] < SETTINGS.diverged_spread * most):
                 raise NumericalError(
                     f"the filter diverges: half of its predictions miss {channel} by {noise[column]:.2g} or"
                     f" more, and the log's {channel} varies by {most:.2g}"
@@ -283,7 +295,7 @@ class Innovations:
         Without its constant. The motion that the derivatives are taken at is found anew, for the values (m,)
         of the unknowns.
         """
-        length = max(round(BLOCK_S / self.dt), 1)
+        length = max(round(ONE_STEP_SETTINGS.block_s / self.dt), 1)
         return np.array([
             part[k : k + length].sum()
             for part in self._filters(self.settled(values)).likelihoods(self._noises)
@@ -292,7 +304,7 @@ class Innovations:
 
     def prepare(self, values: Array) -> None:
         """Find the noise model that goes with the values (m,) of the unknowns; waves that are known stay."""
-        self._first(values, _FIRST)
+        self._first(values, SETTINGS.first_evaluations)
 
     def sums(self, values: Array, ahead_s: float) -> dict[str, dict[str, float]]:
         """Sums of squares by channel: of the motion about its mean ("mean") and of errors so far ahead.
@@ -374,7 +386,7 @@ class Innovations:
         assert self.joint.noise_model is not None
         return self.joint.noise_model
 
-    def _first(self, values: Array, again: Sequence[int] = _AGAIN) -> list[Span]:
+    def _first(self, values: Array, again: Sequence[int] = SETTINGS.known_evaluations) -> list[Span]:
         """The spans at a start, with a noise model that goes with it; waves that nobody told are sought.
 
         ``again`` are the evaluations where another estimate left its noises.
@@ -390,7 +402,7 @@ class Innovations:
         if begun is not None and np.array_equal(begun.start, values):
             spans = begun.spans
         else:
-            spans, _ = self._improved(values, self._begun(values), _FIRST)
+            spans, _ = self._improved(values, self._begun(values), SETTINGS.first_evaluations)
         self._told = True
         return self._shaped(spans, values)
 
@@ -408,13 +420,13 @@ class Innovations:
         Raises
         ------
         NumericalError
-            It misses half of the samples by `_DIVERGED` times the spread of what was measured.
+            It misses half of the samples by `diverged_spread` times the spread of what was measured.
         """
         missed = np.concatenate([np.abs(span.missed) for span in spans])
         finite = np.concatenate([np.isfinite(span.transition).all(axis=(1, 2)) for span in spans])
         for column, channel in enumerate(self.steps.states):
             most = self.spread[CHANNELS.index(channel)]
-            if np.mean(finite & (missed[:, column] < _DIVERGED * most)) < 0.5:
+            if np.mean(finite & (missed[:, column] < SETTINGS.diverged_spread * most)) < 0.5:
                 raise NumericalError(
                     f"the model diverges over one sample of {self.dt:g} s: it misses {channel} by"
                     f" {np.nanmedian(missed[:, column]):.2g}, and the log's {channel} varies by {most:.2g}"
@@ -444,7 +456,7 @@ class Innovations:
     def _shaped(self, spans: Sequence[Span], values: Array) -> list[Span]:
         """The spans at a point, the waves of the noise model as fast and as broad as the log says."""
         self.joint.noise_model = kalman.shaped(
-            spans, self._noises, self.dt, self.seen, _SHAPE, self.joint.threads
+            spans, self._noises, self.dt, self.seen, SETTINGS.wave_evaluations, self.joint.threads
         )
         self.steps.follow(self._filters(spans).motion(self._noises))
         return self.steps.linearised(values)
@@ -456,11 +468,11 @@ class Innovations:
             self.steps.path = known[2]
             return self.steps.linearised(values, extra)
         self.steps.follow_log()
-        for factor in _SETTLING:
+        for factor in SETTINGS.settling_factors:
             spans = self.steps.linearised(values)
             missed = np.concatenate([span.missed for span in spans]).std(axis=0)
             process = factor * own.process
-            process[: len(missed)] = np.maximum(process[: len(missed)], (_MISSED * missed) ** 2)
+            process[: len(missed)] = np.maximum(process[: len(missed)], (SETTINGS.missed_share * missed) ** 2)
             if not self.steps.follow(self._filters(spans).motion(replace(own, process=process))):
                 break  # a model that diverges over a step
         self.joint.settled[self.held_out] = own, values.copy(), self.steps.path
@@ -512,7 +524,7 @@ class Innovations:
         filters, parts = self._filters(spans), []
         for span, late in zip(spans, filters.predicted(self._noises, ahead), strict=True):
             counted = span.valid[ahead:] & np.isfinite(late).all(axis=2)
-            counted[: round(_SETTLING_S / self.dt)] = False
+            counted[: round(SETTINGS.settling_s / self.dt)] = False
             error = np.where(counted, span.measured[ahead:] - late[..., 0], 0.0)
             slope = np.where(counted[..., None], late[..., 1:], 0.0)
             parts.append(Errors(span, error, counted, slope, slope))

@@ -35,14 +35,24 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.problem.problem import Problem
 
-WEAK = 0.05
-"""Relative singular value below which a combination counts as not driven.
 
-Thrust tables and bollard curves are good to about five per cent: what is weaker is no input, it is the
-error of the others.
-"""
+@dataclass(frozen=True)
+class InputSettings:
+    """From where on trials drive a combination of actuators."""
 
-_SMALL = 0.1  # a part this small beside the largest is noise of the null space
+    #: Singular value over the largest below which a combination counts as not driven: thrust tables and
+    #: bollard curves are good to about five per cent, and what is weaker is the error of the others.
+    weak_singular: float = 0.05
+    #: Component of a combination, over its largest, below which it is noise of the null space.
+    small_component: float = 0.1
+    #: Share of the impulse below which a direction tells no gain of its own: a tenth of the data.
+    used_impulse: float = 0.1
+    #: Share of the largest row below which a row of the wrench is not driven; moments count per half hull
+    #: length.
+    driven_row: float = 0.02
+
+
+SETTINGS = InputSettings()
 
 
 @dataclass(frozen=True)
@@ -142,7 +152,7 @@ def dependence(signals: Array, names: Sequence[str], *, weak: float = 1e-3) -> D
     size = rms[moving]
     _, values, modes = np.linalg.svd(np.linalg.qr(signals[:, moving] / size, mode="r"))
     relative = values / values[0]
-    rows = _sparse(modes[relative < WEAK] / size)
+    rows = _sparse(modes[relative < SETTINGS.weak_singular] / size)
     combinations = []
     for row in rows:
         strength = np.linalg.norm(signals[:, moving] @ row) / np.linalg.norm(row * size)
@@ -165,9 +175,9 @@ def _sparse(rows: Array) -> Array:
             if other != i:
                 basis[other] -= basis[other, column] * basis[i]
     for row in basis:
-        first = int(np.flatnonzero(np.abs(row) > _SMALL * np.abs(row).max())[0])
+        first = int(np.flatnonzero(np.abs(row) > SETTINGS.small_component * np.abs(row).max())[0])
         row /= np.abs(row).max() * np.sign(row[first])
-        row[np.abs(row) < _SMALL] = 0.0
+        row[np.abs(row) < SETTINGS.small_component] = 0.0
     order = sorted(range(len(basis)), key=lambda i: np.flatnonzero(basis[i])[0])
     return np.asarray(basis[order])
 
@@ -201,10 +211,6 @@ def _proportion(factor: float) -> str:
 
 def _share(strength: float) -> str:
     return f"{100.0 * strength:.1g} %" if strength >= 5e-4 else "less than 0.05 %"
-
-
-_USED = 0.1
-"""A direction with less than this share of the impulse tells no gain of its own: a tenth of the data."""
 
 
 @dataclass(frozen=True)
@@ -245,11 +251,11 @@ def _group_keys(vehicle: Vehicle, group: str, drives: Iterable[Drive]) -> dict[s
         return {}
     ahead = float(np.mean([drive.ahead for drive in own]))
     quadratic = all(facts[name]["characteristic"] == "quadratic" for name in names)
-    if not (quadratic or _USED <= ahead <= 1.0 - _USED):
+    if not (quadratic or SETTINGS.used_impulse <= ahead <= 1.0 - SETTINGS.used_impulse):
         return {f"{group}.gain": 0.0}
     keys = ("p1_ahead", "p1_astern") if quadratic else ("gain", "astern_ratio")
     both = {f"{group}.{keys[0]}": (1.0, ahead), f"{group}.{keys[1]}": (-1.0, 1.0 - ahead)}
-    return {key: sign for key, (sign, share) in both.items() if share >= _USED}
+    return {key: sign for key, (sign, share) in both.items() if share >= SETTINGS.used_impulse}
 
 
 def per_group(
@@ -316,10 +322,6 @@ def offered(vehicle: Vehicle, drives: tuple[Drive, ...], independence: Dependenc
 def centred(signals: Array, weight: Array) -> Array:
     """Signals (n, k) about their weighted means, times the weights' roots: norms are standard deviations."""
     return np.asarray((signals - weight @ signals) * np.sqrt(weight)[:, None])
-
-
-_ROW_USED = 0.02
-"""Below this share of the largest a row of the wrench is not driven; moments count per half hull length."""
 
 
 @dataclass(frozen=True)
@@ -454,7 +456,7 @@ def judge_inputs(problem: Problem) -> InputJudgement:
     lever = np.array([1.0, 1.0, 1.0, *[max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)] * 3])
     wrench, weight = _joined([(part.sum(axis=1), dt) for part, dt, _ in parts])
     rows_rms = dict(zip(AXES, map(float, np.linalg.norm(centred(wrench, weight), axis=0)), strict=True))
-    rows = dependence(centred(wrench / lever, weight), AXES, weak=_ROW_USED)
+    rows = dependence(centred(wrench / lever, weight), AXES, weak=SETTINGS.driven_row)
     by_actuator = [(part, dt) for part, dt, logged in parts if not logged]
     if not by_actuator or not vehicle.actuators:
         return InputJudgement((), Dependence((), (), (), ()), rows_rms, rows, (), (), ())

@@ -27,23 +27,62 @@ from seatrial.base.channels import AXES
 from seatrial.estimation.one_step import Errors
 from seatrial.scoring.record import Record
 
-_LAGS = 4
-"""Samples back that instruments are made of."""
 
-_OF_A_WAVE, _LAG_S = 0.125, 0.7
-"""Time between the lags: that part of the waves' period, or so many seconds where there are none."""
+@dataclass(frozen=True)
+class InstrumentSettings:
+    """What of the past is an instrument, and when a command knows more than the log."""
+
+    #: Lags back that instruments are made of.
+    lags: int = 4
+    #: Time between the lags, a share of the waves' period.
+    wave_share: float = 0.125
+    #: Time between the lags where there are no waves, s.
+    lag_s: float = 0.7
+    #: Parts of the log, each of whose regressions comes from the others.
+    parts: int = 10
+    #: Eigenvalue, over the largest, below which a combination of what was known is none.
+    singular_share: float = 1e-9
+    #: Deviations beyond which a command's innovation is a jump of the set point and no answer to the state.
+    outlier_sd: float = 4.0
+    #: Samples back that a command is foretold from.
+    command_lags: tuple[int, ...] = (1, 2, 3, 5)
+    #: Share of the samples at which a command must change: an autopilot answers all the time.
+    moving_share: float = 0.2
+    #: Samples that a regression needs for each of its columns.
+    samples_per_column: float = 20.0
+    #: Ranges of lags, in samples, whose innovations of a command share a gain: wider, the further back.
+    command_bins: tuple[tuple[int, int], ...] = (
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (3, 4),
+        (4, 6),
+        (6, 8),
+        (8, 12),
+        (12, 16),
+        (16, 24),
+        (24, 32),
+    )
+    #: The same of the measurements, which reach further back.
+    measured_bins: tuple[tuple[int, int], ...] = (*command_bins, (32, 40), (40, 50), (50, 60))
+    #: Deviations of chi squared from which commands together, or one alone, know more than the log.
+    sure_sd: float = 10.0
+    #: Deviations from which each counts where all together are sure: an allocator spreads one loop over many
+    #: thrusters.
+    each_sd: float = 3.0
+    #: Share of the mean square that is added to it, for combinations that the data do not have.
+    ridge: float = 1e-9
+
+
+SETTINGS = InstrumentSettings()
+
 
 _WRENCH = tuple(f"tau {axis}" for axis in AXES)
-
-_PARTS = 10
-"""Parts of the log whose regressions come from the others."""
-
-_SINGULAR = 1e-9  # of the largest eigenvalue: a combination of what was known that is none
 
 
 def lag_s(wave_hz: float | None) -> float:
     """Time between the lags of what was known, s: that of an eighth of the waves' period."""
-    return _LAG_S if wave_hz is None else _OF_A_WAVE / wave_hz
+    return SETTINGS.lag_s if wave_hz is None else SETTINGS.wave_share / wave_hz
 
 
 def drivers(records: Sequence[Record]) -> list[str]:
@@ -98,9 +137,9 @@ def instrumented(
     slopes = np.vstack([late.slope.reshape(len(late.error), -1) for late in errors])
     counted = np.concatenate([late.counted.any(axis=1) for late in errors])
     part = np.zeros(len(instruments), dtype=np.intp)
-    part[counted] = np.arange(counted.sum()) * _PARTS // max(int(counted.sum()), 1)
+    part[counted] = np.arange(counted.sum()) * SETTINGS.parts // max(int(counted.sum()), 1)
     sums = []
-    for k in range(_PARTS):
+    for k in range(SETTINGS.parts):
         here = counted & (part == k)
         sums.append((instruments[here].T @ instruments[here], instruments[here].T @ slopes[here]))
     squares, products = (np.sum(both, axis=0) for both in zip(*sums, strict=True))
@@ -124,7 +163,7 @@ def _before(first: Errors, known: Array, length: int, lag: int) -> Array:
     moved = np.abs(first.slope).mean(axis=0) / np.maximum(np.abs(first.error).mean(axis=0), 1e-300)[:, None]
     most = np.take_along_axis(first.slope, moved.argmax(axis=0)[None, None], axis=1)[:length, 0]
     columns = [most]
-    for k in range(_LAGS):
+    for k in range(SETTINGS.lags):
         shifted = np.zeros((length, known.shape[1]))
         shifted[k * lag :] = known[: max(length - k * lag, 0)]
         columns.append(shifted)
@@ -134,32 +173,8 @@ def _before(first: Errors, known: Array, length: int, lag: int) -> Array:
 def _solved(squares: Array, products: Array) -> Array:
     """Least-squares coefficients without combinations that the data do not have."""
     values, vectors = np.linalg.eigh(squares)
-    kept = values > _SINGULAR * values[-1]
+    kept = values > SETTINGS.singular_share * values[-1]
     return np.asarray((vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ products))
-
-
-_OUTLIER = 4.0
-"""Deviations beyond which a command's innovation is a jump of the set point and no answer to the state."""
-
-_COMMAND_LAGS = (1, 2, 3, 5)  # samples: of what the past foretells a command from
-
-_MOVES = 0.2
-"""Share of the samples at which a command must change: an autopilot answers all the time."""
-
-_PER_COLUMN = 20.0  # samples that a regression needs for each of its columns
-
-_BINS = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 6), (6, 8), (8, 12), (12, 16), (16, 24), (24, 32))
-"""Lags in samples that share a gain: wider, the further back."""
-_LATE_BINS = (*_BINS, (32, 40), (40, 50), (50, 60))
-"""Samples before a prediction over which innovations of commands, and of measurements, are summed."""
-
-_SURE, _EACH = 10.0, 3.0
-"""Deviations of chi squared from which commands, together or one alone, are said to know more than the log.
-
-An allocator spreads one loop over many thrusters. Where all together are sure, each counts from `_EACH`.
-"""
-
-_RIDGE = 1e-9  # of a sum of squares: combinations that the data do not have
 
 
 @dataclass(frozen=True)
@@ -179,7 +194,9 @@ class Answers:
         """Errors one sample ahead, with instruments free of what commands and measurements last showed."""
         last = _clipped(_shown(errors))
         tables = [
-            np.hstack([_lagged(own, _BINS), _lagged(seen, _LATE_BINS)])[: len(late.error)]
+            np.hstack([_lagged(own, SETTINGS.command_bins), _lagged(seen, SETTINGS.measured_bins)])[
+                : len(late.error)
+            ]
             for late, own, seen in zip(errors, self.innovations, last, strict=True)
         ]
         table = np.vstack(tables)
@@ -189,7 +206,7 @@ class Answers:
         kept = np.zeros_like(slopes)
         for channel, valid in enumerate(counted.T):
             own = slopes[valid, channel]
-            if valid.sum() >= _PER_COLUMN * table.shape[1]:
+            if valid.sum() >= SETTINGS.samples_per_column * table.shape[1]:
                 own = own - _fitted(table[valid], own)
             kept[valid, channel] = own
         parts = np.split(kept, np.cumsum([len(late.error) for late in errors])[:-1])
@@ -219,7 +236,9 @@ def answers(
     ]).reshape(-1, 2).T  # fmt: skip
     sure = excess / np.sqrt(np.maximum(2.0 * free, 1.0))
     together = float(excess.sum() / np.sqrt(max(2.0 * free.sum(), 1.0)))
-    kept = np.flatnonzero(sure > (_EACH if together > _SURE else _SURE)).tolist()
+    kept = np.flatnonzero(
+        sure > (SETTINGS.each_sd if together > SETTINGS.sure_sd else SETTINGS.sure_sd)
+    ).tolist()
     return Answers(
         tuple(names[columns[g]] for g in kept),
         tuple(sure[kept].tolist()),
@@ -237,7 +256,7 @@ def _clipped(shown: Sequence[Array]) -> list[Array]:
     bounds = []
     for channel in np.vstack(shown).T:
         there = np.abs(channel[channel != 0.0])
-        bounds.append(_OUTLIER * 1.4826 * float(np.median(there)) if there.size else 0.0)
+        bounds.append(SETTINGS.outlier_sd * 1.4826 * float(np.median(there)) if there.size else 0.0)
     return [np.clip(series, np.negative(bounds), bounds) for series in shown]
 
 
@@ -246,7 +265,7 @@ def _distinct(driving: Sequence[Array]) -> list[int]:
     moves = np.vstack([np.diff(signals, axis=0) for signals in driving])
     kept: list[int] = []
     for column, own in enumerate(moves.T):
-        if np.mean(own != 0.0) >= _MOVES and all(
+        if np.mean(own != 0.0) >= SETTINGS.moving_share and all(
             abs(float(np.corrcoef(own, moves[:, other])[0, 1])) < 0.999 for other in kept
         ):
             kept.append(column)
@@ -261,7 +280,7 @@ def _unforeseen(driving: Sequence[Array], shown: Sequence[Array], velocities: Se
     rows, moves = [], []
     for u, seen, nu in zip(driving, shown, velocities, strict=True):
         columns = [seen, (seen != 0.0).astype(float)]
-        columns += [_earlier(table, lag) for lag in _COMMAND_LAGS for table in (seen, nu, u)]
+        columns += [_earlier(table, lag) for lag in SETTINGS.command_lags for table in (seen, nu, u)]
         rows.append(np.hstack(columns))
         moves.append(np.diff(u, axis=0, prepend=u[:1]))
     table, change = np.vstack(rows), np.vstack(moves)
@@ -273,11 +292,11 @@ def _unforeseen(driving: Sequence[Array], shown: Sequence[Array], velocities: Se
         moved = change[:, g] != 0.0
         counted = moved
         for _ in range(3):
-            if counted.sum() < _PER_COLUMN * own.shape[1]:
+            if counted.sum() < SETTINGS.samples_per_column * own.shape[1]:
                 break
             weights = np.linalg.lstsq(own[counted], change[counted, g], rcond=1e-9)[0]
             left = change[:, g] - own @ weights
-            counted = moved & (np.abs(left) <= _OUTLIER * 1.4826 * np.median(np.abs(left[moved])))
+            counted = moved & (np.abs(left) <= SETTINGS.outlier_sd * 1.4826 * np.median(np.abs(left[moved])))
         else:
             residuals[counted, g] = left[counted]
     return np.split(residuals, np.cumsum([len(signals) for signals in driving])[:-1])
@@ -289,13 +308,13 @@ def _excess(series: Sequence[Array], errors: Sequence[Errors]) -> tuple[float, i
     And how many these are; its deviation is the root of twice as many.
     """
     table = np.vstack([
-        _lagged(values[:, None], _BINS)[: len(late.error)]
+        _lagged(values[:, None], SETTINGS.command_bins)[: len(late.error)]
         for values, late in zip(series, errors, strict=True)
     ])
     chi, free = 0.0, 0
     for channel in np.vstack(_clipped([late.error for late in errors])).T:
         counted = channel != 0.0
-        if counted.sum() < _PER_COLUMN * table.shape[1] or not table[counted].any():
+        if counted.sum() < SETTINGS.samples_per_column * table.shape[1] or not table[counted].any():
             continue
         target = channel[counted]
         fit = _fitted(table[counted], target[:, None])[:, 0]
@@ -308,7 +327,7 @@ def _fitted(table: Array, target: Array) -> Array:
     """Least-squares fit of targets (n, k) by the columns of a table (n, c)."""
     size = np.sqrt((table**2).mean(axis=0))
     table = table[:, size > 0.0] / size[size > 0.0]
-    squares = table.T @ table + _RIDGE * len(table) * np.eye(table.shape[1])
+    squares = table.T @ table + SETTINGS.ridge * len(table) * np.eye(table.shape[1])
     return np.asarray(table @ np.linalg.solve(squares, table.T @ target))
 
 

@@ -39,8 +39,31 @@ if TYPE_CHECKING:
 NAMES: tuple[str, ...] = tuple(nuisance_names())
 """Names in the core's order."""
 
-_LONGEST_GAP_S = 5.0
-"""Longest gap, s, that the filter of the innovations is taken across."""
+
+@dataclass(frozen=True)
+class JointPriorSettings:
+    """What a joint estimate knows of its unknowns beforehand, and when a coarser flight serves."""
+
+    #: Longest gap that the filter of the innovations is taken across, s.
+    longest_gap_s: float = 5.0
+    #: Prior standard deviation of a hidden coefficient, over the width of its bounds.
+    hidden_sd: float = 0.25
+    #: Distance from a bound, over the width of the bounds, that cannot be told from it: as near as solvers
+    #: come.
+    at_bound: float = 1e-6
+    #: Difference of two flights, in standard deviations of the channel, up to which the derivatives of the
+    #: coarser one serve; at h|lambda| <= 1 they differ by about a hundredth.
+    near_sd: float = 0.05
+    #: Prior standard deviation of a segment's initial velocities, over that of the sensor's noise.
+    velocity_noises: float = 3.0
+    #: Prior standard deviation of a segment's initial angles, rad.
+    angle_sd: float = 0.02
+    #: Prior standard deviation of a segment's initial place, m.
+    place_sd: float = 0.5
+
+
+JOINT_PRIOR_SETTINGS = JointPriorSettings()
+
 
 _SPREAD = {
     "current": (0.3, "m/s", False),
@@ -124,22 +147,6 @@ def _prior(key: str) -> tuple[float, str, bool]:
         return *next(entry for axes, entry in _FORCE.items() if channel in axes), False
     sd, unit = next((entry for channels, entry in _BIAS.items() if channel in channels), _BIAS["angles"])
     return sd, unit, False
-
-
-_HIDDEN_SD = 0.25
-"""Prior standard deviation of a hidden coefficient, over the width of its bounds."""
-
-_A_HAIR = 1e-6  # of a box: as near as solvers come to its ends, and cannot be told from them
-
-_NEAR = 0.05
-"""Difference of two flights, in standard deviations of the channel, up to which the derivatives of the
-coarser one serve; at h|lambda| <= 1 they differ by about a hundredth."""
-
-VELOCITY_NOISES = 3.0
-"""Prior standard deviation of a segment's initial velocities, over that of the sensor's noise."""
-
-ANGLE_SD, PLACE_SD = 0.02, 0.5
-"""Prior standard deviations of a segment's initial angles, rad, and places, m."""
 
 
 def joint_stage(problem: Problem) -> Stage:
@@ -282,7 +289,8 @@ class Joint:
         self.data = cut(problem, self.stage)
         # A filter needs records without long gaps; where there is none, simulations judge.
         if method is None and self.polish.method == "automatic" and not self._filtered():
-            needed = f"{self.stage.segment_s:g} s of a trial without a gap of more than {_LONGEST_GAP_S:g} s"
+            longest = JOINT_PRIOR_SETTINGS.longest_gap_s
+            needed = f"{self.stage.segment_s:g} s of a trial without a gap of more than {longest:g} s"
             self.method = "output"
             self.method_reason = (
                 f"{chosen_method.why}, which biases gains; a filter that knows this"
@@ -383,7 +391,7 @@ class Joint:
         return self.method == "output" or bool(self.steps()[0])
 
     def _blind(self, trial: Trial) -> Mask:
-        """Samples (n,) in gaps longer than `_LONGEST_GAP_S`, in which no simulated axis is measured.
+        """Samples (n,) in gaps longer than `longest_gap_s`, in which no simulated axis is measured.
 
         Where rotations are simulated they decide: it is the attitude that an unstable hull loses.
         """
@@ -392,7 +400,7 @@ class Joint:
         unseen = ~np.asarray(trial.valid[:, axes + [6 + axis for axis in axes]].any(axis=1))
         blind = np.zeros(len(trial), dtype=bool)
         for first, end in runs(unseen):
-            blind[first:end] = (end - first) * trial.dt > _LONGEST_GAP_S
+            blind[first:end] = (end - first) * trial.dt > JOINT_PRIOR_SETTINGS.longest_gap_s
         return blind
 
     def on_bounds(self, values: Array) -> Array:
@@ -400,7 +408,7 @@ class Joint:
         ends = np.array([(unknown.lower, unknown.upper) for unknown in self.unknowns]).reshape(-1, 2)
         inside, width = values.copy(), ends[:, 1] - ends[:, 0]
         for end in ends.T:
-            reached = np.isfinite(width) & (np.abs(values - end) <= _A_HAIR * width)
+            reached = np.isfinite(width) & (np.abs(values - end) <= JOINT_PRIOR_SETTINGS.at_bound * width)
             inside[reached] = end[reached]
         return inside
 
@@ -519,7 +527,7 @@ class Joint:
 
     def _near(self, fine: Sequence[Array], coarse: Sequence[Array]) -> bool:
         """Whether residuals (n, 12) of the coarser step are those of the fine one (n, C), or as lost."""
-        most = _NEAR * self.data.scale[self.used]
+        most = JOINT_PRIOR_SETTINGS.near_sd * self.data.scale[self.used]
         with np.errstate(invalid="ignore", over="ignore"):  # a simulation that diverged
             return all(
                 np.all(np.abs(np.take(rough, self.used, axis=1) - error) <= most)
@@ -537,7 +545,7 @@ class Joint:
 
     def _hidden(self, parameter: Parameter) -> Unknown:
         """A hidden coefficient as a nuisance parameter around the vehicle's value."""
-        sd = _HIDDEN_SD * (parameter.upper - parameter.lower)
+        sd = JOINT_PRIOR_SETTINGS.hidden_sd * (parameter.upper - parameter.lower)
         value = self._own(parameter)
         return Unknown(
             parameter.name, "nuisance", parameter.unit, parameter.lower, parameter.upper, sd, value, sd
@@ -567,12 +575,12 @@ class Joint:
         noise = velocity_noise(self.data)
         for letter in free:
             axis = AXES.index(letter)
-            sd[f"initial_{CHANNELS[axis]}"] = VELOCITY_NOISES * noise[axis]
+            sd[f"initial_{CHANNELS[axis]}"] = JOINT_PRIOR_SETTINGS.velocity_noises * noise[axis]
         turning = set("KMN") & set(free)
         for channel in ("roll", "pitch", "yaw"):
             if turning and (channel != "yaw" or channel in self.channels):
-                sd[f"initial_{channel}"] = ANGLE_SD
+                sd[f"initial_{channel}"] = JOINT_PRIOR_SETTINGS.angle_sd
         for channel in ("x", "y", "z"):
             if channel in self.channels:
-                sd[f"initial_{channel}"] = PLACE_SD
+                sd[f"initial_{channel}"] = JOINT_PRIOR_SETTINGS.place_sd
         return tuple(sd), np.array(list(sd.values()))

@@ -40,27 +40,29 @@ from seatrial.estimation.specification import Horizon, LogAlone, OtherDamping, h
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.uncertainty import tempering
 
-_CLOSE = 0.1
-"""A round that gains less than this many units of twice the log-likelihood ends the polish: a step of a third
-of a standard deviation in all unknowns together."""
 
-_CLOSE_BY = 10.0
-"""Promise, in the same units, up to which an end without any lower neighbour counts as the optimum."""
+@dataclass(frozen=True)
+class JointEstimateSettings:
+    """When a descent of the joint estimate ends, and on how much of the data it looks for its way."""
 
-_PARTS = (1.0, 0.5, 0.2, 0.05)
-"""Parts of a round's step that are tried until one lowers the likelihood's cost."""
+    #: Gain, in twice the log-likelihood, below which a round is the last: a step of a third of a standard
+    #: deviation in all unknowns together.
+    close: float = 0.1
+    #: Promise, in the same units, up to which an end without any lower neighbour counts as the optimum.
+    close_by: float = 10.0
+    #: Shares of a round's step that are tried until one lowers the likelihood's cost.
+    step_shares: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)
+    #: Rounds in which the initial conditions follow the unknowns.
+    settling_rounds: int = 3
+    #: Segments, about, on which the way is found; every trial is among them.
+    way_segments: int = 40
+    #: Times as many segments from which a part of them is worth its own descent.
+    many_times: int = 3
+    #: Relative change of the noise between two rounds below which it has settled.
+    settled_noise: float = 0.1
 
-_SETTLE = 3
-"""Rounds in which the initial conditions follow the unknowns."""
 
-_PART = 40
-"""Segments, about, on which the way is found; every trial is among them."""
-
-_MANY = 3
-"""Times as many segments from which a part of them is worth its own descent."""
-
-_SPREAD = 0.1
-"""Noise that changes by less between two rounds, as a part of it, has settled."""
+SETTINGS = JointEstimateSettings()
 
 
 @dataclass(frozen=True)
@@ -164,8 +166,8 @@ def polish(
     if joint.presumes and np.all(joint.tempering == 1.0):
         joint.tempering = _tempered(joint, first)
     # Many segments: a part of them, with coarser steps, leads to the optimum; all of them end it.
-    whole = near or len(joint.data.segments) < _MANY * _PART
-    searched = joint if whole or not limit else joint.thinned(_PART)[0].at_search_step()
+    whole = near or len(joint.data.segments) < SETTINGS.many_times * SETTINGS.way_segments
+    searched = joint if whole or not limit else joint.thinned(SETTINGS.way_segments)[0].at_search_step()
     search = _Descent(searched, frozenset(fixed), limit, watch)
     search.rounds.near = near
     searches = [search.run(first)]
@@ -258,7 +260,7 @@ def linearise(
         search.noise = noise
     if initial is None:
         initial = np.zeros((len(joint.data.segments), 12))
-        for _ in range(_SETTLE if joint.initials else 1):
+        for _ in range(SETTINGS.settling_rounds if joint.initials else 1):
             if noise is None:
                 search.estimate_noise(search.residuals(values, initial))
             initial = initial + search.settled(values, initial)
@@ -340,12 +342,12 @@ class _Descent:
                 if here is before:
                     # Not even a short step along the round's direction lowers the likelihood's cost: the
                     # noise that follows takes back what is left to gain.
-                    converged = promised < _CLOSE_BY
+                    converged = promised < SETTINGS.close_by
                     break
-                settled = bool(np.all(np.abs(here.noise / before.noise - 1) < _SPREAD))
+                settled = bool(np.all(np.abs(here.noise / before.noise - 1) < SETTINGS.settled_noise))
                 whole = np.array_equal(here.values, values)
                 gained = 2.0 * (before.merit - here.merit) if whole else np.inf
-                converged = judged and settled and min(promised, gained) < _CLOSE
+                converged = judged and settled and min(promised, gained) < SETTINGS.close
                 self._show(count, here)
         except KeyboardInterrupt:
             interrupted = True
@@ -395,7 +397,7 @@ class _Descent:
 
     def _lower(self, here: _Place, values: Array, initial: Array, centre: Array) -> _Place:
         """The first point on the way to new values that lies lower; the old one where none does."""
-        for part in _PARTS:
+        for part in SETTINGS.step_shares:
             place = self._placed(
                 values + (1.0 - part) * (here.values - values),
                 initial + (1.0 - part) * (here.initial - initial),

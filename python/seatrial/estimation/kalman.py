@@ -4,7 +4,7 @@ The state is that of `seatrial.estimation.one_step` as a deviation from the moti
 taken at, and what drives it besides the model:
 
 - per simulated axis a white acceleration;
-- per axis a slow one, first-order Gauss-Markov with the time constant `SLOW_S`: gusts, bias of the model;
+- per axis a slow one, first-order Gauss-Markov (`NoiseSettings.slow_s`): gusts, bias of the model;
 - a slow velocity of the water, north and east, a random walk;
 - where the log shows waves, at the frequency of its peak, the velocity of the water in them, north, east and
   down, and per axis an acceleration: what a wave pushes besides. Each is the rate of a shaping filter
@@ -36,7 +36,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
@@ -51,51 +51,63 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T")
 
-SLOW_S = 30.0
-"""Time constant of the slow accelerations, s."""
+GRAVITY = 9.81
+"""Acceleration of gravity, m/s2."""
 
-DAMPING = 0.05
-"""Damping ratio of a wave's shaping filter to begin with."""
 
-_BROADER, _BROADEST = 1.7, (0.01, 0.4)
-"""Factor between the damping ratios that are compared, and the least and largest of them."""
+@dataclass(frozen=True)
+class NoiseSettings:
+    """The noises that a filter begins with, and how far they are sought."""
 
-_FASTER = 1.06  # between the frequencies that are compared
+    #: Time constant of the slow accelerations, s: gusts, and bias of the model.
+    slow_s: float = 30.0
+    #: Damping ratio of a wave's shaping filter to begin with.
+    damping: float = 0.05
+    #: Factor between the damping ratios that are compared.
+    broader: float = 1.7
+    #: Least and largest damping ratio.
+    damping_range: tuple[float, float] = (0.01, 0.4)
+    #: Factor between the frequencies that are compared.
+    faster: float = 1.06
+    #: Directions of the waves that are compared first.
+    courses: int = 8
+    #: Turn between the directions that follow, rad.
+    turn: float = math.pi / 16.0
+    #: Spread of the frequencies of encounter, over their own, from which they tell a direction.
+    least_encounters: float = 0.01
+    #: Lowest frequency of encounter that is taken, a share of the waves' own.
+    slowest_encounter: float = 0.5
+    #: Log-likelihood by which another model of the waves must be better.
+    worth: float = 1.0
+    #: Turns in which breadth, frequency and direction are sought.
+    turns: int = 3
+    #: Standard deviation of the velocity of the water at the start of a span, m/s.
+    current_sd: float = 0.3
+    #: Standard deviation of its change to begin with, m/s per sample.
+    walk: float = 1e-4
+    #: Standard deviation of the velocity of the water in waves to begin with, m/s.
+    orbit: float = 0.1
+    #: What places and angles miss of their rates to begin with, m/s and rad/s.
+    slip: float = 1e-3
+    #: Shortest span in which waves are sought, s.
+    shortest_s: float = 80.0
+    #: What the smoothed motion may be off where a span begins, m/s, rad/s, rad or m.
+    start_sd: float = 0.3
+    #: Largest fall of the logarithm of a variance in a search.
+    down: float = 12.0
+    #: Largest rise of it.
+    up: float = 6.0
+    #: Variance that stands for none: its logarithm is finite.
+    nothing: float = 1e-14
+    #: Largest change of a logarithm in the first step of a search. The search takes the steepest slope for
+    #: it, up to the bounds: with the likelihood's own slopes of thousands all variances would be tried at
+    #: their bounds, where the filter has no numbers, and the search ends.
+    first_step: float = 2.0
+    #: Cost above the best, in units of the search, of noises with which a filter diverges.
+    impossible: float = 100.0
 
-_COURSES, _TURNED = 8, math.pi / 16.0
-"""Directions of the waves that are compared first, and the turn between those that follow, rad."""
 
-_GRAVITY = 9.81  # m/s2
-
-_ENCOUNTERS, _SLOWEST = 0.01, 0.5
-"""Least spread of the frequencies of encounter, of their own, that tells a direction; the slowest taken."""
-
-_WORTH, _TURNS = 1.0, 3
-"""Logarithm of the likelihood by which a value must be better, and how often both are sought in turn."""
-
-_CURRENT_SD, _WALK = 0.3, 1e-4  # m/s, and m/s per sample to begin with
-
-_ORBIT = 0.1  # m/s: standard deviation of the velocity of the water in waves to begin with
-
-_SLIP = 1e-3  # m/s and rad/s: what places and angles miss of their rates to begin with
-
-_SHORTEST_S = 80.0  # of a span in which waves are sought
-
-_START_SD = 0.3  # m/s, rad/s, rad or m: what the smoothed motion may be off where a span begins
-
-_DOWN, _UP = 12.0, 6.0  # logarithms of a variance: how far one search may go
-
-_NOTHING = 1e-14
-"""Variance that stands for none: its logarithm is finite."""
-
-_FIRST_STEP = 2.0
-"""Largest change of a logarithm in the first step of a search.
-
-The search takes the steepest slope for its first step, up to the bounds: with the likelihood's own slopes of
-thousands all variances would be tried at their bounds, where the filter has no numbers, and the search ends.
-"""
-
-_IMPOSSIBLE = 100.0  # in these units above the best: noises with which a filter diverges
+SETTINGS = NoiseSettings()
 
 
 def wave_frequency(spans: Sequence[Span], velocities: int, dt: float) -> float | None:
@@ -105,7 +117,7 @@ def wave_frequency(spans: Sequence[Span], velocities: int, dt: float) -> float |
     waves leave a `peak` on it, of the translations where any is simulated.
     """
     longest = max(spans, key=lambda span: len(span.missed))
-    if len(longest.missed) * dt < _SHORTEST_S:
+    if len(longest.missed) * dt < SETTINGS.shortest_s:
         return None
     motion = spectra(longest.missed[:, :velocities] / dt, dt).integrated()
     carried = np.abs(spans[0].afloat[:, :velocities]).max(axis=(0, 2)) > 0.5  # along with the water
@@ -123,20 +135,22 @@ def begin(spans: Sequence[Span], velocities: int, dt: float) -> NoiseModel:
     size = np.maximum(missed.std(axis=0)[:velocities] / dt, 1e-6)
     process = np.zeros(states + velocities + 2 * (len(waved) + len(water)) + 2)
     process[:velocities] = (0.3 * size * dt) ** 2
-    process[velocities:states] = (_SLIP * dt) ** 2
-    process[states : states + velocities] = (0.3 * size) ** 2 * 2.0 * dt / SLOW_S
+    process[velocities:states] = (SETTINGS.slip * dt) ** 2
+    process[states : states + velocities] = (0.3 * size) ** 2 * 2.0 * dt / SETTINGS.slow_s
     for k, axis in enumerate(waved):
         omega = 2.0 * math.pi * (wave_hz or 0.0)
-        process[states + velocities + 2 * k + 1] = (0.5 * size[axis]) ** 2 * 4.0 * DAMPING * omega * dt
+        process[states + velocities + 2 * k + 1] = (
+            (0.5 * size[axis]) ** 2 * 4.0 * SETTINGS.damping * omega * dt
+        )
     for k in range(len(water)):
-        process[states + velocities + 2 * (len(waved) + k) + 1] = _orbit(wave_hz or 0.0, DAMPING, dt)
-    process[-2:] = _WALK**2
+        process[states + velocities + 2 * (len(waved) + k) + 1] = _orbit(wave_hz or 0.0, SETTINGS.damping, dt)
+    process[-2:] = SETTINGS.walk**2
     sensors = np.full(spans[0].measured.shape[1], 1e-4)
     for column in range(len(sensors)):
         jumps = np.concatenate([np.diff(span.measured[span.valid[:, column], column]) for span in spans])
         if len(jumps):
             sensors[column] = max(float(np.mean(jumps**2)) / 2.0, 1e-8)
-    return NoiseModel(process, sensors, wave_hz, waved, water, DAMPING)
+    return NoiseModel(process, sensors, wave_hz, waved, water, SETTINGS.damping)
 
 
 def shaped(
@@ -166,10 +180,10 @@ def shaped(
         """The best along one line, or the same."""
         while True:
             moved = step.of(best[1])
-            if not _BROADEST[0] <= moved.damping <= _BROADEST[1]:
+            if not SETTINGS.damping_range[0] <= moved.damping <= SETTINGS.damping_range[1]:
                 return best
             other = improved(moved)
-            if not other[0] > best[0] + _WORTH:
+            if not other[0] > best[0] + SETTINGS.worth:
                 return best
             best = other
 
@@ -177,21 +191,23 @@ def shaped(
     best = improved(noise)
     if noise.water:
         other = improved(_otherwise(best[1], dt))
-        best = other if other[0] > best[0] + _WORTH else best
+        best = other if other[0] > best[0] + SETTINGS.worth else best
     # A direction of the waves explains why they are met at another frequency on every course.
     if noise.toward is None:
-        courses = [_towards(spans, best[1], 2.0 * math.pi * k / _COURSES) for k in range(_COURSES)]
+        courses = [
+            _towards(spans, best[1], 2.0 * math.pi * k / SETTINGS.courses) for k in range(SETTINGS.courses)
+        ]
         known = [course for course in courses if course is not None]
         if known:
             other = improved(
                 max(known, key=lambda course: Filters(spans, course, dt, seen, threads).likelihood(course))
             )
-            best = other if other[0] > best[0] + _WORTH else best
+            best = other if other[0] > best[0] + SETTINGS.worth else best
     # Line searches along breadth, frequency and direction in turn, until none of them gains.
-    steps = [_Step(broader=_BROADER), _Step(faster=_FASTER)]
+    steps = [_Step(broader=SETTINGS.broader), _Step(faster=SETTINGS.faster)]
     if best[1].toward is not None:
-        steps.insert(0, _Step(turned=_TURNED))
-    for _ in range(_TURNS):
+        steps.insert(0, _Step(turned=SETTINGS.turn))
+    for _ in range(SETTINGS.turns):
         before = best[0]
         for step in steps:
             along = towards(best, step)
@@ -226,16 +242,16 @@ def _otherwise(noise: NoiseModel, dt: float) -> NoiseModel:
 
 
 def _orbit(wave_hz: float, damping: float, dt: float) -> float:
-    """Variance per sample that keeps the water of waves at `_ORBIT`."""
-    return _ORBIT**2 * 4.0 * damping * 2.0 * math.pi * wave_hz * dt
+    """Variance per sample that keeps the water of waves at `orbit`."""
+    return SETTINGS.orbit**2 * 4.0 * damping * 2.0 * math.pi * wave_hz * dt
 
 
 def _towards(spans: Sequence[Span], noise: NoiseModel, toward: float) -> NoiseModel | None:
     """The same waves, going somewhere and met at the same frequency on average; None on one course only."""
     assert noise.wave_hz is not None
     along = np.concatenate([span.through for span in spans]) @ [math.cos(toward), math.sin(toward)]
-    slower = 2.0 * math.pi * noise.wave_hz / _GRAVITY * along
-    if not slower.std() >= _ENCOUNTERS:  # nor where the velocity is not a number
+    slower = 2.0 * math.pi * noise.wave_hz / GRAVITY * along
+    if not slower.std() >= SETTINGS.least_encounters:  # nor where the velocity is not a number
         return None
     return replace(noise.shaped(noise.wave_hz * (1.0 + float(slower.mean())), noise.damping), toward=toward)
 
@@ -297,14 +313,14 @@ class Filters:
             likelihood, by_process, by_sensors, motion = self._judged(model)
             # An impossible model is worse than the best so far, with no slope: the line search turns back.
             if not math.isfinite(likelihood) and tried:
-                return _IMPOSSIBLE - tried[0][0] / scale[0], np.zeros_like(logarithms)
+                return SETTINGS.impossible - tried[0][0] / scale[0], np.zeros_like(logarithms)
             tried.append((likelihood, model, motion))
             best = max(tried, key=lambda trial: trial[0])
             tried[:] = [best]
             slope = np.concatenate([(by_process * process)[driven], (by_sensors * sensors)[sensed]])
             # Scaled so that the first step changes no logarithm of a variance by more than is sensible.
             if not scale:
-                largest = float(np.abs(slope).max(initial=0.0)) / _FIRST_STEP
+                largest = float(np.abs(slope).max(initial=0.0)) / SETTINGS.first_step
                 scale.append(largest if 0.0 < largest < math.inf else 1.0)
             return -likelihood / scale[0], -slope / scale[0]
 
@@ -314,7 +330,7 @@ class Filters:
             start,
             jac=True,
             method="L-BFGS-B",
-            bounds=[(max(at - _DOWN, math.log(_NOTHING)), at + _UP) for at in start],
+            bounds=[(max(at - SETTINGS.down, math.log(SETTINGS.nothing)), at + SETTINGS.up) for at in start],
             options={"maxfun": evaluations, "maxcor": 20},
         )
         return tried[0]
@@ -351,13 +367,15 @@ class Filters:
     def _start(self, noise: NoiseModel) -> Array:
         """Variances (N,) of the first state of a span."""
         start = np.zeros(len(noise.process))
-        start[: self.states] = _START_SD**2
-        start[self.states : -2] = np.maximum(noise.process[self.states : -2] * SLOW_S / (2.0 * self.dt), 0.0)
+        start[: self.states] = SETTINGS.start_sd**2
+        start[self.states : -2] = np.maximum(
+            noise.process[self.states : -2] * SETTINGS.slow_s / (2.0 * self.dt), 0.0
+        )
         for at in _pairs(noise, self.states):  # displacement and rate of a wave
             omega = 2.0 * math.pi * (noise.wave_hz or 0.0)
             start[at + 1] = noise.process[at + 1] / (4.0 * noise.damping * omega * self.dt)
             start[at] = start[at + 1] / omega**2
-        start[-2:] = _CURRENT_SD**2
+        start[-2:] = SETTINGS.current_sd**2
         return start
 
     def _each(self, work: Callable[[LinearModel], _T]) -> list[_T]:
@@ -379,7 +397,7 @@ def _sizes(spans: Sequence[Span], noise: NoiseModel) -> list[Array]:
 
     A span whose depth was not measured counts as one at that mean.
     """
-    number = (2.0 * math.pi * (noise.wave_hz or 0.0)) ** 2 / _GRAVITY
+    number = (2.0 * math.pi * (noise.wave_hz or 0.0)) ** 2 / GRAVITY
     depth = np.concatenate([span.depth for span in spans])
     depth = depth[np.isfinite(depth)]
     least = float(depth.min(initial=math.inf))
@@ -399,7 +417,7 @@ def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int],
     transition[:, :, -2:] = span.current[:, :, :2]
     # An acceleration acts throughout the step, on the angles too: the mean of what it does at both ends.
     push = 0.5 * dt * (np.eye(states) + span.transition)[:, :, :velocities]
-    slow = math.exp(-dt / SLOW_S)
+    slow = math.exp(-dt / SETTINGS.slow_s)
     turn = _turns(span, noise, dt)
     mean = (0.5 * size[:-1, None] * (turn[:, 1] + np.array([0.0, 1.0])))[:, None]
     places: list[tuple[int, int]] = []
@@ -465,7 +483,7 @@ def _turns(span: Span, noise: NoiseModel, dt: float) -> Array:
     met = np.full(len(span.missed), omega_0)
     if noise.toward is not None:
         along = span.through[:-1] @ [math.cos(noise.toward), math.sin(noise.toward)]
-        met = np.maximum(np.abs(omega_0 - omega_0**2 / _GRAVITY * along), _SLOWEST * omega_0)
+        met = np.maximum(np.abs(omega_0 - omega_0**2 / GRAVITY * along), SETTINGS.slowest_encounter * omega_0)
     decay = noise.damping * omega_0
     damped = np.sqrt(met**2 - decay**2)
     cosine, sine = np.cos(damped * dt), np.sin(damped * dt) / damped

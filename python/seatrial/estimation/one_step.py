@@ -29,17 +29,28 @@ from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import CampaignError
 from seatrial.base.frames import from_euler, matrix, shorter, to_euler
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.step import RATE_LIMIT
+from seatrial.estimation.step import STEP_SETTINGS
 from seatrial.problem.parameter import coefficient_names, expansion_matrix
 from seatrial.scoring.record import Record, Replay
 from seatrial.statistics.linearisation import trust
 
 _ANGLES = ("roll", "pitch", "yaw")
-_SLOWER = 1.5
-"""A sensor with longer intervals than so many rows of the time base is slower than it."""
 
-_RATE_LIMIT = 0.5
-"""Largest h|lambda|: one sample needs fewer steps than a simulation of seconds; derivatives err by 0.3 %."""
+
+@dataclass(frozen=True)
+class OneStepSettings:
+    """How finely one sample is simulated, and which sensor is slower than it."""
+
+    #: Rows of the time base within the interval of a sensor from which it is slower than the time base.
+    slower: float = 1.5
+    #: Largest h|lambda|: one sample needs fewer steps than a simulation of seconds; derivatives err by 0.3 %.
+    rate_limit: float = 0.5
+    #: Length of the blocks of time over which sums are taken for standard deviations, s.
+    block_s: float = 20.0
+
+
+ONE_STEP_SETTINGS = OneStepSettings()
+
 
 _CURRENT = ("current_north", "current_east", "current_down")
 
@@ -150,7 +161,9 @@ class OneStep:
                 ' angle of a simulated axis and found none; use method = "output"'
             )
         self._columns, self._shown = columns, kept
-        self._substeps = max(math.ceil(joint.substeps * RATE_LIMIT / _RATE_LIMIT), 1)
+        self._substeps = max(
+            math.ceil(joint.substeps * STEP_SETTINGS.rate_limit / ONE_STEP_SETTINGS.rate_limit), 1
+        )
         self._spans, self._segments = joint.steps(held_out=held_out)
         if not self._spans and not held_out:
             raise CampaignError(
@@ -356,7 +369,7 @@ def _readings(record: Record) -> tuple[Array, Mask]:
     absent = [index for index, name in enumerate(CHANNELS) if name not in trial.channels]
     mask[:, absent] = False
     for name, (stamps, values) in trial.samples.items():
-        if len(stamps) < 2 or np.median(np.diff(stamps)) < _SLOWER * trial.dt:
+        if len(stamps) < 2 or np.median(np.diff(stamps)) < ONE_STEP_SETTINGS.slower * trial.dt:
             continue  # the time base has a sample of its own at nearly every row
         column = CHANNELS.index(name)
         inside = (stamps > trial.t[0] - trial.dt / 2.0) & (stamps < trial.t[-1] + trial.dt / 2.0)
@@ -368,10 +381,6 @@ def _readings(record: Record) -> tuple[Array, Mask]:
             moved = trial.smooth_nu(trial.t[row])[0] - trial.smooth_nu(stamps[inside])[0]
             observed[row, column] = values[inside] + moved[:, VELOCITIES.index(name)]
     return observed, mask
-
-
-BLOCK_S = 20.0
-"""Length of the blocks of time over which sums are taken for standard deviations, s."""
 
 
 @dataclass(frozen=True)
@@ -413,7 +422,7 @@ class PredictionErrorCriterion:
         # A bound's width is a weak prior, as in output error.
         self.prior_sd = np.minimum([u.prior_sd for u in joint.unknowns], self.scale)
         self.knee = math.inf if joint.polish.loss == "squared" else joint.polish.knee
-        self.block = max(round(BLOCK_S / joint.data.dt), 1)
+        self.block = max(round(ONE_STEP_SETTINGS.block_s / joint.data.dt), 1)
 
     def noise(self, errors: Sequence[Errors]) -> Array:
         """Standard deviation (Y,) of the prediction errors, from their median."""

@@ -180,14 +180,19 @@ def _spread(anchor: str, words: str, value: float, sd_percent: float | None) -> 
     return Factor(anchor, words, value, value * (1.0 - spread), value * (1.0 + spread))
 
 
-_GAINS = (0.2, 1.5)
-"""Plausible thrust over a bollard table: mounting, wake and voltage drop cost much, nothing adds half."""
+@dataclass(frozen=True)
+class ScaleSettings:
+    """What thrust and weight of a vehicle are plausible."""
 
-_NET_SHARE = 0.05
-"""Of the weight: a submerged vehicle is trimmed to a few tenths of a per cent."""
+    #: Plausible thrust over a bollard table: mounting, wake and voltage drop cost much, nothing adds half.
+    gains: tuple[float, float] = (0.2, 1.5)
+    #: Net buoyancy over the weight: a submerged vehicle is trimmed to a few tenths of a per cent.
+    net_share: float = 0.05
+    #: Relative standard deviation of an anchor that states none, where anchors are compared.
+    unstated_sd: float = 0.1
 
-_UNSTATED = 0.1
-"""An anchor without standard deviation is taken to be good to ten per cent when anchors are compared."""
+
+SETTINGS = ScaleSettings()
 
 
 @dataclass(frozen=True)
@@ -238,7 +243,7 @@ class Implied(Plain, also="added_kg warnings"):
         warnings += self.thrust_warnings
         if self.centre_height_m <= 0.0:
             warnings.append("the centre of gravity would lie above the centre of buoyancy: check z_g, z_b, B")
-        if abs(self.net_weight_n) > _NET_SHARE * self.mass_kg * self.g:
+        if abs(self.net_weight_n) > SETTINGS.net_share * self.mass_kg * self.g:
             share = 100.0 * self.net_weight_n / (self.mass_kg * self.g)
             warnings.append(f"net weight would be {share:+.2g} % of the weight: check B and m")
         return tuple(warnings)
@@ -246,7 +251,7 @@ class Implied(Plain, also="added_kg warnings"):
     @property
     def thrust_warnings(self) -> list[str]:
         """The sentence about gains that no bollard table is wrong by."""
-        least, most = _GAINS
+        least, most = SETTINGS.gains
         odd = [f"{name} {gain:.2g}" for name, gain in self.gains.items() if not least <= gain <= most]
         if not odd:
             return []
@@ -328,8 +333,8 @@ class ScaleReport(Plain, without="identified", also="sentences"):
         known = [implied.factor for implied in self.implied if math.isfinite(implied.factor.value)]
         if len(known) < 2:
             return []
-        lower = max(min(factor.lower, factor.value * (1.0 - _UNSTATED)) for factor in known)
-        upper = min(max(factor.upper, factor.value * (1.0 + _UNSTATED)) for factor in known)
+        lower = max(min(factor.lower, factor.value * (1.0 - SETTINGS.unstated_sd)) for factor in known)
+        upper = min(max(factor.upper, factor.value * (1.0 + SETTINGS.unstated_sd)) for factor in known)
         values = " and ".join(f"{factor.anchor.lower()} {factor.value:.2g}" for factor in known)
         if lower <= upper:
             return [f"The anchors agree: {values}"]

@@ -32,20 +32,34 @@ from seatrial.base.work import Step, Watch
 
 Objective = Callable[[Array], ArrayLike]
 
-LANES = 8
-"""Candidates that the core integrates abreast: batches are multiples of it."""
 
-_DISTINCT = 0.02
-"""Distance in the unit box below which two points are one start."""
+@dataclass(frozen=True)
+class GlobalSearchSettings:
+    """Sizes and lengths of the global search."""
 
-_SPREAD = 0.3
-"""Standard deviation of a restarted population, a share of the box."""
+    #: Candidates that the core integrates abreast: batches are multiples of it.
+    lanes: int = 8
+    #: Distance in the unit box below which two points are one start.
+    distinct: float = 0.02
+    #: Standard deviation of a restarted population, a share of the box.
+    spread: float = 0.3
+    #: Restarts that double the population.
+    doublings: int = 2
+    #: Generations after which a run without a single finite cost begins elsewhere.
+    lost_generations: int = 4
+    #: Cost that stands for an infinite one where the arithmetic of a search needs a number.
+    diverged_cost: float = 1e30
+    #: Edges of simplexes along the parameters' axes, shares of the box, in turn.
+    edges: tuple[float, float, float] = (0.08, 0.04, 0.02)
+    #: Edges of simplexes along the axes of a valley, in its standard deviations, in turn.
+    valley_edges: tuple[float, ...] = (2.0, 1.0, 0.5, 4.0)
+    #: Best candidates that tell the axes of a valley, per vertex of a simplex: fewer do not span it.
+    shaping_candidates: int = 6
+    #: Shortest axis of a valley, a share of the box: a simplex must not be flat.
+    shortest_axis: float = 1e-6
 
-_DOUBLED = 2
-"""How often a restart doubles the population."""
 
-_LOST = 4
-"""Generations after which a run without a single finite cost begins elsewhere."""
+SEARCH_SETTINGS = GlobalSearchSettings()
 
 
 @dataclass(frozen=True)
@@ -147,20 +161,22 @@ class Ledger:
         chosen: list[Array] = []
         for index in np.argsort(costs, kind="stable"):
             point = candidates[index]
-            if all(np.abs(point - other).max() >= _DISTINCT for other in chosen):
+            if all(np.abs(point - other).max() >= SEARCH_SETTINGS.distinct for other in chosen):
                 chosen.append(point)
-            if len(chosen) == LANES:
+            if len(chosen) == SEARCH_SETTINGS.lanes:
                 break
         return np.array(chosen)
 
     def axes(self) -> Array:
         """Principal axes (m, m) of the best candidates in the unit box, in columns, one deviation long."""
         candidates, costs = np.concatenate(self.candidates), np.concatenate(self.candidate_costs)
-        best = candidates[np.argsort(costs, kind="stable")[: _SHAPED_BY * (candidates.shape[1] + 1)]]
+        best = candidates[
+            np.argsort(costs, kind="stable")[: SEARCH_SETTINGS.shaping_candidates * (candidates.shape[1] + 1)]
+        ]
         _, lengths, directions = np.linalg.svd(best - best.mean(axis=0))
         deviations = np.zeros(candidates.shape[1])
         deviations[: len(lengths)] = lengths / math.sqrt(len(best))
-        return np.asarray(directions.T * np.maximum(deviations, _SHORTEST))
+        return np.asarray(directions.T * np.maximum(deviations, SEARCH_SETTINGS.shortest_axis))
 
     def run(self, search: Callable[[], None]) -> Optimum:
         """Optimum after the search has run or was interrupted."""
@@ -182,22 +198,6 @@ class Ledger:
             history=tuple(self.history),
             interrupted=interrupted,
         )
-
-
-DIVERGED = 1e30
-"""Cost that stands for an infinite one where the arithmetic of a search needs a number."""
-
-_SIZES = (0.08, 0.04, 0.02)
-"""Edges of simplexes along the parameters' axes, shares of the box, in turn."""
-
-_LENGTHS = (2.0, 1.0, 0.5, 4.0)
-"""Edges of simplexes along the axes of a valley, in its standard deviations, in turn."""
-
-_SHAPED_BY = 6
-"""Best candidates that tell the axes of a valley, per vertex of a simplex: fewer do not span it."""
-
-_SHORTEST = 1e-6
-"""Shortest axis of a valley, a share of the box: a simplex must not be flat."""
 
 
 def simplexes_abreast(
@@ -266,7 +266,9 @@ def simplexes_abreast(
                 order = sorted(pending)
                 costs = score(np.array([pending[index] for index in order]))
                 for index, value in zip(order, costs, strict=True):
-                    answers[index].put(float(value) if math.isfinite(value) else DIVERGED)
+                    answers[index].put(
+                        float(value) if math.isfinite(value) else SEARCH_SETTINGS.diverged_cost
+                    )
     finally:
         for index in living:
             answers[index].put(None)
@@ -382,10 +384,10 @@ def evolve(
         while ledger.generation < generations and not strategy.stop() and not over():
             candidates = strategy.ask()
             costs = ledger.costs(np.array(candidates)[:, : len(centre)])
-            strategy.tell(candidates, np.where(np.isfinite(costs), costs, DIVERGED))
+            strategy.tell(candidates, np.where(np.isfinite(costs), costs, SEARCH_SETTINGS.diverged_cost))
             ledger.close_generation()
             own.append(min(own[-1] if own else math.inf, float(costs.min())))
-            if len(own) >= _LOST and not math.isfinite(own[-1]):
+            if len(own) >= SEARCH_SETTINGS.lost_generations and not math.isfinite(own[-1]):
                 break
             middle.append(min(middle[-1] if middle else math.inf, float(np.median(costs))))
             if (
@@ -400,11 +402,13 @@ def evolve(
         ledger.start_cost = float(ledger.costs(first[None, :])[0])
         ledger.best_cost = math.inf  # what the strategy finds, without its start
         best, run = descend(first, spread, size), 0
-        good = min(ledger.start_cost * (1.0 + tolerance), DIVERGED)
+        good = min(ledger.start_cost * (1.0 + tolerance), SEARCH_SETTINGS.diverged_cost)
         while ledger.generation < generations and not best <= good and not over():
             run += 1
             centre = generator.uniform(0.0, 1.0, len(first))
-            best = min(best, descend(centre, _SPREAD, size * 2 ** min(run, _DOUBLED)))
+            best = min(
+                best, descend(centre, SEARCH_SETTINGS.spread, size * 2 ** min(run, SEARCH_SETTINGS.doublings))
+            )
 
     return ledger.run(search)
 
@@ -461,7 +465,7 @@ def refine(
     vertices = points.shape[1] + 1
     budget = refine_rounds(points.shape[1]) if rounds is None else rounds
     ledger = Ledger(objective, lower, upper, "simplex", budget, watch)
-    corners = np.array([ledger.to_box(point) for point in points[:LANES]])
+    corners = np.array([ledger.to_box(point) for point in points[: SEARCH_SETTINGS.lanes]])
     valley = None if axes is None else np.asarray(axes, dtype=float) / ledger.width[:, None]
 
     def score(candidates: Array) -> Array:
@@ -497,7 +501,10 @@ def refine(
 def _from_each(corners: Array) -> Array:
     """Simplexes (k, m + 1, m) along the parameters' axes, one from each corner (k, m)."""
     edges = np.eye(corners.shape[1])
-    return np.array([_simplex(corner, _SIZES[k % len(_SIZES)] * edges) for k, corner in enumerate(corners)])
+    return np.array([
+        _simplex(corner, SEARCH_SETTINGS.edges[k % len(SEARCH_SETTINGS.edges)] * edges)
+        for k, corner in enumerate(corners)
+    ])
 
 
 def _along(corner: Array, axes: Array) -> Array:
@@ -507,9 +514,17 @@ def _along(corner: Array, axes: Array) -> Array:
     optimum lies on one side of each.
     """
     simplexes = []
-    for k in range(LANES):
-        signs = np.random.default_rng(k).choice([-1.0, 1.0], len(corner)) if k >= len(_LENGTHS) else 1.0
-        simplexes.append(_simplex(corner, _LENGTHS[k % len(_LENGTHS)] * (axes * signs).T))
+    for k in range(SEARCH_SETTINGS.lanes):
+        signs = (
+            np.random.default_rng(k).choice([-1.0, 1.0], len(corner))
+            if k >= len(SEARCH_SETTINGS.valley_edges)
+            else 1.0
+        )
+        simplexes.append(
+            _simplex(
+                corner, SEARCH_SETTINGS.valley_edges[k % len(SEARCH_SETTINGS.valley_edges)] * (axes * signs).T
+            )
+        )
     return np.array(simplexes)
 
 
@@ -580,7 +595,7 @@ class _Stalled(Exception):
 def batch_size(parameters: int, population: int | None = None) -> int:
     """Candidates per generation: the asked number or one that suits the parameters, in full lanes."""
     wanted = 4 + 3 * math.log(parameters) if population is None else population
-    return LANES * math.ceil(wanted / LANES)
+    return SEARCH_SETTINGS.lanes * math.ceil(wanted / SEARCH_SETTINGS.lanes)
 
 
 def refine_rounds(parameters: int) -> int:

@@ -28,15 +28,26 @@ from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import Errors, Span
 
-_APART, _MATTERS = 3.0, 0.05  # standard deviations of a difference, and part of the estimate
 
-_PART_OF = 0.5
-"""Part of what matters elsewhere that is refused where an autopilot knows more than the log."""
+@dataclass(frozen=True)
+class SpecificationSettings:
+    """From where on what another model says makes a coefficient doubtful."""
 
-_NOTHING = 0.01
-"""An estimate below this part of its scale is as good as zero, and a twentieth of it does not matter."""
+    #: Standard deviations of a difference from which it is none of chance.
+    apart_sd: float = 3.0
+    #: Share of an estimate from which a difference matters.
+    matters_share: float = 0.05
+    #: Share of that which is refused where an autopilot knows more than the log.
+    knowing_share: float = 0.5
+    #: Share of its scale below which an estimate is as good as zero: a twentieth of it does not matter.
+    nothing_share: float = 0.01
+    #: Rounds of an estimate over another horizon at most.
+    rounds: int = 4
+    #: Largest step, in standard deviations, that ends these rounds.
+    close_sd: float = 0.2
 
-_ROUNDS, _CLOSE = 4, 0.2  # rounds at most, and standard deviations of the step that ends them
+
+SETTINGS = SpecificationSettings()
 
 
 @dataclass(frozen=True)
@@ -119,7 +130,7 @@ def log_alone(innovations: Innovations, values: Array) -> LogAlone | None:
     refused = [
         unknown.name
         for unknown, far, before, after in zip(joint.unknowns, away, values, at, strict=True)
-        if unknown.kind == "coefficient" and _apart(far, before, after, unknown.scale, _PART_OF)
+        if unknown.kind == "coefficient" and _apart(far, before, after, unknown.scale, SETTINGS.knowing_share)
     ]
     commands = tuple(name.partition(" ")[2] for name in answers.names)
     return LogAlone(commands, answers.sure, at, away, tuple(refused))
@@ -166,12 +177,12 @@ def _estimated(
 ) -> tuple[Array, Array]:
     """Estimate (m,) from predictions so many samples ahead, and the influence (b, m) of blocks of time."""
     criterion, at = innovations.criterion, start
-    for _ in range(_ROUNDS):
+    for _ in range(SETTINGS.rounds):
         errors = errors_of(innovations.steps.linearised(at), steps)
         centre = innovations.joint.centres(around)
         taken = criterion.step(errors, criterion.noise(errors), at, centre, overlap=steps)
         before, at = at, np.clip(at + taken.step, criterion.lower, criterion.upper)
-        if np.all(np.abs(at - before) < _CLOSE * np.sqrt((taken.influence**2).sum(axis=0))):
+        if np.all(np.abs(at - before) < SETTINGS.close_sd * np.sqrt((taken.influence**2).sum(axis=0))):
             break
     return innovations.joint.on_bounds(at), taken.influence
 
@@ -227,9 +238,11 @@ def _away(values: Array, influence: Array, other: Array, others: Array) -> Array
 
 def _apart(away: float, value: float, other: float, scale: float, part: float = 1.0) -> bool:
     """Whether two estimates differ by more than chance, and by a part of what matters."""
-    return abs(away) > _APART and matters(value, other, scale, part)
+    return abs(away) > SETTINGS.apart_sd and matters(value, other, scale, part)
 
 
 def matters(value: float, other: float, scale: float, part: float = 1.0) -> bool:
     """Whether two estimates differ by a twentieth or part of it; `scale` is the width of the bounds."""
-    return bool(abs(other - value) > part * _MATTERS * max(abs(value), _NOTHING * scale))
+    return bool(
+        abs(other - value) > part * SETTINGS.matters_share * max(abs(value), SETTINGS.nothing_share * scale)
+    )

@@ -27,7 +27,7 @@ from seatrial.base.finding import is_numerical
 from seatrial.base.plain import Plain
 from seatrial.base.work import Step
 from seatrial.estimation.descent import Criterion, descend, with_initial_velocities
-from seatrial.estimation.search import LANES, batch_size, evolve, join, refine, refine_rounds
+from seatrial.estimation.search import SEARCH_SETTINGS, batch_size, evolve, join, refine, refine_rounds
 from seatrial.estimation.segment_model import SegmentModel, StageData, cut
 from seatrial.estimation.step import StageStep, around, stage_step
 from seatrial.problem.parameter import Parameter, coefficients
@@ -37,15 +37,26 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.problem.problem import Problem
 
-_TOLERANCE = 1e-4
-"""Part of the criterion that the last rounds must gain, unless the campaign says otherwise."""
 
-_PROBED = 1024
-"""Candidates that are tried where the start diverges: half of them anywhere between the bounds, half at all
-distances from the start, down to 1e-12 of the box. They cost as much as a few generations of the search."""
+@dataclass(frozen=True)
+class StageRunSettings:
+    """How a stage is searched, and what its frozen axes may do."""
 
-COARSE = 0.1
-"""Gain at which the global search ends: what is left in its valley is found by descent and simplex."""
+    #: Share of the criterion that the last rounds must gain, unless the campaign says otherwise.
+    tolerance: float = 1e-4
+    #: Candidates that are tried where the start diverges: half of them anywhere between the bounds, half at
+    #: all distances from the start, down to 1e-12 of the box. They cost as much as a few generations of the
+    #: search.
+    probed: int = 1024
+    #: Gain at which the global search ends: what is left in its valley is found by descent and simplex.
+    coarse_gain: float = 0.1
+    #: Share of the largest speed of all trials by which a frozen velocity may move without a word.
+    frozen_share: float = 0.1
+    #: Angle by which a frozen rate may turn the attitude away without a word, rad.
+    frozen_angle: float = 3.0 * DEGREE
+
+
+STAGE_RUN_SETTINGS = StageRunSettings()
 
 
 @dataclass(frozen=True)
@@ -77,7 +88,7 @@ class StagePlan:
     @property
     def _batches(self) -> float:
         """Batches of eight in the global search."""
-        return self.generations * self.population / LANES
+        return self.generations * self.population / SEARCH_SETTINGS.lanes
 
     @property
     def _search(self) -> float:
@@ -168,7 +179,7 @@ def plan(problem: Problem) -> tuple[StagePlan, ...]:
             population=batch_size(len(own), budget.population),
             generations=budget.generations or 100 + 15 * len(own),
             rounds=budget.simplex_rounds or refine_rounds(len(own)),
-            tolerance=budget.tolerance or _TOLERANCE,
+            tolerance=budget.tolerance or STAGE_RUN_SETTINGS.tolerance,
         )
     return tuple(plans.values())
 
@@ -222,7 +233,7 @@ def run_stage(
         seed=plan.seed,
         population=plan.population,
         generations=plan.generations,
-        **box | {"tolerance": max(plan.tolerance, COARSE)},
+        **box | {"tolerance": max(plan.tolerance, STAGE_RUN_SETTINGS.coarse_gain)},
     )
     step = _fine_step(plan, vehicle, best.elite)
     if step.substeps != plan.step.search:
@@ -327,15 +338,15 @@ def refitted_stage(
 def search_start(
     criterion: Criterion, chosen: Sequence[Parameter], start: Array, *, seed: int
 ) -> Array | None:
-    """Where a search begins (m,): the start, or where that diverges the best of `_PROBED` candidates.
+    """Where a search begins (m,): the start, or where that diverges the best of `probed` candidates.
 
     None where all of them diverge. The same seed gives the same candidates.
     """
     if math.isfinite(float(criterion(start[None, :])[0])):
         return start
     lower, upper = (np.array([getattr(p, end) for p in chosen]) for end in ("lower", "upper"))
-    generator = np.random.default_rng([seed, _PROBED])
-    anywhere = generator.uniform(0.0, 1.0, (_PROBED // 2, len(start)))
+    generator = np.random.default_rng([seed, STAGE_RUN_SETTINGS.probed])
+    anywhere = generator.uniform(0.0, 1.0, (STAGE_RUN_SETTINGS.probed // 2, len(start)))
     away = generator.choice([-1.0, 1.0], anywhere.shape) * 10.0 ** generator.uniform(
         -12.0, 0.0, anywhere.shape
     )
@@ -363,7 +374,8 @@ def start_cost(problem: Problem, plan: StagePlan, *, threads: int | None = None)
     cost = float(criterion(start[None, :])[0])
     if not math.isfinite(cost) and search_start(criterion, plan.parameters, start, seed=plan.seed) is None:
         raise SimulationError(
-            f"{problem.where(plan.stage)}: the start vehicle and every one of {_PROBED} candidates diverged;"
+            f"{problem.where(plan.stage)}: the start vehicle and every one of {STAGE_RUN_SETTINGS.probed}"
+            f" candidates diverged;"
             " check the units and signs of the commands, the vehicle's masses and the bounds"
         )
     return cost
@@ -417,13 +429,6 @@ def step_sentences(plans: Sequence[StagePlan]) -> tuple[str, ...]:
     return tuple(f"stage {name!r}: {sentence}" for name, sentence in sentences if sentence)
 
 
-_PART = 0.1
-"""Part of the largest speed of all trials by which a frozen velocity may move without a word."""
-
-_ANGLE = 3.0 * DEGREE
-"""Angle by which a frozen rate may turn the attitude away without a word, rad."""
-
-
 def frozen_motion(plan: StagePlan) -> dict[str, float]:
     """Motion that a stage's frozen axes miss, by letter: rms over its segments.
 
@@ -453,9 +458,9 @@ def frozen_sentences(plans: Sequence[StagePlan]) -> tuple[str, ...]:
         named = []
         for axis, moved in frozen_motion(plan).items():
             channel = CHANNELS[AXES.index(axis)]
-            if axis in "XYZ" and moved > _PART * largest:
+            if axis in "XYZ" and moved > STAGE_RUN_SETTINGS.frozen_share * largest:
                 named.append(f"{axis} ({channel} changes by {moved:.2g} m/s)")
-            elif axis in "KMN" and moved > _ANGLE:
+            elif axis in "KMN" and moved > STAGE_RUN_SETTINGS.frozen_angle:
                 named.append(f"{axis} (the attitude is turned by {moved / DEGREE:.2g} deg)")
         if named:
             lines.append(

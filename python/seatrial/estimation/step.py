@@ -9,7 +9,7 @@ The global search only ranks candidates: it takes h|lambda| <= 1, stable everywh
 search flies its best ones again at h|lambda| <= 0.25, the bound sought over the part of the box around them:
 corners of the whole box hold vehicles several times as fast as those that follow the log.
 
-Bounds that admit almost no mass hold vehicles of any rate. The search takes `_MOST_SEARCH` steps per sample
+Bounds that admit almost no mass hold vehicles of any rate. The search takes `most_search` steps per sample
 at most; what is faster diverges there and ranks last. Which coefficients admit such vehicles, and the bounds
 from which none is left, is said before the search. All of it follows from the bounds alone, so that the same
 campaign is answered alike in every run.
@@ -34,38 +34,36 @@ from seatrial.problem.parameter import Parameter
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-RATE_LIMIT = 0.25
-"""Largest h|lambda|."""
 
-SEARCH_RATE_LIMIT = 1.0
-"""Largest h|lambda| in the global search."""
+@dataclass(frozen=True)
+class StepSettings:
+    """How short a step the fastest motion asks for."""
 
-SLOPE_RATE_LIMIT = 0.5
-"""Largest h|lambda| of derivatives that judge an estimate: an error of a thousandth in them."""
+    #: Largest h|lambda| of the fine search: its error stays below the noise of sensors.
+    rate_limit: float = 0.25
+    #: Largest h|lambda| of the global search, which only ranks: stable everywhere in the box.
+    search_rate_limit: float = 1.0
+    #: Largest h|lambda| of derivatives that judge an estimate: an error of a thousandth in them.
+    slope_rate_limit: float = 0.5
+    #: Margin about the points of a search, a share of the width of the bounds.
+    near_share: float = 0.1
+    #: Bound on the rates over the highest that was found.
+    margin: float = 1.1
+    #: Speeds at which rates are judged, over the recorded ones.
+    speed_margin: float = 1.2
+    #: Steps per sample at most, of the fine search and of derivatives.
+    most_substeps: int = 100
+    #: Steps per sample at most of the global search: what is faster diverges there and ranks last.
+    most_search: int = 40
+    #: Halvings that find a bound to 1e-9 of its interval.
+    bisections: int = 30
+    #: Half of the finite differences of speeds, SI, and of attitude.
+    difference: float = 1e-4
+    #: Rate that stands for one without a number, rad/s: no step follows it.
+    fastest: float = 1e9
 
-_NEAR = 0.1
-"""Margin about the points of a search, a part of the width of the bounds."""
 
-_MARGIN = 1.1
-"""The bound on the rates lies a tenth above the highest that was found."""
-
-_SPEED_MARGIN = 1.2
-"""Rates are judged up to a fifth above the recorded speeds."""
-
-_MOST_SUBSTEPS = 100
-"""Steps per sample at most, of the fine search and of derivatives."""
-
-_MOST_SEARCH = 40
-"""Steps per sample at most of the global search."""
-
-_BISECTIONS = 30
-"""Halvings that find a bound to 1e-9 of its interval."""
-
-_DIFFERENCE = 1e-4
-"""Half of the finite differences of speeds, SI, and of attitude."""
-
-_FASTEST = 1e9
-"""Rate that stands for one without a number, rad/s: no step follows it."""
+STEP_SETTINGS = StepSettings()
 
 
 @dataclass(frozen=True)
@@ -87,10 +85,11 @@ class StageStep:
         """What the search will not follow, and the bounds that mend it; empty where it follows all."""
         if not self.fast:
             return ""
-        limit = _MOST_SEARCH * SEARCH_RATE_LIMIT / dt
+        limit = STEP_SETTINGS.most_search * STEP_SETTINGS.search_rate_limit / dt
         what = f"vehicles with rates up to {self.rate:.3g} rad/s"
         consequence = (
-            f"the search follows {limit:.3g} rad/s ({_MOST_SEARCH} steps per sample of {dt:g} s) and takes"
+            f"the search follows {limit:.3g} rad/s ({STEP_SETTINGS.most_search} steps per sample of"
+            f" {dt:g} s) and takes"
             " faster ones for diverged"
         )
         named = [
@@ -124,7 +123,7 @@ def stage_step(
     dt : float
         Step of the log, s.
     """
-    points = _operating_points(_SPEED_MARGIN * speeds)
+    points = _operating_points(STEP_SETTINGS.speed_margin * speeds)
     axes = [AXES.index(letter) for letter in free]
 
     def rate(values: Mapping[str, float]) -> float:
@@ -141,15 +140,19 @@ def stage_step(
         rates += rates_at_ends
         corner[parameter.name] = ends[int(np.argmax(rates_at_ends))]
     rates.append(rate(_values(parameters, corner)))
-    bound = _MARGIN * max(rates)
-    limits = (RATE_LIMIT, SLOPE_RATE_LIMIT, SEARCH_RATE_LIMIT)
+    bound = STEP_SETTINGS.margin * max(rates)
+    limits = (STEP_SETTINGS.rate_limit, STEP_SETTINGS.slope_rate_limit, STEP_SETTINGS.search_rate_limit)
     fine, slopes, search = (max(math.ceil(dt * bound / limit), 1) for limit in limits)
     fast: tuple[tuple[str, float, float], ...] = ()
-    if search > _MOST_SEARCH:
-        limit = _MOST_SEARCH * SEARCH_RATE_LIMIT / (dt * _MARGIN)
+    if search > STEP_SETTINGS.most_search:
+        limit = STEP_SETTINGS.most_search * STEP_SETTINGS.search_rate_limit / (dt * STEP_SETTINGS.margin)
         fast = _too_fast(parameters, corner, rate, limit)
     return StageStep(
-        min(fine, _MOST_SUBSTEPS), bound, min(search, _MOST_SEARCH), min(slopes, _MOST_SUBSTEPS), fast
+        min(fine, STEP_SETTINGS.most_substeps),
+        bound,
+        min(search, STEP_SETTINGS.most_search),
+        min(slopes, STEP_SETTINGS.most_substeps),
+        fast,
     )
 
 
@@ -189,7 +192,7 @@ def _too_fast(
         if at(slowest, bound) <= limit:
             break
         if at(slowest, good) <= limit:
-            for _ in range(_BISECTIONS):
+            for _ in range(STEP_SETTINGS.bisections):
                 middle = 0.5 * (good + bad)
                 good, bad = (middle, bad) if at(slowest, middle) <= limit else (good, middle)
         fast.append((slowest, bound, good))
@@ -212,7 +215,7 @@ def around(parameters: Sequence[Parameter], points: Array) -> tuple[Parameter, .
     """Parameters whose bounds are narrowed to points (k, m) and a tenth of the box on either side."""
     narrowed = []
     for parameter, values in zip(parameters, points.T, strict=True):
-        margin = _NEAR * (parameter.upper - parameter.lower)
+        margin = STEP_SETTINGS.near_share * (parameter.upper - parameter.lower)
         lower = max(parameter.lower, float(values.min()) - margin)
         upper = min(parameter.upper, float(values.max()) + margin)
         narrowed.append(replace(parameter, lower=lower, upper=upper))
@@ -233,22 +236,22 @@ def _fastest_rate(vehicle: Vehicle, points: Array, axes: list[int]) -> float:
     attitude = np.zeros((n, 18, 4))
     attitude[..., 0] = 1.0
     for j in range(6):
-        nu[:, 2 * j, j] += _DIFFERENCE
-        nu[:, 2 * j + 1, j] -= _DIFFERENCE
+        nu[:, 2 * j, j] += STEP_SETTINGS.difference
+        nu[:, 2 * j + 1, j] -= STEP_SETTINGS.difference
     for j in range(3):
-        attitude[:, 12 + 2 * j, 1 + j] = 0.5 * _DIFFERENCE
-        attitude[:, 13 + 2 * j, 1 + j] = -0.5 * _DIFFERENCE
+        attitude[:, 12 + 2 * j, 1 + j] = 0.5 * STEP_SETTINGS.difference
+        attitude[:, 13 + 2 * j, 1 + j] = -0.5 * STEP_SETTINGS.difference
     acceleration = vehicle.acceleration(
         nu.reshape(-1, 6), attitude.reshape(-1, 4), np.zeros((n * 18, 6))
     ).reshape(n, 9, 2, 6)
-    slope = (acceleration[:, :, 0] - acceleration[:, :, 1]) / (2 * _DIFFERENCE)
+    slope = (acceleration[:, :, 0] - acceleration[:, :, 1]) / (2 * STEP_SETTINGS.difference)
     mass = np.asarray(vehicle.mass_matrix())
     force = np.einsum("ij,nkj->nik", mass, slope)  # (n, 6 forces, 9 states: nu and a small rotation)
     force[:, :, :6] += _inflow(vehicle)
     try:
         reduced = np.linalg.solve(mass[np.ix_(axes, axes)], force[:, axes, :])
     except np.linalg.LinAlgError:  # the free axes have no mass
-        return _FASTEST
+        return STEP_SETTINGS.fastest
     turning = [axis for axis in axes if axis >= 3]
     columns = [*axes, *(axis + 3 for axis in turning)]
     system = np.zeros((n, len(columns), len(columns)))
@@ -257,11 +260,11 @@ def _fastest_rate(vehicle: Vehicle, points: Array, axes: list[int]) -> float:
         system[:, len(axes) + row, axes.index(axis)] = 1.0
     # Coefficients near the largest number overflow on the way.
     if not np.isfinite(system).all():
-        return _FASTEST
+        return STEP_SETTINGS.fastest
     try:
-        return min(float(np.abs(np.linalg.eigvals(system)).max()), _FASTEST)
+        return min(float(np.abs(np.linalg.eigvals(system)).max()), STEP_SETTINGS.fastest)
     except np.linalg.LinAlgError:
-        return _FASTEST
+        return STEP_SETTINGS.fastest
 
 
 def _inflow(vehicle: Vehicle) -> Array:

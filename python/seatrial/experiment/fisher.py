@@ -29,7 +29,7 @@ from seatrial._core import OpenLoop, Record, initial_names
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import CampaignError, SimulationError, nearest
-from seatrial.estimation.joint import ANGLE_SD, PLACE_SD, VELOCITY_NOISES
+from seatrial.estimation.joint import JOINT_PRIOR_SETTINGS
 from seatrial.estimation.step import stage_step
 from seatrial.experiment.forecast import simulated
 from seatrial.problem.parameter import Parameter, coefficient_names, expansion_matrix
@@ -239,12 +239,18 @@ def _initial_sd(instruments: Instruments) -> dict[str, float]:
     Those of axes that nothing measures are not estimated.
     """
     noise = instruments.noise
-    deviations = {f"initial_{name}": VELOCITY_NOISES * noise[name] for name in CHANNELS[:6] if name in noise}
+    deviations = {
+        f"initial_{name}": JOINT_PRIOR_SETTINGS.velocity_noises * noise[name]
+        for name in CHANNELS[:6]
+        if name in noise
+    }
     turning = any(name in noise for name in CHANNELS[3:6])
     for name in CHANNELS[9:]:
         if name in noise or (turning and name != "yaw"):
-            deviations[f"initial_{name}"] = ANGLE_SD
-    deviations |= {f"initial_{name}": PLACE_SD for name in CHANNELS[6:9] if name in noise}
+            deviations[f"initial_{name}"] = JOINT_PRIOR_SETTINGS.angle_sd
+    deviations |= {
+        f"initial_{name}": JOINT_PRIOR_SETTINGS.place_sd for name in CHANNELS[6:9] if name in noise
+    }
     return {name: deviations[name] for name in initial_names() if name in deviations}
 
 

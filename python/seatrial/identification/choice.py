@@ -47,26 +47,45 @@ from seatrial.problem.problem import Problem
 if TYPE_CHECKING:
     from seatrial.scoring.score import Score
 
-_SHARE = 0.2
-"""Part of every trial, at its end, that judges where the campaign holds nothing out."""
 
-_EVEN = 0.01
-"""Difference of the negative log-likelihood per sample that counts as none: 2 % of the error variance."""
+@dataclass(frozen=True)
+class ChoiceSettings:
+    """From where on one model predicts better than another."""
 
-_LOST, _MORE = 0.05, 1.5
-"""R2 and growth of the error variance from which the loss of one channel decides alone."""
+    #: Share of every trial, at its end, that judges where the campaign holds nothing out.
+    judging_share: float = 0.2
+    #: Difference of the negative log-likelihood per sample that counts as none: 2 % of the error variance.
+    even: float = 0.01
+    #: Loss of R2 from which one channel decides alone, if its error grows as well.
+    lost_r2: float = 0.05
+    #: Growth of the error variance from which it does.
+    more_error: float = 1.5
+    #: Loss of R2 that heads the summary.
+    spoilt_r2: float = 0.1
+    #: SSE / SST that stands for a simulation that diverged.
+    diverged: float = 1e6
+    #: Weight of the logarithm of e where the mean predicts better.
+    unpredicted_weight: float = 0.1
+    #: Longest horizon that is compared, s: within a longer one the commands answer the waves.
+    longest_s: float = 0.5
+    #: Difference of R2 below which it means nothing.
+    telling_r2: float = 0.02
+    #: Log-likelihood of all held-out data from which the other damping is the result.
+    likelier: float = 10.0
+    #: Standard deviations of a difference over blocks of time that chance makes.
+    chance_sd: float = 3.0
+    #: Rounds after which strips are given up where they are far less likely.
+    strip_rounds: int = 6
+    #: How far: so many times what chance makes, or the log-likelihood above.
+    far_times: float = 2.0
+    #: Length over the larger of diameter and height from which strips are tried: a shorter hull has hardly a
+    #: strip that the flow crosses as it crosses a long cylinder. The limit is a choice.
+    slender: float = 3.0
+    #: Cross-flow drag coefficient to begin with: a cylinder of finite length (White 2011, table 7.3).
+    strip_drag: float = 0.8
 
-_SPOILT = 0.1  # of R2: a loss that heads the summary
 
-_MOST = 1e6  # of SSE / SST: a simulation that diverged
-
-_NOT_PREDICTED = 0.1  # what the logarithm of e counts where the mean predicts better
-
-_LONGEST_S = 0.5
-"""Longest horizon that is compared: within a longer one the commands answer the waves."""
-
-_TELLING = 0.02
-"""Differences of R2 below this mean nothing."""
+SETTINGS = ChoiceSettings()
 
 
 @dataclass(frozen=True)
@@ -110,12 +129,12 @@ class Choice:
     @property
     def fallen(self) -> tuple[str, ...]:
         """Channels that the joint estimate predicts worse than the stages, by 0.02 of R2 or more."""
-        return tuple(c for c in self.stages if self.stages[c] - self.joint[c] >= _TELLING)
+        return tuple(c for c in self.stages if self.stages[c] - self.joint[c] >= SETTINGS.telling_r2)
 
     @property
     def spoilt(self) -> tuple[str, ...]:
         """Those among them that lose a tenth of R2 or more."""
-        return tuple(c for c in self.fallen if self.stages[c] - self.joint[c] >= _SPOILT)
+        return tuple(c for c in self.fallen if self.stages[c] - self.joint[c] >= SETTINGS.spoilt_r2)
 
     def sentence(self) -> str:
         """Which of the two is the result, why, and the figures of the other."""
@@ -130,7 +149,7 @@ class Choice:
                 " A missing model term biases the joint estimate: see the residual analysis, free fewer"
                 " coefficients or leave a trial out of [polish]"
             )
-        how = "better than" if self.likelihood < -_EVEN else "as well as"
+        how = "better than" if self.likelihood < -SETTINGS.even else "as well as"
         text = f"The joint estimate is the result: it predicts {self.judged_on} {how} the stages {figures}"
         if self.fallen:
             text += f"; it is worse in {', '.join(self.fallen)}"
@@ -182,7 +201,7 @@ def choose(
             return Choice(
                 "stages", "the joint estimate was interrupted and not judged", {}, {}, 0.0, polished
             )
-        words = f"the last {100 * _SHARE:g} % of every trial, after a fit without it,"
+        words = f"the last {100 * SETTINGS.judging_share:g} % of every trial, after a fit without it,"
         start = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
         first, second = _refitted(problem, stages, start, threads)
     judged = [channel for channel in first if channel in second]
@@ -247,7 +266,7 @@ def with_or_without_presumed(
     judged = [channel for channel in poor if channel in rich]
     judged = [channel for channel in judged if channel in VELOCITIES] or judged
     _, worse = _compared(poor, rich, judged)
-    if not worse or all(rich[channel] - poor[channel] < _TELLING for channel in judged):
+    if not worse or all(rich[channel] - poor[channel] < SETTINGS.telling_r2 for channel in judged):
         return joint, polished, (), ""
     figures = ", ".join(_pair(c, 1.0 - poor[c], 1.0 - rich[c]) for c in judged)
     return (
@@ -264,8 +283,11 @@ def _compared(
 ) -> tuple[float, bool]:
     """How much less likely the second's errors are per sample and channel, and whether it is worse."""
     nats = float(np.mean([_nats(second[c]) - _nats(first[c]) for c in judged])) if judged else 0.0
-    spoilt = any(first[c] < 1.0 and second[c] > max(_MORE * first[c], first[c] + _LOST) for c in judged)
-    return nats, nats > _EVEN or spoilt
+    spoilt = any(
+        first[c] < 1.0 and second[c] > max(SETTINGS.more_error * first[c], first[c] + SETTINGS.lost_r2)
+        for c in judged
+    )
+    return nats, nats > SETTINGS.even or spoilt
 
 
 def _outside(
@@ -292,7 +314,9 @@ def _outside(
             Innovations(estimated).prepare(values)
         sums = Innovations(estimated, held_out=True).sums(values, ahead_s)
         estimated.noise_model = own
-        ratios.append({channel: min(row["filter"] / row["mean"], _MOST) for channel, row in sums.items()})
+        ratios.append({
+            channel: min(row["filter"] / row["mean"], SETTINGS.diverged) for channel, row in sums.items()
+        })
     rivals = {
         name: {c: row[name] / row["mean"] for c, row in sums.items() if math.isfinite(row[name])}
         for name in ("hold last", "linear")
@@ -303,17 +327,17 @@ def _outside(
 def _horizon(joint: Joint) -> float:
     """The horizon of the predictions from the state of a filter that are judged, s.
 
-    The longest that is compared, up to `_LONGEST_S`: within a longer one the commands answer the waves, and
+    The longest that is compared, up to `longest_s`: within a longer one the commands answer the waves, and
     gains that are bent by that predict better than the right ones.
     """
-    compared = [ahead_s for ahead_s in joint.polish.horizons_s if ahead_s <= _LONGEST_S]
+    compared = [ahead_s for ahead_s in joint.polish.horizons_s if ahead_s <= SETTINGS.longest_s]
     return max(joint.polish.horizon_s, joint.data.dt, *compared)
 
 
 def _nats(error: float) -> float:
     """Negative log-likelihood per sample of an error variance over that about the mean."""
     size = math.log(max(error, 1e-12))
-    return 0.5 * (size if size < 0.0 else _NOT_PREDICTED * size)
+    return 0.5 * (size if size < 0.0 else SETTINGS.unpredicted_weight * size)
 
 
 def _errors(
@@ -331,7 +355,7 @@ def _errors(
     for channel, sums in errors.items():
         sse, sst = np.sum(sums, axis=0)
         if sst > 0.0:
-            shares[channel] = float(min(sse / sst, _MOST))
+            shares[channel] = float(min(sse / sst, SETTINGS.diverged))
     return shares
 
 
@@ -341,7 +365,7 @@ def _collect(errors: dict[str, list[tuple[float, float]]], score: Score) -> None
         if entry.n == 0 or math.isnan(entry.r2):
             continue
         if not math.isfinite(entry.r2):
-            errors.setdefault(channel, []).append((_MOST, 1.0))
+            errors.setdefault(channel, []).append((SETTINGS.diverged, 1.0))
             continue
         sse = entry.rmse**2 * entry.n
         errors.setdefault(channel, []).append((sse, sse / max(1.0 - entry.r2, 1e-12)))
@@ -385,7 +409,7 @@ def _without_ends(problem: Problem) -> Problem:
     uses = {}
     for name, trial in problem.trials.items():
         stop = float(trial.t[-1])
-        start = stop - _SHARE * (stop - float(trial.t[0]))
+        start = stop - SETTINGS.judging_share * (stop - float(trial.t[0]))
         uses[name] = replace(problem.uses[name], hold_out_s=((start, stop + trial.dt),))
     return problem.with_uses(uses)
 
@@ -398,22 +422,6 @@ def _short(value: float) -> str:
     return f"{value:.2f}" if value > -10.0 else f"{value:.0f}" if value > -1e5 else "diverged"
 
 
-_LIKELIER = 10.0
-"""Log-likelihood of all held-out data from which the other damping is the result."""
-
-_BY_CHANCE = 3.0  # standard deviations of a difference over blocks of time
-
-_ROUNDS, _FAR = 6, 2.0
-"""Rounds after which strips are given up, where they are so many times as unlikely as chance makes them."""
-
-_SLENDER = 3.0
-"""Length over the larger of diameter and height from which strips are tried: a shorter hull has hardly a
-strip that the flow crosses as it crosses a long cylinder. The limit is a choice."""
-
-_STRIPS = 0.8
-"""Cross-flow drag coefficient to begin with: a cylinder of finite length (White 2011, table 7.3)."""
-
-
 def quadratic_or_strips(
     joint: Joint, polished: Polished, *, watch: Callable[[Step], None] | None = None
 ) -> tuple[Joint, Polished, Callable[[Problem], Problem], tuple[str, ...]]:
@@ -421,7 +429,7 @@ def quadratic_or_strips(
 
     Each plane whose quadratic damping is free in both axes (``Y_vv`` and ``N_rr``, ``Z_ww`` and ``M_qq``) is
     estimated again with one drag coefficient for all strips of the hull. It is the result where it makes
-    held-out data, or all where nothing is held out, more likely by `_LIKELIER` and by more than chance:
+    held-out data, or all where nothing is held out, more likely by `likelier` and by more than chance:
     three standard deviations of the difference over blocks of time. Output error is left as it is: its
     residual analysis names strips that are missing.
 
@@ -449,10 +457,13 @@ def quadratic_or_strips(
             continue
         replaced = made[0], made[-1]
         change = partial(
-            Problem.with_strips, name=name, bounds=(0.0, float(info[name]["upper"])), start=_STRIPS
+            Problem.with_strips,
+            name=name,
+            bounds=(0.0, float(info[name]["upper"])),
+            start=SETTINGS.strip_drag,
         )
         known = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
-        vehicle = joint.vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {name: _STRIPS})
+        vehicle = joint.vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {name: SETTINGS.strip_drag})
         other = Joint(
             change(joint.problem), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
         )
@@ -462,7 +473,7 @@ def quadratic_or_strips(
             known.get(unknown.name, own) for unknown, own in zip(other.unknowns, other.start, strict=True)
         ]
         held_out, ended = bool(joint.steps(held_out=True)[0]), np.array(start)
-        for rounds in (_ROUNDS, other.polish.rounds):
+        for rounds in (SETTINGS.strip_rounds, other.polish.rounds):
             again = _likeliest(other, noises, ended, min(rounds, other.polish.rounds), watch)
             if again.interrupted:
                 return joint, replace(polished, interrupted=True), kind, tuple(notes)
@@ -472,21 +483,21 @@ def quadratic_or_strips(
                 for model, end in ((joint, polished), (other, again))
             )
             better, chance = likelier_by(quadratic, strips)
-            if again.converged or better < -_FAR * max(_LIKELIER, chance):
+            if again.converged or better < -SETTINGS.far_times * max(SETTINGS.likelier, chance):
                 break
-        taken = better > max(_LIKELIER, chance)
+        taken = better > max(SETTINGS.likelier, chance)
         words = "held-out data" if held_out else "the log"
         drag = f"cross-flow drag by strips ({name})", f"quadratic damping ({' and '.join(replaced)})"
         chosen, rejected = drag if better > 0.0 else drag[::-1]
         by = ", which diverges"
         if math.isfinite(better):
-            by = f", by {abs(better):.0f} ± {chance / _BY_CHANCE:.0f} in log-likelihood"
-        kept = ", which is not significant" if abs(better) <= max(_LIKELIER, chance) else ""
+            by = f", by {abs(better):.0f} ± {chance / SETTINGS.chance_sd:.0f} in log-likelihood"
+        kept = ", which is not significant" if abs(better) <= max(SETTINGS.likelier, chance) else ""
         kept += "" if taken or better <= 0.0 else "; the latter is kept"
         notes.append(f"{chosen[0].upper()}{chosen[1:]} fits {words} better than {rejected}{by}{kept}")
         if taken:
             joint, polished, kind = other, again, _after(kind, change)
-        elif abs(better) <= max(_LIKELIER, chance):
+        elif abs(better) <= max(SETTINGS.likelier, chance):
             rival = other_damping(name, (drag[0], drag[1]), (joint, polished.values), (other, again.values))
             polished = replace(polished, others=(*polished.others, rival))
     return joint, polished, kind, tuple(notes)
@@ -495,7 +506,9 @@ def quadratic_or_strips(
 def slender(vehicle: Vehicle) -> bool:
     """Whether a hull is so long that strips of it see a cross-flow; a hull without measures may be."""
     measures = vehicle.geometry()
-    return not measures or measures["length"] >= _SLENDER * max(measures["diameter"], measures["height"])
+    return not measures or measures["length"] >= SETTINGS.slender * max(
+        measures["diameter"], measures["height"]
+    )
 
 
 def _likeliest(
@@ -532,7 +545,7 @@ def likelier_by(before: Array, after: Array) -> tuple[float, float]:
     if not np.isfinite(before).all():
         return math.inf, 0.0
     gain = after - before
-    return float(gain.sum()), _BY_CHANCE * float(gain.std() * math.sqrt(len(gain)))
+    return float(gain.sum()), SETTINGS.chance_sd * float(gain.std() * math.sqrt(len(gain)))
 
 
 def _after(

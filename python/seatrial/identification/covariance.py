@@ -50,11 +50,21 @@ if TYPE_CHECKING:
     from seatrial.estimation.scale import ScaleReport
     from seatrial.identification.events import EventEstimate
 
-_UNIFORM = 1.0 / 12.0  # variance of a number somewhere in an interval of length one
 
-_NONE = 1e-5  # singular value, over the largest, that is rounding: the root of the information's 1e-11
+@dataclass(frozen=True)
+class CovarianceSettings:
+    """What of a covariance is rounding."""
 
-_ABSENT = 1e-4  # component of a unit vector that is no part of it
+    #: Variance of a number somewhere in an interval of length one: what the data do not tell lies in its
+    #: bounds.
+    uniform_variance: float = 1.0 / 12.0
+    #: Singular value over the largest that is rounding: the root of the 1e-11 of the information.
+    rounding: float = 1e-5
+    #: Component of a unit vector that is no part of it.
+    absent_component: float = 1e-4
+
+
+SETTINGS = CovarianceSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +159,9 @@ def coefficient_covariance(
         # As in `_bounded`: what ended at a bound stays there, and no direction is wider than the bounds.
         scaled = _with_fixed(estimate.covariance / np.outer(width, width), ended)
         sizes, vectors = np.linalg.eigh(scaled)
-        scaled = (vectors * np.clip(sizes, 0.0, _UNIFORM)) @ vectors.T * np.outer(width, width)
+        scaled = (
+            (vectors * np.clip(sizes, 0.0, SETTINGS.uniform_variance)) @ vectors.T * np.outer(width, width)
+        )
         spread = expansion_matrix(estimate.parameters)
         names = [*names, *coefficient_names(estimate.parameters)]
         among = block_diag(among, spread.T @ scaled @ spread)
@@ -211,10 +223,12 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     )
     rest = np.eye(len(known)) - silent @ silent.T
     values, vectors = np.linalg.eigh(rest @ scaled @ rest)
-    cut = values > _UNIFORM
+    cut = values > SETTINGS.uniform_variance
     if not cut.any() and not silent.shape[1]:
         return width[:, None] * scaled * width, notes
-    bounded = (vectors * np.clip(values, 0.0, _UNIFORM)) @ vectors.T + _UNIFORM * silent @ silent.T
+    bounded = (
+        vectors * np.clip(values, 0.0, SETTINGS.uniform_variance)
+    ) @ vectors.T + SETTINGS.uniform_variance * silent @ silent.T
     # What stays has no rounding either: at its bound half of the vehicles would be beyond it.
     bounded[stays] = bounded[:, stays] = 0.0
     along = absent | (np.abs(vectors[:, cut]).max(axis=1, initial=0.0) > 0.5)
@@ -245,9 +259,11 @@ def _silent(singular: Array, vectors: Array, absent: NDArray[np.bool_]) -> Array
     """Orthonormal directions (p, s), in widths of the bounds, of which the data tell nothing."""
     if not absent.any():
         return np.zeros((len(absent), 0))
-    rows = [row for value, row in zip(singular, vectors, strict=True) if value <= _NONE * singular[0]]
+    rows = [
+        row for value, row in zip(singular, vectors, strict=True) if value <= SETTINGS.rounding * singular[0]
+    ]
     for place in np.flatnonzero(absent):
-        if not any(abs(row[place]) > _ABSENT for row in rows):
+        if not any(abs(row[place]) > SETTINGS.absent_component for row in rows):
             rows.append(np.eye(len(absent))[place])
     return np.asarray(np.linalg.qr(np.array(rows).T)[0])
 

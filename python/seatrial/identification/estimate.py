@@ -307,13 +307,20 @@ def plus_minus(estimate: float, sigma: float | None) -> str:
     return f"{estimate:.{digits}f} ± {sigma:.{digits}f}"
 
 
-AGREE = 0.3
-"""Relative deviation up to which apparent masses agree: of drawn vehicles, and of the vehicle file."""
+@dataclass(frozen=True)
+class EstimateSettings:
+    """Which apparent masses and drags are plausible."""
 
-LARGEST_DRAG = 4.0
-"""Largest plausible drag coefficient on the area of the outline. A plate across the flow has up to 2 (Hoerner
-1965, chapter 3); parts of an open frame behind one another add up: of the published identified vehicles a
-BlueROV2 Heavy has the largest, 3.7 in sway (von Benzon et al. 2022)."""
+    #: Relative deviation up to which apparent masses agree: of drawn vehicles, and of the vehicle file.
+    agree: float = 0.3
+    #: Largest plausible drag coefficient on the area of the outline. A plate across the flow has up to 2
+    #: (Hoerner 1965, chapter 3); parts of an open frame behind one another add up: of the published
+    #: identified vehicles a BlueROV2 Heavy has the largest, 3.7 in sway (von Benzon et al. 2022).
+    largest_drag: float = 4.0
+
+
+ESTIMATE_SETTINGS = EstimateSettings()
+
 
 _CHANNEL = dict(zip(AXES, CHANNELS, strict=False))  # the first six are the velocities along the axes
 
@@ -344,7 +351,10 @@ def implausible_masses(
     for axis, mass in masses.items():
         low, high = plausible[axis]
         # A search that ended at a bound is on it up to rounding, and is told as such.
-        if 0.999 * low <= mass <= 1.001 * high or abs(mass - of_file[axis]) <= AGREE * of_file[axis]:
+        if (
+            0.999 * low <= mass <= 1.001 * high
+            or abs(mass - of_file[axis]) <= ESTIMATE_SETTINGS.agree * of_file[axis]
+        ):
             continue
         added = [
             coefficient
@@ -364,7 +374,7 @@ def implausible_masses(
 
 
 def implausible_drags(vehicle: Vehicle, coefficients: Sequence[Estimate]) -> dict[str, float]:
-    """Drag coefficients above `LARGEST_DRAG` of the identified quadratic damping, by its name.
+    """Drag coefficients above `largest_drag` of the identified quadratic damping, by its name.
 
     ``C_D = -X_uu / (rho A / 2)``, A the box of the hull's measures seen along the axis. What the data do not
     determine, or reaches below the limit within its 95 % interval, is left out.
@@ -380,7 +390,7 @@ def implausible_drags(vehicle: Vehicle, coefficients: Sequence[Estimate]) -> dic
         if coefficient.name in areas and coefficient.verdict in ("identifiable", "weak"):
             dynamic = -0.5 * vehicle.environment()["rho"] * areas[coefficient.name]
             _, least = coefficient.interval or (coefficient.estimate, coefficient.estimate)
-            if least / dynamic > LARGEST_DRAG:
+            if least / dynamic > ESTIMATE_SETTINGS.largest_drag:
                 drags[coefficient.name] = coefficient.estimate / dynamic
     return drags
 

@@ -26,8 +26,8 @@ from scipy.stats import t as student
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, MOTIONS
 from seatrial.base.plain import Plain
-from seatrial.diagnosis.assessment import TOLD
-from seatrial.diagnosis.identifiability import ABSENT, WEAK
+from seatrial.diagnosis.assessment import ASSESSMENT_SETTINGS
+from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS
 from seatrial.estimation.event_fit import ANGLE_OF, SETTINGS, EventFit, EventWindows, estimate_on_events
 from seatrial.estimation.method import method_of
 from seatrial.identification.choice import slender
@@ -384,8 +384,12 @@ def _verdicts(fit: EventFit, covariance: Array) -> tuple[str, ...]:
     verdicts = []
     known = zip(fit.inside & ~fit.bent, sigma / size, sigma / fit.prior[1], strict=True)
     for sound, relative, share in known:
-        if not sound or relative >= ABSENT:
+        if not sound or relative >= IDENTIFIABILITY_SETTINGS.absent:
             verdicts.append("not identifiable")
         else:
-            verdicts.append("identifiable" if relative <= WEAK and share <= TOLD else "weak")
+            verdicts.append(
+                "identifiable"
+                if relative <= IDENTIFIABILITY_SETTINGS.weak and share <= ASSESSMENT_SETTINGS.told_share
+                else "weak"
+            )
     return tuple(verdicts)

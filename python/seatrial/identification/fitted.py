@@ -36,16 +36,26 @@ if TYPE_CHECKING:
 
 RESULT = "identification.json"
 
-_CAUSE = 1  # stream of the coefficients
 
-_TRIES, _ROUNDS = 8, 125  # attempts at once, and how often, before a draw is given up
+@dataclass(frozen=True)
+class FittedSettings:
+    """How vehicles are drawn from a covariance."""
 
-_CHUNK = 4096
-"""Vehicles drawn at a time, so that memory does not grow with the number asked for."""
+    #: Stream of random numbers of the coefficients.
+    stream: int = 1
+    #: Attempts at once for a vehicle that is physically possible.
+    tries: int = 8
+    #: Rounds of attempts before a draw is given up.
+    rounds: int = 125
+    #: Vehicles drawn at a time, so that memory does not grow with the number asked for.
+    chunk: int = 4096
+    #: Share of impossible draws that heads a report.
+    doubtful_share: float = 0.1
+    #: Relative difference of two values that are the same: a file of text keeps more digits.
+    same_share: float = 1e-6
 
-_DOUBTFUL = 0.1  # share of impossible draws that heads a report
 
-_AWAY = 1e-6  # relative; a file of text keeps more digits
+SETTINGS = FittedSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +103,7 @@ class Drawn:
 
     def doubt(self) -> str:
         """Heading where a tenth or more was thrown away: how many, by which coefficient, what to do."""
-        if self.impossible < _DOUBTFUL:
+        if self.impossible < SETTINGS.doubtful_share:
             return ""
         name = self.names[int(self.outside.argmax())]
         axis_role = role(name, pushed=self.pushed)
@@ -211,9 +221,14 @@ class Fitted:
         asked = np.array([place for place, i in enumerate(numbers) if not (nominal_first and i == 0)], int)
         if self.names:
             root, possible = self._root, self._possible
-            for start in range(0, len(asked), _CHUNK):
+            for start in range(0, len(asked), SETTINGS.chunk):
                 self._fill(
-                    asked[start : start + _CHUNK], numbers, seed, root, possible, (values, thrown, outside)
+                    asked[start : start + SETTINGS.chunk],
+                    numbers,
+                    seed,
+                    root,
+                    possible,
+                    (values, thrown, outside),
                 )
         return Drawn(self.names, values, thrown, outside, pushed_axes(self.vehicle))
 
@@ -259,16 +274,16 @@ class Fitted:
         """Draw until every place has a possible vehicle."""
         values, thrown, wrong = into
         centre = self.nominal
-        for round_ in range(_ROUNDS):
+        for round_ in range(SETTINGS.rounds):
             normal = np.array([
-                generator(seed, numbers[place], cause=_CAUSE, attempt=round_).standard_normal((
-                    _TRIES,
+                generator(seed, numbers[place], cause=SETTINGS.stream, attempt=round_).standard_normal((
+                    SETTINGS.tries,
                     len(self.names),
                 ))
                 for place in open_
             ])
             left = np.arange(len(open_))
-            for attempt in range(_TRIES):
+            for attempt in range(SETTINGS.tries):
                 tried = centre + normal[left, attempt] @ root
                 good = possible.mask(tried)
                 values[open_[left[good]]] = tried[good]
@@ -281,7 +296,8 @@ class Fitted:
         worst = int(wrong.argmax())
         name, unit = self.names[worst], self.vehicle.coefficient_info()[self.names[worst]]["unit"]
         raise CampaignError(
-            f"{self.vehicle.name}: {_TRIES * _ROUNDS} vehicles drawn for number {numbers[open_[0]]} are all"
+            f"{self.vehicle.name}: {SETTINGS.tries * SETTINGS.rounds} vehicles drawn for number"
+            f" {numbers[open_[0]]} are all"
             f" physically impossible, most often by {name} = {centre[worst]:.4g} {unit} with a standard"
             f" deviation of {self.sigma[worst]:.3g}; identify it better, give it narrower bounds, or draw no"
             " coefficients"
@@ -321,7 +337,7 @@ def _with(vehicle: Vehicle, known: CoefficientCovariance | None, source: str) ->
         return Fitted(vehicle, (), np.zeros((0, 0)), (note,))
     own = vehicle.coefficients()
     for name, value in zip(known.names, known.at.tolist(), strict=True):
-        if abs(own.get(name, 0.0) - value) > _AWAY * max(abs(value), 1e-9):
+        if abs(own.get(name, 0.0) - value) > SETTINGS.same_share * max(abs(value), 1e-9):
             raise CampaignError(
                 f"{source}: the covariance holds about {name} = {value:.6g}, and the vehicle beside it has"
                 f" {own.get(name, 0.0):.6g}; they belong to different runs: identify again, or give the"

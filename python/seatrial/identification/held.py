@@ -30,10 +30,18 @@ if TYPE_CHECKING:
     from seatrial.problem.problem import Problem
     from seatrial.statistics.uncertainty import Uncertainty
 
-SHARE = 0.2
-"""Error of a held value whose effect is told."""
 
-_RANK = 1e-10  # of the information over the widths of the bounds: what is below is not told
+@dataclass(frozen=True)
+class HeldSettings:
+    """What is told of estimates that rest on held values."""
+
+    #: Error of a held value whose effect is told, over the value.
+    error_share: float = 0.2
+    #: Information over the widths of the bounds, over its largest, below which nothing is told.
+    rank: float = 1e-10
+
+
+HELD_SETTINGS = HeldSettings()
 
 
 @dataclass(frozen=True)
@@ -65,7 +73,7 @@ class Held:
 
 @dataclass(frozen=True)
 class Conditional:
-    """An estimate that rests on a held value: how it would change were that value `SHARE` larger.
+    """An estimate that rests on a held value: how it would change were that value a fifth larger.
 
     Attributes
     ----------
@@ -87,7 +95,7 @@ class Conditional:
 def conditional(
     joint: Joint, polished: Polished, held: Sequence[Held], known: Uncertainty
 ) -> tuple[Conditional, ...]:
-    """Estimates that would move by a standard deviation or more were a held value `SHARE` larger.
+    """Estimates that would move by a standard deviation or more were a held value a fifth larger.
 
     Those that ended at a bound cannot move. To first order, at the estimate. None where the held values are
     nuisance parameters of the estimate.
@@ -114,10 +122,12 @@ def conditional(
     free = [place for place, bound in enumerate(known.at_bound) if bound is None]
     size = np.array([joint.unknowns[place].scale for place in free])
     whole = lin.information()
-    inside = np.linalg.pinv(size[:, None] * whole[np.ix_(free, free)] * size, rcond=_RANK, hermitian=True)
+    inside = np.linalg.pinv(
+        size[:, None] * whole[np.ix_(free, free)] * size, rcond=HELD_SETTINGS.rank, hermitian=True
+    )
     changes = []
     for name in dict.fromkeys(row.parameter for row in held):
-        more = np.array([SHARE * row.value * (row.parameter == name) for row in held])
+        more = np.array([HELD_SETTINGS.error_share * row.value * (row.parameter == name) for row in held])
         moved = -size * (inside @ (size * (whole[np.ix_(free, range(count, len(whole)))] @ more)))
         for place, change in zip(free, moved.tolist(), strict=True):
             away = change / float(known.sigma[place])

@@ -48,10 +48,19 @@ from seatrial.scoring.windows import score_text
 if TYPE_CHECKING:
     from seatrial.problem.problem import Asks, Problem
 
-_SHARED = 0.1  # ratio below which a deviation is not that of the trials
 
-_SCATTER = 3.0
-"""Jackknife deviation over the standard deviation of the fit from which the trials contradict one another."""
+@dataclass(frozen=True)
+class LeaveOneOutSettings:
+    """When fits without a trial contradict the standard deviations."""
+
+    #: Ratio of deviations below which that of the fit is not that of the trials.
+    shared_ratio: float = 0.1
+    #: Jackknife deviation over the standard deviation of the fit from which the trials contradict one
+    #: another.
+    scatter_ratio: float = 3.0
+
+
+SETTINGS = LeaveOneOutSettings()
 
 
 @dataclass(frozen=True)
@@ -391,14 +400,14 @@ def _worst(result: LeaveOneOut) -> tuple[str, str]:
     rows = [row for row in result.coefficients() if row["ratio"] == row["ratio"]]
     far = max(rows, key=lambda row: row["ratio"], default=None)
     lost = {trial.trial: trial.lost for trial in result.left_out if trial.lost}
-    if far is not None and far["ratio"] >= _SCATTER and far["farthest_without"] in lost:
+    if far is not None and far["ratio"] >= SETTINGS.scatter_ratio and far["farthest_without"] in lost:
         trial = far["farthest_without"]
         return (
             f"{far['coefficient']} rests on {trial}: {far['least']:.4g} to {far['most']:.4g} {far['unit']}"
             f" over the fits, farthest without {trial}, the only trial of stage {', '.join(lost[trial])}",
             "repeat its manoeuvre in a second trial, so that each can judge the other",
         )
-    if far is not None and far["ratio"] >= _SCATTER:
+    if far is not None and far["ratio"] >= SETTINGS.scatter_ratio:
         return (
             f"{far['coefficient']} scatters from trial to trial by {far['ratio']:.2g} times its standard"
             f" deviation ({far['least']:.4g} to {far['most']:.4g} {far['unit']})",
@@ -423,11 +432,16 @@ def _remarks(result: LeaveOneOut) -> tuple[str, ...]:
         for trial in result.left_out
         if trial.lost and not trial.failed
     ]
-    small = {row["coefficient"]: row["ratio"] for row in result.coefficients() if row["ratio"] < _SHARED}
+    small = {
+        row["coefficient"]: row["ratio"]
+        for row in result.coefficients()
+        if row["ratio"] < SETTINGS.shared_ratio
+    }
     if small:
         least = min(small, key=small.__getitem__)
         remarks.append(
-            f"{len(small)} coefficients have a ratio below {_SHARED:g} ({least} {small[least]:.2g}): their"
+            f"{len(small)} coefficients have a ratio below {SETTINGS.shared_ratio:g} ({least}"
+            f" {small[least]:.2g}): their"
             " standard deviation comes mostly from what all fits share, such as the scale of the thrust,"
             " whose prior leaving out a trial does not change. This does not mean that it is too large."
         )

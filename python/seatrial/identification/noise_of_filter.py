@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
@@ -21,7 +22,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES
 from seatrial.base.errors import NumericalError, TrialError
-from seatrial.estimation.step import SEARCH_RATE_LIMIT, stage_step
+from seatrial.estimation.step import STEP_SETTINGS, stage_step
 from seatrial.scoring.record import Record, Replay, Segment
 
 if TYPE_CHECKING:
@@ -29,29 +30,39 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.problem.problem import Problem
 
-_NEAR_S, _FAR_S = 1.0, 3.0
-"""Lags between which the memory of the force is read: beyond what the smoothing of the velocities joins."""
 
-_SUBSTEP_S = 0.05
-"""Longest step of the simulation, where no rate of the vehicle asks for a shorter one."""
+@dataclass(frozen=True)
+class FilterNoiseSettings:
+    """How the noise of a navigation filter is read from what one step of the model misses."""
 
-_MOST_SUBSTEPS = 1000
-"""Substeps of a sample at most: poles up to 2,500 1/s at 10 Hz."""
+    #: Shorter lag between which the memory of the force is read, s: beyond what the smoothing of velocities
+    #: joins.
+    near_s: float = 1.0
+    #: Longer lag, s.
+    far_s: float = 3.0
+    #: Longest step of the simulation, s, where no rate of the vehicle asks for a shorter one.
+    substep_s: float = 0.05
+    #: Substeps of a sample at most: poles up to 2,500 1/s at 10 Hz.
+    most_substeps: int = 1000
+    #: Distance from the log after one step, over the reach of the log's velocities, that tells nothing: the
+    #: model diverges there, and the square of what it misses may be no number.
+    diverged_reach: float = 1e3
+    #: Shortest and longest time constant that is told, s: no memory, and a constant force.
+    memory_s: tuple[float, float] = (0.5, 300.0)
+    #: Least white noise, m/s and rad/s after a second.
+    least_white: float = 5e-4
+    #: Default of a filter for the force of a velocity that no trial measures
+    #: (``docs/theory/navigation_filter.md``).
+    default_force: float = 0.03
+    #: Its default for the white acceleration.
+    default_white: float = 0.005
 
-_LOST = 1e3
-"""A step that ends so many times as far from the log as the log's velocities reach tells nothing: the model
-diverges there, and the square of what it misses may be no number."""
 
-_MEMORY_S = (0.5, 300.0)
-"""Time constants are told between these: no memory, and a constant force."""
+SETTINGS = FilterNoiseSettings()
+
 
 _LEAST = np.array([0.005, 0.005, 0.005, 0.004, 0.001, 0.001])
 """Least deviation of the force over the diagonal of the mass matrix, m/s^2 and rad/s^2: of an exact model."""
-
-_LEAST_WHITE = 5e-4  # m/s and rad/s after a second
-
-_UNTOLD, _UNTOLD_WHITE = 0.03, 0.005
-"""The default of a filter, for a velocity that no trial measures: ``docs/theory/navigation_filter.md``."""
 
 
 class FilterNoise(TypedDict):
@@ -128,7 +139,9 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
         acceleration, known, diverged = _residual(vehicle, record)
         lost += diverged
         force = acceleration @ mass.T
-        for lag, count in zip(lags, (0, 1, round(_NEAR_S / dt), round(_FAR_S / dt)), strict=True):
+        for lag, count in zip(
+            lags, (0, 1, round(SETTINGS.near_s / dt), round(SETTINGS.far_s / dt)), strict=True
+        ):
             both: Mask = np.asarray(known[: len(known) - count] & known[count:])
             summed, pushed, number = sums[lag]
             sums[lag] = (
@@ -141,7 +154,8 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
         raise NumericalError(f"the vehicle diverges over one sample at {lost} samples of the log")
     if not covered.any():
         raise TrialError(
-            f"filter noise: expected a trial with {_FAR_S:g} s of fitted samples without a gap, found none;"
+            f"filter noise: expected a trial with {SETTINGS.far_s:g} s of fitted samples without a gap,"
+            f" found none;"
             " hold out less, or give NavigationFilter its force and acceleration"
         )
     moved = {
@@ -152,7 +166,7 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
     }
     dt = float(np.mean(steps))
     time_s = _memory(moved)
-    slow = np.clip(forced["near"] * math.exp(_NEAR_S / time_s), 0.0, forced["none"])
+    slow = np.clip(forced["near"] * math.exp(SETTINGS.near_s / time_s), 0.0, forced["none"])
     share = np.divide(slow, forced["none"], out=np.zeros(6), where=forced["none"] > 0.0)
     # What the slow force leaves of the acceleration, and for how long it remembers itself.
     fast = moved["none"] * (1.0 - share)
@@ -161,9 +175,11 @@ def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
     white = np.sqrt(2.0 * fast * dt / -np.log(kept))
     inertia = np.diag(mass)
     return FilterNoise(
-        force=np.where(covered, np.maximum(np.sqrt(slow), _LEAST * inertia), _UNTOLD * inertia),
+        force=np.where(
+            covered, np.maximum(np.sqrt(slow), _LEAST * inertia), SETTINGS.default_force * inertia
+        ),
         force_time_s=time_s,
-        acceleration=np.where(covered, np.maximum(white, _LEAST_WHITE), _UNTOLD_WHITE),
+        acceleration=np.where(covered, np.maximum(white, SETTINGS.least_white), SETTINGS.default_white),
     )
 
 
@@ -177,11 +193,11 @@ def _memory(moved: dict[str, Array]) -> float:
     scale = np.where(moved["none"] > 0.0, moved["none"], np.inf)
     near, far = (float((moved[lag] / scale).clip(0.0).sum()) for lag in ("near", "far"))
     if near <= 0.0:
-        return _MEMORY_S[0]
+        return SETTINGS.memory_s[0]
     if far >= near:
-        return _MEMORY_S[1]
+        return SETTINGS.memory_s[1]
     decay = math.log(near / max(far, 1e-9 * near))
-    return float(np.clip((_FAR_S - _NEAR_S) / decay, *_MEMORY_S))
+    return float(np.clip((SETTINGS.far_s - SETTINGS.near_s) / decay, *SETTINGS.memory_s))
 
 
 def _residual(vehicle: Vehicle, record: Record) -> tuple[Array, Mask, int]:
@@ -205,7 +221,7 @@ def _residual(vehicle: Vehicle, record: Record) -> tuple[Array, Mask, int]:
     after = np.array([channels[1, :6] for channels in shown])
     residual[places] = (states[2][places + 1] - after) / trial.dt
     reach = np.maximum(np.abs(np.where(counted, states[2], 0.0)).max(axis=0), 1e-3)
-    near = np.abs(residual) * trial.dt < _LOST * reach  # false where it is no number
+    near = np.abs(residual) * trial.dt < SETTINGS.diverged_reach * reach  # false where it is no number
     finite: Mask = np.asarray(near.all(axis=1))[:, None]
     diverged = int((known.any(axis=1) & ~finite[:, 0]).sum())
     return np.where(finite, residual, 0.0), np.asarray(known & finite), diverged
@@ -216,5 +232,5 @@ def _substeps(vehicle: Vehicle, record: Record) -> int:
     trial = record.trial
     speeds = np.nan_to_num(np.abs(trial.nu)).max(axis=0)
     rate = stage_step(vehicle, (), free="".join(AXES), speeds=speeds, dt=trial.dt).rate
-    needed = max(trial.dt / _SUBSTEP_S, trial.dt * rate / SEARCH_RATE_LIMIT)
-    return int(min(max(math.ceil(needed - 1e-9), 1), _MOST_SUBSTEPS))
+    needed = max(trial.dt / SETTINGS.substep_s, trial.dt * rate / STEP_SETTINGS.search_rate_limit)
+    return int(min(max(math.ceil(needed - 1e-9), 1), SETTINGS.most_substeps))

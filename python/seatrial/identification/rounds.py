@@ -56,25 +56,35 @@ if TYPE_CHECKING:
     from seatrial.base.work import Step
     from seatrial.problem.problem import Problem
 
-MOST_PARTS = 60
-"""Parts of a log at most: more tell no more, for a term shows in those alone whose motion it takes."""
 
-FEWEST_PARTS = 6
-"""Parts from which a gain can be told from chance: with fewer, Student's t needs a gain of 2.6 times its
-standard deviation and more."""
+@dataclass(frozen=True)
+class RoundSettings:
+    """Which proposals of the residuals are tried, and when one is kept."""
 
-LEVEL = 0.05
-"""Chance of keeping any proposal of a round where none is true."""
+    #: Parts of a log at most: more tell no more, for a term shows in those alone whose motion it takes.
+    most_parts: int = 60
+    #: Parts from which a gain can be told from chance: with fewer, Student's t needs a gain of 2.6 times its
+    #: standard deviation and more.
+    fewest_parts: int = 6
+    #: Chance of keeping any proposal of a round where none is true.
+    level: float = 0.05
+    #: Percent of the error of the parts, in the channel that a proposal improves most, below which a gain
+    #: counts as none: at an R2 of 0.7 it is 0.006.
+    least_gain_percent: float = 1.0
+    #: Terms of a round, half of them usual ones: the next round asks again, beside what this one kept.
+    tried: int = 4
+    #: Percent of the cost that a term gains at first order before it is tried: it cannot come to more.
+    worth_percent: float = 0.5
+    #: Rounds of Gauss and Newton of a trial at most: all but one unknown are at their best already.
+    refit_rounds: int = 6
+    #: Largest squared error of a sample, in the noise: a model a thousand standard deviations off diverged.
+    diverged: float = 1e6
+    #: Segments on which proposals are tried, or some more: of a longer log every second or third.
+    segments: int = 150
 
-LEAST_GAIN = 1.0
-"""Percent of the error of the parts, in the channel that a proposal improves most, below which a gain counts
-as none: at an R2 of 0.7 it is 0.006."""
 
-_TRIED = 4
-"""Terms of a round, half of them usual ones: the next round asks again, beside what this one kept."""
+SETTINGS = RoundSettings()
 
-_WORTH = 0.5
-"""Percent of the cost that a term gains at first order before it is tried: it cannot come to more."""
 
 _USUAL = re.compile(
     r".+\.(loss|T_1|T_t|lever_[KMN])|[KN]_v|M_u|[XYZKMN]_0|Y_u[rv]|N_u[rv]|Z_u[wq]|M_u[wq]|X_(vv|ww|rr)|K_vv"
@@ -82,14 +92,6 @@ _USUAL = re.compile(
 """Terms that vehicles often need: thrust lost in the wash of others, lag and levers, drag that acts off O,
 lift and the Munk moment, the drag of a drift in surge (Fossen 2011, sections 6.3 to 6.4 and 8.1)."""
 
-_REFIT = 6
-"""Rounds of Gauss and Newton of a trial at most: all but one unknown are at their best already."""
-
-_DIVERGED = 1e6
-"""Largest squared error of a sample, in the noise: a model a thousand standard deviations off diverged."""
-
-_SEGMENTS = 150
-"""Segments on which proposals are tried, or some more: of a longer log every second or third."""
 
 Verdict = Literal["kept", "within chance", "too little", "another gains more", "cannot be tried"]
 
@@ -211,7 +213,7 @@ def _round(
     """Proposals of one round, and the estimate with the one that is kept; None where none is."""
     tried = tried_terms(joint, polished.values, initial=polished.initial, noise=polished.noise)
     parts, memory = _parts(joint, tried)
-    changes = _changes(joint, polished, tried) if len(parts) >= FEWEST_PARTS else []
+    changes = _changes(joint, polished, tried) if len(parts) >= SETTINGS.fewest_parts else []
     if not changes:
         return [], None
     before = _Fit(joint, polished, _unseen(joint, polished, parts, memory=memory))
@@ -223,9 +225,9 @@ def _round(
 
 def _sparse(joint: Joint) -> tuple[Joint, NDArray[np.intp]]:
     """The estimate on the segments on which proposals are tried, at the step of the search; their places."""
-    if len(joint.data.segments) < 2 * _SEGMENTS:
+    if len(joint.data.segments) < 2 * SETTINGS.segments:
         return joint.at_search_step(), np.arange(len(joint.data.segments))
-    part, places = joint.thinned(_SEGMENTS)
+    part, places = joint.thinned(SETTINGS.segments)
     return part.at_search_step(), places
 
 
@@ -237,7 +239,7 @@ def _parts(joint: Joint, tried: Tried) -> tuple[list[NDArray[np.intp]], float]:
     _, memory_s = independent_blocks(tried.lin, tried.held)
     segments = joint.data.segments
     lengths = np.array([(segment.stop - segment.start) * joint.data.dt for segment in segments])
-    least_s = max(memory_s, float(lengths.sum()) / MOST_PARTS)
+    least_s = max(memory_s, float(lengths.sum()) / SETTINGS.most_parts)
     parts: list[NDArray[np.intp]] = []
     for record in dict.fromkeys(segment.record for segment in segments):
         own = np.array([k for k, segment in enumerate(segments) if segment.record == record])
@@ -266,7 +268,7 @@ def _changes(joint: Joint, polished: Polished, tried: Tried) -> list[_Change]:
     usual = [candidate for candidate in tried.held if _USUAL.fullmatch(candidate.name)]
     suggestions = {
         suggestion.name: suggestion
-        for family, count, level in ((usual, len(usual), math.inf), (tried.held, tried.count, LEVEL))
+        for family, count, level in ((usual, len(usual), math.inf), (tried.held, tried.count, SETTINGS.level))
         for suggestion in missing_terms(
             tried.lin,
             family,
@@ -274,8 +276,8 @@ def _changes(joint: Joint, polished: Polished, tried: Tried) -> list[_Change]:
             info=info,
             tested=count,
             level=level,
-            least_gain=_WORTH,
-            most=_TRIED // 2,
+            least_gain=SETTINGS.worth_percent,
+            most=SETTINGS.tried // 2,
         )
         # No delay is shorter than none; strips replace what is free, which is a choice of its own.
         if not suggestion.faster and suggestion.name not in STRIPS
@@ -351,7 +353,7 @@ def _tried(
             change.start.get(unknown.name, own)
             for unknown, own in zip(sparse.unknowns, sparse.start.tolist(), strict=True)
         ])
-        polished = polish(sparse, start=values, rounds=_REFIT, near=True, watch=watch)
+        polished = polish(sparse, start=values, rounds=SETTINGS.refit_rounds, near=True, watch=watch)
         if polished.interrupted:
             raise KeyboardInterrupt
         # Errors are counted in the noise of the estimate before, or a worse fit would weigh less.
@@ -416,7 +418,7 @@ def _errors(joint: Joint, values: Array, initial: Array, places: NDArray[np.intp
     part.model = replace(joint.model, data=part.data)
     residuals = np.concatenate(part.residuals(values, initial)) / noise
     # A part that diverges loses by a large, finite amount: one part then decides nothing by itself.
-    return np.asarray(np.nansum(np.minimum(residuals**2, _DIVERGED), axis=0))
+    return np.asarray(np.nansum(np.minimum(residuals**2, SETTINGS.diverged), axis=0))
 
 
 def _judged(
@@ -440,7 +442,9 @@ def _judged(
         most = int(np.argmax(by_channel))
         rows.append((before.joint.channels[most], float(by_channel[most]), p))
         sizes.append(float(gained.mean()))
-    able = [k for k, (_, gain, p) in enumerate(rows) if p < LEVEL and gain >= LEAST_GAIN]
+    able = [
+        k for k, (_, gain, p) in enumerate(rows) if p < SETTINGS.level and gain >= SETTINGS.least_gain_percent
+    ]
     best = max(able, key=lambda k: sizes[k]) if able else None
     judged = []
     for k, (change, (channel, gain, p)) in enumerate(zip(changes, rows, strict=True)):
@@ -452,6 +456,6 @@ def _judged(
         elif k in able:
             verdict = "another gains more"
         else:
-            verdict = "within chance" if p >= LEVEL else "too little"
+            verdict = "within chance" if p >= SETTINGS.level else "too little"
         judged.append(Proposal(number, change.name, change.kind, change.line, channel, gain, p, verdict))
     return judged

@@ -21,7 +21,7 @@ from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.plain import Plain
 from seatrial.base.run import RunDirectory, sha256
 from seatrial.base.work import Step, Watch
-from seatrial.estimation.search import LANES, Optimum, batch_size, evolve, join, refine
+from seatrial.estimation.search import SEARCH_SETTINGS, Optimum, batch_size, evolve, join, refine
 from seatrial.tuning.objective import LACKING, OUTSIDE, Flown, Objective, Still, Terms
 from seatrial.tuning.scope import GainParameters, excited_points
 from seatrial.tuning.step_trial import Rig, Samples
@@ -210,8 +210,8 @@ class Elsewhere(Here):
 
     def fly(self, x: Array, places: Sequence[int]) -> Flown:
         """What candidates (k, m) do with some of the samples."""
-        pieces = min(max(self._fleet.slots, 1), math.ceil(len(x) / LANES))
-        each = LANES * math.ceil(len(x) / LANES / pieces)
+        pieces = min(max(self._fleet.slots, 1), math.ceil(len(x) / SEARCH_SETTINGS.lanes))
+        each = SEARCH_SETTINGS.lanes * math.ceil(len(x) / SEARCH_SETTINGS.lanes / pieces)
         chosen = tuple(int(place) for place in places)
         chunks = (
             Chunk(

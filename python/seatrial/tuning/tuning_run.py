@@ -32,7 +32,7 @@ from seatrial.base.errors import CampaignError, SeatrialError
 from seatrial.base.fleet import fleet_of
 from seatrial.base.run import RunDirectory, run_facts, version
 from seatrial.base.work import HERE, Clock, Progress, Step, Work, callers_errors_pass, takes
-from seatrial.estimation.search import LANES, batch_size
+from seatrial.estimation.search import SEARCH_SETTINGS, batch_size
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.control_problem import ControlProblem, Group
@@ -218,7 +218,9 @@ class TuningRun:
         for turn in range(_PASSES):
             for group in self.plan.groups:
                 size = budget.population or batch_size(len(group.parameters))
-                sets = size * (budget.generations or GENERATIONS) + LANES * (budget.simplex_rounds or ROUNDS)
+                sets = size * (budget.generations or GENERATIONS) + SEARCH_SETTINGS.lanes * (
+                    budget.simplex_rounds or ROUNDS
+                )
                 each = sum(len(trials) * trials.duration_s for trials in group.trials)
                 parts[_name(group, turn)] = sets * each * (count if turn == 0 else count - 1 + _NOISES)
         flown = sum(parts.values())

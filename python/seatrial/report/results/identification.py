@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from seatrial.base.channels import CHANNELS, MOTIONS, readable
 from seatrial.base.report import Column, Report, Section, Table, appended
-from seatrial.diagnosis.assessment import TOLD
+from seatrial.diagnosis.assessment import ASSESSMENT_SETTINGS
 from seatrial.estimation.event_fit import SETTINGS
 from seatrial.identification.choice import Choice
 from seatrial.identification.estimate import (
-    LARGEST_DRAG,
+    ESTIMATE_SETTINGS,
     Estimate,
     derived,
     distinct,
@@ -21,7 +21,7 @@ from seatrial.identification.estimate import (
     masses_of,
     plus_minus,
 )
-from seatrial.identification.held import SHARE, sentences
+from seatrial.identification.held import HELD_SETTINGS, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
 from seatrial.inspect.events import EVENT_LIMITS
@@ -290,7 +290,7 @@ def _told(row: Estimate) -> str:
     """Whether data or prior tell a coefficient, with the deviation over the prior's; "" without a prior."""
     if row.told is None:
         return ""
-    return f"{'data' if row.told <= TOLD else 'prior'} ({row.told:.2f})"
+    return f"{'data' if row.told <= ASSESSMENT_SETTINGS.told_share else 'prior'} ({row.told:.2f})"
 
 
 def contradictions(fit: Identification) -> list[str]:
@@ -330,7 +330,7 @@ def _conditional_table(fit: Identification) -> Table:
         (row.name, row.unit, row.on, f"{row.change:+.3g}", f"{row.deviations:+.1f}")
         for row in fit.conditional
     ]
-    title = f"Estimates that change if a held value is {100.0 * SHARE:g} % larger"
+    title = f"Estimates that change if a held value is {100.0 * HELD_SETTINGS.error_share:g} % larger"
     return Table.of(title, ("coefficient", "unit", "held", "change", "in deviations"), rows, left=3)
 
 
@@ -583,7 +583,8 @@ def _implausible(fit: Identification) -> list[str]:
         *masses.values(),
         *(
             f"{name}: implausible, its drag coefficient is {drag:.2g} on the outline of the hull, and"
-            f" {LARGEST_DRAG:g} is the most that vehicles have; a thrust that is too large may appear as drag"
+            f" {ESTIMATE_SETTINGS.largest_drag:g} is the most that vehicles have; a thrust that is too"
+            f" large may appear as drag"
             for name, drag in drags.items()
         ),
     ]
