@@ -22,6 +22,7 @@ WRITERS = {
     "Flight": "flight",
     "Identification": "identification",
     "Imported": "imported",
+    "LeaveOneOut": "leave_one_out",
     "LogTuning": "ardusub",
     "LogVerdict": "mission_log",
     "Plan": "plan",
