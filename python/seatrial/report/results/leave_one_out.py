@@ -51,11 +51,8 @@ def _worst(result: LeaveOneOut) -> tuple[str, str]:
     rows = [row for row in result.coefficients() if row["ratio"] == row["ratio"]]
     far = max(rows, key=lambda row: row["ratio"], default=None)
     lost = {trial.trial: trial.lost for trial in result.left_out if trial.lost}
-    if (
-        far is not None
-        and far["ratio"] >= LEAVE_ONE_OUT_SETTINGS.scatter_ratio
-        and far["farthest_without"] in lost
-    ):
+    scattered = far is not None and far["ratio"] >= LEAVE_ONE_OUT_SETTINGS.scatter_ratio
+    if far is not None and scattered and far["farthest_without"] in lost:
         trial = far["farthest_without"]
         return (
             f"{far['coefficient']} rests on {trial}: {far['least']:.4g} to {far['most']:.4g} {far['unit']}"
@@ -96,9 +93,9 @@ def _remarks(result: LeaveOneOut) -> tuple[str, ...]:
         least = min(small, key=small.__getitem__)
         remarks.append(
             f"{len(small)} coefficients have a ratio below {LEAVE_ONE_OUT_SETTINGS.shared_ratio:g} ({least}"
-            f" {small[least]:.2g}): their standard deviation comes mostly from what all fits share, such as the"
-            " scale of the thrust, whose prior leaving out a trial does not change. This does not mean that it"
-            " is too large."
+            f" {small[least]:.2g}): their standard deviation comes mostly from what all fits share, such as"
+            " the scale of the thrust, whose prior leaving out a trial does not change. This does not mean"
+            " that it is too large."
         )
     return tuple(remarks)
 
