@@ -48,12 +48,12 @@ def gallery(
     A campaign is identified first; stages that an earlier run finished from the same inputs are reused.
     """
     from paper.gallery import check_formats, draw_gallery
-    from seatrial.cli.check import _is_campaign
+    from seatrial.cli.check import is_campaign
     from seatrial.cli.console import print_json
     from seatrial.cli.new import EXAMPLES
 
     chosen = check_formats(tuple(part.strip() for part in formats.split(",") if part.strip()))
-    if target is None or _is_campaign(target):
+    if target is None or is_campaign(target):
         fit, campaign, folder = _identified(
             target or str(EXAMPLES / "cwolf" / "campaign.toml"), out, run, threads, json
         )

@@ -25,7 +25,7 @@ from seatrial.base.work import Progress, Step
 from seatrial.bench_test.evaluate import bench
 from seatrial.cli import app
 from seatrial.cli import demo as demo_verb
-from seatrial.cli.console import search_progress
+from seatrial.cli.console import ConsoleSettings, search_progress
 from seatrial.trial.generated import Recipe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -401,7 +401,7 @@ def test_progress_tells_stage_generation_best_and_time_left(capsys: pytest.Captu
         silent(state)
     assert capsys.readouterr().err == ""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.cli.console._LINE_EVERY_S", 0.0)
+        patch.setattr("seatrial.cli.console.SETTINGS", ConsoleSettings(line_every_s=0.0))
         with search_progress("first") as spoken:
             spoken(state)
             line = capsys.readouterr().err

@@ -12,6 +12,7 @@ from typer.testing import CliRunner, Result
 import seatrial as st
 from seatrial.check.autopilot_on_vehicle import weak_points
 from seatrial.cli import app
+from seatrial.cli.console import ConsoleSettings
 from seatrial.vehicle.authority import authority_in_words
 from tests.flight.flying import OUT
 
@@ -185,7 +186,7 @@ def test_weak_points_ahead_warn_and_those_astern_are_notes() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("vehicle", ["cwolf", "lauv", STARTER])
 def test_tables_fit_eighty_columns(vehicle: str | Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.cli.console._PIPED_WIDTH", 80)
+    monkeypatch.setattr("seatrial.cli.console.SETTINGS", ConsoleSettings(piped_width=80))
     result = call(vehicle)
     tables = [line for line in result.stdout.splitlines() if line.startswith(" ") and line[1:2].strip()]
     assert len(tables) > 12

@@ -16,6 +16,7 @@ from typer.testing import CliRunner, Result
 
 import seatrial as st
 from seatrial.cli import app
+from seatrial.cli.console import ConsoleSettings
 from tests.flight.flying import BOX, OUT, flown
 
 
@@ -81,7 +82,7 @@ def test_the_log_is_a_trial_of_the_vehicle() -> None:
 
 @pytest.mark.usefixtures("here")
 def test_tables_fit_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.cli.console._PIPED_WIDTH", 80)
+    monkeypatch.setattr("seatrial.cli.console.SETTINGS", ConsoleSettings(piped_width=80))
     Path("long.toml").write_text(BOX.replace("north_m = 0.0", 'label = "the last one of all"\nnorth_m = 0.0'))
     result = call("cwolf", "cwolf", "long.toml", "--figures", "none")
     tables = [line for line in result.stdout.splitlines() if line.startswith(" ") and line.strip()]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.cli.streams import BROKEN_PIPE
+from seatrial.cli.console import Code
 
 CHECK = "check cwolf --figures none"
 LIST = "data list"  # a report that takes no time
@@ -46,7 +46,7 @@ def shell(here: Path, line: str, **environment: str) -> subprocess.CompletedProc
 def test_a_reader_that_goes_away_is_no_failed_verdict(here: Path, verb: str) -> None:
     """The reader is gone before the first letter; the files of the run are there."""
     done = shell(here, f"{{ seatrial {verb}; echo $? > code; }} | true; cat code")
-    assert int(done.stdout) == BROKEN_PIPE
+    assert int(done.stdout) == Code.BROKEN_PIPE
     assert done.stderr == b""
     if "fly cwolf" in verb:
         assert (here / "runs/fly-cwolf-ahead/run.json").is_file()

@@ -19,10 +19,9 @@ from typer.core import TyperCommand, TyperGroup
 from seatrial.base.errors import SeatrialError
 from seatrial.cli import (
     ardusub,
-    autopilot,
     bench,
     check,
-    data,
+    console,
     demo,
     export,
     fly,
@@ -30,13 +29,8 @@ from seatrial.cli import (
     import_,
     new,
     plan,
-    realtime,
-    report,
     score,
     simulate,
-    sitl,
-    streams,
-    survey,
     tune,
     verify,
 )
@@ -104,11 +98,11 @@ class _Verb(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """Run it, unless a number is not finite."""
         parameters: list[Any] = self.params
-        for one in parameters:
-            given = ctx.params.get(one.name)
+        for parameter in parameters:
+            given = ctx.params.get(parameter.name)
             for value in given if isinstance(given, list | tuple) else [given]:
                 if isinstance(value, float) and not math.isfinite(value):
-                    raise SeatrialError(f"{one.opts[0]}: expected a finite number, found {value}")
+                    raise SeatrialError(f"{parameter.opts[0]}: expected a finite number, found {value}")
         return super().invoke(ctx)
 
 
@@ -144,26 +138,26 @@ _VERBS: tuple[Callable[..., None], ...] = (
     demo.demo,
     new.new,
     import_.import_,
-    data.data,
+    new.data,
     check.check,
     simulate.simulate,
     bench.bench,
     plan.plan,
     identify.identify,
     score.score,
-    autopilot.autopilot,
+    tune.autopilot,
     fly.fly,
-    realtime.realtime,
+    fly.realtime,
     tune.tune,
     verify.verify,
     verify.verify_log,
-    survey.rare,
-    survey.falsify,
-    survey.boundary,
-    report.report,
+    verify.rare,
+    verify.falsify,
+    verify.boundary,
+    export.report,
     export.export,
     ardusub.ardusub,
-    sitl.sitl,
+    fly.sitl,
 )
 
 for _verb in _VERBS:
@@ -182,10 +176,10 @@ def main(begins: Callable[[], None] | None = None) -> None:
     begins : callable, optional
         Called when a verb begins, after all that can be said without it.
     """
-    streams.ready()
+    console.ready()
     try:
         app(obj=begins)
     except OSError as error:  # from a message about the command line itself
-        sys.exit(streams.exit_code(error))
+        sys.exit(console.exit_code(error))
     finally:
-        streams.still()
+        console.still()

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
-from seatrial.cli.report import Page, reported
-
-if TYPE_CHECKING:
-    pass
+from seatrial.base.errors import SeatrialError
+from seatrial.cli.options import Output, shared
 
 
+@shared
 def bench(
     bench_file: Annotated[Path, typer.Argument(help="Bench file: pulls, steps and how they are fitted.")],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Run directory; runs/bench-NAME by default.")
-    ] = None,
     write: Annotated[
         Path | None, typer.Option(help="Write the vehicle file with the results here; it must not exist.")
     ] = None,
@@ -27,59 +23,57 @@ def bench(
         bool,
         typer.Option("--in-place", help="Replace the bench file's vehicle file by the one with the results."),
     ] = False,
-    figures: Figures = FigureFormat.PNG,
-    page: Page = None,
-    verbose: Verbose = False,
-    json: Json = False,
+    output: Output = Output(),
 ) -> None:
     """Fit thrust and motor of every tested group, say how sure they are, write them into the vehicle file.
 
     Example: seatrial bench bench.toml --in-place
     """
-    from seatrial.base.errors import SeatrialError
     from seatrial.bench_test.evaluate import bench as evaluate
-    from seatrial.cli.console import answer, print_json
+    from seatrial.cli.console import reported
     from seatrial.report.results.bench_test import WRITE
 
-    if write is not None and in_place:
+    _check_place(write, in_place)
+    test = evaluate(bench_file)
+    if in_place and test.vehicle_path is None:
+        raise SeatrialError(
+            f"--in-place: {test.before.name} is a built-in vehicle without a file; give --write FILE"
+        )
+    if (write is not None or in_place) and not test.notes:
+        raise SeatrialError(f"{bench_file}: nothing could be written: {'; '.join(test.warnings)}")
+    folder = test.save(output.out or Path("runs") / f"bench-{test.file.name}")
+    written = None
+    if write is not None:
+        written = test.save_vehicle(write)
+    elif in_place and test.vehicle_path is not None:
+        written = test.save_vehicle(test.vehicle_path, replace=True)
+    report = test.report()
+    results = f"Results in {folder}: bench.json, summary.txt, points.csv, vehicle.toml"
+    if written is not None:
+        check = f"seatrial check {written}"
+        results += f"\nVehicle file with the results: {written} ({check})"
+        report = replace(report, next_step=report.next_step.replace(WRITE, f"run {check}"))
+    elif test.notes:
+        results += "\nNothing was written into a vehicle file: give --write FILE or --in-place"
+    output.show(
+        test,
+        {"run_directory": str(folder), "vehicle_file": written and str(written)},
+        report=report,
+        results=results,
+        draw=partial(output.draw, test, folder),
+    )
+    reported(output.page, [folder], quiet=output.json)
+
+
+def _check_place(write: Path | None, in_place: bool) -> None:
+    """Refuse a vehicle file that cannot be written."""
+    if write is None:
+        return
+    if in_place:
         raise SeatrialError("--write and --in-place: give one of them")
-    if write is not None and write.exists():
+    if write.exists():
         raise SeatrialError(f"--write {write}: this file exists and is not overwritten; give another name")
-    if write is not None and not write.absolute().parent.is_dir():
+    if not write.absolute().parent.is_dir():
         raise SeatrialError(
             f"--write {write}: there is no folder {write.parent}; make it or give another name"
         )
-    found = evaluate(bench_file)
-    if in_place and found.vehicle_path is None:
-        raise SeatrialError(
-            f"--in-place: {found.before.name} is a built-in vehicle without a file; give --write FILE"
-        )
-    if (write is not None or in_place) and not found.notes:
-        raise SeatrialError(f"{bench_file}: nothing could be written: {'; '.join(found.warnings)}")
-    folder = found.save(out or Path("runs") / f"bench-{found.file.name}")
-    written = None
-    if write is not None:
-        written = found.save_vehicle(write)
-    elif in_place and found.vehicle_path is not None:
-        written = found.save_vehicle(found.vehicle_path, replace=True)
-
-    def drawn() -> list[Path]:
-        from seatrial.report.plot import gallery
-
-        return gallery(found, folder, formats=figures.endings(page))
-
-    if json:
-        files = {"figures": [str(path) for path in drawn()], "vehicle_file": written and str(written)}
-        print_json(found.to_dict() | {"run_directory": str(folder)} | files)
-        reported(page, [folder], quiet=True)
-        return
-    results = f"Results in {folder}: bench.json, summary.txt, points.csv, vehicle.toml"
-    if written is not None:
-        results += f"\nVehicle file with the results: {written} (seatrial check {written})"
-    elif found.notes:
-        results += "\nNothing was written into a vehicle file: give --write FILE or --in-place"
-    report = found.report()
-    if written is not None:
-        report = replace(report, next_step=report.next_step.replace(WRITE, f"run seatrial check {written}"))
-    answer(report, verbose=verbose, results=results, draw=drawn)
-    reported(page, [folder])

@@ -1,20 +1,17 @@
-"""`seatrial check`: what a vehicle, autopilot or mission file says, in sentences; what a campaign will do.
-
-`seatrial check` of a mission or an autopilot file: tables and sentences.
-"""
+"""`seatrial check`: what a vehicle, autopilot or mission file says, in sentences; what a campaign will do."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import nullcontext
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from seatrial.base.errors import SeatrialError, nearest
 from seatrial.base.file_names import file_name, no_file
-from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
+from seatrial.cli.options import Drawn, Triple, shared
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
@@ -38,13 +35,37 @@ _OPTIONS: dict[str, tuple[str, ...]] = {
 """Options that only some files have."""
 
 
-class _Drawing(NamedTuple):
-    """Whether figures are drawn, and in which formats."""
+@dataclass(frozen=True)
+class Flying:
+    """What flies a mission in which water, and at what supply."""
 
-    wanted: bool
-    formats: tuple[str, ...]
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help="Vehicle that a mission or an autopilot is for: file or name.", metavar="VEHICLE"),
+    ] = None
+    autopilot: Annotated[
+        str | None, typer.Option(help="Autopilot that flies a mission: file or name.", metavar="AUTOPILOT")
+    ] = None
+    current: Annotated[
+        Triple | None,
+        typer.Option(
+            metavar="NORTH EAST DOWN",
+            help="Velocity of the water in which vehicle and autopilot fly a mission, m/s; 0.3 m/s from four"
+            " sides when missing.",
+        ),
+    ] = None
+    sensors: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Sensors with which they fly it, or: typical. Perfect when missing."
+        ),
+    ] = None
+    seabed: Annotated[
+        float | None, typer.Option(metavar="DEPTH", help="Depth of the bottom over which they fly it, m.")
+    ] = None
 
 
+@shared
 def check(
     target: Annotated[
         str,
@@ -53,30 +74,7 @@ def check(
             metavar="VEHICLE|CAMPAIGN|MISSION|AUTOPILOT",
         ),
     ],
-    vehicle: Annotated[
-        str | None,
-        typer.Option(help="Vehicle that a mission or an autopilot is for: file or name.", metavar="VEHICLE"),
-    ] = None,
-    autopilot: Annotated[
-        str | None, typer.Option(help="Autopilot that flies a mission: file or name.", metavar="AUTOPILOT")
-    ] = None,
-    current: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            metavar="NORTH EAST DOWN",
-            help="Velocity of the water in which vehicle and autopilot fly a mission, m/s; 0.3 m/s from four"
-            " sides when missing.",
-        ),
-    ] = None,
-    sensors: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="Sensors with which they fly it, or: typical. Perfect when missing."
-        ),
-    ] = None,
-    seabed: Annotated[
-        float | None, typer.Option(metavar="DEPTH", help="Depth of the bottom over which they fly it, m.")
-    ] = None,
+    flying: Flying = Flying(),
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for figures; runs/check-NAME by default.")
     ] = None,
@@ -92,71 +90,71 @@ def check(
             " ones up to the top speed when missing.",
         ),
     ] = None,
-    figures: Figures = FigureFormat.PNG,
-    verbose: Verbose = False,
-    json: Json = False,
+    output: Drawn = Drawn(),
 ) -> None:
     """Check a vehicle (signs, speeds, turns, stability), an autopilot, a mission or a campaign beforehand.
 
     Example: seatrial check vehicle.toml
     """
-    _check_options(voltage, speed_kn or [], seabed)
-    if current is not None:
+    _check_numbers(voltage, speed_kn or [], flying)
+    kind = _kind(target)
+    _check_options(target, kind, flying, {"--speed-kn": speed_kn or None, "--out": out})
+    if kind == "a campaign":
+        _check_campaign(target, output)
+    elif kind == "a mission":
+        _check_mission(target, flying, voltage, out, output)
+    elif kind == "an autopilot":
+        _check_autopilot(target, flying.vehicle, voltage, output)
+    else:
+        _check_vehicle(target, voltage, speed_kn, out, output)
+
+
+def _check_numbers(voltage: float, speed_kn: list[float], flying: Flying) -> None:
+    """Refuse numbers beyond any voltage, speed, depth or current."""
+    bottom = [] if flying.seabed is None else [flying.seabed]
+    for option, values, most in (
+        ("--voltage", [voltage], 10_000.0),
+        ("--speed-kn", speed_kn, 100.0),
+        ("--seabed", bottom, 12_000.0),
+    ):
+        for value in values:
+            if value > most:
+                raise SeatrialError(f"{option}: expected at most {most:g}, found {value:g}; check the unit")
+    if flying.current is not None:
         from seatrial.flight.checks import checked_rows
 
-        checked_rows("--current", current)
-    kind = _kind(target)
-    given = {"--vehicle": vehicle, "--autopilot": autopilot, "--speed-kn": speed_kn or None, "--out": out}
-    flying = {"--current": current, "--sensors": sensors, "--seabed": seabed}
-    for option, value in (given | flying).items():
+        checked_rows("--current", flying.current)
+
+
+def _check_options(target: str, kind: str, flying: Flying, others: dict[str, Any]) -> None:
+    """Refuse options that this kind of file has not."""
+    given = {f"--{field.name}": getattr(flying, field.name) for field in fields(flying)} | others
+    for option, value in given.items():
         if value is not None and option not in _OPTIONS[kind]:
             fitting = " or ".join(name for name, options in _OPTIONS.items() if option in options)
             raise SeatrialError(f"{option} is for {fitting}, and {target} is {kind}; leave it out")
-    for option, value in flying.items():
-        if value is not None and (vehicle is None or autopilot is None):
+    for option in ("--current", "--sensors", "--seabed"):
+        if given[option] is not None and None in (flying.vehicle, flying.autopilot):
             raise SeatrialError(f"{option}: a mission is flown with --vehicle and --autopilot; give both")
-    drawing = _Drawing(bool(figures.endings()), figures.endings())
-    if kind == "a campaign":
-        _check_campaign(target, verbose=verbose, json=json)
-    elif kind == "a mission":
-        water = {"current": current, "sensors": sensors, "seabed": seabed, "voltage_v": voltage}
-        _check_mission(target, (vehicle, autopilot), water, out, drawing=drawing, verbose=verbose, json=json)
-    elif kind == "an autopilot":
-        _check_autopilot(target, vehicle, voltage, verbose=verbose, json=json)
-    else:
-        _check_vehicle(target, voltage, speed_kn, out, drawing=drawing, verbose=verbose, json=json)
 
 
 def _check_vehicle(
-    target: str,
-    voltage: float,
-    speed_kn: list[float] | None,
-    out: Path | None,
-    *,
-    drawing: _Drawing,
-    verbose: bool,
-    json: bool,
+    target: str, voltage: float, speed_kn: list[float] | None, out: Path | None, output: Drawn
 ) -> None:
     from seatrial._core import Vehicle
     from seatrial.base.atomic_write import only_user
     from seatrial.check.vehicle import check_vehicle
-    from seatrial.cli.console import answer, print_json
 
     vehicle = Vehicle.load(target)
     folder = out or Path("runs") / file_name(f"check-{vehicle.name}")
-
-    def drawn() -> list[Path]:
-        return _draw_vehicle(vehicle, voltage, folder, drawing.formats) if drawing.wanted else []
-
-    with only_user(folder) if drawing.wanted else nullcontext():
-        found = check_vehicle(vehicle, voltage_v=voltage, speeds_kn=speed_kn or None)
-        if json:
-            print_json(found.to_dict() | {"figures": [str(path) for path in drawn()]})
-        else:
-            answer(found.report(), verbose=verbose, draw=drawn)
+    with only_user(folder) if output.endings else nullcontext():
+        checked = check_vehicle(vehicle, voltage_v=voltage, speeds_kn=speed_kn or None)
+        output.show(checked, draw=lambda: _draw_vehicle(vehicle, voltage, folder, output.endings))
 
 
 def _draw_vehicle(vehicle: Vehicle, voltage: float, folder: Path, endings: tuple[str, ...]) -> list[Path]:
+    if not endings:
+        return []
     from seatrial.report.plot.performance import characteristic, performance
     from seatrial.report.plot.style import save
     from seatrial.report.plot.vehicle import three_views
@@ -167,19 +165,6 @@ def _draw_vehicle(vehicle: Vehicle, voltage: float, folder: Path, endings: tuple
     if (sailing := performance(vehicle, voltage_v=voltage)) is not None:
         written += save(sailing, folder / "performance", formats=endings)
     return written
-
-
-def _check_options(voltage: float, speed_kn: list[float], seabed: float | None) -> None:
-    """Refuse numbers beyond any voltage, speed or depth."""
-    bottom = [] if seabed is None else [seabed]
-    for option, values, most in (
-        ("--voltage", [voltage], 10_000.0),
-        ("--speed-kn", speed_kn, 100.0),
-        ("--seabed", bottom, 12_000.0),
-    ):
-        for value in values:
-            if value > most:
-                raise SeatrialError(f"{option}: expected at most {most:g}, found {value:g}; check the unit")
 
 
 def _kind(target: str) -> str:
@@ -206,87 +191,68 @@ def _kind(target: str) -> str:
     return kind or VEHICLE
 
 
-def _is_campaign(target: str) -> bool:
+def is_campaign(target: str) -> bool:
     """Whether the file is a campaign."""
     from seatrial.base.toml_file import CAMPAIGN, file_kind
 
     return file_kind(target) == CAMPAIGN
 
 
-def _check_campaign(target: str, *, verbose: bool, json: bool) -> None:
+def _check_campaign(target: str, output: Drawn) -> None:
     from seatrial.campaign.campaign import Campaign
     from seatrial.check.campaign import check_campaign
-    from seatrial.cli.console import answer, print_json, reading_progress
-    from seatrial.cli.streams import complain
+    from seatrial.cli.console import Code, complain, reading_progress
 
-    found = check_campaign(Campaign.load(target, progress=reading_progress(quiet=json)))
-    if json:
-        print_json(found.to_dict())
-    else:
-        answer(found.report(), verbose=verbose)
-    if found.problems:
-        for problem in found.problems:
-            complain(problem)
-        raise typer.Exit(2)
+    checked = check_campaign(Campaign.load(target, progress=reading_progress(quiet=output.json)))
+    output.show(checked)
+    for problem in checked.problems:
+        complain(problem)
+    if checked.problems:
+        raise typer.Exit(Code.BAD_INPUT)
 
 
-def _check_mission(
-    target: str,
-    flown_by: tuple[str | None, str | None],
-    water: Mapping[str, Any],
-    out: Path | None,
-    *,
-    drawing: _Drawing,
-    verbose: bool,
-    json: bool,
-) -> None:
+def _check_mission(target: str, flying: Flying, voltage: float, out: Path | None, output: Drawn) -> None:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.base.atomic_write import only_user, write_atomic
     from seatrial.base.toml_file import loaded
     from seatrial.check.mission import check_mission
-    from seatrial.cli.console import answer, print_json
     from seatrial.flight.mission import Mission
 
     mission = Mission.load(target)
-    vehicle, autopilot = flown_by
-    found = check_mission(
+    checked = check_mission(
         mission,
-        vehicle=None if vehicle is None else loaded(Vehicle, vehicle, "--vehicle"),
-        autopilot=None if autopilot is None else loaded(Autopilot, autopilot, "--autopilot"),
-        **water,
+        vehicle=None if flying.vehicle is None else loaded(Vehicle, flying.vehicle, "--vehicle"),
+        autopilot=None if flying.autopilot is None else loaded(Autopilot, flying.autopilot, "--autopilot"),
+        current=flying.current,
+        sensors=flying.sensors,
+        seabed=flying.seabed,
+        voltage_v=voltage,
     )
     folder = out or Path("runs") / file_name(f"check-{Path(target).stem}")
 
     def drawn() -> list[Path]:
-        if not drawing.wanted:
+        if not output.endings:
             return []
         from seatrial.report.plot.mission import mission_plan
         from seatrial.report.plot.style import save
 
-        return save(mission_plan(mission), folder / "mission_plan", formats=drawing.formats)
+        return save(mission_plan(mission), folder / "mission_plan", formats=output.endings)
 
     results = ""
-    with only_user(folder) if drawing.wanted or out is not None else nullcontext():
-        if mission.origin is not None and (drawing.wanted or out is not None):
+    writes = bool(output.endings) or out is not None
+    with only_user(folder) if writes else nullcontext():
+        if mission.origin is not None and writes:
             metres = folder / "mission_metres.toml"
             folder.mkdir(parents=True, exist_ok=True)
             write_atomic(metres, mission.to_toml().encode())
             results = f"In metres, as the autopilot reads it: {metres}"
-        if json:
-            print_json(found.to_dict() | {"figures": [str(path) for path in drawn()]})
-        else:
-            answer(found.report(), verbose=verbose, results=results, draw=drawn)
+        output.show(checked, results=results, draw=drawn)
 
 
-def _check_autopilot(target: str, vehicle: str | None, voltage: float, *, verbose: bool, json: bool) -> None:
+def _check_autopilot(target: str, vehicle: str | None, voltage: float, output: Drawn) -> None:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.base.toml_file import loaded
     from seatrial.check.autopilot import check_autopilot
-    from seatrial.cli.console import answer, print_json
 
     on: Vehicle | None = None if vehicle is None else loaded(Vehicle, vehicle, "--vehicle")
-    found = check_autopilot(Autopilot.load(target), vehicle=on, voltage_v=voltage)
-    if json:
-        print_json(found.to_dict())
-    else:
-        answer(found.report(), verbose=verbose)
+    output.show(check_autopilot(Autopilot.load(target), vehicle=on, voltage_v=voltage))

@@ -1,24 +1,30 @@
 """Where the command line prints: answers to standard output, progress and messages to standard error.
 
-A verb prints its answer first (`answer`) and draws afterwards. A report is shown as three lines in bold, then
-tables and sentences (`show`); rich fits tables to the width.
+A verb prints its answer first (`answer`) and draws afterwards; rich fits tables to the width. Streams may be
+closed, full, cut by `head`, or able to show ASCII only: signs that they cannot show are spelt (± as +/-, ° as
+deg), and files of the run are written all the same. Held by ``tests/cli/test_streams.py``.
 """
 
 from __future__ import annotations
 
+import codecs
+import contextlib
 import errno
+import io
 import os
 import sys
 import time
+import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import typer
 
 from seatrial.base.errors import SeatrialError
-from seatrial.cli.streams import BAD_INPUT, INTERRUPTED, complain, exit_code, note, printing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,13 +35,141 @@ if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
     from seatrial.base.report import Report, Table
     from seatrial.base.work import Progress as State
+    from seatrial.report.page.run_folder import RunFolder
 
-_PIPED_WIDTH = 118  # columns where there is no terminal: the widest table, unbroken
 
-_LINE_EVERY_S = 5.0  # progress without a terminal: a log of an hour stays readable
+class Code(IntEnum):
+    """Exit codes beside 0; the last two are 128 and the number of the signal, as a shell has them."""
 
-_SLOW_S = 2.0
-"""Recordings that are read faster need no word."""
+    NOT_HELD = 1
+    BAD_INPUT = 2
+    INTERRUPTED = 130
+    BROKEN_PIPE = 141
+
+
+@dataclass(frozen=True)
+class ConsoleSettings:
+    """How wide and how often the command line prints."""
+
+    piped_width: int = 118  #: Columns where there is no terminal: the widest table, unbroken.
+    line_every_s: float = 5.0  #: Progress without a terminal: a log of an hour stays readable, s.
+    slow_s: float = 2.0  #: Recordings that are read faster need no word, s.
+    #: Characters of a word that every column has room for; a longer one may go on in the next line.
+    longest_word: int = 11
+
+
+SETTINGS = ConsoleSettings()
+
+_SPELT = {
+    "\N{DEGREE SIGN}": "deg",
+    "\N{PLUS-MINUS SIGN}": "+/-",
+    "\N{MINUS SIGN}": "-",
+    "\N{EN DASH}": "-",
+    "\N{HORIZONTAL ELLIPSIS}": "...",
+    "\N{MULTIPLICATION SIGN}": "x",
+    "\N{MIDDLE DOT}": "*",
+    "\N{DOT OPERATOR}": "*",
+    "\N{RIGHTWARDS ARROW}": "->",
+    "\N{LESS-THAN OR EQUAL TO}": "<=",
+    "\N{GREATER-THAN OR EQUAL TO}": ">=",
+    "\N{ALMOST EQUAL TO}": "~",
+    "\N{SUPERSCRIPT TWO}": "2",
+    "\N{SUPERSCRIPT THREE}": "3",
+}
+
+
+def _spell(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Signs that an encoding lacks, in letters that it has."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    signs = error.object[error.start : error.end]
+    spelt = "".join(_SPELT.get(sign) or unicodedata.normalize("NFKD", sign) for sign in signs)
+    return spelt.encode("ascii", "ignore").decode() or "?" * len(signs), error.end
+
+
+def ready() -> None:
+    """Make the standard streams such that nothing printed can fail for its letters or a closed stream."""
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            # Else the next file that is opened gets the number of the stream.
+            taken = os.open(os.devnull, os.O_RDWR)
+            if taken != descriptor:
+                os.dup2(taken, descriptor)
+                os.close(taken)
+            setattr(sys, name, open(descriptor, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+    codecs.register_error("seatrial.spelt", _spell)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="seatrial.spelt")
+
+
+def _takes(stream: TextIO) -> bool:
+    """Whether a stream takes what is printed."""
+    try:
+        stream.flush()
+    except (OSError, ValueError):  # full, closed, or its reader is gone: the answer to the question
+        return False
+    return True
+
+
+def still() -> None:
+    """Let the interpreter end without a word about streams that take no more."""
+    for stream in (sys.stdout, sys.stderr):
+        if not _takes(stream):
+            with contextlib.suppress(OSError, ValueError):  # there is no stream left on which to say it
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, stream.fileno())
+                os.close(nowhere)
+
+
+@contextlib.contextmanager
+def printing() -> Iterator[None]:
+    """Say of an error that standard output had it."""
+    try:
+        yield
+        sys.stdout.flush()
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, "standard output") from None
+
+
+def note(line: str) -> None:
+    """Print a line on standard error; only a reader that is gone ends the work, not a full disk."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError:  # there is no other stream on which to say it
+        still()
+
+
+def complain(message: str) -> None:
+    """Print a message on standard error."""
+    note(f"seatrial: {message}")
+
+
+def _nowhere() -> bool:
+    """Whether the working directory was removed under the process."""
+    try:
+        os.getcwd()  # noqa: PTH109
+    except FileNotFoundError:
+        return True
+    return False
+
+
+def exit_code(error: OSError) -> int:
+    """Exit code after a file or a stream failed; what happened is said on standard error."""
+    if error.errno == errno.EPIPE:
+        still()
+        return Code.BROKEN_PIPE
+    if error.errno == errno.ENOENT and not error.filename and _nowhere():
+        complain("the working directory is gone; change to a folder that is there, then run again")
+        return Code.BAD_INPUT
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    where = f"{error.filename}: " if error.filename else ""
+    advice = "free some space and run again" if full else "check the path and its permissions"
+    complain(f"{where}{error.strerror or error}; {advice}")
+    still()
+    return Code.BAD_INPUT
 
 
 class ExitCodes:
@@ -61,8 +195,8 @@ class ExitCodes:
             ctx.exit(exit_code(error))
         except KeyboardInterrupt:
             complain("interrupted")
-            ctx.exit(INTERRUPTED)
-        ctx.exit(BAD_INPUT)
+            ctx.exit(Code.INTERRUPTED)
+        ctx.exit(Code.BAD_INPUT)
         return None
 
 
@@ -74,7 +208,7 @@ def output() -> Console:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
-    return Output(width=None if sys.stdout.isatty() else _PIPED_WIDTH, highlight=False)
+    return Output(width=None if sys.stdout.isatty() else SETTINGS.piped_width, highlight=False)
 
 
 def answer(
@@ -100,6 +234,21 @@ def answer(
         say(results)
     if draw is not None:
         list_figures(console, draw())
+
+
+def reported(
+    page: Path | None, runs: Sequence[Path | RunFolder], *, title: str = "", quiet: bool = False
+) -> None:
+    """Write runs as a page where one was asked for, and say where it is."""
+    if page is None:
+        return
+    from seatrial.report.page.page import LARGEST_BYTES, write_page
+
+    written = write_page(runs, page, title=title)
+    size = written.stat().st_size
+    if not quiet:
+        large = "" if size <= LARGEST_BYTES else "; give fewer runs for a smaller one"
+        say(f"Report: {written} ({size / 1e6:.1f} MB{large})")
 
 
 def say(line: str) -> None:
@@ -182,7 +331,7 @@ def reading_progress(*, quiet: bool = False) -> Callable[[State], None] | None:
     """Callback that says how far the reading of a recording is where it takes long; None when quiet."""
 
     def show(state: State) -> None:
-        if state.elapsed_s > _SLOW_S:
+        if state.elapsed_s > SETTINGS.slow_s:
             note(f"{100 * state.fraction:3.0f} %  {state.words}")
 
     return None if quiet else show
@@ -195,15 +344,11 @@ def _lines() -> Callable[[float, str, Sequence[str]], None]:
         nonlocal last
         for sentence in notes:
             note(sentence)
-        if time.monotonic() - last >= _LINE_EVERY_S:
+        if time.monotonic() - last >= SETTINGS.line_every_s:
             last = time.monotonic()
             note(f"{100 * share:3.0f} %  {words}")
 
     return show
-
-
-_LONGEST_WORD = 11
-"""Characters of a word that every column has room for; a longer one may go on in the next line."""
 
 
 def show(report: Report, console: Console, *, verbose: bool = False) -> None:
@@ -266,7 +411,7 @@ def _narrowest(head: str, place: int, table: Table) -> int:
     cells = [head, *(row[place] for row in table.rows)]
     if table.columns[place].align == "right":
         return max(len(line) for cell in cells for line in cell.split("\n"))
-    return min(max((len(word) for cell in cells for word in cell.split()), default=0), _LONGEST_WORD)
+    return min(max((len(word) for cell in cells for word in cell.split()), default=0), SETTINGS.longest_word)
 
 
 def _say(console: Console, text: str, *, style: str | None = None) -> None:

@@ -1,13 +1,17 @@
-"""`seatrial export`: a trial or a flight for other programs, a vehicle for other simulators and machines."""
+"""`seatrial export` and `report`: samples, vehicles and runs for other programs, machines and readers."""
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from seatrial.cli.options import Json
+from seatrial.base.errors import SeatrialError, SimulationError, TrialError
+from seatrial.base.file_names import check_place
+from seatrial.cli.options import Json, page_place, shared
+from seatrial.cli.score import ColumnsFrom, read_trials
 
 if TYPE_CHECKING:
     import polars as pl
@@ -19,6 +23,88 @@ _MODEL_ENDINGS = (".sdf", ".world", ".xml")
 """As gz-sim names its models."""
 
 
+@dataclass(frozen=True)
+class Samples:
+    """How a recording is read."""
+
+    columns_from: ColumnsFrom = None
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="COLUMN=UNIT", help="Unit of a column of CSV or Parquet: u_m_s=knot; repeatable."
+        ),
+    ] = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Options by their names."""
+        return {"--columns-from": self.columns_from, "--unit": self.unit}
+
+
+@dataclass(frozen=True)
+class Program:
+    """What a program of vehicle and autopilot does."""
+
+    mission: Annotated[Path | None, typer.Option(help="Mission that the autopilot's program flies.")] = None
+    model: Annotated[
+        str | None, typer.Option(help="Vehicle that the autopilot believes in; VEHICLE by default.")
+    ] = None
+    name: Annotated[
+        str | None, typer.Option(help="Prefix of files and functions; the vehicle's name by default.")
+    ] = None
+    feedback: Annotated[
+        bool, typer.Option(help="The autopilot is told what its actuators do, and so finds a failed one.")
+    ] = True
+    voltage: Annotated[
+        float | None, typer.Option(metavar="V", help="Supply, where thrust depends on it.")
+    ] = None
+    max_step: Annotated[float, typer.Option(metavar="S", help="Longest step of the vehicle.")] = 0.02
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Options by their names that change nothing but a program."""
+        names = {"--mission": self.mission, "--model": self.model, "--name": self.name}
+        return names | {"--voltage": self.voltage}
+
+
+@dataclass(frozen=True)
+class Filter:
+    """The navigation filter of a program in C."""
+
+    navigation: Annotated[
+        str, typer.Option(metavar="sensors|filter", help="For c: filter writes the navigation filter too.")
+    ] = "sensors"
+    sensors: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="For c: sensors of that filter, or: typical. Good ones when missing."
+        ),
+    ] = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Options by their names."""
+        asked = None if self.navigation == "sensors" else self.navigation
+        return {"--navigation": asked, "--sensors": self.sensors}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A functional mock-up unit."""
+
+    samples: Annotated[
+        int, typer.Option(metavar="N", help="For fmu: parameter sets drawn from the covariance.")
+    ] = 0
+    seed: Annotated[int, typer.Option(help="Of those draws.")] = 0
+    binary: Annotated[bool, typer.Option(help="For fmu: build a binary with the C compiler.")] = True
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Options of its draws by their names."""
+        return {"--samples": self.samples, "--seed": self.seed}
+
+
+@shared
 def export(
     form: Annotated[
         Literal["mcap", "csv", "parquet", "c", "fmu", "sdf"],
@@ -36,43 +122,10 @@ def export(
     autopilot: Annotated[
         str | None, typer.Argument(help="For c and fmu: autopilot, name or file; it flies --mission.")
     ] = None,
-    columns_from: Annotated[
-        Path | None, typer.Option(help="Campaign file whose reader and column map the recording follows.")
-    ] = None,
-    unit: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="COLUMN=UNIT", help="Unit of a column of CSV or Parquet: u_m_s=knot; repeatable."
-        ),
-    ] = None,
-    mission: Annotated[Path | None, typer.Option(help="Mission that the autopilot's program flies.")] = None,
-    model: Annotated[
-        str | None, typer.Option(help="Vehicle that the autopilot believes in; VEHICLE by default.")
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(help="Prefix of files and functions; the vehicle's name by default.")
-    ] = None,
-    feedback: Annotated[
-        bool, typer.Option(help="The autopilot is told what its actuators do, and so finds a failed one.")
-    ] = True,
-    voltage: Annotated[
-        float | None, typer.Option(metavar="V", help="Supply, where thrust depends on it.")
-    ] = None,
-    max_step: Annotated[float, typer.Option(metavar="S", help="Longest step of the vehicle.")] = 0.02,
-    navigation: Annotated[
-        str, typer.Option(metavar="sensors|filter", help="For c: filter writes the navigation filter too.")
-    ] = "sensors",
-    sensors: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="For c: sensors of that filter, or: typical. Good ones when missing."
-        ),
-    ] = None,
-    samples: Annotated[
-        int, typer.Option(metavar="N", help="For fmu: parameter sets drawn from the covariance.")
-    ] = 0,
-    seed: Annotated[int, typer.Option(help="Of those draws.")] = 0,
-    binary: Annotated[bool, typer.Option(help="For fmu: build a binary with the C compiler.")] = True,
+    read: Samples = Samples(),
+    program: Program = Program(),
+    navigation: Filter = Filter(),
+    unit: Unit = Unit(),
     json: Json = False,
 ) -> None:
     """Write samples for other programs (MCAP, CSV, Parquet), or a vehicle for other machines and simulators.
@@ -82,44 +135,25 @@ def export(
 
     Example: seatrial export c vehicle.toml --out build
     """
-    from seatrial.cli.console import answer, print_json
-
-    filtered = {"--navigation": navigation if navigation != "sensors" else None, "--sensors": sensors}
+    # Every group of options has a meaning for some formats only.
     if form in ("c", "fmu"):
-        _refuse(form, {"--columns-from": columns_from, "--unit": unit})
-        shared: dict[str, Any] = {
-            "out": out,
-            "mission": mission,
-            "model": model,
-            "name": name,
-            "feedback": feedback,
-            "voltage_v": voltage,
-            "max_step_s": max_step,
-        }
+        _refuse(form, read.given)
         if form == "c":
-            _refuse(form, {"--samples": samples, "--seed": seed, "--no-binary": not binary})
-            shared |= {"navigation": navigation, "sensors": sensors}
+            _refuse(form, unit.given | {"--no-binary": not unit.binary})
         else:
-            _refuse(form, filtered)
-        result = _program(form, source, autopilot, shared, samples=samples, seed=seed, binary=binary)
-        if json:
-            print_json(result.to_dict())
-        else:
-            answer(result.report())
+            _refuse(form, navigation.given)
+        _program(form, source, autopilot, out, program, navigation, unit, json=json)
         return
-    programs = {"AUTOPILOT": autopilot, "--mission": mission, "--model": model, "--name": name}
-    _refuse(form, programs | filtered | {"--voltage": voltage, "--samples": samples, "--seed": seed})
+    _refuse(form, {"AUTOPILOT": autopilot} | program.given | navigation.given | unit.given)
     if form == "sdf":
-        _refuse(form, {"--columns-from": columns_from, "--unit": unit})
+        _refuse(form, read.given)
         _model(source, out, json=json)
-        return
-    _table_written(form, source, out, columns_from, unit, json=json)
+    else:
+        _table_written(form, source, out, read, json=json)
 
 
 def _refuse(form: str, given: dict[str, Any]) -> None:
     """Refuse what has no meaning for a format."""
-    from seatrial.base.errors import SimulationError
-
     for name, value in given.items():
         if value:
             raise SimulationError(f"{name}: has no meaning for export {form}, found {value}; leave it out")
@@ -129,40 +163,46 @@ def _program(
     form: str,
     vehicle: str,
     autopilot: str | None,
-    shared: dict[str, Any],
+    out: Path,
+    program: Program,
+    navigation: Filter,
+    unit: Unit,
     *,
-    samples: int,
-    seed: int,
-    binary: bool,
-) -> CExport | FmuExport:
-    """Programs of a vehicle and its autopilot, written."""
+    json: bool,
+) -> None:
+    """Write programs of a vehicle and its autopilot."""
+    from seatrial.cli.console import answer, print_json
     from seatrial.export import export_c, export_fmu
 
+    options = asdict(program)
+    options |= {"out": out, "voltage_v": options.pop("voltage"), "max_step_s": options.pop("max_step")}
     if form == "c":
-        return export_c(vehicle, autopilot, **shared)
-    return export_fmu(
-        vehicle, autopilot, samples=samples, seed=seed, compiler=None if binary else "", **shared
-    )
+        written: CExport | FmuExport = export_c(vehicle, autopilot, **options, **asdict(navigation))
+    else:
+        compiler = None if unit.binary else ""
+        written = export_fmu(
+            vehicle, autopilot, samples=unit.samples, seed=unit.seed, compiler=compiler, **options
+        )
+    if json:
+        print_json(written.to_dict())
+    else:
+        answer(written.report())
 
 
-def _table_written(
-    form: str, trial: str, out: Path, columns_from: Path | None, unit: list[str] | None, *, json: bool
-) -> None:
+def _table_written(form: str, trial: str, out: Path, read: Samples, *, json: bool) -> None:
     """Write a table of samples and say so."""
-    from seatrial.base.errors import TrialError
-    from seatrial.base.file_names import check_place
     from seatrial.base.report import Report
     from seatrial.cli.console import answer, print_json
     from seatrial.trial.export import export as write
 
-    check_place(out, "--out", endings=(f".{form}",), inputs=_sources(trial, columns_from))
+    check_place(out, "--out", endings=(f".{form}",), inputs=_sources(trial, read.columns_from))
     units = {}
-    for entry in unit or ():
+    for entry in read.unit or ():
         column, equals, name = entry.partition("=")
         if not equals or not name:
             raise TrialError(f"--unit {entry}: expected COLUMN=UNIT, for example u_m_s=knot")
         units[column] = name
-    table = _table(trial, columns_from)
+    table = _table(trial, read.columns_from)
     write(table, out, units=units)
     facts = {"file": str(out), "rows": table.height, "columns": table.columns}
     if json:
@@ -183,7 +223,6 @@ def _table_written(
 
 def _model(vehicle: str, out: Path, *, json: bool) -> None:
     """Write a vehicle for gz-sim."""
-    from seatrial.base.file_names import check_place
     from seatrial.cli.console import answer, print_json
     from seatrial.simulators.convert import export_model, write_text
 
@@ -210,7 +249,6 @@ def _sources(trial: str, columns_from: Path | None) -> dict[str, str | Path | No
 
 def _table(trial: str, columns_from: Path | None) -> pl.DataFrame:
     """Table of a trial; one of a file with canonical columns as it is, so that a flight keeps all of its."""
-    from seatrial.cli.score import read_trials
     from seatrial.trial.readers import FORMATS, read_table
 
     if columns_from is None and trial.lower().endswith((*FORMATS["csv"], *FORMATS["parquet"])):
@@ -219,3 +257,41 @@ def _table(trial: str, columns_from: Path | None) -> pl.DataFrame:
             return table
     (read,) = read_trials([trial], columns_from)
     return read.table
+
+
+def report(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Run directories, in order of telling.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE.html",
+            callback=page_place,
+            help="The page to write; without it two runs of a kind are compared here.",
+        ),
+    ] = None,
+    title: Annotated[str, typer.Option(help="Heading; the names of the runs by default.")] = "",
+) -> None:
+    """Write runs as one HTML file that opens anywhere without a network: results, evidence, inputs.
+
+    Vehicle, autopilot, mission and campaign files are inside; `seatrial new --from-report` takes them out.
+    Two runs of a kind are compared, before and after; without --out on the terminal only.
+
+    Example: seatrial report runs/mine runs/mine-tuned --out mine.html
+    """
+    from seatrial.cli.console import answer, reported
+    from seatrial.report.page.compare import compared
+    from seatrial.report.page.run_folder import RunFolder
+
+    if out is not None:
+        reported(out, runs, title=title)
+    elif (both := compared([RunFolder.read(run) for run in runs])) is not None:
+        answer(both)
+    else:
+        raise SeatrialError(
+            "--out: expected the page to write, found none; give --out FILE.html, or two runs of a kind to"
+            " compare"
+        )

@@ -1,44 +1,55 @@
-"""`seatrial fly`: a vehicle with its autopilot on a mission, under one seed or many."""
+"""`seatrial fly`, `realtime` and `sitl`: a mission flown, by the clock, and behind ArduPilot's simulator."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.base.file_names import file_name
-from seatrial.cli.options import Aboard, Output, Sea, shared
-from seatrial.cli.report import reported
+from seatrial.base.errors import SeatrialError, SimulationError
+from seatrial.base.file_names import check_place, file_name
+from seatrial.cli.options import (
+    STILL,
+    Aboard,
+    Navigation,
+    Out,
+    Output,
+    Printed,
+    Sea,
+    Sensors,
+    Triple,
+    Voltage,
+    end,
+    shared,
+)
 
 if TYPE_CHECKING:
     from seatrial.base.run import RunDirectory
     from seatrial.flight.flight import Flight
     from seatrial.flight.fly import Seeds
+    from seatrial.realtime.ardupilot_link import SitlSession
+
+Flies = Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle that flies.")]
+
+Steers = Annotated[str, typer.Argument(help="Autopilot file or built-in autopilot.")]
+
+MissionFile = Annotated[str, typer.Argument(help="Mission file.")]
 
 
-@shared
-def fly(
-    vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle that flies.")],
-    autopilot: Annotated[str, typer.Argument(help="Autopilot file or built-in autopilot.")],
-    mission: Annotated[str, typer.Argument(help="Mission file.")],
-    sea: Sea = Sea(),
-    aboard: Aboard = Aboard(),
-    navigation: Annotated[
-        str,
-        typer.Option(
-            metavar="sensors|filter",
-            help="What the autopilot uses: what the sensors show, or the estimate of a navigation filter.",
-        ),
-    ] = "sensors",
+@dataclass(frozen=True)
+class Failures:
+    """What goes wrong on a flight."""
+
     fault: Annotated[
         list[str] | None,
         typer.Option(
             metavar="ACTUATOR@TIME[=stuck|=VALUE]",
             help="An actuator is dead from a time in s on, or stuck there, or stuck at a value; repeatable.",
         ),
-    ] = None,
+    ] = None
     outage: Annotated[
         list[str] | None,
         typer.Option(
@@ -46,17 +57,35 @@ def fly(
             help="No samples of position, depth, attitude, velocity, rates, altitude or water between two"
             " times in s; repeatable.",
         ),
-    ] = None,
+    ] = None
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """Seeds of a flight: the same seed, the same flight."""
+
     seed: Annotated[
         int,
         typer.Option(
             min=0, help="Of sensors' errors and the water's motion; the same seed, the same flight."
         ),
-    ] = 0,
+    ] = 0
     seeds: Annotated[
         int | None,
         typer.Option(min=2, max=100_000, help="Number of seeds to fly, from --seed on; reports the spread."),
-    ] = None,
+    ] = None
+
+
+@shared
+def fly(
+    vehicle: Flies,
+    autopilot: Steers,
+    mission: MissionFile,
+    sea: Sea = Sea(),
+    aboard: Aboard = Aboard(),
+    navigation: Navigation = "sensors",
+    failures: Failures = Failures(),
+    repeats: Repeats = Repeats(),
     payload: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Water, plumes and the sensors that sample it: a payload file."),
@@ -70,6 +99,7 @@ def fly(
     The exit code is 0 when the mission was complete and every waypoint reached, 1 when not, 2 for bad input.
     """
     from seatrial.base.run import RunDirectory
+    from seatrial.cli.console import reported
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.fly import fly as flown
     from seatrial.flight.fly import fly_seeds
@@ -77,51 +107,46 @@ def fly(
     sources = (vehicle, autopilot, mission)
     water = sea.water()
     conditions = aboard.conditions(
-        faults=[Fault.parse(text) for text in fault or []],
-        outages=[Outage.parse(text) for text in outage or []],
+        faults=[Fault.parse(text) for text in failures.fault or []],
+        outages=[Outage.parse(text) for text in failures.outage or []],
         navigation=navigation,
     )
     folder = output.out or Path("runs") / _folder(vehicle, mission)
     # Held from before the flight on: a second flight into it is refused at once.
     with RunDirectory(folder, "flight") as directory:
-        flight = flown(*sources, water=water, conditions=conditions, seed=seed, payload=payload)
+        flight = flown(*sources, water=water, conditions=conditions, seed=repeats.seed, payload=payload)
         many = None
-        if seeds is not None:
-            many = fly_seeds(*sources, count=seeds, first=seed, water=water, conditions=conditions)
-        _tell(flight, many, directory, folder, output)
+        if repeats.seeds is not None:
+            many = fly_seeds(
+                *sources, count=repeats.seeds, first=repeats.seed, water=water, conditions=conditions
+            )
+        _show_flight(flight, many, directory, folder, output)
     reported(output.page, [folder], quiet=output.json)
-    if not flight.complete or (many is not None and not many.all_complete):
-        raise typer.Exit(1)
+    end(held=flight.complete and (many is None or many.all_complete))
 
 
-def _tell(flight: Flight, many: Seeds | None, directory: RunDirectory, folder: Path, output: Output) -> None:
+def _show_flight(
+    flight: Flight, many: Seeds | None, directory: RunDirectory, folder: Path, output: Output
+) -> None:
     """Show a flight, publish its run directory that is held, and draw its figures."""
     from seatrial.base.atomic_write import only_user
-    from seatrial.cli.console import answer, print_json
-    from seatrial.report.plot import gallery
-
-    beside = {} if many is None else {"seeds.parquet": many.parquet()}
 
     def saved() -> str:
-        flight.publish(directory, beside=beside)
+        flight.publish(directory, beside={} if many is None else {"seeds.parquet": many.parquet()})
         sampled = "" if flight.samples is None else "samples.parquet, samples.csv, "
         return f"Results in {folder}: flight.json, flight.parquet, {sampled}summary.txt and the inputs"
 
-    def drawn() -> list[Path]:
+    def figures() -> list[Path]:
         if not output.endings:
             return []
         with only_user(folder):  # another flight would replace the folder under the figures
-            return sorted(gallery(flight, folder / "figures", formats=output.endings))
+            return sorted(output.draw(flight, folder / "figures"))
 
-    if output.json:
-        saved()
-        result = flight.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]}
-        print_json(result if many is None else result | {"seeds": many.to_dict()})
-    else:
-        report = flight.report(sections=() if many is None else (many.section(),))
-        if many is not None and many.excesses:
-            report = replace(report, worst="; ".join((*many.excesses, report.worst)))
-        answer(report, verbose=output.verbose, results=saved, draw=drawn)
+    report = flight.report(sections=() if many is None else (many.section(),))
+    if many is not None and many.excesses:
+        report = replace(report, worst="; ".join((*many.excesses, report.worst)))
+    facts = {"run_directory": str(folder)} | ({} if many is None else {"seeds": many.to_dict()})
+    output.show(flight, facts, report=report, results=saved, draw=figures)
 
 
 def _folder(vehicle: str, mission: str) -> str:
@@ -131,3 +156,210 @@ def _folder(vehicle: str, mission: str) -> str:
     from seatrial.flight.mission import Mission
 
     return file_name(f"fly-{loaded(Vehicle, vehicle).name}-{loaded(Mission, mission).name}")
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How fast a flight goes by the clock, who looks on, and what steers."""
+
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' errors.")] = 0
+    speed: Annotated[float, typer.Option(help="Seconds of motion per second of the clock.")] = 1.0
+    live: Annotated[
+        int | None,
+        typer.Option(
+            metavar="PORT",
+            min=0,
+            max=65535,
+            help="WebSocket for Foxglove on this machine (8765 is Foxglove's own default).",
+        ),
+    ] = None
+    record: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Record what is shown.")] = None
+    hardware: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="UDP address of autopilot hardware that steers instead."),
+    ] = None
+    watchdog: Annotated[
+        float, typer.Option(metavar="S", help="Silence of the hardware after which the actuators rest, s.")
+    ] = 0.5
+
+    @property
+    def address(self) -> tuple[str, int] | None:
+        """Host and port of the hardware."""
+        if self.hardware is None:
+            return None
+        host, _, port = self.hardware.rpartition(":")
+        if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+            raise SimulationError(
+                f"--hardware {self.hardware}: expected HOST:PORT, for example 192.168.2.2:14660"
+            )
+        return host, int(port)
+
+
+@shared
+def realtime(
+    vehicle: Flies,
+    autopilot: Steers,
+    mission: MissionFile,
+    current: Annotated[Triple, typer.Option(metavar="NORTH EAST DOWN", help="Velocity, m/s.")] = STILL,
+    aboard: Aboard = Aboard(),
+    clock: Clock = Clock(),
+    out: Out = None,
+    printed: Printed = Printed(),
+) -> None:
+    """Fly a mission by the clock: paced, with measured jitter and overruns, for viewers and hardware.
+
+    Example: seatrial realtime cwolf cwolf box.toml --live 8765
+
+    The exit code is 0 when the mission was complete, 1 when not, 2 for bad input.
+    """
+    from seatrial.base.run import check_writable
+    from seatrial.cli.console import note
+    from seatrial.flight.conditions import Water
+    from seatrial.realtime.flight import fly_realtime
+
+    if out is not None:
+        check_writable(out, "flight")
+
+    def ready(port: int | None) -> None:
+        if port is not None and not printed.json:
+            note(f"Foxglove: open connection ws://127.0.0.1:{port}")
+
+    flight = fly_realtime(
+        vehicle,
+        autopilot,
+        mission,
+        water=Water(current=current),
+        conditions=aboard.conditions(),
+        seed=clock.seed,
+        speed=clock.speed,
+        live_port=clock.live,
+        record=clock.record,
+        hardware=clock.address,
+        watchdog_s=clock.watchdog,
+        ready=ready,
+    )
+    folder = out or Path("runs") / file_name(f"realtime-{flight.vehicle.name}")
+    flight.save(folder)
+    results = f"Results in {folder}: flight.json, flight.parquet, summary.txt and the inputs"
+    printed.show(flight, {"run_directory": str(folder)}, results=results)
+    end(interrupted=flight.outcome == "interrupted", held=flight.complete)
+
+
+@dataclass(frozen=True)
+class Link:
+    """How ArduPilot's simulator reaches the vehicle."""
+
+    parameters: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.param", help="Parameters of ArduSub: channels, ends and directions of the motors."
+        ),
+    ] = None
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ACTUATOR=NUMBER", help="Override the servo channel of an actuator; repeatable."
+        ),
+    ] = None
+    host: Annotated[str, typer.Option(help="Address to listen on; only this machine by default.")] = (
+        "127.0.0.1"
+    )
+    port: Annotated[int, typer.Option(min=0, max=65535, help="UDP port; ArduPilot sends to 9002.")] = 9002
+    idle_s: Annotated[float, typer.Option(help="End after this silence, s.")] = 60.0
+    frames: Annotated[int | None, typer.Option(min=1, help="End after so many frames.")] = None
+
+    @property
+    def channels(self) -> dict[str, int]:
+        """Servo channels by actuator."""
+        channels = {}
+        for entry in self.channel or []:
+            name, _, number = entry.partition("=")
+            if not name or not number.isdecimal():
+                raise SimulationError(f"--channel {entry}: expected ACTUATOR=NUMBER, for example rudder=5")
+            channels[name] = int(number)
+        return channels
+
+
+@dataclass(frozen=True)
+class Begin:
+    """The water, the sensors and how the vehicle begins."""
+
+    sensors: Sensors = None
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' errors.")] = 0
+    current: Annotated[
+        Triple, typer.Option(metavar="NORTH EAST DOWN", help="Velocity of the water, m/s.")
+    ] = STILL
+    depth: Annotated[float, typer.Option(metavar="M", help="Depth at which it begins, m.")] = 0.0
+    heading: Annotated[float, typer.Option(metavar="DEG", help="Heading at which it begins, degrees.")] = 0.0
+    voltage: Voltage = None
+    seabed: Annotated[
+        float | None, typer.Option(metavar="DEPTH", help="Depth of the bottom, m: adds a range finder.")
+    ] = None
+
+
+@shared
+def sitl(
+    vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle to simulate.")],
+    link: Link = Link(),
+    begin: Begin = Begin(),
+    log: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the motion as a trial, .csv or .parquet.")
+    ] = None,
+    log_hz: Annotated[float, typer.Option(help="Rows of the log per second of motion.")] = 10.0,
+    printed: Printed = Printed(),
+) -> None:
+    """Be the physics behind ArduPilot's simulator: servo packets in over UDP, the state of the vehicle out.
+
+    Start ArduSub with --model JSON:127.0.0.1. The exit code is 0, 1 when the motion diverged, 2 for bad
+    input.
+
+    Example: seatrial sitl vehicle.toml
+    """
+    from seatrial._core import State
+    from seatrial.cli.console import note
+    from seatrial.realtime.ardupilot_link import sitl as serve
+
+    if log is not None:
+        read = {"the vehicle": vehicle, "the parameters": link.parameters, "the sensors": begin.sensors}
+        check_place(log, "--log", endings=(".csv", ".parquet"), inputs=read, folder_made=True)
+        log.parent.mkdir(parents=True, exist_ok=True)
+
+    def ready(address: tuple[str, int]) -> None:
+        if not printed.json:
+            note(f"{vehicle} listens on {address[0]}:{address[1]}; ends after {link.idle_s:g} s of silence")
+
+    session = serve(
+        vehicle,
+        parameters=link.parameters,
+        channels=link.channels,
+        host=link.host,
+        port=link.port,
+        idle_s=link.idle_s,
+        max_frames=link.frames,
+        sensors=begin.sensors,
+        seed=begin.seed,
+        initial=State([0.0, 0.0, begin.depth], [0.0, 0.0, math.radians(begin.heading)]),
+        current=begin.current,
+        voltage_v=begin.voltage,
+        seabed_m=begin.seabed,
+        log_hz=0.0 if log is None else log_hz,
+        ready=ready,
+    )
+    lost, written = _log_written(session, log)
+    printed.show(session, results=written)
+    if lost is not None:
+        raise lost
+    end(interrupted=session.ended == "interrupted", held=session.ended != "diverged")
+
+
+def _log_written(session: SitlSession, log: Path | None) -> tuple[SeatrialError | None, str]:
+    """Why the motion could not be written, and where it is: what the session was is told all the same."""
+    from seatrial.base.atomic_write import write_table
+
+    if log is None or not session.rows:
+        return None, ""
+    try:
+        write_table(session.table(), log)
+    except SeatrialError as error:
+        return error, ""
+    return None, f"Motion in {log}: {len(session.rows)} rows"

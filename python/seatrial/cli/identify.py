@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.file_names import no_file
-from seatrial.cli.options import Computing, Dask, FigureFormat, Figures, Json, Threads, Verbose
-from seatrial.cli.report import Page, reported
+from seatrial.cli.options import Computing, Output, end, shared
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -18,29 +20,21 @@ if TYPE_CHECKING:
     from seatrial.identification.leave_one_out import LeaveOneOut
 
 
-def identify(
-    campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML).")],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Run directory; runs/NAME of the campaign by default.")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option(help="Reuse stages that an earlier run finished from the same inputs.")
-    ] = True,
-    threads: Threads = None,
-    dask: Dask = None,
+@dataclass(frozen=True)
+class Changed:
+    """What an identification does otherwise than its campaign says."""
+
     trial: Annotated[
         list[str] | None,
         typer.Option("--trial", metavar="NAME=FILE", help="Another recording for a trial; repeatable."),
-    ] = None,
-    figures: Figures = FigureFormat.PNG,
-    page: Page = None,
+    ] = None
     locked_axes: Annotated[
         str | None,
         typer.Option(
             metavar="frozen|measured",
             help="Mode of the axes that a stage does not free, instead of the campaign's; runs/NAME-MODE.",
         ),
-    ] = None,
+    ] = None
     rounds: Annotated[
         int | None,
         typer.Option(
@@ -49,7 +43,13 @@ def identify(
             help="Rounds in which proposals of the residual analysis are tried; 0 for none. By default the"
             " campaign's proposal_rounds.",
         ),
-    ] = None,
+    ] = None
+
+
+@shared
+def identify(
+    campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML).")],
+    changed: Changed = Changed(),
     leave_one_out: Annotated[
         bool,
         typer.Option(
@@ -58,8 +58,8 @@ def identify(
             " RUN-leave-one-out.",
         ),
     ] = False,
-    verbose: Verbose = False,
-    json: Json = False,
+    computing: Computing = Computing(),
+    output: Output = Output(),
 ) -> None:
     """Identify a vehicle from the trials of a campaign.
 
@@ -69,48 +69,40 @@ def identify(
     """
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, print_json, reading_progress
-    from seatrial.cli.streams import note
+    from seatrial.cli.console import note, reading_progress, reported
 
-    given = _replacements(trial or [])
-    loaded = Campaign.load(campaign, trials=given, progress=reading_progress(quiet=json))
+    given = _replacements(changed.trial or [])
+    loaded = Campaign.load(campaign, trials=given, progress=reading_progress(quiet=output.json))
     for added in _added(loaded, given):
-        if not json:
+        if not output.json:
             note(f"Trial {added} is not in {campaign}: it is added, held out, and only judges.")
     name = loaded.name
-    if locked_axes is not None:
-        loaded, name = loaded.with_locked_axes(_mode(locked_axes)), f"{name}-{locked_axes}"
-    folder = out or Path("runs") / name
+    if changed.locked_axes is not None:
+        loaded, name = loaded.with_locked_axes(_mode(changed.locked_axes)), f"{name}-{changed.locked_axes}"
+    folder = output.out or Path("runs") / name
     without = folder.with_name(f"{folder.name}-leave-one-out")
     if leave_one_out:
         check_writable(without, "leave one out")
-    endings, computing = figures.endings(page), Computing(resume, threads, dask)
-    fit = run_identification(loaded, folder, computing=computing, rounds=rounds, quiet=json)
+    fit = run_identification(loaded, folder, computing=computing, rounds=changed.rounds, quiet=output.json)
+    files = "vehicle.toml, identification.json, summary.txt, Parquet tables"
+    drawn = partial(draw, fit, folder, output.endings)
+    if not output.json:
+        output.show(fit, results=f"Results in {folder}: {files}", draw=drawn)
     left_out: LeaveOneOut | None = None
-
-    def drawn() -> list[Path]:
-        return [] if fit.interrupted or not endings else draw(fit, folder, endings)
-
-    if not json:
-        files = "vehicle.toml, identification.json, summary.txt, Parquet tables"
-        answer(fit.report(), verbose=verbose, results=f"Results in {folder}: {files}", draw=drawn)
     if leave_one_out and not fit.interrupted:
-        left_out = _leave_one_out(fit, without, threads=threads, resume=resume, quiet=json)
-        if not json:
+        left_out = _leave_one_out(fit, without, computing, quiet=output.json)
+        if not output.json:
             files = "leave_one_out.json, Parquet tables, summary.txt"
             results = "" if left_out.interrupted else f"Leave one out in {without}: {files}"
-            answer(left_out.report(), verbose=verbose, results=results)
-    if json:
-        result: dict[str, Any] = fit.to_dict()
-        result |= {"run_directory": str(folder), "figures": [str(path) for path in drawn()]}
-        if left_out is not None:
-            result["leave_one_out"] = left_out.to_dict()
-        print_json(result)
+            output.show(left_out, results=results)
+    if output.json:
+        facts: dict[str, Any] = {"run_directory": str(folder)}
+        facts |= {} if left_out is None else {"leave_one_out": left_out.to_dict()}
+        output.show(fit, facts, draw=drawn)
     if not fit.interrupted:
         runs = [folder] if left_out is None else [folder, without]
-        reported(page, [run for run in runs if run.is_dir()], quiet=json)
-    if fit.interrupted or (left_out is not None and left_out.interrupted):
-        raise typer.Exit(130)
+        reported(output.page, [run for run in runs if run.is_dir()], quiet=output.json)
+    end(interrupted=fit.interrupted or (left_out is not None and left_out.interrupted))
 
 
 def run_identification(
@@ -121,15 +113,7 @@ def run_identification(
     rounds: int | None = None,
     quiet: bool = False,
 ) -> Identification:
-    """Identification of a campaign into a run directory, with progress on standard error.
-
-    Raises
-    ------
-    CampaignError
-        Rounds of proposals are asked for, and the campaign has no joint estimate that they could change.
-    """
-    from seatrial.base.errors import CampaignError
-
+    """Identification of a campaign into a run directory, with progress on standard error."""
     problem = campaign.problem()
     if rounds is not None and problem.joint is not None:
         problem = problem.with_joint(problem.joint.model_copy(update={"proposal_rounds": rounds}))
@@ -143,9 +127,11 @@ def run_identification(
 
 
 def draw(fit: Identification, folder: Path, endings: tuple[str, ...] = ("png",)) -> list[Path]:
-    """Paths of the figures of an identification in its run directory."""
+    """Paths of the figures of an identification in its run directory; of none that was interrupted."""
     from seatrial.report.plot import gallery
 
+    if fit.interrupted or not endings:
+        return []
     if "svg" in endings:  # a page is asked for, which draws the trials itself
         from seatrial.report.page.evidence import save_trials
 
@@ -155,8 +141,6 @@ def draw(fit: Identification, folder: Path, endings: tuple[str, ...] = ("png",))
 
 def _mode(text: str) -> LockedAxes:
     """Mode of locked axes that was asked for."""
-    from seatrial.base.errors import CampaignError, nearest
-
     if text == "frozen":
         return "frozen"
     if text == "measured":
@@ -168,8 +152,6 @@ def _mode(text: str) -> LockedAxes:
 
 def _replacements(entries: list[str]) -> dict[str, str]:
     """Trial names and files from NAME=FILE."""
-    from seatrial.base.errors import CampaignError
-
     trials: dict[str, str] = {}
     for entry in entries:
         name, equals, path = entry.partition("=")
@@ -183,8 +165,6 @@ def _replacements(entries: list[str]) -> dict[str, str]:
 
 def _added(campaign: Campaign, given: dict[str, str]) -> list[str]:
     """Names of given trials that the campaign has not; one that is nearly that of a trial is refused."""
-    from seatrial.base.errors import CampaignError, nearest
-
     known = campaign.file.trials
     new = [name for name in given if name not in known]
     for name in new:
@@ -197,14 +177,17 @@ def _added(campaign: Campaign, given: dict[str, str]) -> list[str]:
     return new
 
 
-def _leave_one_out(
-    fit: Identification, folder: Path, *, threads: int | None, resume: bool, quiet: bool
-) -> LeaveOneOut:
+def _leave_one_out(fit: Identification, folder: Path, computing: Computing, *, quiet: bool) -> LeaveOneOut:
     """The identified campaign without each trial in turn, with progress on standard error."""
     from seatrial.cli.console import search_progress
     from seatrial.identification.leave_one_out import leave_one_out
 
     with search_progress("reading the trials", quiet=quiet) as progress:
         return leave_one_out(
-            fit.problem, sigma=fit.sigma, run_dir=folder, progress=progress, resume=resume, threads=threads
+            fit.problem,
+            sigma=fit.sigma,
+            run_dir=folder,
+            progress=progress,
+            resume=computing.resume,
+            threads=computing.threads,
         )

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
-
-if TYPE_CHECKING:
-    pass
+from seatrial.cli.options import Drawn, shared
 
 
+@shared
 def import_(
     logs: Annotated[
         list[Path],
@@ -31,9 +29,7 @@ def import_(
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite an imported project; files that you edited are kept.")
     ] = False,
-    figures: Figures = FigureFormat.PNG,
-    verbose: Verbose = False,
-    json: Json = False,
+    output: Drawn = Drawn(),
 ) -> None:
     """List what logs hold, and draft a project from them: map, vehicle, campaign and trials.
 
@@ -46,47 +42,33 @@ def import_(
     from seatrial.simulators.convert import ENDINGS
 
     if len(logs) == 1 and logs[0].suffix.lower() in ENDINGS:
-        _model(logs[0], out, force=force, verbose=verbose, json=json)
+        _model(logs[0], out, force=force, output=output)
         return
-    from seatrial.cli.console import answer, long_work, print_json
+    from seatrial.cli.console import long_work
     from seatrial.intake.import_logs import import_logs
     from seatrial.intake.survey import survey
 
-    with long_work("survey", quiet=json) as show:
+    with long_work("survey", quiet=output.json) as show:
 
         def progress(share: float, words: str) -> None:
             show(share, words, ())
 
         if out is None and map is None:
-            seen = survey(logs, share=progress)
+            surveyed = survey(logs, share=progress)
         else:
             made = import_logs(logs, out=out, map=map, vehicle=vehicle, force=force, progress=progress)
     if out is None and map is None:
-        if json:
-            print_json(seen.to_dict())
-        else:
-            answer(seen.report(), verbose=verbose)
+        output.show(surveyed)
         return
-
-    def drawn() -> list[Path]:
-        from seatrial.report.plot import gallery
-
-        return [] if out is None else gallery(made, out / "figures", formats=figures.endings())
-
-    if json:
-        print_json(made.to_dict() | {"figures": [str(path) for path in drawn()]})
-        return
-    results = ""
-    if out is not None:
-        results = f"Written to {out}: map.toml, vehicle.toml, campaign.toml, trials/, import.json"
-    answer(made.report(), verbose=verbose, results=results, draw=drawn)
+    files = "map.toml, vehicle.toml, campaign.toml, trials/, import.json"
+    written = "" if out is None else f"Written to {out}: {files}"
+    output.show(made, results=written, draw=lambda: [] if out is None else output.draw(made, out / "figures"))
 
 
-def _model(model: Path, out: Path | None, *, force: bool, verbose: bool, json: bool) -> None:
+def _model(model: Path, out: Path | None, *, force: bool, output: Drawn) -> None:
     """Read a model of gz-sim, and write the vehicle file where --out says."""
     from seatrial.base.errors import VehicleError
     from seatrial.base.file_names import check_place
-    from seatrial.cli.console import answer, print_json
     from seatrial.simulators.convert import import_model, write_text
 
     imported = import_model(model)
@@ -95,7 +77,5 @@ def _model(model: Path, out: Path | None, *, force: bool, verbose: bool, json: b
         if out.exists() and not force:
             raise VehicleError(f"{out}: is there already; choose another name or give --force")
         write_text(out, imported.text)
-    if json:
-        print_json(imported.to_dict() | {"file": None if out is None else str(out)})
-        return
-    answer(imported.report(), verbose=verbose, results="" if out is None else f"Vehicle file in {out}")
+    written = "" if out is None else f"Vehicle file in {out}"
+    output.show(imported, {"file": None if out is None else str(out)}, results=written)

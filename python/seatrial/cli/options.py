@@ -1,15 +1,15 @@
-"""Options that several verbs share, and where an option went that moved.
+"""Options that several verbs share, how a verb shows what came out, and where an option went that moved.
 
-A parameter of a verb that is annotated with `Output` or `Computing` stands for all options of that class:
+A parameter of a verb that is annotated with a class of options, such as `Output`, stands for all of them:
 `shared` gives them to the verb one by one, and the verb takes the object. Held by ``tests/cli/test_cli.py``.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from enum import StrEnum
 from functools import wraps
 from pathlib import Path
@@ -17,11 +17,19 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from seatrial.cli.report import Page
-
 if TYPE_CHECKING:
+    from seatrial.base.report import Report
     from seatrial.base.work import Work
     from seatrial.flight.conditions import Conditions, Water
+
+
+def page_place(given: Path | None) -> Path | None:
+    """The page to be, refused at once where it cannot be written."""
+    if given is not None:
+        from seatrial.report.page.page import check_place
+
+        check_place(given)
+    return given
 
 
 class FigureFormat(StrEnum):
@@ -31,30 +39,44 @@ class FigureFormat(StrEnum):
     PDF = "pdf"
     NONE = "none"
 
-    def endings(self, page: Path | None = None) -> tuple[str, ...]:
-        """Endings of the files: PNG, with PDF beside it, or none; SVG too where a page is written."""
-        if self is FigureFormat.NONE:
-            return ()
-        return ("png", *(("pdf",) if self is FigureFormat.PDF else ()), *(() if page is None else ("svg",)))
 
+Triple = tuple[float, float, float]
+
+STILL: Triple = (0.0, 0.0, 0.0)
+"""Water that does not move, m/s."""
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all tables and remarks.")]
+Out = Annotated[Path | None, typer.Option("--out", "-o", help="Run directory; one in runs by default.")]
 
-Figures = Annotated[FigureFormat, typer.Option(help="Figures: PNG, PDF beside it, or none.")]
+Run = Annotated[
+    Path | None,
+    typer.Option(
+        "--run",
+        help="Run directory of `seatrial identify`, or a vehicle; runs/NAME where that is one, else the"
+        " campaign's own vehicle.",
+    ),
+]
+
+Resume = Annotated[bool, typer.Option(help="Reuse what an earlier run finished from the same inputs.")]
 
 Threads = Annotated[
     int | None,
     typer.Option(min=1, max=1024, help="Threads; all processors by default, with --dask one per worker."),
 ]
 
-Dask = Annotated[
+Voltage = Annotated[float | None, typer.Option(help="Supply, V, where thrust depends on it.")]
+
+Sensors = Annotated[
     str | None,
+    typer.Option(metavar="FILE", help="Sensors of the vehicle, or: typical. Perfect ones when missing."),
+]
+
+Navigation = Annotated[
+    str,
     typer.Option(
-        metavar="ADDRESS",
-        help="Work on the Dask cluster with this scheduler (tcp://HOST:8786); local or local:N starts N"
-        " worker processes on this machine. Connections run code: use loopback or TLS.",
+        metavar="sensors|filter",
+        help="What the autopilot uses: what the sensors show, or the estimate of a navigation filter.",
     ),
 ]
 
@@ -63,41 +85,104 @@ Dask = Annotated[
 class Printed:
     """What a verb prints."""
 
-    verbose: Verbose = False
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all tables and remarks.")] = False
     json: Json = False
+
+    def show(
+        self,
+        result: Any,
+        facts: dict[str, Any] | None = None,
+        *,
+        report: Report | None = None,
+        results: str | Callable[[], str] = "",
+        draw: Callable[[], Sequence[Path]] | None = None,
+    ) -> None:
+        """Print a result, as its report or as JSON with further facts and the figures' paths.
+
+        `results` says where files are, or writes them and says so; `draw` writes the figures.
+        """
+        from seatrial.cli.console import answer, print_json
+
+        if not self.json:
+            answer(report or result.report(), verbose=self.verbose, results=results, draw=draw)
+            return
+        if callable(results):
+            results()
+        figures = {} if draw is None else {"figures": [str(path) for path in draw()]}
+        print_json(result.to_dict() | (facts or {}) | figures)
 
 
 @dataclass(frozen=True)
-class Shown(Printed):
+class Drawn(Printed):
     """What a verb prints and draws."""
 
-    figures: Figures = FigureFormat.PNG
-    page: Page = None
+    figures: Annotated[FigureFormat, typer.Option(help="Figures: PNG, PDF beside it, or none.")] = (
+        FigureFormat.PNG
+    )
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """Endings of the figures; none without figures."""
-        return self.figures.endings(self.page)
+        """Endings of the figures: PNG, with PDF beside it, or none."""
+        return {"png": ("png",), "pdf": ("png", "pdf"), "none": ()}[self.figures]
+
+    def draw(self, result: object, folder: Path) -> list[Path]:
+        """Paths of a result's figures, drawn into a folder; of none that was interrupted."""
+        from seatrial.report.plot import gallery
+
+        interrupted = getattr(result, "interrupted", False)
+        return [] if interrupted else gallery(result, folder, formats=self.endings)
+
+
+@dataclass(frozen=True)
+class Shown(Drawn):
+    """What a verb prints, draws and writes as a page."""
+
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            "--report",
+            metavar="FILE.html",
+            callback=page_place,
+            help="Write the run as one HTML file too, with its figures as SVG.",
+        ),
+    ] = None
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """Endings of the figures; SVG too where a page is written."""
+        drawn = super().endings
+        return (*drawn, "svg") if drawn and self.page is not None else drawn
 
 
 @dataclass(frozen=True)
 class Output(Shown):
-    """What a verb prints, draws and writes."""
+    """What a verb prints, draws and writes, and where."""
 
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Run directory; one in runs by default.")
-    ] = None
+    out: Out = None
+
+
+def end(*, interrupted: bool = False, held: bool = True) -> None:
+    """Leave the verb with 130 after Ctrl-C, with 1 where a verdict is not held."""
+    from seatrial.cli.console import Code
+
+    if interrupted or not held:
+        raise typer.Exit(Code.INTERRUPTED if interrupted else Code.NOT_HELD)
 
 
 @dataclass(frozen=True)
 class Computing:
     """On what a verb computes, and whether it goes on where an earlier run ended."""
 
-    resume: Annotated[bool, typer.Option(help="Reuse what an earlier run finished from the same inputs.")] = (
-        True
-    )
+    resume: Resume = True
     threads: Threads = None
-    dask: Dask = None
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Work on the Dask cluster with this scheduler (tcp://HOST:8786); local or local:N starts N"
+            " worker processes on this machine. Connections run code: use loopback or TLS.",
+        ),
+    ] = None
 
     @contextmanager
     def work(self, folder: Path | None, first: str, *, quiet: bool) -> Iterator[Work]:
@@ -111,24 +196,17 @@ class Computing:
             )
 
 
-_Triple = tuple[float, float, float]
-
-
 @dataclass(frozen=True)
 class Sea:
     """Water of a flight."""
 
-    current: Annotated[_Triple, typer.Option(metavar="NORTH EAST DOWN", help="Velocity, m/s.")] = (
-        0.0,
-        0.0,
-        0.0,
-    )
+    current: Annotated[Triple, typer.Option(metavar="NORTH EAST DOWN", help="Velocity, m/s.")] = STILL
     turbulence: Annotated[
         float, typer.Option(metavar="M_S", min=0.0, help="Standard deviation, north and east, m/s.")
     ] = 0.0
     current_trend: Annotated[
-        _Triple, typer.Option(metavar="NORTH EAST DOWN", help="Steady change of the current in an hour, m/s.")
-    ] = (0.0, 0.0, 0.0)
+        Triple, typer.Option(metavar="NORTH EAST DOWN", help="Steady change of the current in an hour, m/s.")
+    ] = STILL
     current_walk: Annotated[
         float,
         typer.Option(
@@ -136,7 +214,7 @@ class Sea:
         ),
     ] = 0.0
     waves: Annotated[
-        _Triple | None,
+        Triple | None,
         typer.Option(
             metavar="HEIGHT PERIOD TOWARD",
             help="Significant height, m, peak period, s, direction, degrees from north over east.",
@@ -163,14 +241,11 @@ class Sea:
 class Aboard:
     """Sensors and supply of a flight, and how long it may take."""
 
-    sensors: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Sensors of the vehicle, or: typical. Perfect ones when missing."),
-    ] = None
+    sensors: Sensors = None
     model: Annotated[
         str | None, typer.Option(help="Vehicle that the autopilot believes in, if it is another.")
     ] = None
-    voltage: Annotated[float | None, typer.Option(help="Supply, V, where thrust depends on it.")] = None
+    voltage: Voltage = None
     feedback: Annotated[bool, typer.Option(help="The autopilot sees what its actuators do.")] = True
     max_time: Annotated[
         float | None,
@@ -191,13 +266,10 @@ class Aboard:
         )
 
 
-_SHARED = (Printed, Shown, Output, Computing, Sea, Aboard)
-
-
 def shared(verb: Callable[..., None]) -> Callable[..., None]:
     """The verb with the options of every parameter that stands for several."""
     hints = get_type_hints(verb, include_extras=True)
-    groups = {name: kind for name, kind in hints.items() if kind in _SHARED}
+    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
     parameters: list[inspect.Parameter] = []
     for name, parameter in inspect.signature(verb).parameters.items():
         kind = groups.get(name)
@@ -234,11 +306,10 @@ _MOVED = {
     ("", "--no-figures"): "--figures none",
     ("", "--pdf"): "--figures pdf",
     ("fly", "--realtime"): "`seatrial realtime VEHICLE AUTOPILOT MISSION`",
-    ("fly", "--speed"): "`seatrial realtime VEHICLE AUTOPILOT MISSION --speed`",
-    ("fly", "--live"): "`seatrial realtime VEHICLE AUTOPILOT MISSION --live`",
-    ("fly", "--record"): "`seatrial realtime VEHICLE AUTOPILOT MISSION --record`",
-    ("fly", "--hardware"): "`seatrial realtime VEHICLE AUTOPILOT MISSION --hardware`",
-    ("fly", "--watchdog"): "`seatrial realtime VEHICLE AUTOPILOT MISSION --watchdog`",
+    **{
+        ("fly", option): f"`seatrial realtime VEHICLE AUTOPILOT MISSION {option}`"
+        for option in ("--speed", "--live", "--record", "--hardware", "--watchdog")
+    },
     ("verify", "--log"): "`seatrial verify-log CAMPAIGN LOG`",
     ("verify", "--reference"): "`seatrial verify-log CAMPAIGN LOG --reference`",
     ("verify", "--rare"): "`seatrial rare CAMPAIGN`",

@@ -2,26 +2,92 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.base.file_names import file_name
-from seatrial.cli.options import FigureFormat, Figures, Json, Threads, Verbose
-from seatrial.cli.report import Page, reported
+from seatrial.base.errors import SeatrialError
+from seatrial.base.file_names import check_place, file_name
+from seatrial.cli.options import Shown, Threads, shared
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
     from seatrial.experiment.fisher import Instruments
+    from seatrial.experiment.forecast import Limits
     from seatrial.experiment.plan_result import Plan
     from seatrial.report.page.run_folder import RunFolder
 
-SENSORS, CURRENT_M_S = "dvl,gyro,attitude,depth", 0.1  # those of `Instruments.on_board`
+
+@dataclass(frozen=True)
+class Trials:
+    """How many trials are planned, how long, and for what."""
+
+    coefficients: Annotated[
+        str | None, typer.Option(help="Coefficients to plan for, as K_p,K_pp; all by default.")
+    ] = None
+    duration: Annotated[float, typer.Option(min=10.0, max=86_400.0, help="Time for one trial, s.")] = 180.0
+    count: Annotated[int, typer.Option(min=1, max=20, help="Trials to plan.")] = 3
+
+    def paths(self, first: Path) -> list[Path]:
+        """Command files of all trials, by that of the first."""
+        later = [first.with_name(f"{first.stem}-{number}.csv") for number in range(2, self.count + 1)]
+        return [first, *later]
 
 
+@dataclass(frozen=True)
+class Room:
+    """Where the vehicle may go, and how far it may lean."""
+
+    max_depth: Annotated[
+        float | None, typer.Option(min=0.1, help="Depth of the water that may be used, m.")
+    ] = None
+    area: Annotated[str | None, typer.Option(help="Area that may be used, m: 80x40, or 50 for a square.")] = (
+        None
+    )
+    max_tilt: Annotated[float, typer.Option(min=1.0, max=85.0, help="Largest heel and trim, deg.")] = 60.0
+
+    def limits(self) -> Limits:
+        """The limits that were asked for."""
+        from seatrial.experiment.forecast import Limits
+
+        return Limits(depth_m=self.max_depth, area_m=_area(self.area), tilt_deg=self.max_tilt)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What is on board and how well it measures; the defaults are those of `Instruments.on_board`."""
+
+    sensors: Annotated[
+        str,
+        typer.Option(
+            help="What is on board, with its noise where known, m/s, deg/s, deg, m: dvl=0.02,gyro,depth."
+        ),
+    ] = "dvl,gyro,attitude,depth"
+    current: Annotated[
+        float, typer.Option(min=0.0, help="Standard deviation of an unknown current, m/s.")
+    ] = 0.1
+
+    def instruments(self) -> Instruments | None:
+        """Instruments from ``dvl=0.02,gyro``; None for the usual ones."""
+        from seatrial.experiment.fisher import Instruments
+
+        if self == Measured():
+            return None
+        kinds: dict[str, float | None] = {}
+        for part in _list(self.sensors) or []:
+            kind, equals, value = part.partition("=")
+            try:
+                kinds[kind.strip()] = float(value) if equals else None
+            except ValueError:
+                raise SeatrialError(f"--sensors {part!r}: expected KIND or KIND=NOISE, as dvl=0.02") from None
+        return Instruments.on_board(kinds, current_m_s=self.current)
+
+
+@shared
 def plan(
     target: Annotated[
         str,
@@ -34,27 +100,9 @@ def plan(
             " planned; runs/NAME where that is one, else the campaign's start values."
         ),
     ] = None,
-    coefficients: Annotated[
-        str | None, typer.Option(help="Coefficients to plan for, as K_p,K_pp; all by default.")
-    ] = None,
-    duration: Annotated[float, typer.Option(min=10.0, max=86_400.0, help="Time for one trial, s.")] = 180.0,
-    count: Annotated[int, typer.Option(min=1, max=20, help="Trials to plan.")] = 3,
-    max_depth: Annotated[
-        float | None, typer.Option(min=0.1, help="Depth of the water that may be used, m.")
-    ] = None,
-    area: Annotated[
-        str | None, typer.Option(help="Area that may be used, m: 80x40, or 50 for a square.")
-    ] = None,
-    max_tilt: Annotated[float, typer.Option(min=1.0, max=85.0, help="Largest heel and trim, deg.")] = 60.0,
-    sensors: Annotated[
-        str,
-        typer.Option(
-            help="What is on board, with its noise where known, m/s, deg/s, deg, m: dvl=0.02,gyro,depth."
-        ),
-    ] = SENSORS,
-    current: Annotated[
-        float, typer.Option(min=0.0, help="Standard deviation of an unknown current, m/s.")
-    ] = CURRENT_M_S,
+    trials: Trials = Trials(),
+    room: Room = Room(),
+    measured: Measured = Measured(),
     recorded: Annotated[bool, typer.Option(help="Count what a campaign's trials already determine.")] = True,
     voltage: Annotated[
         float, typer.Option(min=0.1, help="Supply voltage for tables of thrust, V.")
@@ -66,10 +114,7 @@ def plan(
             "--out", "-o", help="Command file of the first trial, .csv; runs/plan-NAME/trial.csv by default."
         ),
     ] = None,
-    figures: Figures = FigureFormat.PNG,
-    page: Page = None,
-    verbose: Verbose = False,
-    json: Json = False,
+    output: Shown = Shown(),
 ) -> None:
     """Rank manoeuvres for the next trials, and write the best ones as command files, each with a sheet.
 
@@ -80,34 +125,27 @@ def plan(
     Example: seatrial plan vehicle.toml --duration 60 --count 3 --out next.csv
     """
     from seatrial.base.atomic_write import only_user
-    from seatrial.base.file_names import check_place
-    from seatrial.cli.console import answer, print_json, say, search_progress
-    from seatrial.experiment.forecast import Limits
+    from seatrial.cli.console import reported, say, search_progress
     from seatrial.experiment.plan import plan as planned
 
     if out is not None:
         check_place(out, "--out", endings=(".csv",), folder_made=True)
-    limits = Limits(depth_m=max_depth, area_m=_area(area), tilt_deg=max_tilt)
-    usual = (sensors, current) == (SENSORS, CURRENT_M_S)
-    instruments = None if usual else _instruments(sensors, current)
+    limits, instruments = room.limits(), measured.instruments()
     loaded, vehicle = _load(target)
     fit = _fit(loaded, run)
     first = out or Path("runs") / file_name(f"plan-{vehicle.name}") / "trial.csv"
-    paths = [
-        first if number == 1 else first.with_name(f"{first.stem}-{number}.csv")
-        for number in range(1, count + 1)
-    ]
+    paths = trials.paths(first)
     for path in paths:
         check_place(path, "--out", inputs=_recordings(loaded), folder_made=True)
         check_place(path.with_suffix(".toml"), "--out", inputs={"the target": target}, folder_made=True)
     with only_user(first):
-        with search_progress("reading", quiet=json) as progress:
-            found = planned(
+        with search_progress("reading", quiet=output.json) as progress:
+            result = planned(
                 loaded,
                 fit=fit,
-                coefficients=_list(coefficients),
-                budget_s=duration,
-                count=count,
+                coefficients=_list(trials.coefficients),
+                budget_s=trials.duration,
+                count=trials.count,
                 limits=limits,
                 instruments=instruments,
                 use_recorded=recorded,
@@ -115,35 +153,37 @@ def plan(
                 threads=threads,
                 progress=progress,
             )
-        written = [file for number, path in enumerate(paths, 1) for file in found.write(path, trial=number)]
-        written += found.write_dithers(first.parent)
-
-        def drawn() -> list[Path]:
-            from seatrial.report.plot.recording import planned_trial
-            from seatrial.report.plot.style import save
-
-            figures_of = [
-                planned_trial(vehicle, found, trial=k, voltage_v=voltage) for k in range(1, count + 1)
-            ]
-            return [
-                figure
-                for drawing, path in zip(figures_of, paths, strict=True)
-                for figure in save(drawing, path.with_suffix(""), formats=figures.endings(page))
-            ]
-
-        if json:
-            shown = [str(path) for path in drawn()] if figures.endings() else []
-            print_json(found.to_dict() | {"files": [str(path) for path in written], "figures": shown})
-            if page is not None:
-                reported(page, [_as_run(found, vehicle, first)], quiet=True)
-            return
-        names = ", ".join(path.name for path in written)
-        results = f"Commands and sheets in {first.parent}: {names}"
-        answer(found.report(), verbose=verbose, results=results, draw=drawn if figures.endings() else None)
-        if page is not None:
-            reported(page, [_as_run(found, vehicle, first)])
-        if loaded is vehicle and found.sequence[0].manoeuvre.kind != "free decay":
+        written = [file for number, path in enumerate(paths, 1) for file in result.write(path, trial=number)]
+        written += result.write_dithers(first.parent)
+        output.show(
+            result,
+            {"files": [str(path) for path in written]},
+            results=f"Commands and sheets in {first.parent}: {', '.join(path.name for path in written)}",
+            draw=lambda: _drawn(result, vehicle, paths, voltage, output.endings),
+        )
+        if output.page is not None:
+            reported(output.page, [_as_run(result, vehicle, first)], quiet=output.json)
+        if not output.json and loaded is vehicle and result.sequence[0].manoeuvre.kind != "free decay":
             say(f"Try it:  seatrial simulate {target} {first}")
+
+
+def _drawn(
+    result: Plan, vehicle: Vehicle, paths: list[Path], voltage: float, endings: tuple[str, ...]
+) -> list[Path]:
+    """Paths of the figures of all trials, each beside its command file."""
+    from seatrial.report.plot.recording import planned_trial
+    from seatrial.report.plot.style import save
+
+    return [
+        figure
+        for number, path in enumerate(paths, 1)
+        if endings
+        for figure in save(
+            planned_trial(vehicle, result, trial=number, voltage_v=voltage),
+            path.with_suffix(""),
+            formats=endings,
+        )
+    ]
 
 
 def _as_run(found: Plan, vehicle: Vehicle, first: Path) -> RunFolder:
@@ -156,16 +196,16 @@ def _as_run(found: Plan, vehicle: Vehicle, first: Path) -> RunFolder:
         report=found.report(),
         results=found.to_dict(),
         files={"vehicle.toml": vehicle.to_toml()},
-        figures=tuple(one for one in figures_of(first.parent) if one.name.startswith(first.stem)),
+        figures=tuple(figure for figure in figures_of(first.parent) if figure.name.startswith(first.stem)),
     )
 
 
 def _load(target: str) -> tuple[Vehicle | Campaign, Vehicle]:
     """What the target names, and its vehicle."""
     from seatrial._core import Vehicle
-    from seatrial.cli.check import _is_campaign
+    from seatrial.cli.check import is_campaign
 
-    if not _is_campaign(target):
+    if not is_campaign(target):
         vehicle = Vehicle.load(target)
         return vehicle, vehicle
     from seatrial.campaign.campaign import Campaign
@@ -178,7 +218,7 @@ def _load(target: str) -> tuple[Vehicle | Campaign, Vehicle]:
 def _fit(loaded: Vehicle | Campaign, run: Path | None) -> Path | str | None:
     """Where a campaign's identified coefficients are, said on standard error where nobody named it."""
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.streams import note
+    from seatrial.cli.console import note
     from seatrial.cli.tune import fitted_source
 
     if not isinstance(loaded, Campaign):
@@ -203,8 +243,6 @@ def _list(text: str | None) -> list[str] | None:
 
 def _area(text: str | None) -> tuple[float, float] | None:
     """Two lengths from ``80x40`` or ``50``."""
-    from seatrial.base.errors import SeatrialError
-
     if text is None:
         return None
     try:
@@ -214,18 +252,3 @@ def _area(text: str | None) -> tuple[float, float] | None:
     if len(sides) not in (1, 2) or min(sides) <= 0.0:
         raise SeatrialError(f"--area {text!r}: expected two lengths in m, as 80x40, or one, as 50")
     return sides[0], sides[-1]
-
-
-def _instruments(text: str, current: float) -> Instruments:
-    """Instruments from ``dvl=0.02,gyro``."""
-    from seatrial.base.errors import SeatrialError
-    from seatrial.experiment.fisher import Instruments
-
-    kinds: dict[str, float | None] = {}
-    for part in _list(text) or []:
-        kind, equals, value = part.partition("=")
-        try:
-            kinds[kind.strip()] = float(value) if equals else None
-        except ValueError:
-            raise SeatrialError(f"--sensors {part!r}: expected KIND or KIND=NOISE, as dvl=0.02") from None
-    return Instruments.on_board(kinds, current_m_s=current)

@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from seatrial.cli.options import FigureFormat, Figures, Json, Verbose
+from seatrial.base.errors import TrialError, VehicleError, nearest
+from seatrial.cli.options import Drawn, shared
 
 if TYPE_CHECKING:
-    from seatrial.base.report import Report
     from seatrial.campaign.campaign import Campaign
     from seatrial.scoring.comparison import Comparison
     from seatrial.scoring.score import Score
     from seatrial.trial.trial import Trial
 
+ColumnsFrom = Annotated[
+    Path | None, typer.Option(help="Campaign file whose reader and column map the recordings follow.")
+]
 
-def score(
-    vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle.")],
-    trials: Annotated[
-        list[str], typer.Argument(help="Recordings, or names of trials of the campaign.", metavar="TRIAL")
-    ],
-    columns_from: Annotated[
-        Path | None, typer.Option(help="Campaign file whose reader and column map the recordings follow.")
-    ] = None,
-    ahead: Annotated[float, typer.Option(min=0.01, help="Restart the simulation after this time, s.")] = 10.0,
-    free_run: Annotated[bool, typer.Option("--free-run", help="Never restart it.")] = False,
+
+@dataclass(frozen=True)
+class Scoring:
+    """How a vehicle is judged, and beside what."""
+
+    ahead: Annotated[float, typer.Option(min=0.01, help="Restart the simulation after this time, s.")] = 10.0
+    free_run: Annotated[bool, typer.Option("--free-run", help="Never restart it.")] = False
     free: Annotated[
         str | None,
         typer.Option(
@@ -36,7 +37,7 @@ def score(
             help="Axes that are simulated; the others are replayed from the recording. Default: those that a"
             " stage of the campaign frees; XYZKMN without one.",
         ),
-    ] = None,
+    ] = None
     against: Annotated[
         list[str] | None,
         typer.Option(
@@ -44,7 +45,7 @@ def score(
             help="Another vehicle, or a table of predictions (CSV or Parquet: time, channels with units), to"
             " be compared on the same windows; repeatable.",
         ),
-    ] = None,
+    ] = None
     train: Annotated[
         list[str] | None,
         typer.Option(
@@ -52,16 +53,37 @@ def score(
             help="A recording that the vehicle was identified from: baselines are fitted to it and judged"
             " beside the vehicle; repeatable.",
         ),
-    ] = None,
+    ] = None
     own_stamps: Annotated[
         bool, typer.Option("--own-stamps", help="Compare at every sensor's own stamps, not on the time base.")
-    ] = False,
+    ] = False
+
+    def options(self, free: str, training: list[Trial]) -> dict[str, Any]:
+        """Options of `seatrial.score` and `compare`, with the axes that are simulated."""
+        from seatrial.base.channels import AXES
+
+        return {
+            "ahead_s": self.ahead,
+            "free_run": self.free_run,
+            "free": free,
+            "measured": "".join(axis for axis in AXES if axis not in free),
+            "own_stamps": self.own_stamps,
+            "training": training,
+        }
+
+
+@shared
+def score(
+    vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle.")],
+    trials: Annotated[
+        list[str], typer.Argument(help="Recordings, or names of trials of the campaign.", metavar="TRIAL")
+    ],
+    columns_from: ColumnsFrom = None,
+    scoring: Scoring = Scoring(),
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for figures (PNG), a trial each.")
     ] = None,
-    figures: Figures = FigureFormat.PNG,
-    verbose: Verbose = False,
-    json: Json = False,
+    output: Drawn = Drawn(),
 ) -> None:
     """Score a vehicle on trials: R2 and errors per channel, some seconds ahead again and again.
 
@@ -71,91 +93,81 @@ def score(
     """
     from seatrial._core import Vehicle
     from seatrial.base.channels import AXES
-    from seatrial.base.errors import TrialError
     from seatrial.base.report import Section
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, check_axes, print_json
-    from seatrial.cli.streams import BAD_INPUT, complain
+    from seatrial.cli.console import Code, check_axes, complain
     from seatrial.identification.hold_out import freed
     from seatrial.scoring.comparison import compare
     from seatrial.scoring.score import score as scored
     from seatrial.scoring.windows import Predictions, is_table
 
-    if free is not None:
-        check_axes(free, "--free")
+    if scoring.free is not None:
+        check_axes(scoring.free, "--free")
+    against = scoring.against or []
     vehicles = {
-        label: Predictions.read(name)
-        if against and name in against and is_table(name)
-        else Vehicle.load(name)
-        for label, name in _labels([vehicle, *(against or [])]).items()
+        label: Predictions.read(name) if name in against and is_table(name) else Vehicle.load(name)
+        for label, name in _labels([vehicle, *against]).items()
     }
     campaign = None if columns_from is None else Campaign.load(columns_from)
-    free = free or (freed(campaign.problem()) if campaign else "") or "".join(AXES)
+    free = scoring.free or (freed(campaign.problem()) if campaign else "") or "".join(AXES)
     chosen = read_trials(trials, columns_from)
-    training = read_trials(train, columns_from) if train else []
-    if both := {one.source for one in training} & {one.source for one in chosen}:
+    training = read_trials(scoring.train, columns_from) if scoring.train else []
+    if both := {trial.source for trial in training} & {trial.source for trial in chosen}:
         raise TrialError(
             f"--train {min(both)}: it is scored, too; a baseline knows its training trials: name others"
         )
-    measured = "".join(axis for axis in AXES if axis not in free)
-    options: dict[str, Any] = {"free_run": free_run, "free": free, "measured": measured}
-    options |= {"own_stamps": own_stamps, "training": training}
-    found: Score | Comparison
-    report: Report
+    options = scoring.options(free, training)
+    result: Score | Comparison
     if len(vehicles) == 1:
-        (single,) = vehicles.values()
-        found = scored(single, chosen, ahead_s=ahead, **options)
-        scores, report = dict.fromkeys(vehicles, found), found.report(next(iter(vehicles)))
+        ((label, single),) = vehicles.items()
+        result = scored(single, chosen, **options)
+        scores, report = {label: result}, result.report(label)
     else:
-        found = compare(vehicles, chosen, ahead_s=ahead, **options)
-        scores, report = found.scores, found.report()
+        result = compare(vehicles, chosen, **options)
+        scores, report = result.scores, result.report()
+    # First what is broken, then what the vehicle has seen before.
+    broken = [f"{trial.name}: {error}" for trial in chosen for error in trial.report.errors]
+    sections = [Section(sentences=tuple(broken))]
     if campaign is not None and columns_from is not None:
         own = [trial for name, trial in zip(trials, chosen, strict=True) if name in campaign.trials]
-        seen = Section(sentences=_seen(campaign, own, columns_from))
-        report = replace(report, sections=(seen, *report.sections))
-    broken = tuple(f"{trial.name}: {said}" for trial in chosen for said in trial.report.errors)
-    report = replace(report, sections=(Section(sentences=broken), *report.sections))
-
-    def drawn() -> list[Path]:
-        if out is None:
-            return []
-        from seatrial.report.plot import gallery
-        from seatrial.report.plot.trials import drawings
-
-        return gallery(drawings(scores, free=free), out, formats=figures.endings())
-
-    if json:
-        print_json(found.to_dict() | ({} if out is None else {"figures": [str(path) for path in drawn()]}))
-    else:
-        answer(report, verbose=verbose, draw=drawn)
-    unscored = {label: one.unscored for label, one in scores.items()}
+        sections.append(Section(sentences=_seen(campaign, own, columns_from)))
+    report = replace(report, sections=(*sections, *report.sections))
+    drawn = None if out is None else partial(_drawn, scores, free, out, output.endings)
+    output.show(result, report=report, draw=drawn)
+    unscored = {label: row.unscored for label, row in scores.items()}
     if all(unscored.values()):
         for label, why in unscored.items():
             complain(f"{label}: no channel of {', '.join(trials)} could be scored: {why}")
-        raise typer.Exit(BAD_INPUT)
+        raise typer.Exit(Code.BAD_INPUT)
+
+
+def _drawn(scores: Mapping[str, Score], free: str, folder: Path, endings: tuple[str, ...]) -> list[Path]:
+    from seatrial.report.plot import gallery
+    from seatrial.report.plot.trials import drawings
+
+    return gallery(drawings(scores, free=free), folder, formats=endings)
 
 
 def _seen(campaign: Campaign, trials: Sequence[Trial], file: Path) -> tuple[str, ...]:
     """What of the trials a vehicle knows that this campaign identified."""
     fitted = {name for stage in campaign.problem().stages for name in stage.trials}
-    said = []
+    sentences = []
     for trial in trials:
         held = campaign.problem().held_out(trial.name)
         share = 1.0 - float(held.mean()) if trial.name in fitted and len(held) else 0.0
         if share > 0.0:
-            said.append(
+            sentences.append(
                 f"{file} fits {100.0 * share:.0f} % of {trial.name}: only the rest tests a vehicle"
                 " identified from it (see the report of identify)"
             )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def _labels(names: list[str]) -> dict[str, str]:
     """Vehicles by what tells them apart: of a run directory's vehicle files, the directory."""
-    from seatrial.base.errors import VehicleError
     from seatrial.scoring.windows import is_table
 
-    found: dict[str, str] = {}
+    labelled: dict[str, str] = {}
     for name in names:
         path = Path(name)
         folder = path.absolute().parent.name
@@ -163,16 +175,15 @@ def _labels(names: list[str]) -> dict[str, str]:
             label = folder if path.name == "vehicle.toml" else f"{folder} stages"
         else:
             label = path.stem if path.suffix == ".toml" or is_table(name) else name
-        label = name if label in found else label
-        if name in found.values():
+        label = name if label in labelled else label
+        if name in labelled.values():
             raise VehicleError(f"--against {name!r}: the vehicle is given twice; name two that differ")
-        found[label] = name
-    return found
+        labelled[label] = name
+    return labelled
 
 
 def read_trials(trials: list[str], columns_from: Path | None) -> list[Trial]:
     """Trials, each a file or a name that the campaign knows."""
-    from seatrial.base.errors import TrialError, nearest
     from seatrial.base.toml_file import twice
     from seatrial.cli.console import reading_progress
 

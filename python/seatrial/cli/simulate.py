@@ -5,12 +5,14 @@ Tests: ``tests/base/test_bad_input.py``, ``tests/cli/test_cli_sensors.py``.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.cli.options import Json
+from seatrial.base.errors import TrialError
+from seatrial.cli.options import Json, Triple, shared
 
 if TYPE_CHECKING:
     import polars as pl
@@ -20,6 +22,48 @@ _ENDINGS = (".csv", ".parquet")
 _SEES_BOTTOM = {"dvl", "dvl_water"}
 
 
+@dataclass(frozen=True)
+class Moving:
+    """How the vehicle moves under its commands."""
+
+    free: Annotated[str, typer.Option(help="Letters of the axes that move, of XYZKMN.")] = "XYZKMN"
+    held: Annotated[bool, typer.Option("--held", help="Tie the vehicle, as in a bollard test.")] = False
+    current: Annotated[
+        Triple | None,
+        typer.Option(
+            metavar="NORTH EAST DOWN", help="Steady current, m/s, instead of one in the commands' file."
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class Logged:
+    """What logs the motion, in which water."""
+
+    sensors: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Write what these sensors log instead of the run; or: typical."),
+    ] = None
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Of the sensors' noise; the same seed, the same log. 1 by default."),
+    ] = None
+    bottom: Annotated[
+        float | None, typer.Option(metavar="DEPTH", help="Depth of the bottom, m, for the Doppler log.")
+    ] = None
+    surface: Annotated[
+        float | None,
+        typer.Option(
+            metavar="Z",
+            help="Where the sea ends, m down: 0 where z_m is the depth. Without it all is under water.",
+        ),
+    ] = None
+    run: Annotated[
+        Path | None, typer.Option("--run", help="Beside the sensors' log, write the true run here.")
+    ] = None
+
+
+@shared
 def simulate(
     vehicle: Annotated[
         str,
@@ -39,35 +83,8 @@ def simulate(
         Path | None,
         typer.Option("--out", "-o", help="CSV or Parquet; beside the commands by default. A log is CSV."),
     ] = None,
-    free: Annotated[str, typer.Option(help="Letters of the axes that move, of XYZKMN.")] = "XYZKMN",
-    held: Annotated[bool, typer.Option("--held", help="Tie the vehicle, as in a bollard test.")] = False,
-    current: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            metavar="NORTH EAST DOWN", help="Steady current, m/s, instead of one in the commands' file."
-        ),
-    ] = None,
-    sensors: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Write what these sensors log instead of the run; or: typical."),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="Of the sensors' noise; the same seed, the same log. 1 by default."),
-    ] = None,
-    bottom: Annotated[
-        float | None, typer.Option(metavar="DEPTH", help="Depth of the bottom, m, for the Doppler log.")
-    ] = None,
-    surface: Annotated[
-        float | None,
-        typer.Option(
-            metavar="Z",
-            help="Where the sea ends, m down: 0 where z_m is the depth. Without it all is under water.",
-        ),
-    ] = None,
-    run: Annotated[
-        Path | None, typer.Option("--run", help="Beside the sensors' log, write the true run here.")
-    ] = None,
+    moving: Moving = Moving(),
+    logged: Logged = Logged(),
     json: Json = False,
 ) -> None:
     """Simulate a vehicle under commands; it starts from the first recorded state, else at rest in O.
@@ -77,78 +94,62 @@ def simulate(
     Example: seatrial simulate vehicle.toml steps.csv --out run.csv
     """
     from seatrial._core import Vehicle
-    from seatrial.base.errors import TrialError
-    from seatrial.cli.console import answer, check_axes, print_json
+    from seatrial.cli.console import answer, print_json
     from seatrial.sensors.ideal import ON_THE_TETHER, at_sea
     from seatrial.sensors.sensor import load_sensors
     from seatrial.trial.simulation import SimulatedTrial
     from seatrial.trial.trial import Trial
 
     if commands is None:
-        given = {"--free": free != "XYZKMN", "--held": held, "--current": current, "--sensors": sensors}
-        _recipe(
-            Path(vehicle),
-            (out, run),
-            seed,
-            given | {"--bottom": bottom, "--surface": surface is not None},
-            json=json,
-        )
+        _recipe(Path(vehicle), out, moving, logged, json=json)
         return
     loaded = Vehicle.load(vehicle)
-    kind = "run" if sensors is None else "log"
-    target = out or commands.with_name(f"{commands.stem}-{kind}.csv")
-    check_axes(free, "--free")
-    if held and free != "XYZKMN":
-        raise TrialError("--held and --free: a tied vehicle moves along no axis; give one of them")
-    read: dict[str, str | Path | None] = {
-        "the commands": commands,
-        "the vehicle": vehicle,
-        "the sensors": sensors,
-    }
-    _check_places(target, run, read, log=sensors is not None)
-    if sensors is None:
-        for option, value in (("--seed", seed), ("--bottom", bottom), ("--run", run)):
-            if value is not None:
-                raise TrialError(f"{option} is for a log; give --sensors too")
-    if bottom is not None and not bottom > 0.0:
-        raise TrialError(f"--bottom: expected a depth in m below the surface, found {bottom:g}")
+    sensors, run = logged.sensors, logged.run
+    target = out or commands.with_name(f"{commands.stem}-{'run' if sensors is None else 'log'}.csv")
+    read: dict[str, str | Path | None] = {"the commands": commands, "the vehicle": vehicle}
+    _check(moving, logged)
+    _check_places(target, run, read | {"the sensors": sensors}, log=sensors is not None)
     fitted = None if sensors is None else load_sensors(sensors, loaded)
-    if fitted is not None and not held and not fitted.keys() <= set(ON_THE_TETHER):
+    if fitted is not None and not moving.held and not fitted.keys() <= set(ON_THE_TETHER):
         fitted = at_sea(fitted)  # sensors of the tether alone are refused: --held was forgotten
-    if bottom is not None and fitted is not None and not fitted.keys() & _SEES_BOTTOM:
+    if logged.bottom is not None and fitted is not None and not fitted.keys() & _SEES_BOTTOM:
         raise TrialError(f"--bottom is for a Doppler log; {sensors} has none")
-    trial = Trial.read(commands, align=False, surface=surface)
-    made = SimulatedTrial(loaded, trial, free, held, current, fitted)
+    trial = Trial.read(commands, align=False, surface=logged.surface)
+    made = SimulatedTrial(loaded, trial, moving.free, moving.held, moving.current, fitted)
     truth = made.frame()
     if fitted is None:
         _write(truth, target, "--out")
+        results, after = f"Run in {target}", f"seatrial score {vehicle} {target}"
     else:
-        number = 1 if seed is None else seed
+        seed = 1 if logged.seed is None else logged.seed
         if run is not None:
             _write(truth, run, "--run")
-        label = f"{loaded.name} under {commands.name}, sensors {sensors}, seed {number}"
-        made.write_log(target, number, bottom, label)
+        label = f"{loaded.name} under {commands.name}, sensors {sensors}, seed {seed}"
+        made.write_log(target, seed, logged.bottom, label)
+        results, after = f"Log of {', '.join(fitted)} in {target}", "name this log as a trial in a campaign"
     if json:
         print_json(made.summary() | {"file": str(target)} | ({} if run is None else {"run": str(run)}))
         return
-    what = "Run" if fitted is None else f"Log of {', '.join(fitted)}"
-    results = f"{what} in {target}" + ("" if run is None else f"\nRun in {run}")
-    after = (
-        f"seatrial score {vehicle} {target}" if fitted is None else "name this log as a trial in a campaign"
-    )
+    results += "" if run is None else f"\nRun in {run}"
     answer(made.report(f"{loaded.name} under {commands.name}", after), results=results)
 
 
-def _recipe(
-    path: Path,
-    places: tuple[Path | None, Path | None],
-    seed: int | None,
-    given: dict[str, Any],
-    *,
-    json: bool,
-) -> None:
+def _check(moving: Moving, logged: Logged) -> None:
+    """Refuse axes, and options that do not go together."""
+    from seatrial.cli.console import check_axes
+
+    check_axes(moving.free, "--free")
+    if moving.held and moving.free != "XYZKMN":
+        raise TrialError("--held and --free: a tied vehicle moves along no axis; give one of them")
+    for option, value in (("--seed", logged.seed), ("--bottom", logged.bottom), ("--run", logged.run)):
+        if value is not None and logged.sensors is None:
+            raise TrialError(f"{option} is for a log; give --sensors too")
+    if logged.bottom is not None and not logged.bottom > 0.0:
+        raise TrialError(f"--bottom: expected a depth in m below the surface, found {logged.bottom:g}")
+
+
+def _recipe(path: Path, out: Path | None, moving: Moving, logged: Logged, *, json: bool) -> None:
     """Write the log of a recipe, and the truth where it is asked for."""
-    from seatrial.base.errors import TrialError
     from seatrial.base.report import Report
     from seatrial.cli.console import answer, print_json
     from seatrial.trial.generated import Recipe
@@ -158,20 +159,19 @@ def _recipe(
             f"{path}: expected a vehicle and a file of commands, or the recipe of a generated trial (TOML)"
             " alone; found a vehicle alone"
         )
-    for option, value in given.items():
-        if value not in (None, False):
-            raise TrialError(f"{option}: a recipe says this itself; leave the option out")
-    out, run = places
-    target = out or path.with_name(f"{path.stem}-log.csv")
+    for options, names in ((moving, ("free", "held", "current")), (logged, ("sensors", "bottom", "surface"))):
+        for name in names:
+            if getattr(options, name) != getattr(type(options), name):
+                raise TrialError(f"--{name}: a recipe says this itself; leave the option out")
+    target, run = out or path.with_name(f"{path.stem}-log.csv"), logged.run
     _check_places(target, run, {"the recipe": path}, log=True)
     recipe = Recipe.load(path)
-    recipe = recipe if seed is None else recipe.with_seed(seed)
+    recipe = recipe if logged.seed is None else recipe.with_seed(logged.seed)
     recipe.save(target)
     if run is not None:
         _write(recipe.truth_table(), run, "--run")
-    duration, ending = float(recipe.t[-1] - recipe.t[0]), None
-    if recipe.flight is not None:
-        ending = recipe.flight.outcome_in_words
+    duration = float(recipe.t[-1] - recipe.t[0])
+    ending = None if recipe.flight is None else recipe.flight.outcome_in_words
     if json:
         files = {"file": str(target)} | ({} if run is None else {"run": str(run)})
         print_json({"duration, s": duration, "seed": recipe.seed, "flight": ending} | files)
@@ -184,8 +184,7 @@ def _recipe(
         worst="nothing stands out: the motion is finite",
         next_step="name this log as a trial in a campaign",
     )
-    results = f"Log in {target}" + ("" if run is None else f"\nTruth in {run}")
-    answer(report, results=results)
+    answer(report, results=f"Log in {target}" + ("" if run is None else f"\nTruth in {run}"))
 
 
 def _write(frame: pl.DataFrame, path: Path, option: str) -> None:
@@ -196,7 +195,6 @@ def _write(frame: pl.DataFrame, path: Path, option: str) -> None:
 
 def _check_places(target: Path, run: Path | None, inputs: dict[str, str | Path | None], *, log: bool) -> None:
     """Refuse a place that does not fit, an input, and one file over another."""
-    from seatrial.base.errors import TrialError
     from seatrial.base.file_names import check_place
 
     # The first lines of a log say that it was generated, which Parquet has no place for.
