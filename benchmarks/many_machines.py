@@ -19,7 +19,7 @@ from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.fleet import Fleet, fleet_of
 from seatrial.base.run import RunDirectory
 from seatrial.identification.fitted import Fitted
-from seatrial.verification.missions import CHUNK, CampaignFlights, Flyer, fly_series
+from seatrial.verification.missions import MISSION_SETTINGS, CampaignFlights, Flyer, fly_series
 
 MISSION = """
 format = 1
@@ -88,8 +88,8 @@ def main() -> None:
                 fly_series(asked, _RUNS, Flyer(run, threads=1, fleet=two))
             busy, took = time.process_time() - busy, time.monotonic() - began
         print(
-            f"with a run directory {took:.2f} s; the client works {1e3 * busy * CHUNK / _RUNS:.1f} ms per"
-            " chunk of missions"
+            f"with a run directory {took:.2f} s; the client works"
+            f" {1e3 * busy * MISSION_SETTINGS.chunk / _RUNS:.1f} ms per chunk of missions"
         )
         for count in (2_000, 10_000):
             began = time.monotonic()

@@ -97,7 +97,7 @@ def test_a_verification_on_workers_of_other_simd_levels_is_the_local_one(
     levels = {simd_level(), "avx2"} if simd_level() == "avx512" else {simd_level()}
     for level in levels:
         cluster.worker(SEATRIAL_SIMD=level)
-    monkeypatch.setattr(missions, "CHUNK", 4)
+    monkeypatch.setattr(missions, "MISSION_SETTINGS", missions.MissionSettings(chunk=4))
     asked = campaign(tmp_path)
     local = asked.verify(runs=18, work=st.Work(run_dir=tmp_path / "local"))
     told: list[str] = []

@@ -17,7 +17,7 @@ from seatrial.cli import app
 from seatrial.cli.console import show
 from seatrial.report.plot import plotted
 from seatrial.report.plot.style import save
-from seatrial.verification.missions import CampaignFlights
+from seatrial.verification.missions import CampaignFlights, MissionSettings
 from seatrial.verification.verification import Verification
 from tests.flight.flying import OUT
 from tests.verification.verifying import SHORT, campaign, text
@@ -143,7 +143,7 @@ def test_tables_read_at_80_columns(here: Path) -> None:
 
 @pytest.mark.usefixtures("here")
 def test_ctrl_c_is_exit_code_130_and_keeps_what_was_flown(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.verification.missions.CHUNK", 8)
+    monkeypatch.setattr("seatrial.verification.missions.MISSION_SETTINGS", MissionSettings(chunk=8))
     fly = CampaignFlights.fly
 
     def stop(self: CampaignFlights, numbers: Any, **options: Any) -> Any:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial.statistics.blocks import block_length
-from seatrial.statistics.random_effects import random_effects
-from seatrial.statistics.uncertainty import covariance
+from seatrial.statistics.uncertainty import covariance, random_effects
 from tests.statistics.linear_trials import Array, Design, errors, estimates, one, own_coefficients, trials
 
 DESIGN = trials([2000] * 5, inputs=4, seed=1)

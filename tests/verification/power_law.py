@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import seatrial as st
+from seatrial.base.finding import Finding, Severity
 from seatrial.identification.fitted import Fitted
 from seatrial.sensors.ideal import Surroundings
 from seatrial.sensors.log import measure
@@ -25,9 +26,8 @@ from seatrial.sensors.sensor import load_sensors
 from seatrial.verification.mission_log.judge_log import settled, state_inside
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
 from seatrial.verification.mission_log.power import CoefficientGroup, Power, coefficient_groups, group_power
-from seatrial.verification.mission_log.restarts import PredictedLog, restarts
-from seatrial.verification.mission_log.spread import spread_of_noise
-from seatrial.verification.mission_log.validity import LEVEL, validity
+from seatrial.verification.mission_log.spread import PredictedLog, restarts, spread_of_noise
+from seatrial.verification.mission_log.validity import VALIDITY_SETTINGS, validity
 from seatrial.verification.mission_log.verdict import ModelState
 
 VEHICLES = ("cwolf", "remus100", "bluerov2-heavy")
@@ -94,20 +94,21 @@ def _driven(vehicle: st.Vehicle, seed: int) -> MissionLog:
 _LOGGED = ("dvl", "gyro", "attitude", "depth")
 
 
-def judged(name: str, changes: Mapping[str, float], seed: int) -> tuple[ModelState, str, Power]:
+def judged(name: str, changes: Mapping[str, float], seed: int) -> tuple[ModelState, Finding, Power]:
     """State of the unchanged vehicle's model on a log of the changed one, why, and the power of the log."""
     return _judged(name, restarts(st.Vehicle.load(name), log_of(name, changes, seed).trial))
 
 
-def _judged(name: str, windows: PredictedLog) -> tuple[ModelState, str, Power]:
+def _judged(name: str, windows: PredictedLog) -> tuple[ModelState, Finding, Power]:
     """As `seatrial.verify_log` decides it, without the search for suspects, which takes most of its time."""
     known = Fitted.of(name)
     offsets = offsets_of("typical", known.vehicle)
     within = validity(windows, spread_of_noise(windows), offsets=offsets)
-    power = group_power(known, windows, offsets=offsets, level=LEVEL, water=False)
+    power = group_power(known, windows, offsets=offsets, level=VALIDITY_SETTINGS.level, water=False)
     within = settled(within, power)
     if within.failing:
-        return "re-identify", "; ".join(channel.sentence() for channel in within.failing), power
+        names = [channel.channel for channel in within.failing]
+        return "re-identify", Finding("outside the band", Severity.PROBLEM, ", ".join(names)), power
     return *state_inside(within, power), power
 
 

@@ -18,8 +18,7 @@ from seatrial.statistics.multiple_testing import (
     spearman,
     uniform_scores,
 )
-from seatrial.verification.causes import Cause, Influence, find_causes, find_causes_of_all
-from seatrial.verification.failure_rates import grouped
+from seatrial.verification.causes import Cause, Influence, find_causes, find_causes_of_all, grouped
 
 Array = NDArray[np.float64]
 K = 400

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.verification.junit import JUnitCase, junit_xml
+from seatrial.report.results.junit import JUnitCase, junit_xml
 
 OUTCOMES = [
     JUnitCase("farm", "keeps its path", "held", "held: at most 0.39 %", time_s=1.25),

@@ -11,8 +11,8 @@ import pytest
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.trial.trial import Trial
-from seatrial.verification.mission_log.contradiction import contradictions
 from seatrial.verification.mission_log.judge_log import verify_log
+from seatrial.verification.mission_log.validity import contradictions
 from tests.verification.recorded_logs import compared, fitted, log
 
 Fault = Callable[[Array, Array], Array]

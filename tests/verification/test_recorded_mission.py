@@ -10,8 +10,7 @@ import pytest
 import seatrial as st
 from seatrial.base.errors import CampaignError, SimulationError, TrialError
 from seatrial.control_design.corridor import Corridor
-from seatrial.verification.mission_log.envelope import FEWEST_FLIGHTS, mission_envelope, prediction_band
-from seatrial.verification.mission_log.log import MissionLog
+from seatrial.verification.mission_log.log import SETTINGS, MissionLog, mission_envelope, prediction_band
 from seatrial.verification.mission_log.metrics import errors_of_guidance, log_metrics, logged_steps
 from tests.verification.recorded_logs import MISSION, fitted, flight, log
 
@@ -106,7 +105,7 @@ def test_a_set_point_that_is_ramped_is_a_step_from_where_the_ramp_begins() -> No
 @pytest.mark.long
 def test_law_a_further_flight_falls_into_the_band_as_often_as_it_says() -> None:
     rng = np.random.default_rng(4)
-    for flights in (FEWEST_FLIGHTS, 64):
+    for flights in (SETTINGS.fewest_flights, 64):
         lower, _, upper = prediction_band(rng.standard_normal((flights, 20_000)))
         further = rng.standard_normal(20_000)
         # Four standard deviations of a share of 20,000 at 95 %.

@@ -14,15 +14,14 @@ from seatrial.identification.fitted import Fitted
 from seatrial.verification.mission_log.judge_log import LogSettings, judge_model, verify_log
 from seatrial.verification.mission_log.log import offsets_of
 from seatrial.verification.mission_log.power import (
-    GROWN,
-    SHOWN,
+    POWER_SETTINGS,
     CoefficientGroup,
     Power,
     Shown,
     coefficient_groups,
     group_power,
 )
-from seatrial.verification.mission_log.restarts import restarts
+from seatrial.verification.mission_log.spread import restarts
 from seatrial.verification.mission_log.unknowns import Point, Unknowns, explained_best, pieces, sensor_noise
 from tests.verification.power_law import SEED, VEHICLES, changed, judged, law
 from tests.verification.recorded_logs import fitted, log
@@ -118,7 +117,7 @@ def test_damping_of_a_slow_mode_shows_in_whole_windows() -> None:
     values = st.Vehicle.load("cwolf").coefficients()
     state, _, weaker = judged("cwolf", {name: 0.25 * values[name] for name in damping.names}, SEED)
     assert state == "re-identify"
-    assert weaker.grown["pitch"] > GROWN
+    assert weaker.grown["pitch"] > POWER_SETTINGS.grown
     assert damping in [test.group for test in weaker.refuted]
 
 
@@ -167,7 +166,13 @@ def test_data_of_the_power_state_factors_for_every_channel_and_group() -> None:
     drag = next(part for part in data["groups"] if (part["axis"], part["kind"]) == ("X", "damping"))
     assert drag["coefficients"] == ["X_u", "X_uu"]
     assert set(drag["shown"]) == set(data["left"])
-    assert 1.0 / SHOWN <= drag["shown"]["u"]["down"] < 1.0 < drag["shown"]["u"]["up"] <= SHOWN
+    assert (
+        1.0 / POWER_SETTINGS.shown
+        <= drag["shown"]["u"]["down"]
+        < 1.0
+        < drag["shown"]["u"]["up"]
+        <= POWER_SETTINGS.shown
+    )
 
 
 def test_a_stated_error_widens_what_is_tolerated_and_takes_the_power() -> None:

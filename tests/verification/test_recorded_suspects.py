@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 import seatrial as st
 from seatrial.base.frames import continuous
 from seatrial.verification.mission_log.candidates import Suspect, candidates, payload
-from seatrial.verification.mission_log.restarts import restarts
-from seatrial.verification.mission_log.spread import Spread, spread_of_reference
+from seatrial.verification.mission_log.spread import Spread, restarts, spread_of_reference
 from seatrial.verification.mission_log.suspects import suspects
 from tests.verification.recorded_logs import MISSION, fitted, log
 
@@ -79,7 +78,7 @@ def test_a_thrust_that_no_command_tells_names_its_actuator() -> None:
     silent = st.Trial.read(columns, align=False)
     listed = suspects(restarts(model, silent), spread(), candidates(model, identified=fitted().names))
     assert (listed[0].kind, listed[0].name) == ("actuator", "VTB"), [one.change for one in listed]
-    assert "does not produce the thrust that its commands ask for" in listed[0].sentence()
+    assert "does not produce the thrust that its commands ask for" in listed[0].change
     assert listed[0].p < 0.01
     assert listed[0].coefficients == {}
 
@@ -94,7 +93,7 @@ def test_a_sensor_that_reads_too_much_is_named_and_no_payload() -> None:
     trial = replace(told, observed=wrong, attitude=attitude)
     model = fitted().vehicle
     first = suspects(restarts(model, trial), spread(), candidates(model, identified=fitted().names))[0]
-    assert (first.kind, first.name) == ("sensor", "offset of pitch"), first.sentence()
+    assert (first.kind, first.name) == ("sensor", "offset of pitch"), first.change
     # What else the log leaves goes into it: a quarter of a degree in the logs that were tried.
     assert first.values[0] == pytest.approx(np.radians(1.0), abs=np.radians(0.35))
     assert "deg too much" in first.change

@@ -15,10 +15,10 @@ from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import SimulationError, TrialError
 from seatrial.trial.trial import Trial
 from seatrial.verification.mission_log.judge_log import state_inside, verify_log
-from seatrial.verification.mission_log.restarts import restarts
 from seatrial.verification.mission_log.spread import (
     ExpectedShare,
     clustered_share,
+    restarts,
     share_interval,
     spread_of_errors,
     spread_of_noise,
@@ -78,9 +78,10 @@ def test_a_large_share_that_does_not_refute_does_not_pass_either() -> None:
     quiet = replace(
         verdict.power, tests=tuple(replace(one, refuted=False, against=()) for one in verdict.power.tests)
     )
-    state, reason = state_inside(verdict.validity, quiet)
+    state, cause = state_inside(verdict.validity, quiet)
     assert state == "log too short or too quiet to tell"
-    assert "less than would refute it" in reason
+    assert cause.kind == "channels in doubt"
+    assert "less than would refute it" in replace(verdict, model=state, cause=cause).reason
 
 
 def test_the_first_line_names_the_channel_that_fails_not_the_one_that_is_outside_most() -> None:

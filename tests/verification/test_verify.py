@@ -20,12 +20,12 @@ from seatrial.base.work import Progress
 from seatrial.identification.fitted import Fitted
 from seatrial.report.plot.verification import WorstFlight, drawings, worst_missions
 from seatrial.verification import missions as mission_series
-from seatrial.verification.comparison import compared, mcnemar
 from seatrial.verification.flown_missions import FlownMissions, metrics_for_requirements
 from seatrial.verification.judgement import judged
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.requirement import Requirement
-from seatrial.verification.verification import Verification
+from seatrial.verification.verification import Verification, compared, mcnemar
+from seatrial.verification.verify import VerifySettings
 from tests.base.killed import kill
 from tests.flight.flying import OUT
 from tests.report.figures import assert_on_page
@@ -162,7 +162,7 @@ def test_failures_that_were_drawn_are_those_of_the_replay(found: Verification) -
 def test_ctrl_c_keeps_what_was_flown_and_the_same_call_goes_on(
     folder: Path, found: Verification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(mission_series, "CHUNK", 8)
+    monkeypatch.setattr(mission_series, "MISSION_SETTINGS", mission_series.MissionSettings(chunk=8))
     flown: list[int] = []
     fly = CampaignFlights.fly
 
@@ -210,14 +210,14 @@ def test_a_killed_verification_goes_on_and_equals_an_undisturbed_one(
         import seatrial as st
         from seatrial.verification import missions
         from tests.verification.verifying import campaign
-        missions.CHUNK = 8
+        missions.MISSION_SETTINGS = missions.MissionSettings(chunk=8)
         work = st.Work(run_dir=folder / "run", progress=lambda state: state.done == 16 and die())
         campaign(folder).verify(work=work)
         """,
         tmp_path,
     )
     assert not (tmp_path / "run").exists()
-    monkeypatch.setattr(mission_series, "CHUNK", 8)
+    monkeypatch.setattr(mission_series, "MISSION_SETTINGS", mission_series.MissionSettings(chunk=8))
     flown: list[int] = []
     fly = CampaignFlights.fly
 
@@ -404,7 +404,7 @@ def test_autopilots_are_compared_on_the_same_draws(folder: Path) -> None:
 
 
 def test_a_part_of_many_missions_is_compared(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.verification.verify._LEAST", 3)
+    monkeypatch.setattr("seatrial.verification.verify.SETTINGS", VerifySettings(least_compared=3))
     found = campaign(folder).verify(gains="cwolf", compare={"same": "cwolf"}, runs=6)
     assert found.comparison is not None
     verified, other = found.comparison.autopilots

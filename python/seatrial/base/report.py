@@ -250,6 +250,11 @@ def words_of(finding: Finding) -> str:
     return f"{words.problem(finding)}; {words.remedy(finding)}"
 
 
+def clause_of(finding: Finding, writer: str) -> str:
+    """A finding as a clause, in the words of a module of `seatrial.report.results`."""
+    return str(importlib.import_module(f"seatrial.report.results.{writer}").clause(finding))
+
+
 def report_of(result: object, **options: Any) -> Report:
     """Report of a result, in the words of `seatrial.report.results`.
 

@@ -33,9 +33,14 @@ from seatrial.scoring.windows import default_input
 from seatrial.sensors.sensor import TYPICAL
 from seatrial.verification.mission_log.judge_log import USUAL, LogSettings, verify_log
 from seatrial.verification.mission_log.log import MissionLog, thinned
-from seatrial.verification.mission_log.restarts import PredictedLog, check_usable, restarts
-from seatrial.verification.mission_log.spread import Spread, spread_of_reference
-from seatrial.verification.mission_log.validity import FEWEST_WINDOWS
+from seatrial.verification.mission_log.spread import (
+    PredictedLog,
+    Spread,
+    check_usable,
+    restarts,
+    spread_of_reference,
+)
+from seatrial.verification.mission_log.validity import VALIDITY_SETTINGS
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.scenario import Scenario, autopilot_of, requirement_of, sensors_of_table, titled
 from seatrial.verification.table import VerificationTable
@@ -337,7 +342,7 @@ def campaign_reference(
         return spread_of_reference([part for one in given for part in parts(one)])
     if judged.trial:
         own = parts(judged)
-        if sum(len(one.spans) for one in own) >= 2 * FEWEST_WINDOWS:
+        if sum(len(one.spans) for one in own) >= 2 * VALIDITY_SETTINGS.fewest_windows:
             return spread_of_reference(own)
     _refuse_missing(campaign)
     trials = [name for name in campaign.trials if campaign.problem().input_of(name) == judged.input]

@@ -22,7 +22,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.base.toml_file import loaded
 from seatrial.flight.checks import (
-    TURBULENCE_TIMES_S,
+    FLIGHT_LIMITS,
     Corridor,
     checked_columns,
     checked_corridors,
@@ -109,7 +109,7 @@ class Circumstances:
     max_step_s: float
     max_time_s: float
     turbulence: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S
+    turbulence_times_s: tuple[float, float] = FLIGHT_LIMITS.turbulence_times_s
     current_trend: tuple[float, float, float] = (0.0, 0.0, 0.0)
     current_walk: tuple[float, float, float] = (0.0, 0.0, 0.0)
     waves: SeaState | None = None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,17 +21,36 @@ from seatrial.flight.mission import Route
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-TURBULENCE_TIMES_S = (60.0, 2.0)
-"""Correlation time of a turbulent current, and the time in which eddies average out along the hull, s."""
 
-_LARGEST_SEED = 2**53  # whole numbers up to here are exact in JSON and in floating point
-_FASTEST_WATER_M_S = 15.0  # the fastest tidal streams run at 10 m/s
-_MOST_STEPS = 10_000  # of the integration in a control period
-_TIMES_PLANNED, _MARGIN_S = 3.0, 300.0  # of the planned time, and s: room for currents and for waiting
-_MOST_LOGGED, _MOST_FLOWN = 2_500_000, 100_000_000  # a row of a log and its table take 2.5 kB
-_LARGEST_SUPPLY_V = 1000.0  # a larger one was given in mV
-_MOST_EDDIES = 5.0  # m/s
-_LONGEST = 1e5  # s, of eddies
+@dataclass(frozen=True)
+class FlightLimits:
+    """What the inputs of a flight may be."""
+
+    #: Correlation time of a turbulent current, and the time in which eddies average out along the hull, s.
+    turbulence_times_s: tuple[float, float] = (60.0, 2.0)
+    #: Whole numbers up to here are exact in JSON and in floating point.
+    largest_seed: int = 2**53
+    #: The fastest tidal streams run at 10 m/s.
+    fastest_water_m_s: float = 15.0
+    #: Steps of the integration in a control period.
+    most_substeps: int = 10_000
+    #: Longest flight over its planned time: room for currents.
+    planned_ratio: float = 3.0
+    #: Time beyond that, s: room for waiting.
+    waiting_s: float = 300.0
+    #: Rows of a log: a row and its table take 2.5 kB.
+    most_logged: int = 2_500_000
+    #: Control periods of a flight.
+    most_flown: int = 100_000_000
+    #: A larger supply was given in mV.
+    largest_supply_v: float = 1000.0
+    #: Standard deviation of turbulence, m/s.
+    strongest_eddies_m_s: float = 5.0
+    #: Correlation time of turbulence, s.
+    longest_eddies_s: float = 1e5
+
+
+FLIGHT_LIMITS = FlightLimits()
 
 
 def is_number(value: Any) -> bool:
@@ -68,7 +88,7 @@ def checked_seed(seed: Any) -> int:
         It is none.
     """
     whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-    if not whole or not 0 <= seed < _LARGEST_SEED:
+    if not whole or not 0 <= seed < FLIGHT_LIMITS.largest_seed:
         raise SimulationError(f"seed: expected a whole number from 0 to 2^53 - 1, found {seed!r}")
     return int(seed)
 
@@ -76,10 +96,11 @@ def checked_seed(seed: Any) -> int:
 def checked_step(max_step_s: Any, autopilot: Autopilot) -> None:
     """Refuse a step of the integration that is none, or so small that no flight would end."""
     positive("max_step_s", max_step_s, "s")
-    if autopilot.period_s / max_step_s > _MOST_STEPS:
+    most = FLIGHT_LIMITS.most_substeps
+    if autopilot.period_s / max_step_s > most:
         raise SimulationError(
-            f"max_step_s: expected at least {autopilot.period_s / _MOST_STEPS:.2g} s, a {_MOST_STEPS}th of"
-            f" the control period of {autopilot.period_s:g} s, found {max_step_s:g}; 0.02 s is the usual one"
+            f"max_step_s: expected at least {autopilot.period_s / most:.2g} s, a {most}th of the control"
+            f" period of {autopilot.period_s:g} s, found {max_step_s:g}; 0.02 s is the usual one"
         )
 
 
@@ -94,10 +115,8 @@ def checked_supply(voltage_v: Any, vehicle: Vehicle) -> None:
             )
         return
     positive("voltage_v", voltage_v, "V")
-    if voltage_v > _LARGEST_SUPPLY_V:
-        raise SimulationError(
-            f"voltage_v: expected at most {_LARGEST_SUPPLY_V:g} V, found {voltage_v:g}; is it in V?"
-        )
+    if voltage_v > (most := FLIGHT_LIMITS.largest_supply_v):
+        raise SimulationError(f"voltage_v: expected at most {most:g} V, found {voltage_v:g}; is it in V?")
 
 
 def checked_list(name: str, values: Any, kind: type, example: str) -> tuple[Any, ...]:
@@ -124,10 +143,10 @@ def checked_rows(name: str, value: Any) -> Array:
         raise SimulationError(
             f"{name}: expected three finite numbers, north, east, down in m/s, found {value!r}"
         )
-    if rows.size and (most := float(np.abs(rows).max())) > _FASTEST_WATER_M_S:
+    if rows.size and (most := float(np.abs(rows).max())) > FLIGHT_LIMITS.fastest_water_m_s:
         raise SimulationError(
-            f"{name}: expected at most {_FASTEST_WATER_M_S:g} m/s, faster than any ocean current, found"
-            f" {most:g}; give it in m/s (1 kn is 0.514 m/s)"
+            f"{name}: expected at most {FLIGHT_LIMITS.fastest_water_m_s:g} m/s, faster than any ocean"
+            f" current, found {most:g}; give it in m/s (1 kn is 0.514 m/s)"
         )
     return rows
 
@@ -181,11 +200,11 @@ def checked_seabed(value: ArrayLike | None, path: Route) -> tuple[float, float, 
 def longest(path: Route, autopilot: Autopilot, max_time_s: float | None, *, logs: bool) -> float:
     """Duration at which a flight ends at the latest, s: well beyond the plan and the mission's own limit."""
     if max_time_s is None:
-        planned = _TIMES_PLANNED * path.planned_time + _MARGIN_S
-        limit = path.longest + _MARGIN_S if math.isfinite(path.longest) else 0.0
+        planned = FLIGHT_LIMITS.planned_ratio * path.planned_time + FLIGHT_LIMITS.waiting_s
+        limit = path.longest + FLIGHT_LIMITS.waiting_s if math.isfinite(path.longest) else 0.0
         max_time_s = max(planned, limit)
     positive("max_time_s", max_time_s, "s")
-    most = (_MOST_LOGGED if logs else _MOST_FLOWN) * autopilot.period_s
+    most = (FLIGHT_LIMITS.most_logged if logs else FLIGHT_LIMITS.most_flown) * autopilot.period_s
     if max_time_s > most:
         raise SimulationError(
             f"max_time_s: expected at most {most:g} s, {most / autopilot.period_s:.1e} control periods of"
@@ -212,10 +231,10 @@ def checked_turbulence(given: Any, what: str = "turbulence") -> tuple[float, flo
     if is_number(given):
         given = (given, given, 0.0)
     values = [float(x) for x in _floats(given).ravel()]
-    if len(values) != 3 or not all(0.0 <= x <= _MOST_EDDIES for x in values):
+    if len(values) != 3 or not all(0.0 <= x <= FLIGHT_LIMITS.strongest_eddies_m_s for x in values):
         raise SimulationError(
-            f"{what}: expected a standard deviation from 0 to {_MOST_EDDIES:g} m/s, or three of them,"
-            f" north, east and down, found {given!r}"
+            f"{what}: expected a standard deviation from 0 to {FLIGHT_LIMITS.strongest_eddies_m_s:g} m/s, or"
+            f" three of them, north, east and down, found {given!r}"
         )
     return values[0], values[1], values[2]
 
@@ -229,10 +248,12 @@ def checked_times(given: Any) -> tuple[float, float]:
         They are none.
     """
     values = list(given) if isinstance(given, tuple | list) else []
-    if len(values) != 2 or not all(is_number(x) and 0.01 <= x <= _LONGEST for x in values):
+    if len(values) != 2 or not all(
+        is_number(x) and 0.01 <= x <= FLIGHT_LIMITS.longest_eddies_s for x in values
+    ):
         raise SimulationError(
-            f"turbulence_times_s: expected two times from 0.01 to {_LONGEST:g} s, for example (60.0, 2.0),"
-            f" found {given!r}"
+            f"turbulence_times_s: expected two times from 0.01 to {FLIGHT_LIMITS.longest_eddies_s:g} s, for"
+            f" example (60.0, 2.0), found {given!r}"
         )
     return float(values[0]), float(values[1])
 
@@ -263,8 +284,6 @@ Corridor = tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, Arr
 _PARTS = ("base", "scale", "lower", "upper", "target", "clock")
 
 _EXAMPLE = '("yaw", base, scale, lower, upper, target, clock)'
-
-_EACH = 2  # parts of a corridor that may differ from case to case: base and scale
 
 
 def checked_set_points(
@@ -315,7 +334,7 @@ def checked_corridors(given: Any) -> tuple[list[Corridor], dict[str, int]]:
         if not (isinstance(row, tuple | list) and len(row) == 1 + len(_PARTS) and isinstance(row[0], str)):
             raise SimulationError(f"{what}: expected (channel, {', '.join(_PARTS)}), found {row!r}")
         arrays = [_array(f"{what}: {part}", values) for part, values in zip(_PARTS, row[1:], strict=True)]
-        for part, values in zip(_PARTS[:_EACH], arrays, strict=False):
+        for part, values in zip(_PARTS[:2], arrays, strict=False):
             if values.ndim > 0 and len(values) != 1:
                 cases[f"{what}: {part}"] = len(values)
         base, scale, lower, upper, target, clock = arrays

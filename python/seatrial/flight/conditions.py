@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from seatrial._core import State, Vehicle
 from seatrial.base.errors import SimulationError
-from seatrial.flight.checks import TURBULENCE_TIMES_S
+from seatrial.flight.checks import FLIGHT_LIMITS
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.navigation import NavigationFilter
 from seatrial.flight.sea import SeaState
@@ -62,7 +62,7 @@ class Water:
 
     current: ArrayLike = (0.0, 0.0, 0.0)
     turbulence: ArrayLike = (0.0, 0.0, 0.0)
-    turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S
+    turbulence_times_s: tuple[float, float] = FLIGHT_LIMITS.turbulence_times_s
     current_trend: ArrayLike = (0.0, 0.0, 0.0)
     current_walk: ArrayLike = (0.0, 0.0, 0.0)
     waves: SeaState | Sequence[SeaState | None] | None = None

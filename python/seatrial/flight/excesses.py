@@ -19,16 +19,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.flight.metrics import OFF_PROMISE
+from seatrial.flight.metrics import METRIC_SETTINGS
 
-IN_THE_AIR_M = 0.1
-"""Height above the surface, m, from which a vehicle has left the water: less is a wave."""
 
-OFF_LIMIT_M = 0.05
-"""Beyond a limit of the mission, m: less is the ripple of a loop."""
+@dataclass(frozen=True)
+class ExcessSettings:
+    """From when a limit counts as broken."""
 
-STEEP_DEG = 45.0
-"""Pitch angle, deg, beyond which neither coefficients nor loops hold."""
+    #: Height above the surface, m, from which a vehicle has left the water: less is a wave.
+    in_the_air_m: float = 0.1
+    #: Beyond a limit of the mission, m: less is the ripple of a loop.
+    off_limit_m: float = 0.05
+    #: Pitch angle, deg, beyond which neither coefficients nor loops hold.
+    steep_deg: float = 45.0
+    #: Below it two distances are the same, m.
+    rounding_m: float = 1e-6
+
+
+EXCESS_SETTINGS = ExcessSettings()
 
 
 def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
@@ -37,15 +45,12 @@ def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
     `metrics` of flights by name, (k,) each; `promised_m`: what the mission of each promises, 0 where nothing.
     """
     clear, reserve = (np.asarray(metrics[name]) for name in ("clearance_m", "clearance_reserve_m"))
-    return np.asarray((clear <= 0.0) | (reserve < -OFF_PROMISE * np.asarray(promised_m)))
-
-
-_ROUNDING_M = 1e-6  # below it two distances are the same
+    return np.asarray((clear <= 0.0) | (reserve < -METRIC_SETTINGS.short_of_promise * np.asarray(promised_m)))
 
 
 def promise_counts(clear_m: float, reserve_m: float) -> bool:
     """Whether a promise was what came nearest to being broken, and not an obstacle that has none."""
-    return reserve_m < clear_m - _ROUNDING_M
+    return reserve_m < clear_m - EXCESS_SETTINGS.rounding_m
 
 
 def touched(metrics: Mapping[str, Any]) -> Mask:
@@ -55,12 +60,16 @@ def touched(metrics: Mapping[str, Any]) -> Mask:
 
 def too_deep(metrics: Mapping[str, Any], max_depth_m: ArrayLike) -> Mask:
     """Whether the vehicle truly went deeper than the mission's largest depth, (k,)."""
-    return np.asarray(np.asarray(metrics["depth_largest_m"]) > np.asarray(max_depth_m) + OFF_LIMIT_M)
+    return np.asarray(
+        np.asarray(metrics["depth_largest_m"]) > np.asarray(max_depth_m) + EXCESS_SETTINGS.off_limit_m
+    )
 
 
 def too_low(metrics: Mapping[str, Any], min_altitude_m: ArrayLike) -> Mask:
     """Whether the vehicle truly came nearer to the bottom than the mission's least altitude, (k,)."""
-    return np.asarray(np.asarray(metrics["altitude_smallest_m"]) < np.asarray(min_altitude_m) - OFF_LIMIT_M)
+    return np.asarray(
+        np.asarray(metrics["altitude_smallest_m"]) < np.asarray(min_altitude_m) - EXCESS_SETTINGS.off_limit_m
+    )
 
 
 def unkept(metrics: Mapping[str, Any], promised_m: ArrayLike, limits: Mapping[str, float]) -> dict[str, Mask]:
@@ -84,9 +93,9 @@ def broken_in(
     The page of a report judges its flights by the same ranges. Arguments as for `unkept`.
     """
     infinity = math.inf
-    short = np.nextafter(-OFF_PROMISE * np.asarray(promised_m, dtype=float), -infinity)
-    low = float(np.nextafter(limits["min_altitude_m"] - OFF_LIMIT_M, -infinity))
-    deep = float(np.nextafter(limits["max_depth_m"] + OFF_LIMIT_M, infinity))
+    short = np.nextafter(-METRIC_SETTINGS.short_of_promise * np.asarray(promised_m, dtype=float), -infinity)
+    low = float(np.nextafter(limits["min_altitude_m"] - EXCESS_SETTINGS.off_limit_m, -infinity))
+    deep = float(np.nextafter(limits["max_depth_m"] + EXCESS_SETTINGS.off_limit_m, infinity))
     above_bottom = float(np.nextafter(0.0, infinity))
     return {
         "too near to an obstacle": [
@@ -262,7 +271,7 @@ def excesses(
     )
     energy = np.asarray(metrics.get("energy_wh", np.zeros_like(clear)), dtype=float)
     # What came nearest to being broken may be an obstacle without a promise: then zero is the limit.
-    promised = np.where(beyond < clear - _ROUNDING_M, np.asarray(promised_m, dtype=float), 0.0)
+    promised = np.where(beyond < clear - EXCESS_SETTINGS.rounding_m, np.asarray(promised_m, dtype=float), 0.0)
     down = touched(metrics)
     # By kind: which flights, the value that is told, what is smallest in the worst flight, and the limit.
     kinds: dict[str, tuple[Mask, Array, Array, ArrayLike]] = {
@@ -270,8 +279,8 @@ def excesses(
         "bottom_touched": (down, altitude, altitude, 0.0),
         "too_low": (too_low(metrics, min_altitude_m) & ~down, altitude, altitude, min_altitude_m),
         "too_deep": (too_deep(metrics, max_depth_m), deepest, -deepest, max_depth_m),
-        "above_surface": (shallowest < -IN_THE_AIR_M, shallowest, shallowest, 0.0),
-        "too_steep": (pitch > STEEP_DEG, pitch, -pitch, STEEP_DEG),
+        "above_surface": (shallowest < -EXCESS_SETTINGS.in_the_air_m, shallowest, shallowest, 0.0),
+        "too_steep": (pitch > EXCESS_SETTINGS.steep_deg, pitch, -pitch, EXCESS_SETTINGS.steep_deg),
         "not_complete": (
             np.broadcast_to(~np.asarray(complete, dtype=bool), clear.shape),
             np.full_like(clear, math.nan),

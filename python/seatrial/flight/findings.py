@@ -23,7 +23,7 @@ from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.finding import Finding, Severity
 from seatrial.flight import excesses, reactions
-from seatrial.flight.excesses import IN_THE_AIR_M, OFF_LIMIT_M, STEEP_DEG, too_deep, too_low, touched
+from seatrial.flight.excesses import EXCESS_SETTINGS, too_deep, too_low, touched
 from seatrial.flight.metrics import DIVERGED, Leg, Loop, saturated
 from seatrial.vehicle.actuators import beyond_tables
 from seatrial.vehicle.authority import commanded_rows
@@ -32,29 +32,42 @@ from seatrial.vehicle.stability import growth, statics
 if TYPE_CHECKING:
     from seatrial.flight.log import FlightLog
 
-_WINDOW_S = 5.0  # over which the steepness of a path is told
 
-_STEEPER, _LAGGING = 1.05, 1.25  # of a slope over what guidance allows, and over what was flown
+@dataclass(frozen=True)
+class FlightFindingSettings:
+    """From when something on a flight is worth a finding, and what explains it."""
 
-_HARDLY, EXHAUSTED = 0.5, 0.5  # of a leg's slope, and of its time: its loop does not change the depth at all
+    #: Time over which the steepness of a path is taken, s.
+    steepness_s: float = 5.0
+    #: Slope of a leg over what guidance allows, from which the leg is too steep.
+    slope_ratio: float = 1.05
+    #: Slope of a leg over what was flown, from which the vehicle lagged behind it.
+    lagging_ratio: float = 1.25
+    #: Share of a leg's slope that was flown below which its loop does not change the depth at all.
+    flat_share: float = 0.5
+    #: Share of a leg's time in saturation from which its loop has no more to give.
+    exhausted_share: float = 0.5
+    #: Net buoyancy over the weight that is no fault: hulls of torpedoes carry it at a few degrees of pitch.
+    buoyant_share: float = 0.01
+    #: Net buoyancy over the heave loop's limit: less leaves enough to change the depth.
+    carried_share: float = 0.5
+    #: Time of a flight over the planned one from which it was late.
+    late_ratio: float = 1.2
+    #: Delay from which a flight was late, s.
+    late_s: float = 30.0
+    #: Share of a loop's time in saturation that is worth a word: less is a turn or a start.
+    saturated_share: float = 0.05
+    #: Error of the position that the autopilot was told, m: less explains no miss.
+    off_m: float = 0.05
+    #: Pitch, rad, off its demand from which a hull that no loop holds has left its trim: waves and starts of
+    #: a built-in hovering vehicle pitch it by less than half of that.
+    tilted: float = math.radians(20.0)
+    #: Share of the speed at which pitch becomes unstable that is safe to fly: an open frame that turned at
+    #: 0.76 of it kept to 20 deg, at 0.87 it pitched to 56 deg (tests/flight/test_findings.py).
+    safe_share: float = 0.75
 
-_BUOYANT = 0.01  # of the weight: hulls of torpedoes carry so much net buoyancy at a few degrees of pitch
 
-_CARRIED = 0.5  # of the heave loop's limit: less net buoyancy leaves enough to change the depth
-
-_LONGER, _LEAST_S = 1.2, 30.0  # of the planned time, from which on a flight was late, and at least so much
-
-_SATURATED = 0.05  # of a loop's time: less is a turn or a start
-
-_OFF_M = 0.05  # of the position that the autopilot was told: less explains no miss
-
-_TILTED = math.radians(20.0)
-"""Pitch, rad, off its demand from which a hull that no loop holds has left its trim: waves and starts of a
-built-in hovering vehicle pitch it by less than half of that."""
-
-RESERVE = 0.75
-"""Share of the speed at which pitch becomes unstable that is safe to fly: an open frame that turned at 0.76
-of it kept to 20 deg, at 0.87 it pitched to 56 deg (tests/flight/test_findings.py)."""
+SETTINGS = FlightFindingSettings()
 
 
 class Result(NamedTuple):
@@ -90,7 +103,7 @@ def _grave(flight: FlightLog, result: Result) -> list[Finding]:
     wrong += broken_limits(flight, result.metrics)
     if result.alerts:
         called = reactions.called_for(flight, result.alerts, wrong)
-        if result.metrics["pitch_largest_deg"] > STEEP_DEG:
+        if result.metrics["pitch_largest_deg"] > EXCESS_SETTINGS.steep_deg:
             called = [
                 finding.because(Finding("loops doubtful", Severity.DANGER))
                 if finding.kind == "safety reaction" and finding.cause is None
@@ -111,10 +124,14 @@ def _grave(flight: FlightLog, result: Result) -> list[Finding]:
 def beyond_the_model(flight: FlightLog, metrics: Mapping[str, float]) -> list[Finding]:
     """Where the vehicle left the water, or pitched beyond what its model and loops are made for."""
     wrong = []
-    if (pitch := metrics["pitch_largest_deg"]) > STEEP_DEG:
-        values = {"pitch_deg": pitch, "limit_deg": STEEP_DEG, **_at(flight, metrics["pitch_time_s"])}
+    if (pitch := metrics["pitch_largest_deg"]) > EXCESS_SETTINGS.steep_deg:
+        values = {
+            "pitch_deg": pitch,
+            "limit_deg": EXCESS_SETTINGS.steep_deg,
+            **_at(flight, metrics["pitch_time_s"]),
+        }
         wrong.append(Finding("pitched over", Severity.DANGER, flight.vehicle.name, values))
-    if (height := -metrics["depth_smallest_m"]) > IN_THE_AIR_M:
+    if (height := -metrics["depth_smallest_m"]) > EXCESS_SETTINGS.in_the_air_m:
         values = {"height_m": height, **_at(flight, metrics["depth_smallest_time_s"])}
         wrong.append(Finding("left the water", Severity.DANGER, flight.vehicle.name, values))
     return wrong
@@ -129,7 +146,7 @@ def tilt(flight: FlightLog) -> Finding | None:
     """
     free = [k for k, mode in enumerate(flight.autopilot.modes) if "pitch" not in mode["loop_names"]]
     rows = flight.under_way & np.isin(flight.mode, free)
-    tilted = np.abs(flight.euler[:, 1]) > _TILTED
+    tilted = np.abs(flight.euler[:, 1]) > SETTINGS.tilted
     # What a mode with a pitch loop tilted on purpose, and left behind, is none of its own.
     begun = np.flatnonzero(rows[1:] & tilted[1:] & ~tilted[:-1]) + 1
     if not len(begun):
@@ -141,17 +158,17 @@ def tilt(flight: FlightLog) -> Finding | None:
     if "M" in commanded_rows(flight.vehicle):
         values: dict[str, Any] = {"pitch_deg": pitch, "mode": flight.modes[int(flight.mode[begun[0]])]}
         return Finding("pitch not held", Severity.DANGER, name, values, at_s=began)
-    if limit is None or speed < RESERVE * limit:
+    if limit is None or speed < SETTINGS.safe_share * limit:
         return None
     asked, height = max(stop.speed for stop in flight.route.stops), statics(flight.vehicle).b_over_g_m
     values = {
         "from_m_s": limit,
         "flown_m_s": speed,
         "pitch_deg": pitch,
-        "safe_m_s": RESERVE * limit,
+        "safe_m_s": SETTINGS.safe_share * limit,
         "b_over_g_m": height,
         # The righting moment has to grow as the speed squared does.
-        "b_over_g_needed_m": height * (asked / (RESERVE * limit)) ** 2,
+        "b_over_g_needed_m": height * (asked / (SETTINGS.safe_share * limit)) ** 2,
     }
     return Finding("pitch unstable", Severity.DANGER, name, values, at_s=began)
 
@@ -191,7 +208,7 @@ def _nearness(flight: FlightLog, metrics: Mapping[str, float]) -> Finding:
     off = math.dist(perceived, flight.position[row, :2])
     short = -min(metrics["clearance_m"], metrics["clearance_reserve_m"])
     near = Finding("too near", Severity.DANGER, flight.vehicle.name, clearance(flight, metrics), at_s=at)
-    if off > max(short, _OFF_M):
+    if off > max(short, SETTINGS.off_m):
         return near.because(wrong_position(flight, math.inf, off_m=off))
     return near
 
@@ -216,7 +233,7 @@ def _lesser(flight: FlightLog, result: Result) -> tuple[Finding, ...]:
     if supply is not None and (beyond := beyond_tables(flight.vehicle, supply)):
         return (Finding("thrust table exceeded", Severity.WEAKNESS, values={"sentence": beyond[0]}),)
     for loop in result.loops.values():
-        exhausted = loop.name in ("pitch", "heave") and loop.saturated > EXHAUSTED
+        exhausted = loop.name in ("pitch", "heave") and loop.saturated > SETTINGS.exhausted_share
         if exhausted and (trim := out_of_trim(flight, loop.name)):
             values = {"share": loop.saturated, "of": "of its time"}
             return (Finding("loop saturated", Severity.WEAKNESS, loop.name, values, trim),)
@@ -233,7 +250,7 @@ def saturated_loops(loops: Mapping[str, Loop]) -> list[Finding]:
             {"share": loop.saturated, "demand": loop.demand_largest, "unit": loop.demand_unit},
         )
         for loop in sorted(loops.values(), key=lambda loop: -loop.saturated)
-        if loop.saturated > _SATURATED
+        if loop.saturated > SETTINGS.saturated_share
     ]
 
 
@@ -253,17 +270,24 @@ def broken_limits(flight: FlightLog, metrics: Mapping[str, float]) -> list[Findi
         wrong.append(broken("bottom touched", lowest, altitude <= 0.0))
     elif too_low(metrics, least):
         values = {"altitude_m": float(altitude[lowest]), "limit_m": least}
-        wrong.append(broken("too low", lowest, altitude < least - OFF_LIMIT_M, **values))
+        wrong.append(broken("too low", lowest, altitude < least - EXCESS_SETTINGS.off_limit_m, **values))
     if len(flight.mission.fence):
         beyond = outside(flight.position[:, :2], flight.mission.fence)
         row = int(np.argmax(beyond))
-        if beyond[row] > OFF_LIMIT_M:
-            wrong.append(broken("outside the fence", row, beyond > OFF_LIMIT_M, beyond_m=float(beyond[row])))
+        if beyond[row] > EXCESS_SETTINGS.off_limit_m:
+            wrong.append(
+                broken(
+                    "outside the fence",
+                    row,
+                    beyond > EXCESS_SETTINGS.off_limit_m,
+                    beyond_m=float(beyond[row]),
+                )
+            )
     most = limits["max_depth_m"]
     if too_deep(metrics, most):
         row = int(np.nanargmax(depth))
         values = {"deepest_m": metrics["depth_largest_m"], "limit_m": most}
-        wrong.append(broken("too deep", row, depth > most + OFF_LIMIT_M, **values))
+        wrong.append(broken("too deep", row, depth > most + EXCESS_SETTINGS.off_limit_m, **values))
     return wrong
 
 
@@ -323,9 +347,9 @@ def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
     missed = replace(missed, values=values | {"aside_m": aside, "deep_m": deep, "loop": "heading"})
     by = "heave" if _by_heave(flight, k) else "pitch"
     slope = _Slope.of(flight, k)
-    if abs(deep) > aside and (slope is None or slope.flown < _HARDLY * slope.asked):
+    if abs(deep) > aside and (slope is None or slope.flown < SETTINGS.flat_share * slope.asked):
         share = _saturated_on(flight, k, by)
-        if share > EXHAUSTED:
+        if share > SETTINGS.exhausted_share:
             exhausted = Finding("loop saturated", Severity.PROBLEM, by, {"share": share, "of": "of the leg"})
             return missed.because(exhausted).because(out_of_trim(flight, by, shallow=deep < 0.0))
     # What a leg is steeper than guidance allows is made in circles, so that the miss may be aside.
@@ -345,7 +369,7 @@ def out_of_trim(flight: FlightLog, by: str, *, shallow: bool | None = None) -> F
     rest = statics(flight.vehicle)
     limit = float(flight.autopilot.loops().get("heave", {}).get("tau_max", 0.0))
     # A thruster carries the net buoyancy itself. Fins carry it by the lift of a hull that is pitched.
-    material = _CARRIED * limit if by == "heave" else _BUOYANT * rest.weight_n
+    material = SETTINGS.carried_share * limit if by == "heave" else SETTINGS.buoyant_share * rest.weight_n
     if abs(rest.net_n) <= material or (shallow is not None and shallow != (rest.net_n > 0.0)):
         return None
     values = {"net_n": rest.net_n, "weight_n": rest.weight_n}
@@ -363,7 +387,7 @@ def _saturated_on(flight: FlightLog, k: int, loop: str) -> float:
 def overrun(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
     """How much longer than planned or allowed a flight took, where and why; None if it did not."""
     took, planned, allowed = float(flight.t[-1]), flight.route.planned_time, flight.route.longest
-    if took < max(_LONGER * planned, planned + _LEAST_S) and took <= allowed:
+    if took < max(SETTINGS.late_ratio * planned, planned + SETTINGS.late_s) and took <= allowed:
         return None
     values: dict[str, Any] = {"took_s": took, "planned_s": planned, "allowed_s": allowed}
     lost = [
@@ -453,12 +477,12 @@ class _Slope:
     @property
     def refused(self) -> bool:
         """Whether the leg is steeper than guidance flies it."""
-        return self.asked > _STEEPER * self.limit
+        return self.asked > SETTINGS.slope_ratio * self.limit
 
     @property
     def lagging(self) -> bool:
         """Whether the vehicle flew nowhere as steep as the leg is."""
-        return self.asked > _LAGGING * self.flown > 0.0
+        return self.asked > SETTINGS.lagging_ratio * self.flown > 0.0
 
     def finding(self, *, missed: bool = True) -> Finding:
         """The slope against what is possible, and how long the leg has to be.
@@ -504,7 +528,7 @@ def _miss(flight: FlightLog, k: int) -> tuple[float, float]:
 def _steepest(flight: FlightLog, k: int, sign: float) -> float:
     """Steepest path over 5 s on leg `k` towards its depth, rad; over the whole leg where it was shorter."""
     rows = np.flatnonzero(flight.under_way & (flight.leg == k))
-    window = min(max(round(_WINDOW_S / flight.period_s), 1), len(rows) - 1)
+    window = min(max(round(SETTINGS.steepness_s / flight.period_s), 1), len(rows) - 1)
     if window < 1:
         return 0.0
     north, east, down = flight.position[rows].T

@@ -43,8 +43,25 @@ if TYPE_CHECKING:
 
 DIVERGED = "diverged"
 
-OFF_PROMISE = 0.1
-"""Share of the distance promised by a mission by which a flight may fall short of it."""
+
+@dataclass(frozen=True)
+class FlightMetricSettings:
+    """From when a metric of a flight says something."""
+
+    #: Share of the distance promised by a mission by which a flight may fall short of it.
+    short_of_promise: float = 0.1
+    #: An error of a position in m from which it is worth a word.
+    off_m: float = 0.05
+    #: Share of a limit from which a demand is at it: rounding is not saturated.
+    at_limit: float = 0.999
+    #: Part of a demand, N or N m, that rounding leaves unmet.
+    unmet: float = 0.01
+    #: N or N m per newton: an actuator that does not act in a row.
+    nothing: float = 1e-9
+
+
+METRIC_SETTINGS = FlightMetricSettings()
+
 
 CODED = ("ending", "alert", "alert_cause", "alert_time_s")
 """Metrics that a single flight tells in words: its ending and its alerts."""
@@ -118,7 +135,7 @@ def reserve(clear_m: Array, beyond_m: Array) -> Array:
 
 def differs(perceived: float, truly: float) -> bool:
     """Whether a true error is another than the one that was perceived, by more than that one and 5 cm."""
-    return abs(truly - perceived) > max(perceived, OFF_M)
+    return abs(truly - perceived) > max(perceived, METRIC_SETTINGS.off_m)
 
 
 def quantile(counts: Array, share: float, *, largest: Array) -> Array:
@@ -144,10 +161,6 @@ def ending_of(metrics: Mapping[str, Array], case: int = 0) -> str:
     if not np.isfinite(metrics["duration_s"][case]):
         return DIVERGED
     return autopilot_names()["endings"][int(metrics["ending"][case])]
-
-
-OFF_M = 0.05
-"""An error of a position in m from which it is worth a word."""
 
 
 @dataclass(frozen=True)
@@ -353,11 +366,6 @@ def _largest(values: Array) -> float:
 
 _UNITS = (("m/s", "N"), ("m/s", "N"), ("m", "N"), ("deg", "N m"), ("deg", "N m"), ("deg", "N m"))
 
-# Of a limit, and of the demand in N or N m: rounding is neither saturated nor short.
-_AT_LIMIT, _SHORT = 0.999, 0.01
-
-_NOTHING = 1e-9  # N or N m per newton: an actuator that does not act in a row
-
 
 @dataclass(frozen=True)
 class Loop(Plain):
@@ -442,19 +450,19 @@ def loops_of(flight: FlightLog) -> dict[str, Loop]:
 def saturated(flight: FlightLog, index: int) -> Mask:
     """Rows (n,) in which a loop's demand stands at its limit, or is not met with an actuator at its limit."""
     limit = _limit(flight, index)
-    acting = np.abs(flight.vehicle.allocation_matrix()[index]) > _NOTHING
+    acting = np.abs(flight.vehicle.allocation_matrix()[index]) > METRIC_SETTINGS.nothing
     used = [
         _at_limit(flight, name) for name, acts in zip(flight.vehicle.actuators, acting, strict=True) if acts
     ]
     exhausted = np.any(used, axis=0) if used else np.zeros(len(flight.t), dtype=bool)
-    limited = np.abs(flight.demanded[:, index]) >= _AT_LIMIT * limit
+    limited = np.abs(flight.demanded[:, index]) >= METRIC_SETTINGS.at_limit * limit
     return np.asarray(flight.active[:, index] & (limited & (limit > 0.0) | unmet(flight, index) & exhausted))
 
 
 def unmet(flight: FlightLog, index: int) -> Mask:
     """Rows (n,) in which the actuators reach something else than a loop demands."""
     limit = _limit(flight, index)
-    short = np.abs(flight.demanded[:, index] - flight.achieved[:, index]) > _SHORT * limit
+    short = np.abs(flight.demanded[:, index] - flight.achieved[:, index]) > METRIC_SETTINGS.unmet * limit
     return np.asarray(flight.active[:, index] & short & (limit > 0.0))
 
 
@@ -471,7 +479,7 @@ def _at_limit(flight: FlightLog, name: str) -> Mask:
     away = flight.commands[name] - float(fact["neutral"])
     signal = -away if fact["reversed"] else away
     limit = np.where(signal < 0.0, float(fact["maximum_astern"]), float(fact["maximum_ahead"]))
-    return np.asarray((np.abs(away) >= _AT_LIMIT * limit) & (limit > 0.0))
+    return np.asarray((np.abs(away) >= METRIC_SETTINGS.at_limit * limit) & (limit > 0.0))
 
 
 def actuators_of(flight: FlightLog) -> dict[str, ActuatorUse]:

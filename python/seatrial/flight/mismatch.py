@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,11 +45,24 @@ _SAID = re.compile(
     r"|Gains of .+ tuned for (?P<tuned>.+), by constraint criteria on .+)$"
 )
 
-_PERIODS = 1.5  # of the control period: sampling and hold
+
+@dataclass(frozen=True)
+class MismatchSettings:
+    """How far an autopilot and a vehicle may be apart."""
+
+    #: Delay of sampling and hold in control periods.
+    delay_periods: float = 1.5
+    #: Limit of a loop over what the actuators give together, below which it is too weak.
+    weak_share: float = 0.2
+    #: Relative difference of apparent masses up to which two vehicles are one.
+    alike: float = 0.3
+    #: Limit of a loop, N or N m, from which it is none.
+    unlimited: float = 1e6
+
+
+MISMATCH = MismatchSettings()
+
 _NO_PHASE = math.pi  # rad, of the delay at the crossover: twice the 90 deg of an integrator
-_WEAK = 0.2  # of what the actuators give together
-_ALIKE = 0.3  # relative difference of apparent masses up to which two vehicles are one
-_UNLIMITED = 1e6  # N or N m
 
 
 def started_for(vehicle: str) -> str:
@@ -92,7 +106,7 @@ def _alike(vehicle: Vehicle, other: Vehicle) -> bool:
     """Whether two vehicles have the same actuators and about the same apparent masses."""
     masses = [np.diag(np.asarray(each.mass_matrix())) for each in (vehicle, other)]
     return vehicle.actuators == other.actuators and bool(
-        np.all(np.abs(masses[0] - masses[1]) <= _ALIKE * np.minimum(*masses))
+        np.all(np.abs(masses[0] - masses[1]) <= MISMATCH.alike * np.minimum(*masses))
     )
 
 
@@ -108,7 +122,7 @@ def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> str:
         k_p, k_d = _largest(table, "K_P"), _largest(table, "K_D_s")
         crossover = k_p / own if loop in ("surge", "sway") else max(k_d / own, math.sqrt(max(k_p, 0.0) / own))
         lag = late[row].lag_s + late[row].dead_s
-        lost[loop] = crossover * (_PERIODS * autopilot.period_s + lag)
+        lost[loop] = crossover * (MISMATCH.delay_periods * autopilot.period_s + lag)
     if not lost or max(lost.values()) < _NO_PHASE:
         return ""
     loop = max(lost, key=lambda name: lost[name])
@@ -126,9 +140,9 @@ def _too_weak(autopilot: Autopilot, vehicle: Vehicle) -> str:
     shares = {
         loop: float(table["tau_max"]) / gives[LOOPS.index(loop)]
         for loop, table in autopilot.loops().items()
-        if "tau_max" in table and 0.0 < gives[LOOPS.index(loop)] < _UNLIMITED
+        if "tau_max" in table and 0.0 < gives[LOOPS.index(loop)] < MISMATCH.unlimited
     }
-    if not shares or max(shares.values()) >= _WEAK:
+    if not shares or max(shares.values()) >= MISMATCH.weak_share:
         return ""
     loop = max(shares, key=lambda name: shares[name])
     return (

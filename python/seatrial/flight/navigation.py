@@ -21,7 +21,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError, nearest
 from seatrial.base.toml_file import loaded
 from seatrial.flight.checks import (
-    TURBULENCE_TIMES_S,
+    FLIGHT_LIMITS,
     checked_bottom,
     checked_times,
     checked_triple,
@@ -184,7 +184,7 @@ class NavigationFilter:
         current: ArrayLike | None = None,
         current_time_s: float | None = None,
         turbulence_m_s: ArrayLike = 0.0,
-        turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S,
+        turbulence_times_s: tuple[float, float] = FLIGHT_LIMITS.turbulence_times_s,
         waves: SeaState | None = None,
         exact_model: bool = False,
         gate: float = 5.0,
@@ -423,7 +423,10 @@ def filter_of(
     *,
     landmarks: Sequence[Mapping[str, Any]] = (),
     waves: SeaState | None = None,
-    gusts: tuple[tuple[float, float, float], tuple[float, float]] = ((0.0, 0.0, 0.0), TURBULENCE_TIMES_S),
+    gusts: tuple[tuple[float, float, float], tuple[float, float]] = (
+        (0.0, 0.0, 0.0),
+        FLIGHT_LIMITS.turbulence_times_s,
+    ),
     exact: bool = False,
 ) -> NavigationFilter | None:
     """Filter for flights, on the vehicle that the autopilot believes in; None for what the sensors show.

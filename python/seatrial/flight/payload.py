@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -199,17 +200,33 @@ class StopSamples(Plain, without="position values"):
 
 UNDER_WAY = "under way"
 
-ON_THE_WAY, UNSETTLED, SETTLED = 0, 1, 2
-"""Phases of a stop: not reached yet; reached, but depth or sensors still change; samples of the stop."""
 
-RESPONSE_TIMES = 3.0
-"""Response times after which a first-order sensor shows 95 % of a change of the water."""
+@dataclass(frozen=True)
+class PayloadSettings:
+    """When the samples of a stop count."""
 
-STEADY_S = 6.0
-"""Time over which the depth is steady at a stop, s: about the period of usual waves, which average out."""
+    #: Response times after which a first-order sensor shows 95 % of a change of the water.
+    response_times: float = 3.0
+    #: Time over which the depth is steady at a stop, s: about the period of usual waves, which average out.
+    steady_s: float = 6.0
+    #: Largest difference of the mean depths in both halves of that time, m: three times a gauge's noise.
+    steady_m: float = 0.1
+    #: Stream of the payload's noise, apart from those of the flight.
+    stream: int = 0x9A710AD
 
-STEADY_M = 0.1
-"""Largest difference of the mean depths in both halves of that time, m: three times a gauge's noise."""
+
+SETTINGS = PayloadSettings()
+
+
+class Phase(IntEnum):
+    """Where a sample stands at its stop."""
+
+    ON_THE_WAY = 0
+    """The stop is not reached yet."""
+    UNSETTLED = 1
+    """It is reached, but depth or sensors still change."""
+    SETTLED = 2
+    """A sample of the stop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +248,7 @@ class Samples:
     stop
         Label of the stop at which each was taken, "" under way.
     phase
-        What each is at its stop: `ON_THE_WAY`, `UNSETTLED` or `SETTLED`; `ON_THE_WAY` without a stop.
+        What each is at its stop: a `Phase`; ``ON_THE_WAY`` without a stop.
     """
 
     payload: Payload
@@ -252,7 +269,7 @@ class Samples:
         columns: dict[str, Any] = {
             "t_s": np.round(self.t, 9),
             "stop": list(self.stop),
-            "settled": self.phase == SETTLED,
+            "settled": self.phase == Phase.SETTLED,
         }
         for k, name in enumerate(("north", "east", "depth")):
             columns |= {f"{name}_m": self.position[:, k], f"{name}_deviation_m": self.deviation[:, k]}
@@ -269,7 +286,7 @@ class Samples:
     @property
     def settling_s(self) -> float:
         """Time after which the slowest sensor shows the water at a stop, s."""
-        return RESPONSE_TIMES * float(self.payload.response_s.max())
+        return SETTINGS.response_times * float(self.payload.response_s.max())
 
     @property
     def stops(self) -> tuple[StopSamples, ...]:
@@ -279,8 +296,10 @@ class Samples:
         for label in [*dict.fromkeys(name for name in self.stop if name), ""]:
             at = labels == label
             if np.any(at):
-                left_out = [int((at & (self.phase == phase)).sum()) for phase in (ON_THE_WAY, UNSETTLED)]
-                rows = np.flatnonzero(at & (self.phase == SETTLED)) if label else np.flatnonzero(at)
+                left_out = [
+                    int((at & (self.phase == phase)).sum()) for phase in (Phase.ON_THE_WAY, Phase.UNSETTLED)
+                ]
+                rows = np.flatnonzero(at & (self.phase == Phase.SETTLED)) if label else np.flatnonzero(at)
                 summaries.append(self._summary(label or UNDER_WAY, rows, *(left_out if label else (0, 0))))
         return tuple(summaries)
 
@@ -408,7 +427,7 @@ def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
     ])
     every = max(1, round(1.0 / (payload.rate_hz * flight.period_s)))
     rows = np.arange(0, count, every)
-    noise = np.random.default_rng([flight.circumstances.seed, _STREAM]).standard_normal((
+    noise = np.random.default_rng([flight.circumstances.seed, SETTINGS.stream]).standard_normal((
         len(rows),
         len(CHANNELS),
     ))
@@ -441,7 +460,7 @@ def _stops(flight: FlightLog, count: int) -> tuple[list[str], Rows]:
 
     A stop is reached as a waypoint is: within its acceptance radius in three dimensions, as the vehicle was
     told. Guidance keeps station as soon as the vehicle is near in the plane, and dives from there. A row is
-    settled where the vehicle has been at the stop for `STEADY_S` and its depth has not drifted.
+    settled where the vehicle has been at the stop for ``steady_s`` and its depth has not drifted.
     """
     stops = flight.route.stops
     leg = np.clip(flight.leg[:count], 0, len(stops) - 1)
@@ -449,11 +468,11 @@ def _stops(flight: FlightLog, count: int) -> tuple[list[str], Rows]:
         _held(flight.measured[name][:count], flight.position[0, k]) for k, name in enumerate("xyz")
     ])
     altitude = _held(flight.measured["altitude"][:count], math.inf)
-    half = max(1, round(0.5 * STEADY_S / flight.period_s))
+    half = max(1, round(0.5 * SETTINGS.steady_s / flight.period_s))
     depth = np.concatenate([[0.0], np.cumsum(perceived[:, 2])])
     drift = np.full(count, np.inf)
     drift[2 * half - 1 :] = np.abs(depth[2 * half :] - 2.0 * depth[half:-half] + depth[: -2 * half]) / half
-    labels, phase = [""] * count, np.full(count, ON_THE_WAY)
+    labels, phase = [""] * count, np.full(count, Phase.ON_THE_WAY)
     for k, stop in enumerate(stops):
         rows = np.flatnonzero((leg == k) & flight.holding[:count])
         if stop.task != "hold" or not len(rows):
@@ -461,13 +480,10 @@ def _stops(flight: FlightLog, count: int) -> tuple[list[str], Rows]:
         inside = distance_to_stop(flight, k, perceived[rows], altitude[rows]) <= stop.acceptance
         for row in rows:
             labels[row] = stop.label
-        phase[rows[np.cumsum(inside) > 0]] = UNSETTLED
+        phase[rows[np.cumsum(inside) > 0]] = Phase.UNSETTLED
         last_outside = np.maximum.accumulate(np.where(inside, rows[0] - 1, rows))
-        phase[rows[(rows - last_outside > 2 * half) & (drift[rows] <= STEADY_M)]] = SETTLED
+        phase[rows[(rows - last_outside > 2 * half) & (drift[rows] <= SETTINGS.steady_m)]] = Phase.SETTLED
     return labels, phase
-
-
-_STREAM = 0x9A710AD  # of the payload's noise, apart from those of the flight
 
 
 def _lagged(x: Array, constant_s: float, period_s: float) -> Array:

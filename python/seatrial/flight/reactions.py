@@ -68,7 +68,17 @@ def patience(watch: str, safety: Mapping[str, Any]) -> float:
     return float(table.get("after_s", 0.0)) if isinstance(table, Mapping) else 0.0
 
 
-_RISING_M_S, _LATELY_S = 0.02, 10.0  # slower it does not come up; time over which that is told
+@dataclass(frozen=True)
+class ReactionSettings:
+    """When a vehicle that is to come up does not."""
+
+    #: Slower it does not come up, m/s.
+    rising_m_s: float = 0.02
+    #: Time over which that is told, s.
+    lately_s: float = 10.0
+
+
+REACTIONS = ReactionSettings()
 
 
 @dataclass(frozen=True)
@@ -125,16 +135,16 @@ def ascent(flight: FlightLog, alerts: Sequence[Alert]) -> dict[str, Any]:
     if not alerts or alerts[-1].reaction not in ("surface", "abort"):
         return {}
     last, depth = alerts[-1], flight.position[:, 2]
-    begins, lately = np.searchsorted(flight.t, (last.t_s, flight.t[-1] - _LATELY_S))
+    begins, lately = np.searchsorted(flight.t, (last.t_s, flight.t[-1] - REACTIONS.lately_s))
     since = float(flight.t[-1]) - last.t_s
     highest = float(np.nanmin(depth[begins:]))
     up = highest <= flight.autopilot.safety()["surfaced_above_m"]
-    if up or since < _LATELY_S or not math.isfinite(depth[-1]):
+    if up or since < REACTIONS.lately_s or not math.isfinite(depth[-1]):
         return {}
     rising = float((depth[lately] - depth[-1]) / (flight.t[-1] - flight.t[lately]))
     sank = depth[-1] > depth[begins] + 0.1  # less is the way on of a hull under way
     return {
-        "ended": "rising" if rising > _RISING_M_S else "sank" if sank else "stayed",
+        "ended": "rising" if rising > REACTIONS.rising_m_s else "sank" if sank else "stayed",
         "since_s": since,
         "rising_m_s": rising,
         "begun_m": float(depth[begins]),

@@ -1,24 +1,7 @@
 """Dependent residuals: how long errors stay correlated, what they inflate, and the score of each block.
 
-Of a first-order autoregression with correlation r, n samples carry the information of ``n (1 - r) / (1 + r)``
-independent ones, so that the variance of their mean is that of independent ones times ``(1 + r) / (1 - r)``
-(Bartlett 1946). About their own mean, independent samples correlate by -1/n, which is allowed for. Longer
-memories need blocks.
-
-The residuals of tank and sea trials are coloured: neighbouring samples err alike, and a count of samples
-overstates their information. Sums over blocks that are long against that memory are nearly independent.
-
-The length starts from Politis and White (2004, Econometric Reviews 23:53, corrected by Patton, Politis and
-White 2009, 28:372) for each channel, ``L = (2 G^2 / D)^(1/3) N^(1/3)`` with ``G = sum |k| rho_k`` and
-``D = 4/3 (sum rho_k)^2`` from the flat-top lag window of Politis and Romano (1995); the longest channel
-counts for all. With a Student factor for the number of blocks, intervals cover better with longer blocks than
-those of least mean square error (Sun, Phillips and Jin 2008, Econometrica 76:175): they are a quarter longer,
-and no shorter than ``1.3 sqrt(N)`` (Lazarus, Lewis, Stock and Watson 2018, JBES 36:541). Autocorrelations are
-products of samples at their true distance in time over the number of such pairs (Parzen 1963), so that a gap
-between segments neither breaks nor invents a memory.
-
-`whitened` gives the scores in coordinates in which the information of the whole estimate is the identity;
-only combinations of the unknowns that data or priors determine have a coordinate (`determined`). Held by
+Sums over blocks that are long against that memory are nearly independent. `whitened` gives them in
+coordinates in which the information of the whole estimate is the identity. Held by
 ``tests/statistics/test_uncertainty.py``, ``test_neighbours_that_resemble_widen_the_interval`` and
 ``test_the_standard_error_allows_for_samples_that_remember``.
 """
@@ -39,6 +22,8 @@ from seatrial.statistics.linearisation import Linearisation, Piece
 
 def lag_one_correlation(residuals: Array, *, most: float, together: NDArray[np.bool_] | None = None) -> float:
     """Correlation r of neighbouring residuals (n,) about their mean, from 0 to `most`.
+
+    About their own mean, independent samples correlate by -1/n, which is allowed for.
 
     Parameters
     ----------
@@ -64,7 +49,8 @@ def lag_one_correlation(residuals: Array, *, most: float, together: NDArray[np.b
 
 
 def variance_inflation(correlation: float) -> float:
-    """Factor (1 + r) / (1 - r) on the variance of a mean.
+    """Factor (1 + r) / (1 - r) on the variance of a mean: that of a first-order autoregression (Bartlett
+    1946).
 
     Examples
     --------
@@ -74,11 +60,25 @@ def variance_inflation(correlation: float) -> float:
     return (1.0 + correlation) / (1.0 - correlation)
 
 
-_LONGER = 1.25  # a quarter: Sun, Phillips and Jin, at the head
-_SHORTEST = 1.3  # times the root of the samples: Lazarus et al., at the head
+@dataclass(frozen=True)
+class BlockSettings:
+    """How residuals are divided into blocks, and what counts as not determined by them."""
 
-_SHIFTS = 4
-"""Divisions into blocks over which a covariance is the mean."""
+    #: Length of a block over Politis and White's: longer blocks cover better (Sun, Phillips and Jin).
+    length_ratio: float = 1.25
+    #: Shortest block over the root of the number of samples (Lazarus et al.).
+    least_per_root: float = 1.3
+    #: Divisions into blocks, each shifted against the others, over which a covariance is the mean.
+    shifts: int = 4
+    #: Eigenvalue of the information, scaled to a unit diagonal, that is indistinguishable from rounding.
+    rounding: float = 1e-11
+    #: Share of the data in the information of data and priors below which the data have no optimum.
+    data_share: float = 1e-9
+    #: Squared part in the undetermined combinations from which an unknown counts as undetermined.
+    undetermined_part: float = 1e-6
+
+
+SETTINGS = BlockSettings()
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,14 @@ class Blocks:
 
 
 def block_length(lin: Linearisation) -> BlockLength:
-    """Length of a block by the automatic rule of this module, at most a quarter of the data.
+    """Length of a block, at most a quarter of the data.
+
+    It starts from Politis and White (2004, Econometric Reviews 23:53, corrected by Patton, Politis and White
+    2009, 28:372) for each channel, ``L = (2 G^2 / D)^(1/3) N^(1/3)`` with ``G = sum |k| rho_k`` and ``D = 4/3
+    (sum rho_k)^2`` from the flat-top lag window of Politis and Romano (1995); the longest channel counts.
+    With a Student factor for the number of blocks, longer blocks cover better (Sun, Phillips and Jin 2008,
+    Econometrica 76:175), and none is shorter than ``1.3 sqrt(N)`` (Lazarus, Lewis, Stock and Watson 2018,
+    JBES 36:541).
 
     Raises
     ------
@@ -144,7 +151,7 @@ def block_length(lin: Linearisation) -> BlockLength:
     for channel, samples in enumerate(counts):
         if samples > 1:
             memory[channel], wanted[channel] = _automatic_length(rho[channel], pairs[channel], int(samples))
-    longest = max(_LONGER * float(wanted.max()), _SHORTEST * math.sqrt(covered))
+    longest = max(SETTINGS.length_ratio * float(wanted.max()), SETTINGS.least_per_root * math.sqrt(covered))
     samples = int(np.clip(round(longest), 1, max(covered // 4, 1)))
     return BlockLength(samples, samples * lin.dt, memory, wanted, counts / memory)
 
@@ -158,7 +165,11 @@ def autocorrelation(lin: Linearisation, lags: int) -> Array:
 
 
 def _autocorrelation(lin: Linearisation, lags: int) -> tuple[Array, Array]:
-    """Autocorrelation and number of pairs, both (C, lags + 1)."""
+    """Autocorrelation and number of pairs, both (C, lags + 1).
+
+    Products of samples at their true distance in time over the number of such pairs (Parzen 1963): a gap
+    between segments neither breaks nor invents a memory.
+    """
     products, pairs = np.zeros((2, lags + 1, len(lin.channels)))
     for pieces, grid, _ in _on_grid(lin):
         # Rows of overlapping segments are brought to one series on the trial's time grid.
@@ -200,8 +211,8 @@ def divided(lin: Linearisation, length: BlockLength) -> tuple[Blocks, ...]:
     slope_ratio, unknowns = _score_slope(lin), len(lin.unknowns)
     colour = length.memory * _mean_square(lin.pieces)
     coloured = np.zeros((unknowns, unknowns))
-    score: list[list[Array]] = [[] for _ in range(_SHIFTS)]
-    information: list[list[Array]] = [[] for _ in range(_SHIFTS)]
+    score: list[list[Array]] = [[] for _ in range(SETTINGS.shifts)]
+    information: list[list[Array]] = [[] for _ in range(SETTINGS.shifts)]
     for pieces, grid, rows in _on_grid(lin):
         if not len(np.unique(grid[rows])):
             continue
@@ -297,14 +308,14 @@ def _units(pieces: Sequence[Piece], length: int) -> tuple[NDArray[np.intp], NDAr
     for counted in counts:
         inside = int(counted.sum())
         split = max(1, inside // length if len(pieces) > 1 else round(inside / length))
-        finer = _SHIFTS if split > 1 else 1
+        finer = SETTINGS.shifts if split > 1 else 1
         done = np.minimum(np.cumsum(counted), max(inside - 1, 0))
         unit.append(len(place) + done * (split * finer) // max(inside, 1))
-        place += [parts * _SHIFTS + i * _SHIFTS // finer for i in range(split * finer)]
+        place += [parts * SETTINGS.shifts + i * SETTINGS.shifts // finer for i in range(split * finer)]
         parts += split
     number = max(1, min(parts, round(total / length)))
-    shifts = np.arange(_SHIFTS)[:, None]
-    owners = (np.array(place) * number + shifts * parts) // (_SHIFTS * parts) % number
+    shifts = np.arange(SETTINGS.shifts)[:, None]
+    owners = (np.array(place) * number + shifts * parts) // (SETTINGS.shifts * parts) % number
     return np.concatenate(unit), owners, number
 
 
@@ -358,15 +369,6 @@ def _score_slope(lin: Linearisation) -> Array:
         slope = np.diff(psi, prepend=0.0) / np.maximum(np.diff(error, prepend=0.0), 1e-300)
         slope_ratio[channel] = max(float(np.clip(slope, -1.0, 1.0).mean() / weight.mean()), 0.1)
     return slope_ratio
-
-
-_SINGULAR = 1e-11
-"""Eigenvalue of the information, scaled to a unit diagonal, that is indistinguishable from rounding."""
-
-_UNTOLD = 1e-9  # of the information of data and priors: what the data do not tell has no optimum
-
-_PART = 1e-6
-"""Squared part in the undetermined combinations from which an unknown counts as undetermined."""
 
 
 @dataclass(frozen=True)
@@ -433,7 +435,8 @@ def viewed(lin: Linearisation, length: BlockLength, divisions: Sequence[Blocks])
         information = transform.T @ data.information @ transform
         # Newton's step to the optimum of the data alone; scores are taken there, not at a bound and not where
         # a prior has drawn the estimate: its pull is no scatter.
-        step = np.linalg.pinv(information.sum(axis=0), rcond=_UNTOLD, hermitian=True) @ score.sum(axis=0)
+        total = information.sum(axis=0)
+        step = np.linalg.pinv(total, rcond=SETTINGS.data_share, hermitian=True) @ score.sum(axis=0)
         whitened_views.append(
             Whitened(
                 length=length,
@@ -466,6 +469,6 @@ def determined(information: Array) -> tuple[Array, NDArray[np.bool_]]:
     known = size > 0
     scale = np.where(known, size, 1.0)
     value, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    kept = value > _SINGULAR * max(float(value[-1]), 1.0)
+    kept = value > SETTINGS.rounding * max(float(value[-1]), 1.0)
     transform = vectors[:, kept] / np.sqrt(value[kept]) / scale[:, None]
-    return transform, ~known | ((vectors[:, ~kept] ** 2).sum(axis=1) > _PART)
+    return transform, ~known | ((vectors[:, ~kept] ** 2).sum(axis=1) > SETTINGS.undetermined_part)

@@ -24,13 +24,29 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 
-_PER_AXIS = {1: 201, 2: 33}  # values by the number of variables: about 1,000 points in the plane
-_START = {1: 9, 2: 5}  # values of the first places along each axis
-_CONSTANT_SD = 2.0  # of the constant part of f: Phi(-2 .. 2) covers shares of 2 to 98 %
-_PRIOR = (math.log(1.0), math.log(3.0), math.log(0.3))  # of the process, of the slope, of a length
-_PRIOR_SD = 1.2
 
-_NEWTON, _ENOUGH = 60, 1e-8  # most steps to the mode, and the gain of one that ends them
+@dataclass(frozen=True)
+class FailureSurfaceSettings:
+    """Grid, priors and search of the Gaussian process behind a failure boundary."""
+
+    #: Values along an axis by the number of variables: about 1,000 points in the plane.
+    values_per_axis: tuple[int, int] = (201, 33)
+    #: Values of the first places along each axis by the number of variables.
+    start_values: tuple[int, int] = (9, 5)
+    #: Standard deviation of the constant part of f: Phi(-2 .. 2) covers shares of 2 to 98 %.
+    constant_sd: float = 2.0
+    #: Centres of the priors of the size of the smooth part, of the slope, and of a length over the range.
+    prior_size: float = 1.0
+    prior_slope: float = 3.0
+    prior_length: float = 0.3
+    #: Standard deviation of the priors' logarithms: a factor of 3.3.
+    prior_log_sd: float = 1.2
+    #: Most Newton steps to the mode, and the gain of a step that ends them.
+    newton_steps: int = 60
+    least_gain: float = 1e-8
+
+
+SETTINGS = FailureSurfaceSettings()
 
 
 @dataclass(frozen=True)
@@ -124,7 +140,7 @@ def _zero(axis: Array, values: Array, k: int) -> float:
 
 def start_places(dimensions: int) -> Array:
     """Places (n, d) of the unit cube to begin with: a grid with the ends."""
-    return _grid(np.linspace(0.0, 1.0, _START[dimensions]), dimensions)
+    return _grid(np.linspace(0.0, 1.0, SETTINGS.start_values[dimensions - 1]), dimensions)
 
 
 def _grid(axis: Array, dimensions: int) -> Array:
@@ -171,16 +187,17 @@ def _posterior(
     failures = np.array([place.failures for place in places], dtype=float)
     dimensions = x.shape[1]
     # Sizes are logarithms, and their priors normal about the centre.
-    centre = np.array([*_PRIOR[:2], *[_PRIOR[2]] * dimensions])
+    priors = (SETTINGS.prior_size, SETTINGS.prior_slope, *(SETTINGS.prior_length,) * dimensions)
+    centre = np.array([math.log(prior) for prior in priors])
 
     def cost(sizes: Array) -> float:
         evidence = _mode(_kernel(x, x, sizes), failures, runs)[2]
-        return 0.5 * float(np.sum(((sizes - centre) / _PRIOR_SD) ** 2)) - evidence
+        return 0.5 * float(np.sum(((sizes - centre) / SETTINGS.prior_log_sd) ** 2)) - evidence
 
     best = minimize(cost, centre, method="Nelder-Mead", options={"maxiter": 80, "xatol": 0.03, "fatol": 0.03})
     own = _kernel(x, x, best.x)
     gradient, weight, _ = _mode(own, failures, runs)
-    axis = np.linspace(0.0, 1.0, _PER_AXIS[dimensions])
+    axis = np.linspace(0.0, 1.0, SETTINGS.values_per_axis[dimensions - 1])
     grid = _grid(axis, dimensions)
     cross = _kernel(x, grid, best.x)
     # Rasmussen and Williams, algorithm 3.2: B = I + W^1/2 K W^1/2 is well conditioned whatever K is.
@@ -204,7 +221,7 @@ def _kernel(a: Array, b: Array, sizes: Array) -> Array:
     size, slope, lengths = math.exp(sizes[0]), math.exp(sizes[1]), np.exp(sizes[2:])
     apart = (a[:, None, :] - b[None, :, :]) / lengths
     smooth = size**2 * np.exp(-0.5 * np.sum(apart**2, axis=2))
-    return np.asarray(_CONSTANT_SD**2 + slope**2 * ((a - 0.5) @ (b - 0.5).T) + smooth)
+    return np.asarray(SETTINGS.constant_sd**2 + slope**2 * ((a - 0.5) @ (b - 0.5).T) + smooth)
 
 
 def _mode(kernel: Array, failures: Array, runs: Array) -> tuple[Array, Array, float]:
@@ -221,7 +238,7 @@ def _mode(kernel: Array, failures: Array, runs: Array) -> tuple[Array, Array, fl
 
     alpha = np.zeros(len(runs))
     best = gain(alpha)
-    for _ in range(_NEWTON):
+    for _ in range(SETTINGS.newton_steps):
         f = kernel @ alpha
         weight, slope = _curvature(f, failures / runs, runs), _slope(f, failures, runs)
         root = np.sqrt(weight)
@@ -233,7 +250,7 @@ def _mode(kernel: Array, failures: Array, runs: Array) -> tuple[Array, Array, fl
         while value < best and share > 1e-3:
             share *= 0.5
             value = gain(alpha + share * (target - alpha))
-        if value <= best + _ENOUGH:
+        if value <= best + SETTINGS.least_gain:
             break
         alpha, best = alpha + share * (target - alpha), value
     # Laplace's evidence: the likelihood at the mode less half the log determinant there.

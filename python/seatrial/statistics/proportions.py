@@ -34,10 +34,18 @@ from seatrial.base.plain import Plain
 
 Verdict = Literal["held", "failed", "undecided"]
 
-_NODES = 400  # quantiles of the share that stand for its distribution
 
-_MOST = 10**9
-"""Missions beyond which a verdict is not worth waiting for."""
+@dataclass(frozen=True)
+class ProportionSettings:
+    """How the number of missions that a verdict needs is searched."""
+
+    #: Quantiles of the failure probability that stand for its distribution.
+    quantiles: int = 400
+    #: Missions beyond which a verdict is not worth waiting for.
+    most_missions: int = 10**9
+
+
+SETTINGS = ProportionSettings()
 
 
 def clopper_pearson(failures: ArrayLike, runs: ArrayLike, *, confidence: float = 0.95) -> tuple[Array, Array]:
@@ -220,9 +228,8 @@ def further_runs(estimate: FailureProbability, allowed: float, *, chance: float 
     if estimate.verdict(allowed) != "undecided":
         return 0
     estimate = estimate.looked_at_again
-    likely = beta.ppf(
-        (np.arange(_NODES) + 0.5) / _NODES, estimate.failures + 0.5, estimate.runs - estimate.failures + 0.5
-    )
+    ranks = (np.arange(SETTINGS.quantiles) + 0.5) / SETTINGS.quantiles
+    likely = beta.ppf(ranks, estimate.failures + 0.5, estimate.runs - estimate.failures + 0.5)
 
     def decides(more: int) -> bool:
         return _chance(estimate, likely, more, allowed) >= chance
@@ -230,7 +237,7 @@ def further_runs(estimate: FailureProbability, allowed: float, *, chance: float 
     enough = max(16, estimate.runs // 8)
     while not decides(enough):
         enough *= 2
-        if enough > _MOST:
+        if enough > SETTINGS.most_missions:
             return None
     short = enough // 2
     # The chance rises in small teeth: two figures are all that is meant.

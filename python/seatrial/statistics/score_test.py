@@ -25,14 +25,22 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.statistics.linearisation import Linearisation
 
-_ALIKE = 1e-6
-"""A candidate of which less than this is left after projection is collinear with the fitted columns."""
 
-_JITTER = 1e-12  # on the diagonal of a matrix of unit sizes: above rounding, below any information
-_FEWEST = 4  # blocks that a jackknife variance needs
+@dataclass(frozen=True)
+class ScoreTestSettings:
+    """Which candidates a score test judges, and from how many samples."""
 
-_SAMPLES = 3000
-"""More samples than about this are thinned evenly: a missing term that matters shows in a part of them."""
+    #: Share of a candidate left after projection, below which it is collinear with the fitted columns.
+    collinear_share: float = 1e-6
+    #: Added to the diagonal of a matrix of unit sizes: above rounding, below any information.
+    jitter: float = 1e-12
+    #: Blocks that a jackknife variance needs.
+    least_blocks: int = 4
+    #: More samples than about this are thinned evenly: a missing term that matters shows in a part of them.
+    samples: int = 3000
+
+
+SETTINGS = ScoreTestSettings()
 
 
 @dataclass(frozen=True)
@@ -63,7 +71,10 @@ class SingleTests:
     @property
     def testable(self) -> NDArray[np.bool_]:
         """Mask (k,) of the candidates that are not collinear with the fitted columns."""
-        return np.asarray((self.squares[0] > _ALIKE * self.own) & (len(self.squares) > _FEWEST))
+        return np.asarray(
+            (self.squares[0] > SETTINGS.collinear_share * self.own)
+            & (len(self.squares) > SETTINGS.least_blocks)
+        )
 
     def results(self) -> ScoreResults:
         """Step, sigma, gain and p-value of every candidate alone."""
@@ -72,7 +83,7 @@ class SingleTests:
         testable = self.testable
         full = np.where(testable, self.squares[0], 1.0)
         step = np.where(testable, self.aims[0] / full, 0.0)
-        left = np.maximum(self.squares[1:], _ALIKE * full)
+        left = np.maximum(self.squares[1:], SETTINGS.collinear_share * full)
         away = self.aims[1:] / left - step
         count = len(away)
         scatter = (count - 1) / max(count, 1) * (away**2).sum(axis=0)
@@ -138,7 +149,7 @@ class ScoreTests:
     def beside(self, candidate: int) -> ScoreTests:
         """The tests with one candidate fitted too."""
         column = self.reduced[:, :, candidate]
-        pivot = np.maximum(column[:, candidate], _ALIKE * self.own[candidate] + 1e-300)
+        pivot = np.maximum(column[:, candidate], SETTINGS.collinear_share * self.own[candidate] + 1e-300)
         swept = self.reduced - column[:, :, None] * column[:, None, :] / pivot[:, None, None]
         swept[:, candidate, :] = 0.0
         swept[:, :, candidate] = 0.0
@@ -266,7 +277,7 @@ def _sums(
     normal, beside = np.zeros((count, inside + 1, inside + 1)), np.zeros((count, inside + 1, width))
     tried = np.zeros((count, width, width) if pairs else (count, width))
     samples = 0.0
-    every = slice(None, None, max(1, sum(len(piece.t) for piece in lin.pieces) // _SAMPLES))
+    every = slice(None, None, max(1, sum(len(piece.t) for piece in lin.pieces) // SETTINGS.samples))
     shown = slice(None) if channel is None else slice(channel, channel + 1)
     for piece, own, dense in zip(lin.pieces, columns, block, strict=True):
         root, number = (np.sqrt(piece.weight) * piece.counted)[every], dense[every]
@@ -301,7 +312,7 @@ def _sums(
         pull += known * ([u.prior for u in unknowns] - np.asarray(lin.values)[indices])
         square = normal[:, :inside, :inside] + np.diag(precision)
         size = np.sqrt(np.maximum(np.diagonal(square[0]), 1e-300))
-        square = square / np.outer(size, size) + _JITTER * np.eye(inside)
+        square = square / np.outer(size, size) + SETTINGS.jitter * np.eye(inside)
         # In units of these sizes from here on.
         cross, pull = cross / size[:, None], pull / size
         solved = np.linalg.solve(square, np.concatenate([cross, pull[:, :, None]], axis=2))

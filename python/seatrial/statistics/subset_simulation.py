@@ -42,18 +42,36 @@ from seatrial.base.plain import Plain
 Level = Callable[[Array, Array], Array]
 """Level (k,) of samples (k, d), standard normal, and seeds (k,) from 0 to 1: zero or less where they fail."""
 
-_SHARE = 0.1  # of a level that is below the next one
-_ACCEPTED, _FIRST_SPREAD = (0.44, 0.6)  # Papaioannou et al.; the spread is led to it from any start
-_NEW_SEED = 0.25  # share of the steps that draw the noise anew
-_MOST_LEVELS = 9  # 1e-9: no model of a vehicle is as sure
-_BETWEEN_LEVELS = 1.25  # on the standard deviation, for levels that depend on one another: at the head
-_CENTRES = 4  # most densities of the importance sampling
-_EFFECTIVE = 100.0  # samples below which the check is too uncertain to disagree
-_APART = 3.0  # deviations between centres below which two are one region
-_TRIES = 1000  # rounds of a first sample that must be possible
 
-_STILL = 0.5
-"""Share of a level's samples at or below the next one from which the levels stand still."""
+@dataclass(frozen=True)
+class SubsetSettings:
+    """How subset simulation walks from level to level, and how importance sampling checks it."""
+
+    #: Share of a level's samples that is below the next level.
+    level_share: float = 0.1
+    #: Share of accepted steps that the spread of a chain is led to (Papaioannou et al.).
+    accepted_share: float = 0.44
+    #: Spread of the first steps.
+    first_spread: float = 0.6
+    #: Share of the steps that draw the noise anew.
+    new_noise_share: float = 0.25
+    #: Most levels, down to a probability of 1e-9: no model of a vehicle is as sure.
+    most_levels: int = 9
+    #: Factor on the standard deviation, for levels that depend on one another (at the head).
+    between_levels: float = 1.25
+    #: Share of a level's samples at or below the next one from which the levels stand still.
+    still_share: float = 0.5
+    #: Rounds of a first sample that must be possible.
+    possible_rounds: int = 1000
+    #: Most densities of the importance sampling.
+    most_centres: int = 4
+    #: Deviations between centres below which two are one region.
+    centres_apart: float = 3.0
+    #: Effective samples below which the check is too uncertain to disagree.
+    least_effective: float = 100.0
+
+
+SETTINGS = SubsetSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,14 +131,14 @@ def population(
     watch : callable, optional
         Called with the number of a level and the largest threshold that it has still to pass.
     """
-    chains, steps = round(_SHARE * size), round(1.0 / _SHARE)
+    chains, steps = round(SETTINGS.level_share * size), round(1.0 / SETTINGS.level_share)
     x = _possible_normals(generator, size, dimensions, possible)
     seeds = generator.random(size)
     y = _levels(level, x, seeds)
     evaluations, logarithm, variance = size, 0.0, 0.0
-    spread = _FIRST_SPREAD
+    spread = SETTINGS.first_spread
     thresholds: list[float] = []
-    for number in range(_MOST_LEVELS):
+    for number in range(SETTINGS.most_levels):
         ordered = np.argsort(y, kind="stable")
         # Half way to the next sample, so that no sample lies on the level itself.
         edge = 0.5 * (y[ordered[chains - 1]] + y[ordered[chains]])
@@ -130,7 +148,7 @@ def population(
         below = y <= threshold
         share = float(below.mean())
         # Most samples have one level: none separates them any more.
-        if threshold > 0.0 and share > _STILL:
+        if threshold > 0.0 and share > SETTINGS.still_share:
             return Population(0.0, math.inf, evaluations, tuple(thresholds), x[:0], seeds[:0], True)
         correlated = 1.0 if number == 0 else 1.0 + _correlation(below.reshape(steps, chains))
         logarithm += math.log(share)
@@ -149,7 +167,9 @@ def population(
         parts = [(here, noise, value)]
         for step in range(1, steps):
             moved = math.sqrt(1.0 - spread**2) * here + spread * generator.standard_normal(here.shape)
-            drawn = np.where(generator.random(chains) < _NEW_SEED, generator.random(chains), noise)
+            drawn = np.where(
+                generator.random(chains) < SETTINGS.new_noise_share, generator.random(chains), noise
+            )
             can = np.ones(chains, dtype=bool) if possible is None else possible(moved)
             tried = np.full(chains, np.inf)
             if can.any():
@@ -160,7 +180,7 @@ def population(
             noise, value = np.where(taken, drawn, noise), np.where(taken, tried, value)
             parts.append((here, noise, value))
             # Robbins and Monro: corrections shrink, so that the chains' distribution settles.
-            spread *= math.exp((float(taken.mean()) - _ACCEPTED) / math.sqrt(step))
+            spread *= math.exp((float(taken.mean()) - SETTINGS.accepted_share) / math.sqrt(step))
             spread = min(max(spread, 0.01), 1.0)
         x, seeds, y = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     return Population(
@@ -230,7 +250,7 @@ class RareEvent(
         None where there is nothing to compare, or the check rests on fewer than 100 effective samples: noise
         decides where failures are, or they are of too many kinds.
         """
-        if self.check is None or self.estimate <= 0.0 or self.check.effective < _EFFECTIVE:
+        if self.check is None or self.estimate <= 0.0 or self.check.effective < SETTINGS.least_effective:
             return None
         size = math.sqrt(math.log1p(self.relative_sd**2) + math.log1p(self.check.relative_sd**2))
         return abs(math.log(self.check.estimate / self.estimate)) <= 2.0 * size
@@ -259,7 +279,7 @@ def rare_event(
         for population in populations
         if population.estimate > 0.0
     ]
-    within = _BETWEEN_LEVELS * math.sqrt(sum(own)) / len(values) / estimate
+    within = SETTINGS.between_levels * math.sqrt(sum(own)) / len(values) / estimate
     between = float(values.std(ddof=1)) / math.sqrt(len(values)) / estimate if len(values) > 1 else 0.0
     # Of both the larger one: few populations scatter too little by chance.
     relative = max(within, between)
@@ -281,7 +301,7 @@ def _below(populations: tuple[Population, ...], confidence: float) -> float:
     within = math.sqrt(
         sum(population.relative_variance * population.reached**2 for population in populations)
     )
-    relative = _BETWEEN_LEVELS * within / len(reached) / float(reached.mean())
+    relative = SETTINGS.between_levels * within / len(reached) / float(reached.mean())
     return min(float(reached.mean()) * math.exp(_width(relative, confidence)), 1.0)
 
 
@@ -341,10 +361,10 @@ def _regions(samples: Array, generator: np.random.Generator) -> tuple[Array, NDA
     """
     from scipy.cluster.vq import kmeans2
 
-    for count in range(min(_CENTRES, max(len(samples) // 100, 1)), 1, -1):
+    for count in range(min(SETTINGS.most_centres, max(len(samples) // 100, 1)), 1, -1):
         centres, member = kmeans2(samples, count, minit="++", seed=generator)
         apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)[~np.eye(count, dtype=bool)]
-        if apart.min() > _APART:
+        if apart.min() > SETTINGS.centres_apart:
             return centres, member
     return samples.mean(axis=0)[None], np.zeros(len(samples), dtype=np.intp)
 
@@ -364,7 +384,7 @@ def _possible_normals(
     if possible is None:
         return x
     wrong = np.flatnonzero(~possible(x))
-    for _ in range(_TRIES):
+    for _ in range(SETTINGS.possible_rounds):
         if not wrong.size:
             break
         x[wrong] = generator.standard_normal((len(wrong), dimensions))

@@ -1,43 +1,15 @@
 """Uncertainty of a joint estimate whose residuals are correlated in time and across channels.
 
-The estimate's covariance is the sandwich ``H^-1 M H^-1``: H the information, M the covariance of the sum of
-the scores, from blocks of them (`seatrial.statistics.blocks`). A prior is independent information
-and enters M with its own. Each block's score is multiplied by ``(I - H_b H^-1)^-1``, which undoes that the
-fit followed the very block that should test it. That is the jackknife over blocks: Künsch 1989, Ann. Stat.
-17:1217; MacKinnon, Nielsen and Webb 2023, J. Appl. Econometrics 38:671 (there CV3). It is the mean over
-several divisions into blocks, for a variance from few blocks depends on where they end.
-
-The 95 % interval has a Student factor with Satterthwaite's degrees of freedom for each unknown: the number of
-equally informative blocks, ``(sum a_b)^2 / sum a_b^2``, less one; ``a_b`` is the share of block b in the
-variance (Carter, Schnepel and Steigerwald 2017, Rev. Econ. Stat. 99:698, for alike errors). Where a single
-block holds most of the information on a combination, blocks cannot estimate its scatter; its variance is that
-of errors with the memory and the mean square of the whole channel (``alone``).
-
-Not in it: a wrong model structure, and how the model bends across the interval
-(`seatrial.diagnosis.resampling`). An unknown at a bound is treated as free, which widens the intervals of the
-others.
-
-Measured with one division: AR(1) errors, two channels correlated by 0.4, inputs stepped, periodic, drifting
-and white, a bias per trial, 500 seeds; cover of the 95 % intervals, mean over the unknowns. CR1: plain block
-scores, t(B - 1).
-HAC: Bartlett kernel of the same length, normal factor. Width: median over 1.96 true standard deviations.
-`tests/statistics/test_uncertainty.py` repeats a part.
-
-=============  ========  ====  ======  =====  ====  ====  ========  ==========  =====
-samples        unknowns  rho   blocks  naive  CR1   HAC   **this**  worst of m  width
-=============  ========  ====  ======  =====  ====  ====  ========  ==========  =====
-2 x 600        6         0     26      0.94   0.93  0.92  0.95      0.94        1.08
-2 x 600        6         0.90  20      0.45   0.91  0.88  0.94      0.92        1.04
-2 x 600        6         0.98  8       0.33   0.88  0.81  0.95      0.93        1.25
-300            5         0.90  9       0.55   0.91  0.85  0.94      0.93        1.09
-4500 in three  15        0.90  45      0.50   0.92  0.92  0.95      0.93        1.05
-4500 in three  15        0.98  18      0.39   0.90  0.88  0.96      0.94        1.21
-5 x 600        25        0.97  20      0.39   0.88  0.86  0.96      0.94        1.20
-=============  ========  ====  ======  =====  ====  ====  ========  ==========  =====
+The covariance is the sandwich ``H^-1 (M + sum_g H_g T H_g) H^-1``: H the information, M the covariance of the
+sum of the scores from blocks of them (`covariance`), T the scatter of coefficients between parts of the
+recordings (`random_effects`). Held by ``tests/statistics/test_uncertainty.py`` and
+``test_random_effects.py``.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -45,22 +17,194 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.statistics.blocks import BlockLength, Whitened, block_length, divided, viewed, views
+from seatrial.statistics.blocks import BlockLength, Whitened, block_length, divided, parts, viewed, views
 from seatrial.statistics.linearisation import Linearisation
-from seatrial.statistics.random_effects import random_effects
 
-_AT_BOUND = 0.005  # of the box, from which a value counts as having come to its bound
 
-_ALONE = 0.7
-"""Share of one block in the information on a combination above which the other blocks cannot judge it."""
+@dataclass(frozen=True)
+class RandomEffectsSettings:
+    """How the scatter of coefficients between parts of the recordings is searched."""
 
-_ROUNDS = 8  # the variances change the tempering and it them: four settle it, and three doublings the law
+    #: Least length of a part, s: four and more memories of the residuals, and some manoeuvres.
+    part_s: float = 60.0
+    #: Parts between which a scatter shows at all.
+    least_parts: int = 3
+    #: Rounds of the search for the variances: those beyond move deviations by less than their own scatter.
+    rounds: int = 60
+    #: Variance of the scatter at the start, over that of the estimate: what no part tells stays there.
+    first_ratio: float = 0.3
 
-_MOST = 4096.0
-"""Samples at most that count as one: of an hour at 10 Hz nine independent ones are left."""
 
-_MANY = 1e9
-"""Degrees of freedom in place of infinity: SciPy's quantile needs a finite number."""
+EFFECTS = RandomEffectsSettings()
+
+
+@dataclass(frozen=True)
+class RandomEffects:
+    """Scatter of coefficients between parts.
+
+    Attributes
+    ----------
+    sd
+        Standard deviation (m,) between parts; zero for nuisance parameters.
+    telling
+        How many parts tell of it (m,), between none and all.
+    information
+        Of each part (G, m, m).
+    """
+
+    sd: Array
+    telling: Array
+    information: Array
+
+    def spread(self, inverse: Array) -> tuple[Array, Array]:
+        """What it adds to the covariance (m, m) of an estimate, and the degrees of freedom (m,) of that.
+
+        `inverse` (m, m) is that of the information of all parts and the priors.
+        """
+        gain = inverse @ self.information * self.sd
+        share = (gain**2).sum(axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            dof = share.sum(axis=1) ** 2 / (share**2 / np.maximum(self.telling - 1.0, 1.0)).sum(axis=1)
+        return np.einsum("gik,gjk->ij", gain, gain, optimize=True), np.fmax(dof, 1.0)
+
+
+def random_effects(lin: Linearisation, length: BlockLength) -> RandomEffects | None:
+    """Scatter of the coefficients between parts of the recordings; None where they do not show any.
+
+    `lin` is at the estimate, `length` the memory of the residuals. A model that lacks something has other
+    best coefficients in every manoeuvre, which blocks of seconds see only in part. Part g, of a minute or
+    more, has its own ``theta + delta_g`` with ``delta_g ~ N(0, T)``, T diagonal, and tells of them by its
+    score and its information at the common estimate, ``s_g ~ N(H_g delta_g, V_g)``, V_g the covariance of its
+    errors with the memory of their channels. T is that of restricted likelihood (REML; Patterson & Thompson
+    1971, Biometrika 58:545; Laird & Ware 1982, Biometrics 38:963): with few parts the common coefficients do
+    not pass for scatter. It counts where the likelihood says that there is any, at a level of about 2 %.
+    """
+    trial, scores, informations, errors = parts(lin, length, EFFECTS.part_s)
+    own = [i for i, unknown in enumerate(lin.unknowns) if unknown.kind == "coefficient"]
+    if len(scores) < EFFECTS.least_parts or not own:
+        return None
+    # Unknowns in their deviations of independent samples, so that ranks mean something.
+    whole = informations.sum(axis=0)
+    size = np.sqrt(np.diag(whole))
+    size[size == 0.0] = 1.0
+    square = np.outer(size, size)
+    scores, scaled, errors, whole = scores / size, informations / square, errors / square, whole / square
+    # Scores at the optimum of the data: the pull of a prior or a bound is no scatter.
+    scores = scores - scaled @ (_pseudo_inverse(whole) @ scores.sum(axis=0))
+    # What each part would tell of its own coefficients if it stood alone.
+    weighed = np.array([h @ _pseudo_inverse(v) for h, v in zip(scaled, errors, strict=True)])
+    precision = weighed @ scaled
+    aims = (weighed @ scores[:, :, None])[:, :, 0]
+    # How long a part keeps its coefficients the likelihood says too: from a minute to a whole trial.
+    levels = []
+    for joined in _levels(trial):
+        likelihood = _restricted_likelihood(_summed(precision, joined), _summed(aims, joined), own)
+        levels.append((*likelihood, joined))
+    gained, variance, telling, joined = max(levels, key=lambda level: level[0])
+    # Without scatter every variance is at its end with probability one half: half a unit each, variance 5/4.
+    # Three deviations above, and as much as the best of so many lengths gains by chance.
+    if gained <= 0.5 * len(own) + 3.0 * math.sqrt(1.25 * len(own)) + 2.0 * math.log(len(levels)):
+        return None
+    sd, parts_that_tell = np.zeros((2, len(size)))
+    sd[own], parts_that_tell[own] = np.sqrt(variance) / size[own], telling
+    return RandomEffects(sd, parts_that_tell, _summed(informations, joined))
+
+
+def _levels(trial: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """Group of each part (G,): itself, then 2, 4, 8 ... parts of its trial that follow one another."""
+    place = np.concatenate([np.arange(count) for count in np.bincount(trial) if count])
+    size = 1
+    while True:
+        _, group = np.unique(np.column_stack([trial, place // size]), axis=0, return_inverse=True)
+        if group.max() + 1 >= EFFECTS.least_parts:
+            yield group.ravel()
+        if size > place.max():
+            return
+        size *= 2
+
+
+def _summed(array: Array, group: NDArray[np.intp]) -> Array:
+    """Sums of the rows of each group."""
+    total = np.zeros((int(group.max()) + 1, *array.shape[1:]))
+    np.add.at(total, group, array)
+    return total
+
+
+def _restricted_likelihood(precision: Array, aims: Array, own: list[int]) -> tuple[float, Array, Array]:
+    """Twice what a scatter gains in the logarithm of the likelihood, its variances (k,), and how many parts
+    tell of each, between none and all.
+
+    ``precision`` (G, m, m) and ``aims`` (G, m) are the normal equations of each part for its own unknowns.
+    """
+    from scipy.optimize import minimize
+
+    beside = precision[:, :, own]
+    inner, eye = beside[:, own], np.eye(len(own))
+    common = _pseudo_inverse(precision.sum(axis=0))
+
+    def marginal(variance: Array) -> tuple[float, Array, Array]:
+        """Twice the logarithm of the likelihood; means and variances (G, k) of the scatter given the data."""
+        root = np.sqrt(variance)
+        scaled = eye + root[:, None] * inner * root
+        given = root[:, None] * np.linalg.inv(scaled) * root
+        joined = beside @ given
+        left = precision - joined @ beside.swapaxes(1, 2)
+        pull = (aims - (joined @ aims[:, own, None])[:, :, 0]).sum(axis=0)
+        shared = _pseudo_inverse(left.sum(axis=0))
+        values = shared @ pull
+        rest = (aims - precision @ values)[:, own]
+        means = (given @ rest[:, :, None])[:, :, 0]
+        # Up to what does not depend on the scatter.
+        twice = float((aims[:, own] * (given @ aims[:, own, None])[:, :, 0]).sum() + pull @ values)
+        twice -= float(np.linalg.slogdet(scaled)[1].sum()) - _log_size(shared)
+        moved = joined.swapaxes(1, 2)
+        spread = np.einsum("gii->gi", given) + np.einsum("gij,gij->gi", moved @ shared, moved)
+        return twice, means, spread
+
+    def worse(logarithm: Array) -> tuple[float, Array]:
+        """The likelihood's cost of logarithms (k,) of the variances, and its gradient."""
+        variance = np.exp(logarithm)
+        twice, means, spread = marginal(variance)
+        return -0.5 * twice, 0.5 * (len(aims) - (means**2 + spread).sum(axis=0) / variance)
+
+    start = np.log(EFFECTS.first_ratio * np.diag(common)[own])
+    bounds = np.column_stack([start - 14.0, start + 14.0])  # a millionth and a million times
+    options = {"maxiter": EFFECTS.rounds}
+    ended = minimize(worse, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    variance = np.exp(ended.x)
+    twice, _, spread = marginal(variance)
+    return twice - marginal(np.zeros(len(own)))[0], variance, len(aims) - (spread / variance).sum(axis=0)
+
+
+def _log_size(matrix: Array) -> float:
+    """Logarithm of the product of the eigenvalues that are not rounding."""
+    values = np.linalg.eigvalsh(matrix)
+    return float(np.log(values[values > 1e-10 * values[-1]]).sum())
+
+
+def _pseudo_inverse(matrix: Array) -> Array:
+    """Inverse of what is not rounding in an information with a diagonal of about one."""
+    return np.asarray(np.linalg.pinv(matrix, rcond=1e-10, hermitian=True))
+
+
+@dataclass(frozen=True)
+class UncertaintySettings:
+    """What counts as a bound that was reached and as a lone block, and how the tempering is found."""
+
+    #: Share of the box from which a value counts as having come to its bound.
+    bound_share: float = 0.005
+    #: Share of one block in the information on a combination above which the other blocks cannot judge it.
+    lone_share: float = 0.7
+    #: Rounds in which variances and tempering settle (four do), and of doublings until the law holds (three
+    #: do).
+    tempering_rounds: int = 8
+    #: Samples at most that count as one: of an hour at 10 Hz nine independent ones are left.
+    most_tempering: float = 4096.0
+    #: Degrees of freedom in place of infinity: SciPy's quantile needs a finite number.
+    many: float = 1e9
+
+
+SETTINGS = UncertaintySettings()
 
 
 @dataclass(frozen=True)
@@ -90,7 +234,7 @@ class Uncertainty:
         Matrix (m, m) on the determined combinations.
     between
         Standard deviation of each coefficient between parts of the recordings
-        (`seatrial.statistics.random_effects`); zero where they show none.
+        (`seatrial.statistics.uncertainty`); zero where they show none.
     correlation
         Matrix (m, m), not a number for undetermined unknowns.
     block_samples, block_s, blocks
@@ -133,6 +277,20 @@ class Uncertainty:
 
 def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Uncertainty:
     """Sandwich covariance, standard deviations and 95 % intervals of an estimate.
+
+    A prior is independent information and enters M with its own. Each block's score is multiplied by ``(I -
+    H_b H^-1)^-1``, which undoes that the fit followed the very block that should test it: the jackknife over
+    blocks (Künsch 1989, Ann. Stat. 17:1217; MacKinnon, Nielsen and Webb 2023, J. Appl. Econometrics 38:671,
+    there CV3), the mean over several divisions. The 95 % interval has a Student factor with Satterthwaite's
+    degrees of freedom for each unknown: the number of equally informative blocks, ``(sum a_b)^2 / sum
+    a_b^2``, less one; ``a_b`` is the share of block b in the variance (Carter, Schnepel and Steigerwald 2017,
+    Rev. Econ. Stat. 99:698, for alike errors). Where a single block holds most of the information on a
+    combination, its variance is that of errors with the memory and the mean square of the whole channel
+    (``alone``).
+
+    How often the intervals hold the truth stands in ``docs/theory/uncertainty.md``. Not in it: a wrong model
+    structure, and how the model bends across the interval (`seatrial.diagnosis.resampling`). An unknown at a
+    bound is treated as free, which widens the intervals of the others.
 
     Parameters
     ----------
@@ -183,7 +341,7 @@ def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Unce
         sigma = np.where(view.undetermined, np.inf, np.sqrt(np.diag(matrix)))
         correlation = matrix / np.outer(sigma, sigma)
     correlation[view.undetermined] = correlation[:, view.undetermined] = np.nan
-    half = stdtrit(np.where(view.undetermined, 1.0, np.minimum(dof, _MANY)), 0.975) * sigma
+    half = stdtrit(np.where(view.undetermined, 1.0, np.minimum(dof, SETTINGS.many)), 0.975) * sigma
     return Uncertainty(
         names=tuple(unknown.name for unknown in lin.unknowns),
         units=tuple(unknown.unit for unknown in lin.unknowns),
@@ -237,15 +395,15 @@ def tempering(lin: Linearisation) -> Array:
         first, second, third = (np.einsum("ij,jk,ik->i", transform, part, transform) for part in inside)
         return first, second, third
 
-    for _ in range(_ROUNDS):
+    for _ in range(SETTINGS.tempering_rounds):
         by_data, independent, _ = spread()
         ratio = np.divide(by_data, independent, out=np.ones_like(own), where=independent > 0.0)
-        own = np.where(known > 0.0, ratio.clip(1.0, _MOST), 1.0)
-    for _ in range(_ROUNDS):
+        own = np.where(known > 0.0, ratio.clip(1.0, SETTINGS.most_tempering), 1.0)
+    for _ in range(SETTINGS.tempering_rounds):
         by_data, _, by_priors = spread()
         if np.max(known * (by_data + by_priors)) <= 1.0:
             break
-        own = np.where(known > 0.0, (2.0 * own).clip(1.0, _MOST), 1.0)
+        own = np.where(known > 0.0, (2.0 * own).clip(1.0, SETTINGS.most_tempering), 1.0)
     return own
 
 
@@ -255,8 +413,8 @@ def _scatter(view: Whitened) -> tuple[Array, Array, Array]:
     """
     transform, (share, vectors) = view.transform, np.linalg.eigh(view.information)
     # Directions that one block nearly determines alone cannot be judged by the others.
-    judged = share < _ALONE
-    gain = np.where(judged, 1.0 / (1.0 - np.minimum(share, _ALONE)), 0.0)
+    judged = share < SETTINGS.lone_share
+    gain = np.where(judged, 1.0 / (1.0 - np.minimum(share, SETTINGS.lone_share)), 0.0)
     # Each block's score, corrected for the fit having followed it: the jackknife of CV3.
     moved = (vectors @ (gain * (view.score[:, None] @ vectors)[:, 0])[:, :, None])[:, :, 0]
     number = len(moved)
@@ -276,7 +434,7 @@ def _scatter(view: Whitened) -> tuple[Array, Array, Array]:
 
 def bound_reached(value: float, lower: float, upper: float) -> str | None:
     """Which bound a value has come to, "lower" or "upper": within 0.5 % of the box; else None."""
-    near = _AT_BOUND * (upper - lower)
+    near = SETTINGS.bound_share * (upper - lower)
     if not np.isfinite(near):
         return None
     if value <= lower + near:

@@ -22,7 +22,23 @@ from seatrial.base.errors import CampaignError, nearest
 
 _EXAMPLE = "cross_track_p95_m <= 1.0"
 
-_MOST_NEAR, _AS_NEAR = 3, 0.03  # names that a message offers, and how much less alike than the nearest
+
+@dataclass(frozen=True)
+class ExpressionSettings:
+    """What an expression may be, and which names a message offers."""
+
+    #: Names that a message offers at most.
+    most_offered: int = 3
+    #: How much less alike than the nearest name another one may be that is offered.
+    likeness_margin: float = 0.03
+    #: Characters of an expression at most.
+    longest: int = 500
+    #: Parts within parts at most: far from Python's own limit of recursion.
+    deepest: int = 40
+
+
+SETTINGS = ExpressionSettings()
+
 
 _INSTEAD: tuple[tuple[str, str], ...] = (
     (r"&&", "and"),
@@ -83,9 +99,9 @@ def unknown_metric(name: str, metrics: Iterable[str], words: Mapping[str, Iterab
 def _near(name: str, known: list[str]) -> list[str]:
     """The nearest known names, those with hardly another distance together, or those that hold the name."""
     alike = {one: SequenceMatcher(None, name, one).ratio() for one in known}
-    close = get_close_matches(name, known, n=_MOST_NEAR)
-    nearest = [one for one in close if alike[one] > alike[close[0]] - _AS_NEAR]
-    return nearest or [one for one in known if len(name) > 1 and name in one][:_MOST_NEAR]
+    close = get_close_matches(name, known, n=SETTINGS.most_offered)
+    nearest = [one for one in close if alike[one] > alike[close[0]] - SETTINGS.likeness_margin]
+    return nearest or [one for one in known if len(name) > 1 and name in one][: SETTINGS.most_offered]
 
 
 def _without_words(text: str) -> str:
@@ -149,9 +165,6 @@ CALLS: Mapping[str, tuple[int, int | None]] = {
 }
 """Functions with their smallest and largest number of arguments."""
 
-_LONGEST = 500  # characters
-
-_DEEPEST = 40  # parts within parts: far from Python's own limit of recursion
 
 _NOUN = {"number": "number", "word": "word", "truth": "truth value"}
 
@@ -188,18 +201,18 @@ def parse(text: str) -> ast.expr:
     CampaignError
         It cannot be read, or something in it is not allowed.
     """
-    if len(text) > _LONGEST:
+    if len(text) > SETTINGS.longest:
         raise CampaignError(
-            f"expected at most {_LONGEST} characters, found {len(text)}; split it into several"
+            f"expected at most {SETTINGS.longest} characters, found {len(text)}; split it into several"
         )
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
         raise CampaignError(unreadable(text, error)) from None
     for node, depth in _parts(tree):
-        if depth > _DEEPEST:
+        if depth > SETTINGS.deepest:
             raise CampaignError(
-                f"nested more than {_DEEPEST} deep; write it without the outer signs and brackets"
+                f"nested more than {SETTINGS.deepest} deep; write it without the outer signs and brackets"
             )
         _allowed(node, text)
     return tree

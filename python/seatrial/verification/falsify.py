@@ -35,16 +35,26 @@ if TYPE_CHECKING:
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.scenario import Scenario
 
-WITHIN = 3.0
-"""Standard deviations of every draw within which is searched."""
 
-_MISSIONS, _GENERATION = 2000, 32  # in all; of a generation of CMA-ES: four times the core's eight lanes
+@dataclass(frozen=True)
+class FalsifySettings:
+    """Where and how long the worst mission is searched."""
 
-_AFTER = 10  # generations beyond the first failure, to find what is really bad
+    #: Standard deviations of every draw within which is searched.
+    within: float = 3.0
+    #: Missions in all.
+    missions: int = 2000
+    #: Missions of a generation of CMA-ES: four times the core's eight lanes.
+    generation: int = 32
+    #: Generations beyond the first failure, to find what is really bad.
+    generations_after: int = 10
+    #: Seed of noise and gusts, from 0 to 1.
+    seed: float = 0.5
+    #: Largest difference of a value that is back in the middle of its range.
+    rounding: float = 1e-9
 
-_SEED = 0.5  # of noise and gusts
 
-_SAME = 1e-9  # rounding of a value that is back in the middle
+SETTINGS = FalsifySettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +153,7 @@ class Falsification(
         if not result.falsified:
             raise CampaignError(f'requirement "{name}": no mission failed, there is none to fly again')
         space = MissionSpace(self.scenario.flights)
-        return space.draws(np.array([result.sample]), np.array([_SEED]))
+        return space.draws(np.array([result.sample]), np.array([SETTINGS.seed]))
 
     def replay(self, name: str) -> Flight:
         """Flight of that mission, with its log.
@@ -198,8 +208,8 @@ class Falsify:
     """
 
     requirements: Sequence[str] = ()
-    within: float = WITHIN
-    budget: int = _MISSIONS
+    within: float = SETTINGS.within
+    budget: int = SETTINGS.missions
 
     def __post_init__(self) -> None:
         if not 0.1 <= self.within <= 8.0:
@@ -265,12 +275,12 @@ class _Search:
             return FalsifiedRequirement(self.requirement, worst, self.flown)
         watch(0.9, "making the disturbance small")
         small, value = self._small(at, worst)
-        drawn = self.space.draws(small[None], np.array([_SEED]))
-        middle = self.space.draws(np.zeros((1, len(small))), np.array([_SEED])).causes
+        drawn = self.space.draws(small[None], np.array([SETTINGS.seed]))
+        middle = self.space.draws(np.zeros((1, len(small))), np.array([SETTINGS.seed])).causes
         differs = {
             name: (float(values[0]), float(middle[name][0]))
             for name, values in drawn.causes.items()
-            if abs(float(values[0]) - float(middle[name][0])) > _SAME
+            if abs(float(values[0]) - float(middle[name][0])) > SETTINGS.rounding
         }
         name = f"falsified: {self.requirement.name}"
         return FalsifiedRequirement(
@@ -289,7 +299,7 @@ class _Search:
         can = self.space.possible(x)
         robustness = np.full(len(x), np.inf)
         if can.any():
-            seeds = np.full(int(can.sum()), _SEED)
+            seeds = np.full(int(can.sum()), SETTINGS.seed)
             robustness[can] = self.space.robustness(self.requirement, x[can], seeds, threads=self.threads)
         self.flown += int(can.sum())
         return robustness
@@ -300,18 +310,18 @@ class _Search:
 
         best, at = np.inf, None
         restart, after = 0, 0
-        while self.flown < self.budget and after < _AFTER:
+        while self.flown < self.budget and after < SETTINGS.generations_after:
             options = {
                 "bounds": [-self.within, self.within],
-                "popsize": _GENERATION,
+                "popsize": SETTINGS.generation,
                 "seed": self.flights.seed % 2**31 + restart + 1,
                 "verbose": -9,
-                "maxiter": max((self.budget - self.flown) // _GENERATION, 1),
+                "maxiter": max((self.budget - self.flown) // SETTINGS.generation, 1),
             }
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 search = cma.CMAEvolutionStrategy(np.zeros(self.space.dimensions), self.within / 3.0, options)
-                while not search.stop() and self.flown < self.budget and after < _AFTER:
+                while not search.stop() and self.flown < self.budget and after < SETTINGS.generations_after:
                     tried = np.array(search.ask())
                     values = self._robustness(tried)
                     search.tell(list(tried), np.clip(np.nan_to_num(values, nan=-1e9), -1e9, 1e9).tolist())
@@ -319,7 +329,7 @@ class _Search:
                     if values[k] < best or at is None:
                         best, at = float(values[k]), tried[k]
                     after += best <= 0.0
-                    share = max(self.flown / self.budget, after / _AFTER)
+                    share = max(self.flown / self.budget, after / SETTINGS.generations_after)
                     watch(0.9 * share, f"{self.flown} missions, least robustness {best:.3g}")
             restart += 1
         return best, at

@@ -59,8 +59,20 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.sensors.sensor import Sensor
 
-IN_MEMORY = 16_384
-"""Missions from which those that are there go to a file."""
+
+@dataclass(frozen=True)
+class MissionSettings:
+    """How many missions are flown at a time, and how many are kept in memory."""
+
+    #: Missions from which those that are there go to a file.
+    in_memory: int = 16_384
+    #: Missions between two reports.
+    chunk: int = 512
+    #: Draws from which a filter is told of the water.
+    draws_of_water: int = 64
+
+
+MISSION_SETTINGS = MissionSettings()
 
 
 class MissionStore:
@@ -89,7 +101,7 @@ class MissionStore:
         self._wall_s += part.wall_s
         if left:
             self._counted.append(part.first(left))
-        if self._waiting >= IN_MEMORY:
+        if self._waiting >= MISSION_SETTINGS.in_memory:
             self._to_file()
 
     def flown(self) -> FlownMissions | None:
@@ -130,9 +142,6 @@ class MissionStore:
             ) from None
         self._files.append(path)
         self._parts, self._waiting = [], 0
-
-
-_OF_THE_WATER = 64  # draws from which a filter is told of the water
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,9 +364,11 @@ class CampaignFlights:
         """What a navigation filter is told of the water: the middle of the gusts and seas that are drawn."""
         if self.table.navigation != "filter":
             return {}
-        drawn = self.draws(_OF_THE_WATER)
+        drawn = self.draws(MISSION_SETTINGS.draws_of_water)
         gusts = np.sqrt(np.mean(drawn.turbulence**2, axis=0))
-        sea = SeaState.of_row(drawn.waves[np.argsort(drawn.waves[:, 0])[_OF_THE_WATER // 2]])
+        sea = SeaState.of_row(
+            drawn.waves[np.argsort(drawn.waves[:, 0])[MISSION_SETTINGS.draws_of_water // 2]]
+        )
         if sea is not None:
             sea = replace(sea, spreading_deg=60.0)  # of a sea whose direction differs from mission to mission
         return {"turbulence": gusts, "waves": sea}
@@ -398,10 +409,6 @@ def _fault(row: tuple[int, str, float, float], vehicle: Vehicle) -> Fault:
         return Fault(actuator, at, stuck=True)
     dead = command == float(vehicle.actuator_info()[actuator]["neutral"])
     return Fault(actuator, at, stuck_at=None if dead else command)
-
-
-CHUNK = 512
-"""Missions between two reports."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -445,13 +452,13 @@ def fly_series(flights: CampaignFlights, runs: int, flyer: Flyer, *, autopilot: 
     shared, interrupted = Shared(flights), False
     chunks = (
         Chunk(
-            f"{autopilot}, missions {start} to {min(start + CHUNK, runs) - 1}",
+            f"{autopilot}, missions {start} to {min(start + MISSION_SETTINGS.chunk, runs) - 1}",
             flights.digest,
             fly_missions,
             shared,
-            (start, min(start + CHUNK, runs), flyer.threads),
+            (start, min(start + MISSION_SETTINGS.chunk, runs), flyer.threads),
         )
-        for start in range(0, runs, CHUNK)
+        for start in range(0, runs, MISSION_SETTINGS.chunk)
     )
     try:
         for done in run_chunks(chunks, flyer.run, _FORMAT, fleet=flyer.fleet):

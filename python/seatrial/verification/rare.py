@@ -37,8 +37,24 @@ if TYPE_CHECKING:
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.scenario import Scenario
 
-SIZE = 500
-"""Missions of a level."""
+
+@dataclass(frozen=True)
+class RareSettings:
+    """How many missions subset simulation flies, and which random numbers it takes."""
+
+    #: Missions of a level.
+    population: int = 500
+    #: Independent populations, from whose scatter the interval comes too.
+    populations: int = 4
+    #: Missions of the importance sampling that checks the estimate.
+    checked: int = 1000
+    #: Stream of these random numbers; 1 to 4 are those of the draws.
+    stream: int = 5
+    #: Missions in memory at once.
+    batch: int = 512
+
+
+RARE_SETTINGS = RareSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +164,6 @@ class RareFailures(
         return {**self.scenario.files(), "rare.json": to_json(self.to_dict()), **self.report().files()}
 
 
-_POPULATIONS, _CHECKED = 4, 1000  # independent ones for the interval; missions that check the estimate
-
-_CAUSE = 5  # stream of these random numbers; 1 to 4 are those of the draws
-
-_BATCH = 512  # missions in memory at once
-
-
 @dataclass(frozen=True, kw_only=True)
 class Rare:
     """Strategy of `seatrial.verify`: how rarely requirements fail, 1e-4 and below, by subset simulation.
@@ -186,9 +195,9 @@ class Rare:
     """
 
     requirements: Sequence[str] = ()
-    population: int = SIZE
-    populations: int = _POPULATIONS
-    checked: int = _CHECKED
+    population: int = RARE_SETTINGS.population
+    populations: int = RARE_SETTINGS.populations
+    checked: int = RARE_SETTINGS.checked
 
     def __post_init__(self) -> None:
         if self.population < 100 or self.population % 10:
@@ -252,7 +261,7 @@ class _Search:
 
     def run(self, watch: Callable[[float, str], None]) -> RareRequirement:
         flights, space = self.scenario.flights, MissionSpace(self.scenario.flights)
-        first = flights.fly(np.arange(min(self.asked.population, _BATCH)), threads=self.threads)
+        first = flights.fly(np.arange(min(self.asked.population, RARE_SETTINGS.batch)), threads=self.threads)
         if why := unusable(self.requirement, robustness(self.requirement, first, flights)):
             return RareRequirement(self.requirement, None, why)
 
@@ -264,7 +273,7 @@ class _Search:
         seeds = np.concatenate([part.seeds for part in parts])
         check = None
         if self.asked.checked and len(samples):
-            own = generator(flights.seed, self.asked.populations, cause=_CAUSE)
+            own = generator(flights.seed, self.asked.populations, cause=RARE_SETTINGS.stream)
             check = importance(level, samples, self.asked.checked, own, possible=space.possible)
         confidence = flights.table.confidence
         event = rare_event(tuple(parts), check, confidence=confidence)
@@ -278,8 +287,11 @@ class _Search:
         nearest_one = int((samples**2).sum(axis=1).argmin())
         drawn_case = space.draws(samples[[nearest_one]], seeds[[nearest_one]])
         failing = space.draws(samples, seeds).causes
-        drawn = generator(flights.seed, self.asked.populations + 1, cause=_CAUSE)
-        usual = space.draws(drawn.standard_normal((2 * _BATCH, space.dimensions)), drawn.random(2 * _BATCH))
+        drawn = generator(flights.seed, self.asked.populations + 1, cause=RARE_SETTINGS.stream)
+        usual = space.draws(
+            drawn.standard_normal((2 * RARE_SETTINGS.batch, space.dimensions)),
+            drawn.random(2 * RARE_SETTINGS.batch),
+        )
         common = {
             name: (
                 float(values.mean()),
@@ -348,7 +360,7 @@ def rare_population(
         lambda x, seeds: space.robustness(requirement, x, seeds, threads=threads),
         space.dimensions,
         size,
-        generator(flights.seed, number, cause=_CAUSE),
+        generator(flights.seed, number, cause=RARE_SETTINGS.stream),
         possible=space.possible,
         watch=passed,
     )

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.flight.metrics import OFF_PROMISE
+from seatrial.flight.metrics import METRIC_SETTINGS
 from seatrial.verification.expression import KNOWN, Metric, check, names_in, parse, unit_of
 from seatrial.verification.table import Obstacle, VerificationTable
 
@@ -411,7 +411,10 @@ def default_requirements(
     if obstacles(table.obstacles) or any(one.obstacles for one in missions):
         asked.append(("touches nothing", "clearance_m > 0"))
     if promised := [one.promised_m for one in missions if one.promised_m > 0.0]:
-        asked.append(("keeps its distance", f"clearance_reserve_m >= {-OFF_PROMISE * min(promised):g}"))
+        asked.append((
+            "keeps its distance",
+            f"clearance_reserve_m >= {-METRIC_SETTINGS.short_of_promise * min(promised):g}",
+        ))
     if table.seabed is not None:
         asked.append(("stays off the bottom", "altitude_smallest_m > 0"))
     if np.isfinite(deepest):

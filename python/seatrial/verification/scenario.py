@@ -51,9 +51,18 @@ if TYPE_CHECKING:
 
 _PERFECT = "perfect"
 
-_STRONGEST_M_S = 5.0  # turbulence, as of a single flight
 
-_SELDOM = 0.99  # the part of its draws below which a distribution without an end must be possible
+@dataclass(frozen=True)
+class ScenarioSettings:
+    """What the draws of a verification may reach."""
+
+    #: Largest standard deviation of the current, m/s, as of a single flight.
+    strongest_turbulence_m_s: float = 5.0
+    #: Part of its draws that must be possible where a distribution has no end.
+    likely_share: float = 0.99
+
+
+SETTINGS = ScenarioSettings()
 
 
 @contextmanager
@@ -171,7 +180,7 @@ def _check_supply(source: str, flights: CampaignFlights) -> tuple[str, ...]:
 
 def _check_water(source: str, current: Current) -> None:
     def fastest(asked: DistributionTable) -> float:
-        at = 1.0 if asked.uniform is not None else _SELDOM
+        at = 1.0 if asked.uniform is not None else SETTINGS.likely_share
         return float(asked.quantiles(np.array(at), above_zero=True))
 
     if current.speed_m_s is not None:
@@ -181,7 +190,9 @@ def _check_water(source: str, current: Current) -> None:
         checked_rows("current", [0.0, 0.0, current.vertical_m_s])
     if current.turbulence_m_s is not None:
         with under(source, "current", "turbulence_m_s", said="turbulence"):
-            within("turbulence", fastest(current.turbulence_m_s), (0.0, _STRONGEST_M_S), "m/s")
+            within(
+                "turbulence", fastest(current.turbulence_m_s), (0.0, SETTINGS.strongest_turbulence_m_s), "m/s"
+            )
     with under(source, "current", "turbulence_times_s", said="turbulence_times_s"):
         checked_times(current.turbulence_times_s)
     with under(source, "current", "walk_m_s", said="current_walk"):
@@ -193,7 +204,9 @@ def _check_waves(source: str, waves: Waves) -> None:
         if asked is None:
             continue
         least, most, unit = LIMITS[key]
-        ends = (0.0, 1.0) if asked.uniform is not None else (1.0 - _SELDOM, _SELDOM)
+        ends = (
+            (0.0, 1.0) if asked.uniform is not None else (1.0 - SETTINGS.likely_share, SETTINGS.likely_share)
+        )
         with under(source, "waves", key, said=key):
             for end in asked.quantiles(np.array(ends), above_zero=True):
                 within(key, float(end), (least, most), unit)

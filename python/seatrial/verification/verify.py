@@ -6,6 +6,7 @@ Tests: ``tests/verification/test_verify.py``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 
@@ -14,7 +15,6 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.run import RunDirectory
 from seatrial.base.work import HERE, Clock, Work, callers_errors_pass, takes
-from seatrial.verification.comparison import AutopilotComparison, compared
 from seatrial.verification.judgement import (
     beyond_the_vehicle,
     judged,
@@ -24,7 +24,7 @@ from seatrial.verification.judgement import (
 from seatrial.verification.missions import Flyer, fly_series
 from seatrial.verification.regression import fly_cases
 from seatrial.verification.scenario import Scenario, autopilot_of
-from seatrial.verification.verification import Verification
+from seatrial.verification.verification import AutopilotComparison, Verification, compared
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -34,9 +34,21 @@ if TYPE_CHECKING:
     from seatrial.tuning.result import Tuning
     from seatrial.verification.flown_missions import FlownMissions
 
-_SHARE, _LEAST = 10, 200  # of the missions, a tenth and at least so many, fly with other autopilots too
 
-_TOLD = 8192  # missions whose draws are looked at for notes
+@dataclass(frozen=True)
+class VerifySettings:
+    """How many missions are compared, and looked at for notes."""
+
+    #: Other autopilots fly one of so many missions.
+    compared_part: int = 10
+    #: Missions that other autopilots fly at least.
+    least_compared: int = 200
+    #: Missions whose draws are looked at for notes.
+    noted_draws: int = 8192
+
+
+SETTINGS = VerifySettings()
+
 
 _VERIFIED = "verified"
 
@@ -204,7 +216,7 @@ def _verified(scenario: Scenario, others: Mapping[str, Autopilot], flyer: Flyer)
     flown, comparison, interrupted = series.flown, None, series.interrupted
     if others and not interrupted:
         comparison, interrupted = _compared(scenario, others, flown, flyer)
-    draws = flights.draws(min(len(flown), _TOLD))
+    draws = flights.draws(min(len(flown), SETTINGS.noted_draws))
     cases = (
         () if interrupted else fly_cases(flights.table.cases, flights, requirements, threads=flyer.threads)
     )
@@ -249,7 +261,7 @@ def _compared(
     scenario: Scenario, others: Mapping[str, Autopilot], flown: FlownMissions, flyer: Flyer
 ) -> tuple[AutopilotComparison | None, bool]:
     """Other autopilots on the first missions; nothing where Ctrl-C ended one of them early."""
-    runs = min(len(flown), max(_LEAST, scenario.runs // _SHARE))
+    runs = min(len(flown), max(SETTINGS.least_compared, scenario.runs // SETTINGS.compared_part))
     every = {_VERIFIED: flown.first(runs)}
     for name, autopilot in others.items():
         series = fly_series(scenario.flights.with_autopilot(autopilot), runs, flyer, autopilot=name)

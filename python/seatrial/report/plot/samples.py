@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.errors import SimulationError
-from seatrial.flight.payload import SETTLED
+from seatrial.flight.payload import Phase
 from seatrial.flight.water import CHANNELS, properties
 from seatrial.report.plot.style import FAINT, MEASURED, RESIDUAL, SHADE, SIMULATED, house_style, new_figure
 from seatrial.report.plot.track import extent
@@ -153,7 +153,7 @@ def _course(axes: Axes, samples: Samples, stops: list[StopSamples], k: int) -> N
     """A channel over time: measured, its two deviations, and the true water."""
     labels = np.array(samples.stop)
     for stop in stops:
-        at = samples.t[(labels == stop.label) & (samples.phase == SETTLED)]
+        at = samples.t[(labels == stop.label) & (samples.phase == Phase.SETTLED)]
         if not len(at):
             continue
         axes.axvspan(float(at[0]), float(at[-1]), color=SHADE, linewidth=0.0, zorder=0)

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import math
+from importlib import metadata
+from typing import Literal
 
 from seatrial.base.channels import readable
 from seatrial.base.report import Report, Section, Table
+from seatrial.report.results.junit import JUnitCase, junit_xml
+from seatrial.report.results.mission_log_findings import contradiction_clause, p_text, suspect_sentence
+from seatrial.report.results.mission_log_findings import notes as notes
+from seatrial.report.results.mission_log_findings import reason as reason
 from seatrial.verification.mission_log.power import Shown
-from seatrial.verification.mission_log.verdict import SHOWN, LogVerdict
+from seatrial.verification.mission_log.verdict import LogVerdict
+
+SHOWN = 6  # suspects that a report lists
 
 
 def report(verdict: LogVerdict) -> Report:
@@ -19,7 +27,9 @@ def report(verdict: LogVerdict) -> Report:
         statements.append(f"The band is that of {verdict.validity.spread.source}.")
     suspects: list[str] = []
     if verdict.suspects:
-        suspects = [f"{k}. {suspect.sentence()}" for k, suspect in enumerate(verdict.suspects[:SHOWN], 1)]
+        suspects = [
+            f"{k}. {suspect_sentence(suspect)}" for k, suspect in enumerate(verdict.suspects[:SHOWN], 1)
+        ]
         suspects += _inseparable(verdict)
         suspects += _look_first(verdict)
     return Report(
@@ -83,10 +93,10 @@ def _how_good(verdict: LogVerdict) -> str:
     channel = channels[name]
     most = "" if against else " most,"
     chance = (
-        f", p = {channel.p_text}"
+        f", p = {p_text(channel.p)}"
         if against
         else "; model errors are correlated in time: a valid model is outside this long with probability"
-        f" {channel.p_text}"
+        f" {p_text(channel.p)}"
     )
     return (
         f"{judged}; {name} is outside its"
@@ -99,14 +109,14 @@ def _worst(verdict: LogVerdict) -> tuple[str, str]:
     if verdict.contradictions:
         wrong = verdict.contradictions[0]
         before = f", or the {wrong.from_s:.0f} s before" if wrong.from_s > 0.0 else ""
-        return wrong.sentence(), (
+        return contradiction_clause(wrong), (
             "find out which of them is wrong (a stuck or reversed sensor, a clock of its own), and correct it"
             f" in the column map or judge the log without it{before}"
         )
     if verdict.suspects:
         first = verdict.suspects[0]
         look = _look_first(verdict)
-        return f"suspected first: {first.sentence()}", (
+        return f"suspected first: {suspect_sentence(first)}", (
             look[0] if look else f"check {first.name} on the vehicle; if it has changed, identify again"
         )
     broken = [requirement for requirement in verdict.requirements if requirement.held is False]
@@ -159,7 +169,7 @@ def _channel_table(verdict: LogVerdict) -> Table:
             f"{scale * channel.rms:.3g}",
             f"{scale * channel.spread:.3g}",
             f"{channel.band_over_signal:.2g}",
-            f"{channel.p:.2g}" if channel.p >= 1e-4 else "<0.0001",
+            p_text(channel.p).replace("below ", "<"),
             _best_shown(verdict, name),
             "fails"
             if name in failing
@@ -272,3 +282,39 @@ def _mission(verdict: LogVerdict) -> tuple[list[str], Table]:
         ))
     head = ("requirement", "holds", "verdict", "robustness")
     return lines, Table.of("Requirements and steps of this mission", head, rows, left=4)
+
+
+_STATES: dict[str, Literal["held", "failed", "undecided", "not judged"]] = {
+    "model still valid": "held",
+    "re-identify": "failed",
+    "not judged": "not judged",
+    "log too short or too quiet to tell": "undecided",
+}
+
+
+def junit(verdict: LogVerdict) -> str:
+    """JUnit XML with a case for the model, and one per requirement and step of a set point."""
+    mission = verdict.log.trial.name
+    cases = [
+        JUnitCase(
+            mission,
+            "the model still holds",
+            _STATES[verdict.model],
+            message=f"{verdict.model}: {verdict.reason}",
+            details="\n".join(map(suspect_sentence, verdict.suspects[:SHOWN])),
+            time_s=verdict.clock.elapsed_s,
+        )
+    ]
+    for asked in verdict.requirements:
+        if asked.held is None and asked.beyond_logs:
+            continue
+        state: Literal["held", "failed", "undecided"] = (
+            "undecided" if asked.held is None else "held" if asked.held else "failed"
+        )
+        why = f"the log does not tell {', '.join(asked.missing)}" if asked.held is None else asked.holds
+        cases.append(JUnitCase(mission, asked.name, state, message=why))
+    for step in verdict.steps:
+        name = f"{step.loop} step at {step.at_s:.1f} s inside its corridor"
+        cases.append(JUnitCase(mission, name, "failed" if step.criterion > 0.0 else "held"))
+    rests_on = {"seatrial": metadata.version("seatrial"), "vehicle": verdict.vehicle.name}
+    return junit_xml(mission, cases, properties=rests_on)

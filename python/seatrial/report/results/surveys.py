@@ -15,7 +15,7 @@ from seatrial.base.report import Report, Section, Table
 from seatrial.statistics.proportions import share
 from seatrial.verification.boundary import FailureBoundary, RequirementBoundary
 from seatrial.verification.falsify import Falsification, FalsifiedRequirement
-from seatrial.verification.rare import SIZE, RareFailures, RareRequirement
+from seatrial.verification.rare import RARE_SETTINGS, RareFailures, RareRequirement
 
 _SHOWN, _SHIFTED = 5, 0.8
 """How many common causes of failures are printed, and from which shift on, in standard deviations."""
@@ -97,7 +97,7 @@ def _worst_of_rare(survey: RareFailures) -> tuple[str, str]:
         return (
             f"{apart[0].requirement.name}: importance sampling about the failures disagrees: failures"
             " of another kind may be missing",
-            f"fly larger populations: {again} --population {2 * SIZE}",
+            f"fly larger populations: {again} --population {2 * RARE_SETTINGS.population}",
         )
     failing = [(entry, event) for entry, event in judged if entry.verdict != "held" and event.estimate > 0.0]
     if failing:
@@ -117,7 +117,7 @@ def _worst_of_rare(survey: RareFailures) -> tuple[str, str]:
         return (
             f"{entry.requirement.name}: at most {event.interval[1]:.2g} of the missions fail, more than the"
             f" {entry.requirement.allowed:.2g} that are allowed",
-            f"fly larger populations: {again} --population {2 * SIZE}",
+            f"fly larger populations: {again} --population {2 * RARE_SETTINGS.population}",
         )
     return (
         f"{entry.requirement.name} fails most often, in at most {event.interval[1]:.2g} of the missions",

@@ -9,12 +9,11 @@ import numpy as np
 
 from seatrial.base.report import Report, Section, Table, appended, listed
 from seatrial.flight.excesses import KINDS
+from seatrial.report.results.junit import JUnitCase, junit_xml
 from seatrial.statistics.proportions import share
-from seatrial.verification.comparison import AutopilotComparison
 from seatrial.verification.judgement import JudgedRequirement
-from seatrial.verification.junit import JUnitCase, junit_xml
 from seatrial.verification.regression import FlownCase
-from seatrial.verification.verification import Verification, excess_sentences
+from seatrial.verification.verification import AutopilotComparison, Verification, excess_sentences
 
 _CAUSES = 4  # the strongest, that a report lists
 

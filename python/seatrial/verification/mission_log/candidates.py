@@ -23,31 +23,32 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
+from seatrial.base.report import clause_of
 from seatrial.vehicle.actuators import actuator_groups
-from seatrial.verification.mission_log.restarts import PredictedLog, Slopes
-from seatrial.verification.mission_log.spread import INITIAL_PLACES, Spread
+from seatrial.verification.mission_log.spread import SPREAD_SETTINGS, PredictedLog, Slopes, Spread
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 
 @dataclass(frozen=True)
-class Suspect(Plain):
+class Suspect(Plain, only="name kind change values units sigma gain left p sigmas alike coefficients"):
     """A change of the vehicle, or of its surroundings, that explains a part of the misfit.
 
     Attributes
     ----------
     name, kind
         Of the candidate: a "coefficient", a "group", an "actuator", a "sensor" or the "surroundings".
-    change
-        In words.
+    finding
+        What changed, with its size.
     values, units, sigma
         The best values of its unknowns, their units, and the standard deviation over windows.
     gain
@@ -66,7 +67,7 @@ class Suspect(Plain):
 
     name: str
     kind: str
-    change: str
+    finding: Finding
     values: tuple[float, ...]
     units: tuple[str, ...]
     sigma: tuple[float, ...]
@@ -77,22 +78,28 @@ class Suspect(Plain):
     alike: tuple[str, ...]
     coefficients: Mapping[str, float]
 
-    def sentence(self) -> str:
-        """The suspect in words."""
-        share = f"{100.0 * self.gain:.{1 if self.gain > 0.99 else 0}f}"
-        text = (
-            f"{self.change}: explains {share} % of the misfit, leaves {self.left:.2g} times the usual error"
-        )
-        if self.sigmas is not None and abs(self.sigmas) >= 0.1:
-            text += f", {abs(self.sigmas):.1f} standard deviations of the identification"
-        if self.alike:
-            shown = ", ".join(self.alike[:4]) + (" and others" if len(self.alike) > 4 else "")
-            text += f"; this log cannot tell it from {shown}"
-        return text + "."
+    @property
+    def change(self) -> str:
+        """The change in words."""
+        return clause_of(self.finding, "mission_log_findings")
 
 
-PAYLOAD_DENSITY = 2700.0
-"""Density of a payload, kg/m3, where nothing else is known: aluminium, and housings with what they hold."""
+@dataclass(frozen=True)
+class CandidateSettings:
+    """How candidates are differentiated and followed."""
+
+    #: Density of a payload, kg/m3, where nothing else is known: aluminium, and housings with what they hold.
+    payload_density: float = 2700.0
+    #: Step of a difference over the size of a candidate: far above rounding, far below what bends.
+    step: float = 1e-4
+    #: Reweightings of Huber's loss.
+    reweightings: int = 4
+    #: Knee of Huber's loss over the median size of a window's errors.
+    knee: float = 2.0
+
+
+CANDIDATE_SETTINGS = CandidateSettings()
+
 
 _MASS = ("m", "B", "x_g", "y_g", "z_g", "I_x", "I_y", "I_z")
 
@@ -101,8 +108,6 @@ _HYDRO = re.compile(r"[XYZKMN]_([uvwpqr]{1,2}|[uvwpqr]dot|0)|C_D[yz]")
 _DRAG = re.compile(r"[XYZKMN]_([uvwpqr])\1?|C_D[yz]")
 
 _LIFT = re.compile(r"[YZMN]_u[vwqr]")
-
-_STEP = 1e-4  # of a candidate's scale: differences far above rounding, far below what bends
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +126,8 @@ class Candidate:
         A natural size of every unknown, (d,).
     changes
         Coefficients {name: value} of the vehicle for values (d,) of the unknowns; the present ones for zero.
-    words
-        The change in words, for values (d,) of the unknowns.
+    finding
+        What changed, for values (d,) of the unknowns.
     coefficients
         Names of the coefficients that it moves.
     """
@@ -132,14 +137,14 @@ class Candidate:
     units: tuple[str, ...]
     scale: Array
     changes: Callable[[Array], dict[str, float]]
-    words: Callable[[Array], str]
+    finding: Callable[[Array], Finding]
     coefficients: tuple[str, ...]
 
     def directions(self) -> list[dict[str, float]]:
         """Changes of the coefficients with one unit of each unknown, to first order."""
         found = []
         zero = np.zeros(len(self.scale))
-        for k, size in enumerate(_STEP * self.scale):
+        for k, size in enumerate(CANDIDATE_SETTINGS.step * self.scale):
             step = np.zeros(len(self.scale))
             step[k] = size
             ahead, astern = self.changes(zero + step), self.changes(zero - step)
@@ -148,7 +153,10 @@ class Candidate:
 
 
 def candidates(
-    vehicle: Vehicle, *, identified: Sequence[str] = (), payload_density_kg_m3: float = PAYLOAD_DENSITY
+    vehicle: Vehicle,
+    *,
+    identified: Sequence[str] = (),
+    payload_density_kg_m3: float = CANDIDATE_SETTINGS.payload_density,
 ) -> list[Candidate]:
     """Candidates of a vehicle: its coefficients and the identified ones, then groups that change together.
 
@@ -186,7 +194,7 @@ def candidates(
     return found
 
 
-def payload(vehicle: Vehicle, *, density: float = PAYLOAD_DENSITY) -> Candidate:
+def payload(vehicle: Vehicle, *, density: float = CANDIDATE_SETTINGS.payload_density) -> Candidate:
     """Point mass of wet mass m_w, kg, at x_p; its unknowns are m_w and m_w x_p, kg and kg m.
 
     `density`, kg/m3, is above that of the water.
@@ -222,12 +230,8 @@ def payload(vehicle: Vehicle, *, density: float = PAYLOAD_DENSITY) -> Candidate:
         new |= {name: values["m"] * values[name] / m for name in ("y_g", "z_g")}
         return new | {name: values["B"] * values[name] / b for name in ("y_b", "z_b")}
 
-    def words(theta: Array) -> str:
-        wet, moment = float(theta[0]), float(theta[1])
-        if abs(wet) <= 0.02 * abs(moment):
-            return f"a trim moment of {moment:+.2g} kg m: weight moved {'forward' if moment > 0 else 'aft'}"
-        what = "a payload of" if wet > 0.0 else "buoyancy added, or weight lost, of"
-        return f"{what} {wet:+.2g} kg in water at x = {moment / wet:.2g} m"
+    def found(theta: Array) -> Finding:
+        return changed("payload", wet_kg=float(theta[0]), moment_kg_m=float(theta[1]))
 
     length = max(float(np.sqrt(12.0 * values["I_y"] / values["m"])), 0.1)
     scale = 0.01 * values["m"] * np.array([1.0, 0.25 * length])
@@ -237,7 +241,7 @@ def payload(vehicle: Vehicle, *, density: float = PAYLOAD_DENSITY) -> Candidate:
         ("kg in water", "kg m"),
         scale,
         changes,
-        words,
+        found,
         ("m", "B", "x_g", "x_b", "I_y", "I_z"),
     )
 
@@ -249,33 +253,19 @@ def _entrained(vehicle: Vehicle) -> Candidate:
     def changes(theta: Array) -> dict[str, float]:
         return {"m": values["m"] + float(theta[0]), "B": values["B"] + g * float(theta[0])}
 
-    def words(theta: Array) -> str:
-        verb = "more" if theta[0] > 0.0 else "less"
-        return f"{abs(theta[0]):.3g} kg {verb} mass that is neutral in water, as of a flooded space"
-
     return Candidate(
         "neutral mass (m, B together)",
         "group",
         ("kg",),
         np.array([0.05 * values["m"]]),
         changes,
-        words,
+        lambda theta: changed("neutral mass", mass_kg=float(theta[0])),
         ("m", "B"),
     )
 
 
 def _single(name: str, value: float, unit: str, values: Mapping[str, float]) -> Candidate:
-    plain = "" if unit == "1" else f" {unit}"
-
-    def words(theta: Array) -> str:
-        new = value + float(theta[0])
-        if name == "B":
-            return f"buoyancy {theta[0]:+.3g} N: {'lighter' if theta[0] > 0.0 else 'heavier'} in water"
-        if name.endswith(".gain") and value:
-            return f"{name.removesuffix('.gain')} gives {100.0 * theta[0] / value:+.0f} % thrust"
-        change = f" ({100.0 * (abs(new) - abs(value)) / abs(value):+.0f} % in magnitude)" if value else ""
-        return f"{name} {value:.3g} to {new:.3g}{plain}{change}"
-
+    """A coefficient with another value."""
     size = abs(value) or (0.02 if name[:2] in ("x_", "y_", "z_") else 1.0)
     if name == "B":
         size = 0.01 * abs(values["B"]) or 1.0
@@ -285,30 +275,31 @@ def _single(name: str, value: float, unit: str, values: Mapping[str, float]) -> 
         (unit,),
         np.array([0.1 * size]),
         lambda theta: {name: value + float(theta[0])},
-        words,
+        lambda theta: changed("coefficient", name, present=value, change=float(theta[0]), unit=unit),
         (name,),
     )
 
 
 def _factor(name: str, members: Sequence[str], values: Mapping[str, float]) -> Candidate:
+    """Coefficients that change by one factor."""
+
     def changes(theta: Array) -> dict[str, float]:
         return {member: (1.0 + float(theta[0])) * values[member] for member in members}
 
-    label = name.partition(" (")[0]
     return Candidate(
         name,
         "group",
         ("1",),
         np.array([0.1]),
         changes,
-        lambda theta: f"{label} {100.0 * theta[0]:+.0f} %",
+        lambda theta: changed("factor", name.partition(" (")[0], factor=1.0 + float(theta[0])),
         tuple(members),
     )
 
 
-_STEPS = 4  # reweightings of Huber's loss
-
-_KNEE = 2.0  # times the median size of a window's errors
+def changed(kind: str, subject: str = "", **values: Any) -> Finding:
+    """A change that is suspected, with its size."""
+    return Finding(kind, Severity.PROBLEM, subject, values)
 
 
 class Whitening:
@@ -329,7 +320,7 @@ class Whitening:
     def __init__(self, log: PredictedLog, spread: Spread, slopes: Sequence[Slopes]) -> None:
         self.log = log
         self.places = [k for k, name in enumerate(CHANNELS) if name in log.channels]
-        start = np.where(np.isfinite(spread.noise), spread.noise, 0.0)[list(INITIAL_PLACES)]
+        start = np.where(np.isfinite(spread.noise), spread.noise, 0.0)[list(SPREAD_SETTINGS.initial_places)]
         self.counted = [mask[:, self.places] for mask in log.counted]
         self.scale, self.shrink = [], []
         for w, slope in enumerate(slopes):
@@ -341,7 +332,7 @@ class Whitening:
         self.weight = np.ones(len(slopes))
         sizes = np.array([float(np.sqrt(np.mean(one**2))) for one in self.of(log.residual)])
         # Huber's weights for whole windows: a few wild ones shall not name the suspect.
-        self.weight = np.minimum(1.0, _KNEE * np.median(sizes) / np.maximum(sizes, 1e-300))
+        self.weight = np.minimum(1.0, CANDIDATE_SETTINGS.knee * np.median(sizes) / np.maximum(sizes, 1e-300))
         self.residual = self.of(log.residual)
         self.cost = sum(float((one**2).sum()) for one in self.residual)
 
@@ -361,7 +352,7 @@ class Whitening:
         normal = sum(part.T @ part for part in own_columns)
         best, least = np.zeros(len(own)), self.cost
         step = theta
-        for _ in range(_STEPS):
+        for _ in range(CANDIDATE_SETTINGS.reweightings):
             at, reach = best + step, None
             for _ in range(3):  # a step too far is halved
                 reach = self._cost(candidate, at)

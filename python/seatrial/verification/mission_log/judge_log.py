@@ -1,11 +1,8 @@
 """`verify_log`: does a model still hold on the log of a mission, and did the mission do what it had to.
 
 A current that was not recorded is no change of the vehicle: where it explains the log best, it is fitted to
-the log (`seatrial.verification.mission_log.suspects`) and the model judged again in it. What such a fit could
-hide counts as not shown.
-
-Tests: ``test_recorded_verdict.py``, ``test_recorded_validity.py`` and ``test_recorded_current.py`` in
-``tests/verification/``.
+the log and the model judged again in it. What such a fit could hide counts as not shown. Held by
+``test_recorded_verdict.py``, ``test_recorded_validity.py`` and ``test_recorded_current.py``.
 """
 
 from __future__ import annotations
@@ -21,25 +18,25 @@ from numpy.typing import ArrayLike
 from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, SimulationError
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.work import Clock, takes
 from seatrial.identification.fitted import Fitted
 from seatrial.inspect.verdict import blind, judge_trial
 from seatrial.trial.trial import Trial
-from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
-from seatrial.verification.mission_log.contradiction import Contradiction, contradictions
+from seatrial.verification.mission_log.candidates import CANDIDATE_SETTINGS, Suspect, candidates
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
 from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
-from seatrial.verification.mission_log.power import GROWN, UNEXPLAINED, Power, group_power
-from seatrial.verification.mission_log.restarts import PredictedLog, restarts
+from seatrial.verification.mission_log.power import Power, group_power
 from seatrial.verification.mission_log.spread import (
+    PredictedLog,
     Spread,
+    restarts,
     spread_of_errors,
     spread_of_noise,
     spread_of_reference,
 )
-from seatrial.verification.mission_log.suspects import current_words, in_current, suspects
-from seatrial.verification.mission_log.unknowns import HORIZON_S
-from seatrial.verification.mission_log.validity import FEWEST_WINDOWS, LEVEL, Validity, validity
+from seatrial.verification.mission_log.suspects import in_current, suspects
+from seatrial.verification.mission_log.validity import VALIDITY_SETTINGS, Validity, contradictions, validity
 from seatrial.verification.mission_log.verdict import JudgedRequirement, LogVerdict, ModelState
 
 if TYPE_CHECKING:
@@ -51,8 +48,19 @@ if TYPE_CHECKING:
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.table import Obstacle
 
-_MUCH, _MOST_OF_IT = 2.0, 0.9
-"""More than twice the usual error left, and no nine tenths explained, is no single change of the vehicle."""
+
+@dataclass(frozen=True)
+class JudgementSettings:
+    """When no single change of the vehicle explains a log: both must hold."""
+
+    #: Error that the best suspect leaves, over the usual error of a valid model.
+    left_ratio: float = 2.0
+    #: Share of the misfit that the best suspect explains at least.
+    explained_share: float = 0.9
+
+
+SETTINGS = JudgementSettings()
+
 
 _QUIET: ModelState = "log too short or too quiet to tell"
 
@@ -90,8 +98,8 @@ class LogSettings:
     draws: int = 4096
     flights: int = 64
     seed: int = 0
-    level: float = LEVEL
-    payload_density_kg_m3: float = PAYLOAD_DENSITY
+    level: float = VALIDITY_SETTINGS.level
+    payload_density_kg_m3: float = CANDIDATE_SETTINGS.payload_density
 
 
 USUAL = LogSettings()
@@ -103,11 +111,11 @@ class ModelJudgement:
     """What a log says of the model; attributes as those of `LogVerdict`."""
 
     model: ModelState
-    reason: str
+    cause: Finding
     validity: Validity | None = None
     suspects: tuple[Suspect, ...] = ()
     power: Power | None = None
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Finding, ...] = ()
     current: tuple[float, float] | None = None
 
 
@@ -122,36 +130,19 @@ def judge_model(
 ) -> ModelJudgement:
     """Judgement of a model by a log, as `seatrial.verify_log` explains its parameters.
 
-    Raises
-    ------
-    TrialError
-        The reference cannot be used.
+    Raises TrialError where the reference cannot be used.
     """
     count, ahead_s, level = len(windows.spans), settings.ahead_s, settings.level
-    if not all(np.isfinite(one).all() for one in windows.predicted):
-        reason = "The prediction diverges: the model cannot be this vehicle's, or its step is too long."
-        return ModelJudgement("re-identify", reason)
-    if count < FEWEST_WINDOWS:
-        many = (
-            f"{count} windows of {ahead_s:g} s are too few"
-            if count > 1
-            else f"One window of {ahead_s:g} s is too few"
-        )
-        reason = f"{many}; fly at least {2 * FEWEST_WINDOWS} of them, {2 * FEWEST_WINDOWS * ahead_s:g} s."
-        return ModelJudgement("not judged", reason)
-    spread, notes = _spread(reference, windows, ahead_s), []
+    if not all(np.isfinite(shown).all() for shown in windows.predicted):
+        return ModelJudgement("re-identify", _because("prediction diverges"))
+    if count < (fewest := VALIDITY_SETTINGS.fewest_windows):
+        cause = _because("too few windows", windows=count, ahead_s=ahead_s, needed=2 * fewest)
+        return ModelJudgement("not judged", cause)
+    spread = _spread(reference, windows, ahead_s)
     windows = windows.without(hidden)
     if not windows.channels:
-        reason = "On every axis commands react to waves: no channel of the log can test a model."
-        return ModelJudgement("not judged", reason)
-    if reference is None:
-        notes.append(
-            "No reference was given: the band holds the log's own noise and the coefficients' spread, but not"
-            " the usual error of a valid model; give a log on which the model is known to hold."
-        )
-    if not known.names:
-        notes.append("The coefficients' covariance is not known: they count as exact.")
-    notes.extend(known.notes)
+        return ModelJudgement("not judged", _because("every axis answers waves"))
+    remarks = _remarks(known, reference)
     drawn = known.draws(settings.draws, settings.seed) if known.names else None
     stated = reference if isinstance(reference, Mapping) else None
     water = windows.trial.current is None
@@ -172,59 +163,57 @@ def judge_model(
     if reference is None:
         judged = settled(judged, power)
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
-    tried = candidates(
-        known.vehicle, identified=known.names, payload_density_kg_m3=settings.payload_density_kg_m3
-    )
+    density = settings.payload_density_kg_m3
+    tried = candidates(known.vehicle, identified=known.names, payload_density_kg_m3=density)
     if not judged.failing:
         listed = suspects(windows, spread, tried, sigma=sigma, current=water) if power.refuted else ()
-        return _not_failing(judged, power, tuple(notes), suspects=listed)
-    guilty, current, lead = suspects(windows, spread, tried, sigma=sigma), None, ""
+        return _not_failing(judged, power, remarks, listed)
+    guilty, current = suspects(windows, spread, tried, sigma=sigma), None
     if water:
+        # A current that was not recorded is no change of the vehicle: it is fitted, and the model judged in
+        # it.
         calm, fitted = in_current(windows, spread)
         in_it = validity(calm, spread, draws=drawn, offsets=offsets, level=level)
-        first = guilty[0] if guilty else None
-        if first is not None and first.kind == "surroundings":
+        if guilty and guilty[0].kind == "surroundings":
             windows, judged, current, power = calm, in_it, fitted, power_on(calm)
-            lead = f"In {current_words(current)}, which was not recorded and is fitted to this log: "
             if not judged.failing:
                 listed = suspects(windows, spread, tried, sigma=sigma, current=False) if power.refuted else ()
-                return _not_failing(judged, power, tuple(notes), current, lead, suspects=listed)
+                return _not_failing(judged, power, remarks, listed, current)
             guilty = suspects(windows, spread, tried, sigma=sigma, current=False)
         elif not in_it.failing:
-            other = "" if first is None else f" as well as this change: {first.change}"
-            reason = (
-                f"The log cannot tell a changed vehicle from the water: {current_words(fitted)}, which"
-                f" was not recorded, explains it{other}. Log the current (zero in a tank), or fly more than"
-                " one heading."
-            )
-            return ModelJudgement(_QUIET, reason, judged, guilty, power_on(calm), tuple(notes))
-    failing = judged.failing
-    worst = "; ".join(one.sentence() for one in failing[:3])
-    text = f"{lead}{'t' if lead else 'T'}he log leaves the model's band in {_some(len(failing))}: {worst}."
-    unexplained = not guilty or (guilty[0].left > _MUCH and guilty[0].gain < _MOST_OF_IT)
-    text += f" {_NOTHING_EXPLAINS}" if unexplained else f" Suspected first: {guilty[0].change}."
-    return ModelJudgement("re-identify", text, judged, guilty, power, tuple(notes), current)
+            cause = _because("vehicle or water", north_m_s=fitted[0], east_m_s=fitted[1])
+            return ModelJudgement(_QUIET, cause, judged, guilty, power_on(calm), remarks)
+    explained = bool(guilty) and (
+        guilty[0].left <= SETTINGS.left_ratio or guilty[0].gain >= SETTINGS.explained_share
+    )
+    cause = _because("outside the band", explained=explained)
+    return ModelJudgement("re-identify", cause, judged, guilty, power, remarks, current)
 
 
-_NOTHING_EXPLAINS = (
-    "No single change of the vehicle explains this log: check units, signs and the column map, the water's"
-    " density and the supply, and that this vehicle flew it, before you identify anew."
-)
+def _because(kind: str, **values: Any) -> Finding:
+    """Why a model has its state."""
+    return Finding(kind, Severity.PROBLEM, values=values)
+
+
+def _remarks(known: Fitted, reference: Any) -> tuple[Finding, ...]:
+    """What was not known of the model and of its usual error."""
+    remarks = [] if reference is not None else [Finding("no reference", Severity.NOTE)]
+    if not known.names:
+        remarks.append(Finding("covariance unknown", Severity.NOTE))
+    return (*remarks, *(Finding("fit", Severity.NOTE, values={"note": note}) for note in known.notes))
 
 
 def _not_failing(
     judged: Validity,
     power: Power,
-    notes: tuple[str, ...],
+    remarks: tuple[Finding, ...],
+    suspects: tuple[Suspect, ...],
     current: tuple[float, float] | None = None,
-    lead: str = "",
-    suspects: tuple[Suspect, ...] = (),
 ) -> ModelJudgement:
     """Inside the band: valid where the log could have refuted the model on each controlled axis."""
-    model, reason = state_inside(judged, power)
-    reason = f"{lead}{reason[0].lower()}{reason[1:]}" if lead else reason
+    model, cause = state_inside(judged, power)
     listed = suspects if model == "re-identify" else ()
-    return ModelJudgement(model, reason, judged, listed, power, notes, current)
+    return ModelJudgement(model, cause, judged, listed, power, remarks, current)
 
 
 def settled(judged: Validity, power: Power) -> Validity:
@@ -240,57 +229,23 @@ def settled(judged: Validity, power: Power) -> Validity:
     return replace(judged, channels=channels)
 
 
-def state_inside(judged: Validity, power: Power) -> tuple[ModelState, str]:
+def state_inside(judged: Validity, power: Power) -> tuple[ModelState, Finding]:
     """State of a model whose log stays inside the band, and why."""
-    if refuted := power.refuted:
-        listed = "; ".join(
-            f"{one.group.words} ({', '.join(one.group.names)}) {one.factor:.2g} times as much"
-            f" (standard deviation {one.sigma:.2g}, p = {_p(one.p)})"
-            for one in refuted[:3]
-        )
-        return "re-identify", (
-            "The log stays inside the band that the references leave, and yet asks for other coefficients"
-            f" than the stated intervals allow: {listed}."
-        )
+    if power.refuted:
+        return "re-identify", _because("coefficients refuted")
     # What the noise of the sensors explains within seconds is no doubt of the model.
-    doubts = [one for name, one in judged.channels.items() if one.doubtful and power.doubts(name)]
-    if doubtful := [one.sentence() for one in doubts]:
-        return _QUIET, (
-            "More of the log is outside the band than a valid model should leave, and less than would refute"
-            f" it: {'; '.join(doubtful[:3])}. Fly longer, or give longer references."
-        )
-    if unexplained := power.unexplained:
-        listed = ", ".join(
-            f"{name} ({power.left[name]:.2g} times the noise, {power.grown[name]:.2g} times its pieces)"
-            for name in unexplained
-        )
-        return "not judged", (
-            "The model misses this log by more than the noise of the sensors and the stated intervals explain"
-            f" (an error of more than {UNEXPLAINED:g} times the noise, or {GROWN:g} times larger in whole"
-            f" windows than in pieces of {HORIZON_S:g} s), and no change of one group of coefficients"
-            f" accounts for it: {listed}."
-        )
-    if unjudged := power.unjudged:
-        return "not judged", (
-            f"This log could not have refuted the model on every controlled axis: on {', '.join(unjudged)} no"
-            " channel would have shown any group of coefficients halved and doubled with 95 % power. Record a"
-            f" log that moves {'these axes' if len(unjudged) > 1 else 'this axis'}: change speed, heading,"
-            " depth and attitude in steps."
-        )
-    seen = [one.group.words for one in power.tests if one.enough]
-    unseen = [one.group.words for one in power.tests if not one.enough]
-    reason = (
-        f"{100.0 * judged.outside:.1f} % of the log is outside the model's 95 % band, no channel by more than"
-        f" chance. It would have shown half and double of {', '.join(seen)}."
-    )
-    return "model still valid", f"{reason} It says nothing of {', '.join(unseen)}." if unseen else reason
-
-
-def _p(p: float) -> str:
-    return f"{p:.2g}" if p >= 1e-4 else "below 0.0001"
+    doubts = [name for name, channel in judged.channels.items() if channel.doubtful and power.doubts(name)]
+    if doubts:
+        return _QUIET, _because("channels in doubt", channels=doubts)
+    if power.unexplained:
+        return "not judged", _because("error unexplained")
+    if power.unjudged:
+        return "not judged", _because("axes unjudged")
+    return "model still valid", Finding("inside the band", Severity.NOTE)
 
 
 def _spread(reference: Any, windows: PredictedLog, ahead_s: float) -> Spread:
+    """Spread of a valid model's errors by what was given as reference."""
     if reference is None:
         return spread_of_noise(windows)
     if isinstance(reference, Spread):
@@ -301,10 +256,6 @@ def _spread(reference: Any, windows: PredictedLog, ahead_s: float) -> Spread:
     return spread_of_reference([
         restarts(windows.vehicle, one, ahead_s=ahead_s, input=windows.input) for one in given
     ])
-
-
-def _some(count: int) -> str:
-    return "one channel" if count == 1 else f"{count} channels"
 
 
 @takes(settings=LogSettings)
@@ -380,16 +331,16 @@ def verify_log(
         # Sensors that contradict one another judge no model.
         wrong = contradictions(record.trial, windows.channels)
         judged = (
-            ModelJudgement("not judged", _contradicted(wrong[0]))
+            ModelJudgement("not judged", _because("sensors contradict"))
             if wrong
             else judge_model(known, windows, reference, settings, offsets=offsets, hidden=hidden)
         )
         steps = logged_steps(record, corridors or {})
-        notes = [*judged.notes, *_without_steps(corridors or {}, [step.loop for step in steps])]
+        remarks = (*judged.remarks, *_without_steps(corridors or {}, [step.loop for step in steps]))
         envelope, pilot = None, _pilot(autopilot)
         # Only what was flown can be flown again, in the current that explains the log where none is given.
         if pilot is not None and flown is not None:
-            from seatrial.verification.mission_log.envelope import mission_envelope
+            from seatrial.verification.mission_log.log import mission_envelope
 
             if current is None and judged.current is not None:
                 current = [*judged.current, 0.0]
@@ -406,7 +357,8 @@ def verify_log(
         return LogVerdict(
             log=record,
             model=judged.model,
-            reason=judged.reason + ("" if wrong else _hidden(hidden, record.trial)),
+            cause=judged.cause,
+            hidden=() if wrong else _unjudging(hidden, record.trial),
             contradictions=wrong,
             validity=judged.validity,
             suspects=judged.suspects,
@@ -415,7 +367,7 @@ def verify_log(
             requirements=tuple(_required(requirement, metrics) for requirement in requirements),
             steps=steps,
             envelope=envelope,
-            notes=tuple(notes),
+            remarks=remarks,
             current=judged.current,
             vehicle=known.vehicle,
             autopilot=pilot,
@@ -424,20 +376,10 @@ def verify_log(
         )
 
 
-def _contradicted(wrong: Contradiction) -> str:
-    """A sentence on the channels that tell of two motions."""
-    return f"{wrong.sentence()}: whatever the model, one of them is wrong."
-
-
-def _hidden(axes: str, trial: Trial) -> str:
-    """A sentence on the channels that do not judge the model."""
-    own = [name for place, name in enumerate(CHANNELS) if AXES[place % 6] in axes and name in trial.channels]
-    if not own:
-        return ""
-    return (
-        f" Not judged: {', '.join(own)}: here the autopilot's commands answer disturbances and noise, which a"
-        " replay does not have. Log preset steps, or a dither on top of the autopilot (seatrial plan with a"
-        " campaign of this log)."
+def _unjudging(axes: str, trial: Trial) -> tuple[str, ...]:
+    """Channels of axes whose commands answer waves and noise, which a replay does not have."""
+    return tuple(
+        name for place, name in enumerate(CHANNELS) if AXES[place % 6] in axes and name in trial.channels
     )
 
 
@@ -476,10 +418,7 @@ def _pilot(autopilot: Any) -> Autopilot | None:
     return autopilot_of(autopilot)
 
 
-def _without_steps(corridors: Mapping[str, Corridor], seen: Sequence[str]) -> list[str]:
-    """A sentence on corridors for which the log holds no step."""
-    least = {name: one.until_s for name, one in corridors.items() if name not in seen}
-    if not least:
-        return []
-    listed = ", ".join(f"{name} ({until:g} s)" for name, until in least.items())
-    return [f"The log holds no set-point step that stands until its corridor ends: {listed}."]
+def _without_steps(corridors: Mapping[str, Corridor], seen: Sequence[str]) -> list[Finding]:
+    """Corridors for which the log holds no step."""
+    least = {name: corridor.until_s for name, corridor in corridors.items() if name not in seen}
+    return [Finding("no step", Severity.NOTE, values={"until_s": least})] if least else []

@@ -1,19 +1,8 @@
-"""The log of a mission: what the sensors told as a trial, and beside it set points, errors and legs.
+"""The log of a mission as a trial with what guidance wanted, and the envelope of flights about it.
 
-A log that `seatrial fly` wrote holds the true motion under the canonical names and what the autopilot was
-told as ``measured.…``. No sea trial knows the truth, so it is read by what was told, and the
-surface of the flight is known. Logs of other origin are read as any trial is; their columns
-``desired.speed_m_s``, ``desired.lateral_m_s``, ``desired.heading_deg``, ``desired.pitch_deg``,
-``desired.depth_m``, ``error.cross_track_m``, ``error.vertical_m``, ``leg``, ``distance_m``, ``reaction``,
-``power_w``, ``energy_wh``, ``altitude_m`` are taken where they are there.
-
-A reference is thinned to the rate of the log before its errors are taken: commands between two samples are
-not known and count as held, smoothed states err more, and so a model that holds misses a slow log further
-than a fast one. An offset of a sensor starts every window of a log with the same wrong state; no number of
-windows averages it out, so that it belongs to the band like a coefficient that is not known exactly.
-
-Tests: ``test_recorded_mission.py``, ``test_recorded_campaign.py`` and ``test_recorded_validity.py`` in
-``tests/verification/``.
+No sea trial knows the truth: a log that `seatrial fly` wrote is read by what the autopilot was told
+(``measured.…``), at the sea's surface. Held by ``test_recorded_mission.py``, ``test_recorded_campaign.py``
+and ``test_recorded_validity.py`` in ``tests/verification/``.
 """
 
 from __future__ import annotations
@@ -26,19 +15,39 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from seatrial._core import State
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
-from seatrial.base.errors import TrialError
+from seatrial.base.errors import SimulationError, TrialError
+from seatrial.base.frames import shorter
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 from seatrial.trial.columns import columns_of, parse
 from seatrial.trial.readers import read_table
 from seatrial.trial.trial import Trial
+from seatrial.verification.mission_log.metrics import errors_of_guidance
 
 if TYPE_CHECKING:
-    from seatrial._core import Vehicle
+    from seatrial._core import Autopilot, Flights, Vehicle
+    from seatrial.flight.mission import Mission
+    from seatrial.identification.fitted import Fitted
 
-_FLOWN_SURFACE_M = 0.0  # flights have the sea's surface at depth 0 (docs/theory/surface.md)
+
+@dataclass(frozen=True)
+class MissionLogSettings:
+    """How a log is read, thinned and set against the flights of its envelope."""
+
+    #: Depth of the sea's surface in flights, m (docs/theory/surface.md).
+    flown_surface_m: float = 0.0
+    #: Ratio of two intervals below which they are the same up to rounding to whole samples.
+    thinning_ratio: float = 1.5
+    #: Of fewer flights, no rank leaves 2.5 % on either side.
+    fewest_flights: int = 39
+
+
+SETTINGS = MissionLogSettings()
+
 
 _BESIDE = {
     "desired.speed_m_s": ("speed", 1.0),
@@ -129,13 +138,13 @@ class MissionLog:
                     " give the log's file"
                 )
             name = name or folder.name
-            options.setdefault("surface", _FLOWN_SURFACE_M)
+            options.setdefault("surface", SETTINGS.flown_surface_m)
         read = read_table(source, options.pop("reader", None), columns_of(columns))
         table, file = read.table, read.file
         told = {c.removeprefix(_MEASURED): c for c in table.columns if c.startswith(_MEASURED)}
         told.pop("altitude_m", None)
         if told:  # the table of a flight
-            options.setdefault("surface", _FLOWN_SURFACE_M)
+            options.setdefault("surface", SETTINGS.flown_surface_m)
         mapped: dict[str, Any] = dict(told) | dict(columns or {})
         if told and any(column in table.columns for column in told):
             table = table.drop([column for column in told if column in table.columns])
@@ -176,12 +185,13 @@ def _held(t: Array, times: Array, values: Array) -> Array:
     return np.asarray(values[rows])
 
 
-_FASTER = 1.5  # intervals that differ by less are the same up to rounding to whole samples
-
-
 def thinned(trial: Trial, dt: float) -> Trial:
-    """Trial with every n-th of its samples, as far apart as `dt`, s; itself where it is no faster."""
-    if dt < _FASTER * trial.dt:
+    """Trial with every n-th of its samples, as far apart as `dt`, s; itself where it is no faster.
+
+    Commands between two samples are not known and count as held, and smoothed states err more: a model that
+    holds misses a slow log further than a fast one, so that a reference is thinned to the rate of the log.
+    """
+    if dt < SETTINGS.thinning_ratio * trial.dt:
         return trial
     every, count = round(dt / trial.dt), len(trial)
 
@@ -196,11 +206,12 @@ def thinned(trial: Trial, dt: float) -> Trial:
 
 _IN_CORE = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
 
-_OFFSET = 1  # column of the core's table of sensor errors
-
 
 def offsets_of(sensors: Any, vehicle: Vehicle) -> dict[str, float]:
     """Standard deviation of the offset of each channel, SI, by a set of sensors as for `seatrial.fly`.
+
+    An offset starts every window of a log with the same wrong state; no number of windows averages it out, so
+    that it belongs to the band like a coefficient that is not known exactly.
 
     Examples
     --------
@@ -209,7 +220,208 @@ def offsets_of(sensors: Any, vehicle: Vehicle) -> dict[str, float]:
     ['p', 'pitch', 'q']
     """
     fitted = sensors_of(sensors, vehicle)
-    errors = sensor_channels(fitted, 0.1).errors[: len(_IN_CORE), _OFFSET]
+    offset_column = 1  # of the core's table of sensor errors
+    errors = sensor_channels(fitted, 0.1).errors[: len(_IN_CORE), offset_column]
     found = dict(zip(_IN_CORE, (float(x) for x in errors), strict=True))
     # An offset of the position moves start and path alike.
     return {name: found[name] for name in CHANNELS if found[name] > 0.0 and name not in ("x", "y", "z")}
+
+
+QUANTITIES: Mapping[str, tuple[str, str]] = {
+    "depth": ("depth", "m"),
+    "speed": ("speed", "m/s"),
+    "pitch": ("pitch", "rad"),
+    "cross_track": ("cross-track error", "m"),
+    "heading": ("heading error", "rad"),
+}
+"""Words and SI unit of every quantity of an envelope."""
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """One quantity: 2.5 %, 50 % and 97.5 % over the flights and the log, all (n,), SI.
+
+    ``outside`` is the share of the log's samples outside the band.
+    """
+
+    lower: Array
+    middle: Array
+    upper: Array
+    log: Array
+    outside: float
+
+    @property
+    def is_outside(self) -> NDArray[np.bool_]:
+        """Samples of the log outside the band, (n,)."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray((self.log < self.lower) | (self.log > self.upper))
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """Envelope of a mission with the log in it.
+
+    Attributes
+    ----------
+    t
+        Times since the start of the log, (n,), s.
+    bands
+        A `Band` by the name of the quantity, see `QUANTITIES`.
+    flights
+        How many flights it rests on.
+    metrics
+        Metrics of the flights, (k,) each, by the names of `Flight.metrics`.
+    """
+
+    t: Array
+    bands: Mapping[str, Band]
+    flights: int
+    metrics: Mapping[str, Array]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Share outside by quantity, and quantiles of the metrics, as plain data."""
+        return {
+            "flights": self.flights,
+            "outside": {name: band.outside for name, band in self.bands.items()},
+            "metrics": {
+                name: [float(x) for x in prediction_band(values)]
+                for name, values in self.metrics.items()
+                if np.isfinite(values).any()
+            },
+        }
+
+
+def prediction_band(values: Array) -> Array:
+    """Values (3, ...) between the outer two of which a further one of k falls with 95 %, and their median.
+
+    The ranks 0.025 (k + 1) and 0.975 (k + 1) (Weibull 1939; Hyndman & Fan 1996, The American Statistician
+    50:361, definition 6) exist from 39 flights on. `values` (k, ...); nan where a flight has none.
+    """
+    # Median and ends of the middle 95 %.
+    return np.asarray(np.nanquantile(values, (0.025, 0.5, 0.975), axis=0, method="weibull"))
+
+
+def mission_envelope(
+    fitted: Fitted,
+    log: MissionLog,
+    autopilot: Autopilot,
+    mission: Mission,
+    *,
+    flights: int = 64,
+    seed: int = 0,
+    sensors: Any = None,
+    current: ArrayLike | None = None,
+    voltage_v: float | None = None,
+) -> Envelope:
+    """Envelope of a mission with the log in it.
+
+    The mission is flown k times in closed loop, each time with coefficients drawn from their covariance,
+    other noise of the sensors and, where given, another current; `prediction_band` is taken over the flights
+    at the same time since the start.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        The vehicle and how well it is known.
+    log : MissionLog
+    autopilot : Autopilot
+    mission : Mission
+        What was flown.
+    flights : int, optional
+        How many flights, at least 39; of some more, a few may end before the log does.
+    seed : int, optional
+    sensors : optional
+        As for `seatrial.fly`.
+    current : (3,) or (flights, 3) array_like, optional
+        North, east, down, m/s; the mean of the recorded one when omitted.
+    voltage_v : float, optional
+        Supply, V; the mean of the recorded one when omitted.
+
+    Raises
+    ------
+    SimulationError
+        Too few flights, or too many of them diverged.
+    """
+    from seatrial.flight.conditions import Conditions, Water
+    from seatrial.flight.fly import fly_batch
+    from seatrial.flight.metrics import CODED, metrics_of
+
+    if flights < SETTINGS.fewest_flights:
+        raise SimulationError(
+            f"flights: expected at least {SETTINGS.fewest_flights} for a band of 95 %, found {flights};"
+            " fly more"
+        )
+    trial = log.trial
+    if current is None:
+        current = np.zeros(3) if trial.current is None else np.nanmean(trial.current, axis=0)
+    if voltage_v is None and trial.voltage_v is not None:
+        voltage_v = float(np.nanmean(trial.voltage_v))
+    first = int(np.flatnonzero(trial.startable)[0]) if trial.startable.any() else 0
+    drawn = fitted.draws(flights, seed) if fitted.names else None
+    flown = fly_batch(
+        fitted.vehicle,
+        autopilot,
+        mission,
+        coefficients=drawn,
+        conditions=Conditions(
+            model=fitted.vehicle, sensors=sensors, initial=State(*trial.state(first)), voltage_v=voltage_v
+        ),
+        water=Water(current=current, rho=trial.rho, g=trial.g),
+        seeds=[seed + 1 + k for k in range(flights)],
+        logs=True,
+    )
+    t = trial.t - trial.t[first]
+    t = t[t >= 0.0]
+    shown = [_quantities(flown, case, t) for case in range(flights)]
+    recorded = _recorded(log, mission, first)
+    bands = {}
+    for name in QUANTITIES:
+        if name not in recorded:
+            continue
+        stack = np.stack([one[name] for one in shown])
+        enough = np.isfinite(stack).sum(axis=0) >= SETTINGS.fewest_flights
+        lower, middle, upper = np.full((3, len(t)), np.nan)
+        if enough.any():
+            lower[enough], middle[enough], upper[enough] = prediction_band(stack[:, enough])
+        band = Band(lower, middle, upper, recorded[name], 0.0)
+        seen = np.isfinite(lower) & np.isfinite(band.log)
+        share = float(band.is_outside[seen].mean()) if seen.any() else float("nan")
+        bands[name] = Band(lower, middle, upper, band.log, share)
+    if not any(np.isfinite(band.middle).any() for band in bands.values()):
+        raise SimulationError(
+            f"{fitted.vehicle.name}: fewer than {SETTINGS.fewest_flights} of {flights} flights of"
+            f" {mission.name} did not diverge; check the autopilot and the covariance of the coefficients, or"
+            " fly more"
+        )
+    metrics = {name: value for name, value in metrics_of(flown).items() if name not in CODED}
+    return Envelope(t, bands, flights, metrics)
+
+
+def _quantities(flown: Flights, case: int, t: Array) -> dict[str, Array]:
+    """Quantities of a flight at times (n,), nan after its end; angles without jumps."""
+    columns = dict(zip(flown.columns, np.asarray(flown.log(case)).T, strict=True))
+    own = np.asarray(flown.t(case))
+    rows = np.searchsorted(own, t + 1e-6, side="right") - 1
+    over = t > own[-1] + 1e-6
+
+    def held(values: Array) -> Array:
+        return np.where(over, np.nan, values[np.clip(rows, 0, len(own) - 1)])
+
+    return {
+        "depth": held(columns["measured_z"]),
+        "speed": held(columns["measured_u"]),
+        "pitch": held(columns["measured_pitch"]),
+        "cross_track": held(columns["cross_track"]),
+        "heading": shorter(held(columns["desired_heading"] - columns["measured_yaw"])),
+    }
+
+
+def _recorded(log: MissionLog, mission: Mission, first: int) -> dict[str, Array]:
+    found = {
+        name: log.trial.channel(channel)
+        for name, channel in (("depth", "z"), ("speed", "u"), ("pitch", "pitch"))
+        if channel in log.trial.channels
+    }
+    errors = errors_of_guidance(log, mission)
+    found |= {name: errors[name] for name in ("cross_track", "heading") if name in errors}
+    return {name: values[first:] for name, values in found.items()}

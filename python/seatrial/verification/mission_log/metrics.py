@@ -264,9 +264,18 @@ _LOOPS = {
     "heading": ("heading", "yaw", math.radians(5.0)),
 }
 
-_RAMP = 0.25  # of a corridor: a set point that moves for longer is no step
 
-_STILL = 1e-6  # rounding of a set point that stands
+@dataclass(frozen=True)
+class LogMetricsSettings:
+    """Which set points of a log count as steps."""
+
+    #: Share of a corridor: a set point that moves for longer is no step.
+    ramp_share: float = 0.25
+    #: Largest change of a set point that stands still.
+    rounding: float = 1e-6
+
+
+SETTINGS = LogMetricsSettings()
 
 
 @dataclass(frozen=True)
@@ -310,7 +319,7 @@ def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[Lo
         wanted, done = log.beside[key], _smoothed_set_point(log, channel)
         # A set point that stands for 5 s before it moves begins a step.
         stand, length = round(5.0 / dt), round(corridor.until_s / dt)
-        for stood, last in _ramps(wanted, key, round(_RAMP * corridor.until_s / dt)):
+        for stood, last in _ramps(wanted, key, round(SETTINGS.ramp_share * corridor.until_s / dt)):
             first = stood + 1
             after = slice(first, first + length + 1)
             if first < stand or first + length >= len(t):
@@ -330,7 +339,7 @@ def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[Lo
 def _ramps(wanted: Array, key: str, longest: int) -> list[tuple[int, int]]:
     """First and last sample of every change in one direction that is no longer than so many samples."""
     change = _change(wanted, key)
-    direction = np.where(np.isfinite(change) & (np.abs(change) > _STILL), np.sign(change), 0.0)
+    direction = np.where(np.isfinite(change) & (np.abs(change) > SETTINGS.rounding), np.sign(change), 0.0)
     edges = np.flatnonzero(np.diff(direction)) + 1
     first = np.concatenate([[0], edges])
     last = np.concatenate([edges, [len(direction)]])

@@ -4,7 +4,7 @@ A channel inside its band speaks for a model only where the log could have refut
 axis form three groups (added mass; damping; lift and couplings), the actuators one per group of them. Each is
 tried as a factor ``1 + theta`` on all its members, beside all other unknowns of the log with their stated
 sizes (`seatrial.verification.mission_log.unknowns`), in the judged windows whole and in pieces of
-`unknowns.HORIZON_S`: a push shows within seconds, the damping of a slow mode after many.
+``horizon_s``: a push shows within seconds, the damping of a slow mode after many.
 
 Least squares with the priors of the unknowns (Schur complements, window by window) give theta, a score test
 of each group. Its variance is that of the jackknife over windows or, where larger, that of white noise, with
@@ -12,14 +12,14 @@ Satterthwaite's degrees of freedom, as in `seatrial.statistics.score_test`. With
 deviation of theta, and a level shared by G groups (Holm) and, within a group, by whole windows and pieces, in
 each by all C channels together and by each of them alone,
 
-    refuted:            |theta| > t(level / 8 G C) sigma   and   the factor is beyond `MATERIAL`,
+    refuted:            |theta| > t(level / 8 G C) sigma   and   the factor is beyond ``material``,
     shown with 95 %:    |theta| >= max(t(level / 8 G C) sigma, material) + t(5 %) sigma.
 
 The second, of a channel alone, is the smallest change that this channel would have shown. An axis is judged
-where a channel would have shown a group of it halved and doubled (`SHOWN`).
+where a channel would have shown a group of it halved and doubled (``shown``).
 
-What no group explains shows in the error that is left at the best unknowns: beyond `UNEXPLAINED` times the
-noise, or, since the noise is known roughly and white noise is no larger in a longer window, beyond `GROWN`
+What no group explains shows in the error that is left at the best unknowns: beyond ``unexplained`` times the
+noise, or, since the noise is known roughly and white noise is no larger in a longer window, beyond ``grown``
 times as large in whole windows as in pieces.
 
 Source: Rao (1948), Proc. Camb. Phil. Soc. 44:50 (score test); Kuensch (1989), Ann. Stat. 17:1217 (jackknife
@@ -43,7 +43,7 @@ from seatrial.base.plain import Plain
 from seatrial.statistics.multiple_testing import holm
 from seatrial.vehicle.actuators import actuator_groups
 from seatrial.verification.mission_log.unknowns import (
-    FEWEST_WINDOWS,
+    UNKNOWNS_SETTINGS,
     Point,
     Unknowns,
     explained_best,
@@ -56,28 +56,33 @@ from seatrial.verification.mission_log.unknowns import (
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.identification.fitted import Fitted
-    from seatrial.verification.mission_log.restarts import PredictedLog
+    from seatrial.verification.mission_log.spread import PredictedLog
 
-MATERIAL = 1.25
-"""Least factor, or its inverse, that refutes: the best model of a class that lacks something of the vehicle
-is off by what it lacks, in single groups by some percent, and still the best one."""
 
-UNEXPLAINED = 2.0
-"""Error over noise beyond which a channel is not explained. The noise itself is known to within a factor of
-1.7: held samples of a slow sensor look smoother than they are (a true BlueROV2 Heavy with a slow DVL)."""
+@dataclass(frozen=True)
+class PowerSettings:
+    """When a log would have shown, or refutes, a group of coefficients."""
 
-EXPLAINED = 1.5
-"""Error over noise up to which a channel is explained: true models of three vehicles leave 1.0 to 1.3."""
+    #: Least factor, or its inverse, that refutes: the best model of a class that lacks something of the
+    #: vehicle is off by what it lacks, in single groups by some percent, and still the best one.
+    material: float = 1.25
+    #: Error over noise beyond which a channel is not explained. The noise itself is known to within a factor
+    #: of 1.7: held samples of a slow sensor look smoother than they are (a true BlueROV2 Heavy, slow DVL).
+    unexplained: float = 2.0
+    #: Error over noise up to which a channel is explained: true models of three vehicles leave 1.0 to 1.3.
+    explained: float = 1.5
+    #: Error of whole windows over that of their pieces beyond which it is no noise: true models of three
+    #: vehicles leave 0.95 to 1.1.
+    grown: float = 1.25
+    #: A channel speaks for a group where the group doubled and halved would both have shown: gain margins of
+    #: 6 dB forgive a factor of two in a loop and no more.
+    shown: float = 2.0
+    #: Chance with which a change shows: the usual counterpart of intervals of 95 %.
+    power: float = 0.95
 
-GROWN = 1.25
-"""Error of whole windows over that of their pieces beyond which it is no noise: true models of three vehicles
-leave 0.95 to 1.1."""
 
-SHOWN = 2.0
-"""A channel speaks for a group where the group doubled and halved would both have shown: gain margins of 6 dB
-forgive a factor of two in a loop and no more."""
+POWER_SETTINGS = PowerSettings()
 
-POWER = 0.95  # the usual counterpart of intervals of 95 %
 
 _ADDED = re.compile(r"[XYZKMN]_[uvwpqr]dot")
 _OWN = {axis: re.compile(rf"{axis}_({own})\1?") for axis, own in zip("XYZKMN", "uvwpqr", strict=True)}
@@ -150,7 +155,12 @@ class Shown:
     @property
     def enough(self) -> bool:
         """Whether the group halved and doubled would both have shown."""
-        return self.down is not None and self.down >= 1.0 / SHOWN and self.up is not None and self.up <= SHOWN
+        return (
+            self.down is not None
+            and self.down >= 1.0 / POWER_SETTINGS.shown
+            and self.up is not None
+            and self.up <= POWER_SETTINGS.shown
+        )
 
 
 @dataclass(frozen=True)
@@ -240,7 +250,11 @@ class Power(Plain, only="controlled_axes unjudged_axes windows left grown groups
     @property
     def unexplained(self) -> tuple[str, ...]:
         """Channels whose error is far beyond the noise, or grows from piece to window, the farthest first."""
-        beyond = (name for name, x in self.left.items() if x > UNEXPLAINED or self.grown[name] > GROWN)
+        beyond = (
+            name
+            for name, x in self.left.items()
+            if x > POWER_SETTINGS.unexplained or self.grown[name] > POWER_SETTINGS.grown
+        )
         return tuple(sorted(beyond, key=lambda name: -self.left[name]))
 
     def doubts(self, channel: str) -> bool:
@@ -248,7 +262,10 @@ class Power(Plain, only="controlled_axes unjudged_axes windows left grown groups
 
         Not where the channel could have refuted the model and its error is that of its noise.
         """
-        explained = self.left.get(channel, np.inf) <= EXPLAINED and self.grown.get(channel, np.inf) <= GROWN
+        explained = (
+            self.left.get(channel, np.inf) <= POWER_SETTINGS.explained
+            and self.grown.get(channel, np.inf) <= POWER_SETTINGS.grown
+        )
         return not self.shown_in(channel) or not explained
 
     def shown_in(self, channel: str) -> tuple[GroupTest, ...]:
@@ -305,7 +322,7 @@ def group_power(
     controlled = "".join(log.vehicle.controllable) or "XYZKMN"
     groups = coefficient_groups(log.vehicle, actuators=log.input != "tau")
     nothing = Power((), controlled, len(whole.spans), {}, {})
-    if len(whole.spans) < FEWEST_WINDOWS or not groups:
+    if len(whole.spans) < UNKNOWNS_SETTINGS.fewest_windows or not groups:
         return nothing
     noise = np.hypot(sensor_noise(log.trial), [(stated or {}).get(name, 0.0) for name in CHANNELS])
     judging = whole.channels if stated is None else [name for name in whole.channels if name in stated]
@@ -357,7 +374,7 @@ def _tests(
 
 
 def _material(theta: float) -> bool:
-    return not 1.0 / MATERIAL <= 1.0 + theta <= MATERIAL
+    return not 1.0 / POWER_SETTINGS.material <= 1.0 + theta <= POWER_SETTINGS.material
 
 
 @dataclass(frozen=True)
@@ -423,13 +440,13 @@ class _Evidence:
 
 
 def _smallest(of: _Estimates, g: int, level: float) -> Shown:
-    """Smallest factors that would be refuted with the chance `POWER`."""
+    """Smallest factors that would be refuted with the chance `PowerSettings.power`."""
     from scipy.stats import t as student
 
     sigma = float(of.sigma[g])
     if not np.isfinite(sigma):
         return Shown(None, None)
-    critical, beyond = student.isf([0.5 * level, 1.0 - POWER], of.freedom[g]) * sigma
-    up = max(critical, MATERIAL - 1.0) + beyond
-    down = max(critical, 1.0 - 1.0 / MATERIAL) + beyond
+    critical, beyond = student.isf([0.5 * level, 1.0 - POWER_SETTINGS.power], of.freedom[g]) * sigma
+    up = max(critical, POWER_SETTINGS.material - 1.0) + beyond
+    down = max(critical, 1.0 - 1.0 / POWER_SETTINGS.material) + beyond
     return Shown(float(1.0 - down) if down < 1.0 else None, float(1.0 + up))

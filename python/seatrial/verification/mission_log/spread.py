@@ -1,59 +1,293 @@
-"""How far a valid model may miss a log: the spread of its predictions beside that of the coefficients.
+"""Predictions of a log in windows restarted every few seconds, and how far a valid model may miss it.
 
-A model predicts no better than it did where it was known to hold: sensors err, the state at a restart errs
-with them, the water moves, and every model leaves something out. Where that is known from
-
-| source | spread of a channel at time t since the restart |
-|---|---|
-| logs on which the model is known to hold | rms there, at least the 95 % quantile of the error over 1.96 |
-| an error per channel, as of `score` | ``rms sqrt(1/2 + t/T)``: half constant, half a random walk |
-| nothing but the log itself | noise n of the first moments after a restart, and what it does to a start |
-
-it is that; in the last case ``s^2 = n^2 + sum_k (dy/dx0_k n_k)^2`` has no room for what every model leaves
-out, so that it suits generated logs and very good models, and says so.
-
-*Worth of a share.* Neighbouring samples err alike, so a window is a cluster. The share x of all samples has
-the variance of the windows' sums (ratio estimator), widened where neighbouring windows correlate by r > 0,
-and is worth
-
-    n* = x (1 - x) / var(x) (t_{n-1} / t_{B-1})^2
-
-independent samples: at least one per window (fewer where they correlate), at most n. The interval of 95 % is
-Clopper and Pearson's with these. Source: Korn & Graubard (1998), Survey Methodology 24:193; the ratio
-estimator as in Cochran, *Sampling Techniques* (1977), chapter 9.
-
-*Chance of a share.* Of a valid model a share x of the samples lies outside the 95 % band: 5 % of them, or
-more where the vehicle has coefficients, or the sensors offsets, that their covariance allows. With x_j the
-share of draw j of K, a share of h/n* of n* independent samples has the predictive p-value (Box 1980, JRSS A
-143:383)
-
-    p = (1 + sum_j P(X >= h | n*, x_j)) / (1 + K),
-
-X binomial, x_j at least 5 %. The ones are what K draws cannot tell: a vehicle further out than all of them
-is possible, and p is never smaller than 1/(1 + K) (Davison & Hinkley 1997, *Bootstrap Methods*, section
-4.2). Where the 5 % themselves rest on a reference worth n_r samples, x_j is Beta(n_r x_j, n_r (1 - x_j)).
-
-Tests: ``tests/verification/test_recorded_validity.py``.
+A closed loop hides errors of its model: the autopilot pushes harder, and the path is kept. It cannot hide
+that the commands which it gave do not belong to the motion that followed: windows restarted from the smoothed
+log and driven by the logged commands show that. Held by ``tests/verification/test_recorded_validity.py``.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.base.arrays import Array
-from seatrial.base.channels import CHANNELS
+from seatrial._core import initial_names
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import TrialError, nearest
-from seatrial.verification.mission_log.restarts import PredictedLog
+from seatrial.base.finding import Finding, Severity
+from seatrial.base.report import clause_of
+from seatrial.scoring.record import Record, Replay, restarted
+from seatrial.scoring.windows import default_input, predict, windows
+from seatrial.trial.trial import Input
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+
+
+@dataclass(frozen=True)
+class SpreadSettings:
+    """How a log is cut into windows, and how far a valid model may miss it."""
+
+    #: Fewer samples per window tell nothing of how an error grows.
+    least_samples: int = 8
+    #: Longest step of the integration, s; the rates of vehicles of a metre and more stay well below its
+    #: inverse.
+    substep_s: float = 0.05
+    #: Pitch, rad, beyond which roll and yaw do not count.
+    steep: float = math.radians(70.0)
+    #: Parts of the time since a restart.
+    bins: int = 12
+    #: Quantile of the normal distribution for 95 % between both ends.
+    normal_95: float = 1.959964
+    #: Channel of every initial condition in the core's order: position, attitude, velocity.
+    initial_places: tuple[int, ...] = (6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5)
+    #: Share of a valid model's samples outside a band of 95 %.
+    nominal: float = 0.05
+    #: Share of a channel outside the band below which nothing is called wrong.
+    least_share: float = 0.10
+    #: Shares at which the tail is computed; between them it is nearly straight.
+    grid: int = 32
+    #: Quantiles that stand for the distribution of a share.
+    quantiles: int = 64
+
+
+SPREAD_SETTINGS = SpreadSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of what one window shows, (n, 12, d) by directions and (n, 12, 12) by its start."""
+
+    by_direction: Array
+    by_start: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedLog:
+    """A log cut into windows, and what a vehicle predicts in them.
+
+    Attributes
+    ----------
+    replay
+        The log's windows as the model replays them.
+    predicted, residual
+        Per window (n, 12), SI: what the vehicle shows, and measured minus that, zero where it does not count.
+    """
+
+    replay: Replay
+    predicted: tuple[Array, ...]
+    residual: tuple[Array, ...]
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The model."""
+        return self.replay.vehicle
+
+    @property
+    def trial(self) -> Trial:
+        """The log."""
+        return self.replay.records[0].trial
+
+    @property
+    def input(self) -> Input:
+        """What drives the vehicle: "commands", "measured" or "tau"."""
+        return self.replay.records[0].input
+
+    @property
+    def spans(self) -> tuple[tuple[int, int], ...]:
+        """First sample of every window, and one past its last."""
+        return tuple((one.start, one.stop) for one in self.replay.segments)
+
+    @cached_property
+    def counted(self) -> tuple[Mask, ...]:
+        """Samples (n, 12) of every window that count: not the first, no masked one."""
+        return tuple(self.replay.counted(index) for index in range(len(self.replay.segments)))
+
+    @property
+    def channels(self) -> list[str]:
+        """Channels of which any sample counts, in the order of `CHANNELS`."""
+        any_of = np.logical_or.reduce([mask.any(axis=0) for mask in self.counted])
+        return [name for name, here in zip(CHANNELS, any_of, strict=True) if here]
+
+    def since_restart(self, window: int) -> Array:
+        """Times (n,) since the restart of a window, s."""
+        first, last = self.spans[window]
+        return np.asarray((np.arange(last - first)) * self.trial.dt)
+
+    def times(self, window: int) -> Array:
+        """Times (n,) of a window in the log's own time, s."""
+        return np.asarray(self.trial.t[slice(*self.spans[window])])
+
+    def of(self, changes: Mapping[str, float]) -> list[Array]:
+        """Residuals (n, 12) of every window for the vehicle with other coefficients, SI."""
+        return replace(self.replay, names=tuple(changes)).residuals(list(changes.values()))
+
+    def in_water(self, current: Array) -> PredictedLog:
+        """The same windows in another steady current (2,) or (3,), north, east, down, m/s."""
+        water = np.tile(np.append(current, 0.0)[:3], (len(self.trial), 1))
+        record = replace(self.replay.records[0], trial=replace(self.trial, current=water))
+        replay = replace(self.replay, records=(record,))
+        shown = replay.simulated()
+        return PredictedLog(replay, tuple(shown), tuple(replay.errors_of(shown)))
+
+    def without(self, axes: str) -> PredictedLog:
+        """The same windows, of which no channel of these axes (letters) counts."""
+        if not axes:
+            return self
+        record = self.replay.records[0]
+        counted = record.counted.copy()
+        counted[:, [place for place in range(len(CHANNELS)) if AXES[place % 6] in axes]] = False
+        replay = replace(self.replay, records=(replace(record, counted=counted),))
+        return PredictedLog(replay, self.predicted, tuple(replay.errors_of(self.predicted)))
+
+    def slopes(
+        self, directions: Sequence[Mapping[str, float]], *, current: bool = False
+    ) -> tuple[Slopes, ...]:
+        """Derivatives per window by directions of the coefficients, then by a current north and east.
+
+        A direction holds the changes of coefficients that go with one unit of it. With `current` two more
+        columns tell of a steady current, m/s.
+        """
+        names = sorted({name for direction in directions for name in direction})
+        present = self.vehicle.coefficients()
+        rows = np.array([[one.get(name, 0.0) for name in names] for one in directions], dtype=float)
+        nuisances = ["current_north", "current_east"] if current else []
+        found = replace(self.replay, names=tuple(names)).sensitivities(
+            np.array([present.get(name, 0.0) for name in names]),
+            rows.reshape(len(directions), len(names)),
+            nuisances=nuisances,
+            initials=initial_names(),
+        )
+        count = len(directions) + len(nuisances)
+        return tuple(Slopes(slope[:, :, :count], slope[:, :, count:]) for _, slope in found)
+
+
+def restarts(
+    vehicle: Vehicle,
+    trial: Trial,
+    *,
+    ahead_s: float = 10.0,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+    input: Input | None = None,
+) -> PredictedLog:
+    """Windows of a log and what a vehicle predicts in them.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    trial : Trial
+    ahead_s : float, optional
+        Length of a window, s.
+    start_s, stop_s : float, optional
+        Part of the log, in its own time; all of it when omitted.
+    input : str, optional
+        What drives the vehicle; the first that is recorded when omitted.
+
+    Raises
+    ------
+    TrialError
+        No window can start, or an input or the supply voltage is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seatrial as st
+    >>> vehicle, t = st.Vehicle.load("cwolf"), np.arange(0.0, 30.0, 0.1)
+    >>> commands = {name: np.where(t < 2.0, 0.0, 800.0) for name in vehicle.actuators}
+    >>> run = vehicle.simulate(t, commands)
+    >>> trial = st.Trial.read(
+    ...     {"t_s": t, "u_m_s": run.nu[:, 0]} | {f"cmd.{name}": signal for name, signal in commands.items()}
+    ... )
+    >>> len(restarts(vehicle, trial, ahead_s=10.0).spans)
+    3
+    """
+    chosen = input or default_input(vehicle, trial)
+    check_usable(trial, ahead_s)
+    trial = under_water(trial, vehicle, start_s=start_s, stop_s=stop_s)
+    spans, _, _ = windows(trial, ahead_s, start_s=start_s, stop_s=stop_s)
+    # The last window may be a stump of a few samples, which tells nothing.
+    full = max(last - first for first, last in spans)
+    spans = [span for span in spans if span[1] - span[0] > full // 2] or spans
+    found = predict(vehicle, trial, spans, input=chosen)
+    # Nose up or down, roll and yaw are not told apart.
+    steep = np.abs(np.nan_to_num(trial.observed[:, 10])) > SPREAD_SETTINGS.steep
+    counted = trial.valid.copy()
+    counted[steep, 9] = False
+    counted[steep, 11] = False
+    replay = Replay(
+        vehicle,
+        (Record(trial, chosen, counted),),
+        tuple(restarted(trial, spans)),
+        substeps=max(1, int(np.ceil(trial.dt / SPREAD_SETTINGS.substep_s - 1e-9))),
+    )
+    shown = tuple(window.simulated for window in found)
+    return PredictedLog(replay, shown, tuple(replay.errors_of(shown)))
+
+
+def under_water(
+    trial: Trial, vehicle: Vehicle, *, start_s: float | None = None, stop_s: float | None = None
+) -> Trial:
+    """The trial without the samples at which the hull reaches the surface, where that is known.
+
+    What a changed vehicle does there is far from linear in the change: a lighter one than the log's, that
+    floats, rises no further. The rest needs no surface. All samples stay where the part from `start_s` to
+    `stop_s` has less than a window under water.
+    """
+    if trial.surface is None:
+        return trial
+    depth = trial.observed[:, 8] - trial.surface
+    pitch = np.nan_to_num(trial.observed[:, 10])
+    # The top of the hull, half a hull of room for thrusters that draw air, and the end that the pitch lifts.
+    measures, top = vehicle.geometry(), -float(vehicle.hull_top()[2])
+    reach = 2.0 * top + 0.5 * measures.get("length", 0.0) * np.abs(np.sin(pitch))
+    wet = ~(depth < reach)
+    part = (trial.t >= (-np.inf if start_s is None else start_s)) & (
+        trial.t < (np.inf if stop_s is None else stop_s)
+    )
+    # Ten seconds, a window, are the least that is worth leaving the rest out for.
+    if (wet & part).sum() * trial.dt < 10.0:
+        return trial
+    return replace(trial, valid=trial.valid & wet[:, None], surface=None)
+
+
+def check_usable(trial: Trial, ahead_s: float) -> None:
+    """Refuse a log that measured nothing, a channel without a sample, an interval beyond the windows."""
+    if not trial.channels:
+        raise TrialError(
+            f"{trial.name}: no motion was recorded: expected one at least of u_m_s, p_deg_s, z_m, yaw_deg and"
+            " their like; log what the model predicts, or map the columns"
+        )
+    for name in trial.channels:
+        # A position that is never known (fixes at the surface) keeps no window from starting.
+        if name not in ("x", "y") and not trial.valid[:, CHANNELS.index(name)].any():
+            raise TrialError(
+                f"{trial.name}: {name}: expected samples that are numbers, found none that can be used;"
+                " correct the column, or leave it out"
+            )
+    if trial.dt * SPREAD_SETTINGS.least_samples > ahead_s:
+        raise TrialError(
+            f"{trial.name}: one sample every {trial.dt:.3g} s: expected at least"
+            f" {SPREAD_SETTINGS.least_samples} in a window of {ahead_s:g} s; give a log of a higher rate, or"
+            " the unit of t_s if its times are not in seconds"
+        )
 
 
 def clustered_share(outside: Sequence[NDArray[np.bool_]]) -> tuple[float, int, float]:
     """Share of true samples, number of samples, and how many independent ones they are worth.
 
-    `outside`: a mask (n,) per window.
+    `outside`: a mask (n,) per window. Neighbouring samples err alike, so a window is a cluster: the share x
+    of all samples has the variance of the windows' sums (ratio estimator, Cochran, *Sampling Techniques*
+    (1977), chapter 9), widened where neighbouring windows correlate by r > 0, and n samples of B windows are
+    worth ``x (1 - x) / var(x) (t_{n-1} / t_{B-1})^2`` independent ones, at least one per window (fewer where
+    they correlate), at most n (Korn & Graubard 1998, Survey Methodology 24:193).
 
     Examples
     --------
@@ -85,7 +319,7 @@ def clustered_share(outside: Sequence[NDArray[np.bool_]]) -> tuple[float, int, f
 
 
 def share_interval(share: float, effective: float) -> tuple[float, float]:
-    """Interval of 95 % about a share of so many independent samples, which need be no whole number.
+    """Clopper and Pearson's interval of 95 % about a share of so many independent samples, whole or not.
 
     Examples
     --------
@@ -101,17 +335,12 @@ def share_interval(share: float, effective: float) -> tuple[float, float]:
     return low, high
 
 
-_BINS = 12  # of the time since a restart
-
-_NORMAL_95 = 1.959964  # quantile of the normal distribution
-
-INITIAL_PLACES = (6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5)
-"""Channel of every initial condition in the core's order: position, attitude, velocity."""
-
-
 @dataclass(frozen=True, eq=False)
 class Spread:
     """Standard deviation of a valid model's errors by the time since a restart.
+
+    A model predicts no better than it did where it was known to hold: sensors err, the state at a restart
+    errs with them, the water moves, and every model leaves something out.
 
     Attributes
     ----------
@@ -121,8 +350,8 @@ class Spread:
         The same in the first moments after a restart, (12,), SI.
     windows
         How many windows it rests on.
-    source
-        Where it comes from, in words.
+    basis
+        Where it comes from.
     effective
         How many independent samples each channel rests on, (12,); infinite where it is taken for known.
     """
@@ -131,8 +360,13 @@ class Spread:
     sigma: Array
     noise: Array
     windows: int
-    source: str
+    basis: Finding
     effective: Array = field(default_factory=lambda: np.full(12, np.inf))
+
+    @property
+    def source(self) -> str:
+        """Where it comes from, in words."""
+        return clause_of(self.basis, "mission_log_findings")
 
     def at(self, since_s: Array) -> Array:
         """Spread (n, 12) at times (n,) since a restart, SI."""
@@ -148,7 +382,7 @@ class Spread:
 
 
 def spread_of_reference(references: Sequence[PredictedLog]) -> Spread:
-    """Spread over logs on which the model is known to hold, (b, 12), SI.
+    """Spread over logs on which the model is known to hold: rms, at least the 95 % quantile over 1.96, SI.
 
     Raises
     ------
@@ -164,14 +398,14 @@ def spread_of_reference(references: Sequence[PredictedLog]) -> Spread:
     since = np.concatenate([one.since_restart(w) for one in references for w in range(len(one.spans))])
     error = np.concatenate([part for one in references for part in one.residual])
     counted = np.concatenate([part for one in references for part in one.counted])
-    edges = np.linspace(0.0, since.max() + 1e-9, _BINS + 1)
-    sigma = np.full((_BINS, 12), np.inf)
-    for b in range(_BINS):
+    edges = np.linspace(0.0, since.max() + 1e-9, SPREAD_SETTINGS.bins + 1)
+    sigma = np.full((SPREAD_SETTINGS.bins, 12), np.inf)
+    for b in range(SPREAD_SETTINGS.bins):
         rows = (since >= edges[b]) & (since < edges[b + 1])
         for c in range(12):
             sizes = np.abs(error[rows, c][counted[rows, c]])
             if len(sizes):
-                tail = float(np.quantile(sizes, 0.95)) / _NORMAL_95
+                tail = float(np.quantile(sizes, 0.95)) / SPREAD_SETTINGS.normal_95
                 sigma[b, c] = max(float(np.sqrt(np.mean(sizes**2))), tail)
     centres = 0.5 * (edges[1:] + edges[:-1])
     for c in range(12):  # a slow log, or fixes now and then, leave bins empty
@@ -179,13 +413,14 @@ def spread_of_reference(references: Sequence[PredictedLog]) -> Spread:
         if here.any():
             sigma[:, c] = np.interp(centres, centres[here], sigma[here, c])
     noise = _noise(references)
-    names = ", ".join(dict.fromkeys(one.trial.name for one in references))
-    found = Spread(centres, sigma, noise, count, f"the model's errors on {names} ({count} windows)")
-    return replace(found, effective=_worth(references, found))
+    names = list(dict.fromkeys(one.trial.name for one in references))
+    basis = Finding("errors on logs", Severity.NOTE, values={"logs": names, "windows": count})
+    spread = Spread(centres, sigma, noise, count, basis)
+    return replace(spread, effective=_worth(references, spread))
 
 
-def spread_of_errors(rms: Mapping[str, float], log: PredictedLog, source: str = "the errors given") -> Spread:
-    """Spread (b, 12) from a root mean square error per channel over windows of the same length, SI.
+def spread_of_errors(rms: Mapping[str, float], log: PredictedLog) -> Spread:
+    """Spread from a root mean square error per channel: half of it constant, half a random walk, SI.
 
     Raises
     ------
@@ -198,37 +433,42 @@ def spread_of_errors(rms: Mapping[str, float], log: PredictedLog, source: str = 
         if not (np.isfinite(value) and value > 0.0):
             raise TrialError(f"reference: {name}: expected a positive error in SI, found {value!r}")
     longest = max(log.since_restart(w)[-1] for w in range(len(log.spans)))
-    share = np.linspace(0.0, 1.0, _BINS)
+    share = np.linspace(0.0, 1.0, SPREAD_SETTINGS.bins)
     level = np.array([rms.get(name, np.inf) for name in CHANNELS])
     sigma = np.where(np.isfinite(level), level, np.inf) * np.sqrt(0.5 + share)[:, None]
-    return Spread(longest * share, sigma, np.minimum(_noise([log]), sigma[0]), 1_000_000, source)
+    basis = Finding("errors given", Severity.NOTE)
+    return Spread(longest * share, sigma, np.minimum(_noise([log]), sigma[0]), 1_000_000, basis)
 
 
 def spread_of_noise(log: PredictedLog) -> Spread:
-    """Spread (b, 12) from the log's own noise and what it does to the state at a restart, SI."""
+    """Spread from the log's own noise n and what it does to a start: ``n^2 + sum_k (dy/dx0_k n_k)^2``, SI.
+
+    It has no room for what every model leaves out: it suits generated logs and very good models.
+    """
     noise = _noise([log])
     slopes = log.slopes([])
     width = max(len(one.by_start) for one in slopes)
     total, seen = np.zeros((width, 12)), np.zeros((width, 1))
-    start = np.nan_to_num(noise[list(INITIAL_PLACES)])
+    start = np.nan_to_num(noise[list(SPREAD_SETTINGS.initial_places)])
     for one in slopes:
         with np.errstate(over="ignore"):  # an unstable model forgets its start the other way round
             total[: len(one.by_start)] += ((one.by_start * start) ** 2).sum(axis=2)
         seen[: len(one.by_start)] += 1.0
     variance = total / np.maximum(seen, 1.0)
     since = np.arange(width) * log.trial.dt
-    keep = np.unique(np.linspace(0, width - 1, 4 * _BINS).astype(int))
+    keep = np.unique(np.linspace(0, width - 1, 4 * SPREAD_SETTINGS.bins).astype(int))
     sigma = np.sqrt(noise**2 + variance[keep])
     sigma[:, ~np.isfinite(noise)] = np.inf
-    source = "the log's own noise alone, without room for the usual error of a valid model"
-    return Spread(since[keep], sigma, noise, len(log.spans), source)
+    return Spread(since[keep], sigma, noise, len(log.spans), Finding("noise alone", Severity.NOTE))
 
 
 def _worth(references: Sequence[PredictedLog], spread: Spread) -> Array:
     """How many independent samples (12,) the tail of each channel rests on."""
     found = np.full(12, np.inf)
     bands = [
-        _NORMAL_95 * spread.at(one.since_restart(w)) for one in references for w in range(len(one.spans))
+        SPREAD_SETTINGS.normal_95 * spread.at(one.since_restart(w))
+        for one in references
+        for w in range(len(one.spans))
     ]
     errors = [error for one in references for error in one.residual]
     masks = [mask for one in references for mask in one.counted]
@@ -254,20 +494,14 @@ def _noise(logs: Sequence[PredictedLog]) -> Array:
     return np.where(samples > 0, np.maximum(noise, 1e-6), np.inf)
 
 
-NOMINAL = 0.05
-"""Share of a valid model's samples outside a band of 95 %."""
-
-LEAST_SHARE = 0.10
-"""Share of a channel outside the band below which nothing is called wrong."""
-
-_GRID = 32  # shares at which the tail is computed; between them it is nearly straight
-
-_BETA = 64  # quantiles that stand for the distribution of a share
-
-
 @dataclass(frozen=True, eq=False)
 class ExpectedShare:
-    """Shares (m,) that a valid model may leave outside, with their weights (m,), from so many draws."""
+    """Shares (m,) that a valid model may leave outside, with their weights (m,), from so many draws.
+
+    Of a valid model a share of the samples lies outside the 95 % band: 5 % of them, or more where the vehicle
+    has coefficients, or the sensors offsets, that their covariance allows. Where the 5 % themselves rest on a
+    reference worth n_r samples, the share x_j of a draw is Beta(n_r x_j, n_r (1 - x_j)).
+    """
 
     shares: Array
     weights: Array
@@ -287,24 +521,39 @@ class ExpectedShare:
         """
         from scipy.special import betaincinv
 
-        x = np.maximum(np.full(1, NOMINAL) if shares is None else shares, NOMINAL)
-        grid: Array = np.geomspace(NOMINAL, max(float(x.max()), 1.01 * NOMINAL), _GRID)
+        x = np.maximum(
+            np.full(1, SPREAD_SETTINGS.nominal) if shares is None else shares, SPREAD_SETTINGS.nominal
+        )
+        grid: Array = np.geomspace(
+            SPREAD_SETTINGS.nominal, max(float(x.max()), 1.01 * SPREAD_SETTINGS.nominal), SPREAD_SETTINGS.grid
+        )
         grid = np.minimum(grid, 1.0 - 1e-9)
         # The tail rises with x ever faster: to the neighbours on the grid is to the safe side.
-        place = np.clip(np.searchsorted(grid, x, side="right") - 1, 0, _GRID - 2)
+        place = np.clip(np.searchsorted(grid, x, side="right") - 1, 0, SPREAD_SETTINGS.grid - 2)
         part = np.clip((x - grid[place]) / (grid[place + 1] - grid[place]), 0.0, 1.0)
-        low, high = np.bincount(place, 1.0 - part, _GRID), np.bincount(place + 1, part, _GRID)
+        low, high = (
+            np.bincount(place, 1.0 - part, SPREAD_SETTINGS.grid),
+            np.bincount(place + 1, part, SPREAD_SETTINGS.grid),
+        )
         weights = np.asarray(low + high, dtype=float)
         held = weights > 0.0
         grid, weights = grid[held], weights[held] / len(x)
         if np.isfinite(rests_on):
-            rank = (np.arange(_BETA) + 0.5) / _BETA
+            rank = (np.arange(SPREAD_SETTINGS.quantiles) + 0.5) / SPREAD_SETTINGS.quantiles
             spread = betaincinv(rests_on * grid[:, None], rests_on * (1.0 - grid[:, None]), rank)
-            grid, weights = spread.ravel(), np.repeat(weights / _BETA, _BETA)
+            grid, weights = (
+                spread.ravel(),
+                np.repeat(weights / SPREAD_SETTINGS.quantiles, SPREAD_SETTINGS.quantiles),
+            )
         return cls(grid, weights, 0 if shares is None else len(x))
 
     def p(self, share: float, effective: float) -> float:
-        """P-value of a share outside of effectively so many independent samples."""
+        """P-value of a share outside of effectively so many independent samples.
+
+        That of h of n* samples is ``(1 + sum_j P(X >= h | n*, x_j)) / (1 + K)``, X binomial (the predictive
+        p-value of Box 1980, JRSS A 143:383). The ones are what K draws cannot tell: a vehicle further out
+        than all of them is possible (Davison & Hinkley 1997, *Bootstrap Methods*, section 4.2).
+        """
         from scipy.special import betainc
 
         hits = share * effective

@@ -32,7 +32,6 @@ Tests: ``tests/verification/test_recorded_suspects.py``, ``tests/verification/te
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -40,16 +39,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import CHANNELS, readable
+from seatrial.base.channels import CHANNELS
+from seatrial.base.finding import Finding
 from seatrial.statistics.linearisation import Linearisation, Piece
 from seatrial.statistics.score_test import ScoreTests, score_tests
-from seatrial.verification.mission_log.candidates import Candidate, Suspect, Whitening
-from seatrial.verification.mission_log.restarts import PredictedLog, Slopes
-from seatrial.verification.mission_log.spread import INITIAL_PLACES, Spread
+from seatrial.verification.mission_log.candidates import Candidate, Suspect, Whitening, changed
+from seatrial.verification.mission_log.spread import SPREAD_SETTINGS, PredictedLog, Slopes, Spread
 
 _WRENCH = ("X_0", "Y_0", "Z_0", "K_0", "M_0", "N_0")
 
-_ALIKE = 0.9  # share of the gain: an explanation as good is as likely
+
+@dataclass(frozen=True)
+class SuspectSettings:
+    """Which changes count as suspects, and which cannot be told apart."""
+
+    #: Share of the gain from which another explanation is as likely.
+    alike_share: float = 0.9
+    #: Tidal streams are weaker, but for a few narrows.
+    strongest_current_m_s: float = 3.0
+    #: Gauss-Newton steps: the current enters nearly linearly.
+    steps: int = 4
+    #: Share of the cost: less explains nothing that a user would see.
+    least_gain: float = 0.02
+
+
+SETTINGS = SuspectSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +90,11 @@ class UnloggedThrust:
     p: float
     alike: tuple[str, ...]
 
-    @property
-    def words(self) -> str:
-        """The thrust in words."""
-        mean, size = float(self.thrust.mean()), float(np.sqrt(np.mean(self.thrust**2)))
-        return (
-            f"{self.actuator} does not produce the thrust that its commands ask for ({size:.2g} N rms beyond"
-            f" them, {mean:+.2g} N on average)"
-        )
+
+def _unlogged(thrust: UnloggedThrust) -> Finding:
+    """The thrust beyond the commands, root mean square and mean over the windows, N."""
+    size, mean = float(np.sqrt(np.mean(thrust.thrust**2))), float(thrust.thrust.mean())
+    return changed("unlogged thrust", thrust.actuator, rms_n=size, mean_n=mean)
 
 
 def unlogged_thrusts(log: PredictedLog, white: Whitening) -> tuple[UnloggedThrust, ...]:
@@ -115,19 +126,13 @@ def unlogged_thrusts(log: PredictedLog, white: Whitening) -> tuple[UnloggedThrus
         near = [
             (float(gains[j]), other)
             for j, other in enumerate(log.vehicle.actuators)
-            if j != k and gains[j] > _ALIKE * gains[k]
+            if j != k and gains[j] > SETTINGS.alike_share * gains[k]
         ]
         alike = tuple(other for _, other in sorted(near, reverse=True))
         found.append(
             UnloggedThrust(name, thrust[:, k], float(gains[k]), min(1.0, len(facts) * chance), alike)
         )
     return tuple(sorted(found, key=lambda one: -one.gain))
-
-
-STRONGEST_M_S = 3.0
-"""Tidal streams are weaker, but for a few narrows."""
-
-_STEPS = 4  # Gauss-Newton steps; the current enters nearly linearly
 
 
 def in_current(log: PredictedLog, spread: Spread) -> tuple[PredictedLog, tuple[float, float]]:
@@ -137,30 +142,17 @@ def in_current(log: PredictedLog, spread: Spread) -> tuple[PredictedLog, tuple[f
     """
     current = np.zeros(2)
     found = log.in_water(current)
-    for _ in range(_STEPS):
+    for _ in range(SETTINGS.steps):
         slopes = found.slopes([], current=True)
         white = Whitening(found, spread, slopes)
         columns = np.concatenate([one.reshape(-1, 2) for one in white.columns(slopes)])
         residual = np.concatenate([one.ravel() for one in white.residual])
         step = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
-        current = np.clip(current + step, -STRONGEST_M_S, STRONGEST_M_S)
+        current = np.clip(current + step, -SETTINGS.strongest_current_m_s, SETTINGS.strongest_current_m_s)
         found = log.in_water(current)
         if float(np.abs(step).max()) < 1e-3:  # m/s: a step of the current that ends the search
             break
     return found, (float(current[0]), float(current[1]))
-
-
-def current_words(current: Sequence[float]) -> str:
-    """The current in words.
-
-    Examples
-    --------
-    >>> current_words((0.3, 0.3))
-    'a steady current of 0.42 m/s towards 45 deg'
-    """
-    north, east = current
-    towards = math.degrees(math.atan2(east, north)) % 360.0
-    return f"a steady current of {math.hypot(north, east):.2f} m/s towards {towards:.0f} deg"
 
 
 _SENSED = ("u", "v", "w", "p", "q", "r", "roll", "pitch", "yaw")
@@ -174,7 +166,7 @@ def offset_channels(log: PredictedLog) -> list[str]:
 def offset_slopes(log: PredictedLog, slopes: Sequence[Slopes], channels: Sequence[str]) -> list[Slopes]:
     """Derivatives of measured less predicted by the offset of each channel, per window."""
     own = [CHANNELS.index(name) for name in channels]
-    start = np.argsort(INITIAL_PLACES)[own]
+    start = np.argsort(SPREAD_SETTINGS.initial_places)[own]
     unit = np.eye(len(CHANNELS))[:, own]
     return [
         Slopes(np.where(mask[:, :, None], unit - one.by_start[:, :, start], 0.0), one.by_start)
@@ -182,21 +174,7 @@ def offset_slopes(log: PredictedLog, slopes: Sequence[Slopes], channels: Sequenc
     ]
 
 
-def offset_words(channel: str, offset: float) -> str:
-    """The offset in words.
-
-    Examples
-    --------
-    >>> offset_words("pitch", 0.01745)
-    'the sensor of pitch reads +1 deg too much'
-    """
-    scale, unit = readable(channel)
-    return f"the sensor of {channel} reads {scale * offset:+.2g} {unit} too much"
-
-
 _ANGLES, _RATES = ("roll", "pitch", "yaw"), ("p", "q", "r")
-
-_LEAST_GAIN = 0.02  # of the cost: less explains nothing that a user would see
 
 
 def suspects(
@@ -273,12 +251,12 @@ def suspects(
                 "sensor",
                 ("rad" if channel in _ANGLES else "rad/s" if channel in _RATES else "m/s",),
             )
-            words = offset_words(channel, float(theta[0]))
+            change = changed("sensor offset", channel, offset=float(theta[0]))
         elif i == len(tried):
             gain, coefficients = linear, {}
             name, kind = "current", "surroundings"
             units = ("m/s", "m/s")
-            words = f"a current of {theta[0]:+.2f} m/s north and {theta[1]:+.2f} m/s east beyond the recorded"
+            change = changed("current", north_m_s=float(theta[0]), east_m_s=float(theta[1]))
         else:
             candidate = tried[i]
             theta, gain = white.followed(candidate, columns, own, theta, linear)
@@ -286,17 +264,17 @@ def suspects(
                 continue
             coefficients = candidate.changes(theta)
             name, kind, units = candidate.name, candidate.kind, candidate.units
-            words = candidate.words(theta)
+            change = candidate.finding(theta)
         share = gain / white.cost
-        if share < _LEAST_GAIN or not _plausible(log, coefficients):
+        if share < SETTINGS.least_gain or not _plausible(log, coefficients):
             continue
-        if kind == "surroundings" and float(np.hypot(*theta)) > STRONGEST_M_S:
+        if kind == "surroundings" and float(np.hypot(*theta)) > SETTINGS.strongest_current_m_s:
             continue
         known = (sigma or {}).get(name)
         suspect = Suspect(
             name=name,
             kind=kind,
-            change=words,
+            finding=change,
             values=tuple(float(x) for x in theta),
             units=units,
             sigma=spread_of,
@@ -312,13 +290,13 @@ def suspects(
         worth = gain - penalty * (len(own) - 1) + (0.01 * white.cost if kind == "group" else 0.0)
         found.append((worth, suspect))
     for one in unlogged_thrusts(log, white):
-        if one.gain < _LEAST_GAIN * white.cost:
+        if one.gain < SETTINGS.least_gain * white.cost:
             continue
         size = float(one.thrust.std(ddof=1)) / len(one.thrust) ** 0.5
         suspect = Suspect(
             name=one.actuator,
             kind="actuator",
-            change=one.words,
+            finding=_unlogged(one),
             values=(float(one.thrust.mean()),),
             units=("N",),
             sigma=(size,),
@@ -392,7 +370,7 @@ def _alike(
     normal = total[np.ix_(own, own)]
     found = []
     for i, other in enumerate(places):
-        if i == of or len(other) > len(own) or gains[i] < _ALIKE * gains[of]:
+        if i == of or len(other) > len(own) or gains[i] < SETTINGS.alike_share * gains[of]:
             continue
         square = total[np.ix_(other, other)]
         cross = total[np.ix_(own, other)]
@@ -401,6 +379,6 @@ def _alike(
         inside = cross.T @ np.linalg.lstsq(normal, cross, rcond=1e-9)[0]
         shares = np.linalg.lstsq(square, inside, rcond=1e-9)[0]
         share = float(np.trace(shares)) / len(other)
-        if share > _ALIKE:
+        if share > SETTINGS.alike_share:
             found.append((share, names[i]))
     return tuple(name for _, name in sorted(found, reverse=True))

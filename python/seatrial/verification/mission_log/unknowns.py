@@ -40,45 +40,45 @@ from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import SeatrialError
 from seatrial.base.frames import shorter
 from seatrial.scoring.record import restarted
-from seatrial.verification.mission_log.restarts import FEWEST, PredictedLog
-from seatrial.verification.mission_log.spread import INITIAL_PLACES
+from seatrial.verification.mission_log.spread import SPREAD_SETTINGS, PredictedLog
 
 if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.trial.trial import Trial
 
-HORIZON_S = 2.0
-"""Length of a piece, s: long enough for a drag to move a speed by many times its noise, short enough for the
-linear start of a vehicle that leaves its attitude within seconds."""
 
-DELAY_S = 0.15
-"""Delay that an import may have left in a sensor: a Doppler log's ping, processing and line take 0.12 s."""
+@dataclass(frozen=True)
+class UnknownsSettings:
+    """Sizes of what besides the coefficients moves the predictions of a log."""
 
-CURRENT_M_S = 1.0
-"""Of a steady current that the log does not tell: a strong tidal stream."""
+    #: Length of a piece, s: long enough for a drag to move a speed by many times its noise, short enough for
+    #: the linear start of a vehicle that leaves its attitude within seconds.
+    horizon_s: float = 2.0
+    #: Delay that an import may have left in a sensor, s: a Doppler log's ping, processing and line take 0.12
+    #: s.
+    delay_s: float = 0.15
+    #: Of a steady current that the log does not tell: a strong tidal stream.
+    current_m_s: float = 1.0
+    #: Of the start in a channel that no sensor tells, m/s, rad/s, m and rad: the smoothed log has zero there,
+    #: or what it makes of other channels. A position is told by nothing and acts on nothing.
+    untold: tuple[float, ...] = (0.5, 0.5, 0.5, 0.2, 0.2, 0.2, 1e-9, 1e-9, 1e-9, 0.1, 0.1, 0.1)
+    #: Nothing tells what the actuators did before a log begins, and the prediction takes them for settled:
+    #: after five time constants of a slow thruster (0.4 s) that is forgotten.
+    warm_up_s: float = 2.0
+    #: Fewer windows tell nothing of how they scatter.
+    fewest_windows: int = 6
+    #: Of a longer log evenly spaced windows: time grows with their number, sigma falls with its root alone.
+    most_windows: int = 30
+    #: Longest step of the integration, s: the yaw of a half-metre ROV is off by half its noise after ten
+    #: seconds of steps of 0.05 s.
+    step_s: float = 0.025
+    #: Rounds of Gauss-Newton; three to five are usual.
+    rounds: int = 8
+    #: Channels that one instrument tells.
+    delayed: tuple[tuple[int, ...], ...] = ((0, 1, 2), (3, 4, 5), (6, 7), (8,), (9, 10, 11))
 
-WARM_UP_S = 2.0
-"""Nothing tells what the actuators did before a log begins, and the prediction takes them for settled: after
-five time constants of a slow thruster (0.4 s) that is forgotten."""
 
-FEWEST_WINDOWS = 6
-"""Fewer windows tell nothing of how they scatter."""
-
-_MOST_WINDOWS = 30
-"""Of a longer log evenly spaced ones: time grows with their number, sigma falls with its root alone."""
-
-_STEP_S = 0.025
-"""Longest step of the integration: the yaw of a half-metre ROV is off by half its noise after ten seconds of
-steps of 0.05 s."""
-
-_ROUNDS = 8  # of Gauss-Newton; three to five are usual
-
-_UNTOLD = np.repeat([0.5, 0.2, 1e-9, 0.1], 3)
-"""Of the start in a channel that no sensor tells, m/s, rad/s, m and rad: the smoothed log has zero there, or
-what it makes of other channels. A position is told by nothing and acts on nothing."""
-
-_DELAYED = ((0, 1, 2), (3, 4, 5), (6, 7), (8,), (9, 10, 11))
-"""Channels that one instrument tells."""
+UNKNOWNS_SETTINGS = UnknownsSettings()
 
 
 def sensor_noise(trial: Trial) -> Array:
@@ -112,15 +112,15 @@ def pieces(log: PredictedLog) -> tuple[PredictedLog, PredictedLog, Array]:
     Left out are the first moments of a record.
     """
     trial, startable = log.trial, log.trial.startable
-    warm = int(np.searchsorted(trial.t, trial.t[0] + WARM_UP_S - 1e-9))
+    warm = int(np.searchsorted(trial.t, trial.t[0] + UNKNOWNS_SETTINGS.warm_up_s - 1e-9))
     whole = []
     for start, stop in log.spans:
         begin = next((k for k in range(max(start, warm), stop) if startable[k]), stop)
         if begin == start or 2 * (stop - begin) > stop - start:
             whole.append((begin, stop))
-    if len(whole) > _MOST_WINDOWS:
-        whole = [whole[k] for k in np.linspace(0, len(whole) - 1, _MOST_WINDOWS).astype(int)]
-    length = max(round(HORIZON_S / trial.dt), FEWEST)
+    if len(whole) > UNKNOWNS_SETTINGS.most_windows:
+        whole = [whole[k] for k in np.linspace(0, len(whole) - 1, UNKNOWNS_SETTINGS.most_windows).astype(int)]
+    length = max(round(UNKNOWNS_SETTINGS.horizon_s / trial.dt), SPREAD_SETTINGS.least_samples)
     cut: list[tuple[int, int]] = []
     first: list[int] = []
     for start, stop in whole:
@@ -139,7 +139,7 @@ def pieces(log: PredictedLog) -> tuple[PredictedLog, PredictedLog, Array]:
 def _restarted(log: PredictedLog, spans: Sequence[tuple[int, int]]) -> PredictedLog:
     if not spans:
         return PredictedLog(replace(log.replay, segments=()), (), ())
-    substeps = max(1, int(np.ceil(log.trial.dt / _STEP_S - 1e-9)))
+    substeps = max(1, int(np.ceil(log.trial.dt / UNKNOWNS_SETTINGS.step_s - 1e-9)))
     replay = replace(log.replay, segments=tuple(restarted(log.trial, spans)), substeps=substeps)
     shown = replay.simulated()
     return PredictedLog(replay, tuple(shown), tuple(replay.errors_of(shown)))
@@ -178,7 +178,7 @@ class Unknowns:
     ) -> None:
         self.log, self.groups = log, groups
         self.noise = np.where(np.isfinite(noise), noise, 1.0)
-        self.scale = np.where(np.isfinite(noise), noise, _UNTOLD)
+        self.scale = np.where(np.isfinite(noise), noise, UNKNOWNS_SETTINGS.untold)
         self.offsets = np.array([offsets.get(channel, 0.0) for channel in CHANNELS])
         self.root = _root(known.covariance)
         values = log.vehicle.coefficients()
@@ -191,10 +191,10 @@ class Unknowns:
         self.water = ["current_north", "current_east"] if water else []
         self.edges = np.cumsum([0, *(len(part) for part in (groups, known.names, self.water)), 12, 12, 12])
         self.rates = np.stack([_rates(log, w) for w in range(len(log.spans))])
-        self.shared = len(CHANNELS) + len(_DELAYED) + len(self.water) + len(known.names)
-        self.delays = np.zeros((len(CHANNELS), len(_DELAYED)))
-        for k, own in enumerate(_DELAYED):
-            self.delays[list(own), k] = DELAY_S
+        self.shared = len(CHANNELS) + len(UNKNOWNS_SETTINGS.delayed) + len(self.water) + len(known.names)
+        self.delays = np.zeros((len(CHANNELS), len(UNKNOWNS_SETTINGS.delayed)))
+        for k, own in enumerate(UNKNOWNS_SETTINGS.delayed):
+            self.delays[list(own), k] = UNKNOWNS_SETTINGS.delay_s
 
     @property
     def measured(self) -> Point:
@@ -216,9 +216,9 @@ class Unknowns:
             nuisances=[*self.water, *(f"{kind}_{name}" for kind in ("latency", "bias") for name in CHANNELS)],
             initials=initial_names(),
             nuisance=np.array([list(nuisance.values())]),
-            initial=start[:, list(INITIAL_PLACES)],
+            initial=start[:, list(SPREAD_SETTINGS.initial_places)],
         )
-        place = np.argsort(INITIAL_PLACES)  # of each channel among the initial conditions
+        place = np.argsort(SPREAD_SETTINGS.initial_places)  # of each channel among the initial conditions
         products = []
         for w, (residual, slopes) in enumerate(shown):
             by_group, by_name, by_water, by_delay, by_bias, by_start = (
@@ -230,7 +230,7 @@ class Unknowns:
                     by_start * self.scale,
                     by_bias * self.offsets,
                     (by_delay + by_start * self.rates[w]) @ self.delays,
-                    CURRENT_M_S * by_water,
+                    UNKNOWNS_SETTINGS.current_m_s * by_water,
                     by_name @ self.root,
                     by_group,
                     residual[:, :, None],
@@ -261,8 +261,13 @@ class Unknowns:
         return float(products[:, -1, -1].sum() + (at.start**2).sum() + (at.shared**2).sum())
 
     def _split(self, shared: Array) -> tuple[Array, Array, Array, Array]:
-        parts = np.split(shared, np.cumsum([len(CHANNELS), len(_DELAYED), len(self.water)]))
-        return (parts[0] * self.offsets, self.delays @ parts[1], CURRENT_M_S * parts[2], self.root @ parts[3])
+        parts = np.split(shared, np.cumsum([len(CHANNELS), len(UNKNOWNS_SETTINGS.delayed), len(self.water)]))
+        return (
+            parts[0] * self.offsets,
+            self.delays @ parts[1],
+            UNKNOWNS_SETTINGS.current_m_s * parts[2],
+            self.root @ parts[3],
+        )
 
 
 def with_prior(products: Array, values: Array) -> Array:
@@ -285,7 +290,7 @@ def explained_best(unknowns: Unknowns, used: Sequence[int], at: Point) -> tuple[
     if not np.isfinite(products).all():
         return at, products
     least = unknowns.cost(at, products.sum(axis=1))
-    for _ in range(_ROUNDS):
+    for _ in range(UNKNOWNS_SETTINGS.rounds):
         full, share, gained = unknowns.fitted(at, products.sum(axis=1)), 1.0, 0.0
         # Below a tenth of a step no descent is expected any more.
         while share > 0.1 and not gained:

@@ -1,33 +1,9 @@
 """Whether a model still holds on a log: the share of it outside the 95 % band of the model's predictions.
 
-In windows restarted every few seconds the band about the prediction is
-
-    b(t) = f sqrt( var_draws(t) + s(t)^2 ),
-
-var_draws the variance of the predictions for draws of the coefficients from their covariance and of the
-sensors' offsets, which err all windows alike, s the spread of a valid model's errors
-(`seatrial.verification.mission_log.spread`), f Student's factor for the windows that s rests on. A valid
-model has 5 % of the samples outside. Neighbouring samples err alike, so a sample is no observation: the
-windows are clusters, and the share has the variance of their means, which makes n samples worth
-
-    n* = x (1 - x) / var(x) (t_{n-1} / t_{B-1})^2
-
-independent ones (Korn & Graubard 1998, Survey Methodology 24:193), at least one per window and at most n. All
-windows share one vehicle: had it the coefficients of draw j, its share outside would be x_j, and what is
-within the covariance is no reason to doubt the model. A p-value of a thousandth takes thousands of draws:
-they move the predictions by exact derivatives, to first order. Over the channels Holm's step-down holds the
-chance of any false alarm at the level.
-
-The band holds what a reference leaves, and a reference on which the model is wrong makes it wide: what
-stays inside speaks for a model only where the log could have refuted it
-(`seatrial.verification.mission_log.power`).
-
-Between the level and a p-value of 5 % a log neither refutes the model nor speaks for it.
-
-"re-identify" needs both a p-value below the level and a share beyond `LEAST_SHARE`: on an hour of log, 6 %
-outside may be certain and yet no reason for a day at sea.
-
-Tests: ``tests/verification/test_recorded_validity.py``.
+What stays inside speaks for a model only where the log could have refuted it
+(`seatrial.verification.mission_log.power`), and where the channels of the log tell of one motion
+(`contradictions`). Held by ``tests/verification/test_recorded_validity.py`` and
+``test_recorded_contradiction.py``.
 """
 
 from __future__ import annotations
@@ -38,34 +14,40 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from seatrial.base.arrays import Array
-from seatrial.base.channels import CHANNELS, readable
-from seatrial.base.frames import shorter
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import CHANNELS
+from seatrial.base.frames import from_euler, matrix, shorter
 from seatrial.statistics.multiple_testing import holm
-from seatrial.verification.mission_log.restarts import PredictedLog
+from seatrial.trial.trial import Trial
 from seatrial.verification.mission_log.spread import (
-    INITIAL_PLACES,
-    LEAST_SHARE,
+    SPREAD_SETTINGS,
     ExpectedShare,
+    PredictedLog,
     Spread,
     clustered_share,
     share_interval,
 )
 
-LEVEL = 0.01
-"""Chance of any false alarm, over all channels."""
 
-DOUBT = 0.05
-"""P-value below which a model is not called valid either."""
+@dataclass(frozen=True)
+class ValiditySettings:
+    """When a log refutes a model or leaves a doubt."""
 
-FEWEST_WINDOWS = 6
-"""Fewer restarts than this tell nothing."""
+    #: Chance of any false alarm, over all channels.
+    level: float = 0.01
+    #: P-value below which a model is not called valid either.
+    doubt: float = 0.05
+    #: Fewer restarts than this tell nothing.
+    fewest_windows: int = 6
+    #: Draws of the offsets of the sensors: a tail of 5 % is then known to 0.5 %.
+    offset_draws: int = 2048
+    #: Samples of a channel that tell the share of a draw: neighbours say the same.
+    samples: int = 300
 
-_OFFSET_DRAWS = 2048  # a tail of 5 % is then known to 0.5 %
 
-_SAMPLES = 300
-"""Samples of a channel that tell the share of a draw: neighbours say the same."""
+VALIDITY_SETTINGS = ValiditySettings()
 
 
 @dataclass(frozen=True)
@@ -113,19 +95,8 @@ class ChannelValidity:
     @property
     def doubtful(self) -> bool:
         """Whether the share is large and hardly chance, though it does not refute the model."""
-        return not self.fails and self.p < DOUBT and self.outside > LEAST_SHARE
-
-    @property
-    def p_text(self) -> str:
-        """The p-value as text."""
-        return f"{self.p:.2g}" if self.p >= 1e-4 else "below 0.0001"
-
-    def sentence(self) -> str:
-        """The channel in words."""
-        scale, unit = readable(self.channel)
         return (
-            f"{self.channel}: {100.0 * self.outside:.0f} % outside the 95 % band (error"
-            f" {scale * self.rms:.2g} {unit} rms, band ±{scale * self.spread:.2g} {unit}; p = {self.p_text})"
+            not self.fails and self.p < VALIDITY_SETTINGS.doubt and self.outside > SPREAD_SETTINGS.least_share
         )
 
 
@@ -187,9 +158,20 @@ def validity(
     *,
     draws: Mapping[str, Array] | None = None,
     offsets: Mapping[str, float] | None = None,
-    level: float = LEVEL,
+    level: float = VALIDITY_SETTINGS.level,
 ) -> Validity:
     """Validity of a model on a log by the share of each channel outside the 95 % band.
+
+    In windows restarted every few seconds the band about the prediction is ``b(t) = f sqrt(var_draws(t) +
+    s(t)^2)``: the variance of the predictions for draws of the coefficients from their covariance and of the
+    sensors' offsets, which err all windows alike, the spread s of a valid model's errors, and Student's
+    factor f for the windows that s rests on. A valid model has 5 % of the samples outside; what a share is
+    worth says `seatrial.verification.mission_log.spread.clustered_share`. All windows share one vehicle: had
+    it the coefficients of draw j, its share outside would be x_j, and what is within the covariance is no
+    reason to doubt the model. A p-value of a thousandth takes thousands of draws: they move the predictions
+    by exact derivatives, to first order. Over the channels Holm's step-down holds the chance of any false
+    alarm at the level. A channel fails by a p-value below the level and a share beyond ``least_share``: on an
+    hour of log, 6 % outside may be certain and yet no reason for a day at sea.
 
     Parameters
     ----------
@@ -229,7 +211,7 @@ def validity(
         error = np.concatenate([e[m[:, c], c] for e, m in zip(log.residual, log.counted, strict=True)])
         band = np.concatenate([b[m[:, c], c] for b, m in zip(half, log.counted, strict=True)])
         moved_by = _change_since_restart(log, c)
-        fails = bool(p < level and share > LEAST_SHARE)
+        fails = bool(p < level and share > SPREAD_SETTINGS.least_share)
         size = [float(np.sqrt(np.mean(one**2))) for one in (error, band, moved_by)]
         channels[name] = ChannelValidity(
             name,
@@ -262,7 +244,9 @@ class _Moved:
         present = log.vehicle.coefficients()
         names = list(draws)
         self.log = log
-        self.count = len(draws[names[0]]) if names else (_OFFSET_DRAWS if offsets.any() else 0)
+        self.count = (
+            len(draws[names[0]]) if names else (VALIDITY_SETTINGS.offset_draws if offsets.any() else 0)
+        )
         self.slopes = log.slopes([{name: 1.0} for name in names]) if self.count else ()
         rng = np.random.default_rng(0)
         self.amounts = np.stack(
@@ -286,7 +270,7 @@ class _Moved:
         if not self.count:
             return None
         masks = [mask[:, c] for mask in self.log.counted]
-        every = max(1, int(sum(mask.sum() for mask in masks)) // _SAMPLES)
+        every = max(1, int(sum(mask.sum() for mask in masks)) // VALIDITY_SETTINGS.samples)
         basis, b, s = (
             np.concatenate([part[mask] for part, mask in zip(parts, masks, strict=True)])[::every]
             for parts in (
@@ -300,7 +284,7 @@ class _Moved:
     def _basis(self, w: int) -> Array:
         """Derivatives (n, 12, d + 12) of a window by coefficients and by the sensors' offsets."""
         # A start is told by the same sensors, and what is measured moves as well.
-        places = np.argsort(INITIAL_PLACES)
+        places = np.argsort(SPREAD_SETTINGS.initial_places)
         one = self.slopes[w]
         return np.concatenate([one.by_direction, one.by_start[:, :, places] - np.eye(12)], axis=2)
 
@@ -310,3 +294,180 @@ def _outside(away: Array, sigma: Array, half: Array) -> Array:
     from scipy.special import ndtr
 
     return np.asarray(np.mean(ndtr((-half - away) / sigma) + ndtr((away - half) / sigma), axis=0))
+
+
+_INTEGRALS = {
+    "x": ("u", "v", "w"),
+    "y": ("u", "v", "w"),
+    "z": ("u", "v", "w"),
+    "roll": ("p",),
+    "pitch": ("q",),
+    "yaw": ("r",),
+}
+"""Channels, and those whose integral they are."""
+
+
+@dataclass(frozen=True)
+class ContradictionSettings:
+    """When channels of a log tell of two motions."""
+
+    #: Time over which a change is taken, s: long against a delay of sensors, short against their drifts.
+    window_s: float = 5.0
+    #: Samples of the channel that a window holds at least: a slow fix is compared over a longer one.
+    samples: int = 5
+    #: Windows of a stretch: of twelve pairs that have nothing in common the correlation is beyond 0.5 by
+    #: chance in one of ten stretches; what belongs together has more than 0.9.
+    windows: int = 12
+    #: What an unknown lever arm of a sensor adds to a change by turning, m per rad. Like the leak so chosen
+    #: that a hover vehicle that spun in a tank, its Doppler log beside its centre, contradicts nothing.
+    arm_m: float = 1.0
+    #: Share of a rotation about the other axes that leaks into one, rad per rad.
+    leak: float = 0.1
+    #: Changes over their own noise from which a channel moves.
+    moving_ratio: float = 10.0
+    #: Correlation and slope below which two changes have little in common.
+    in_common: float = 0.5
+
+
+CONTRADICTION = ContradictionSettings()
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """A channel and those whose integral it is tell of two motions.
+
+    Attributes
+    ----------
+    channel, against
+        Their names.
+    from_s, to_s
+        First and last stretch in which they do, s of the log.
+    slope
+        Change of the channel per change that the others imply there: 1 where they agree.
+    evidence
+        Changes of the one that moves over the least that counts.
+    """
+
+    channel: str
+    against: tuple[str, ...]
+    from_s: float
+    to_s: float
+    slope: float
+    evidence: float
+
+
+def contradictions(trial: Trial, channels: Sequence[str]) -> tuple[Contradiction, ...]:
+    """Contradictions between channels of a trial that judge a model, the one that explains others first."""
+    contradicting = [
+        contradiction
+        for channel, rates in _INTEGRALS.items()
+        if {channel, *rates} & set(channels)
+        and (contradiction := _contradiction(trial, channel, rates)) is not None
+    ]
+    # A wrong angle turns the velocity as well, so that it contradicts the position: angles come first.
+    return tuple(sorted(contradicting, key=lambda each: (len(each.against), -each.evidence)))
+
+
+def _contradiction(trial: Trial, channel: str, rates: tuple[str, ...]) -> Contradiction | None:
+    """Contradiction of a channel; None without one, or where it or one of the others is not in the log."""
+    place = CHANNELS.index(channel)
+    known = trial.valid[:, place]
+    implied, rated = _implied_rate(trial, channel, rates)
+    if known.sum() < CONTRADICTION.samples or rated.sum() < 2:
+        return None
+    t = trial.t
+    values = trial.observed[known, place]
+    values = np.unwrap(values) if channel in ("roll", "pitch", "yaw") else values
+    position = np.interp(t, t[known], values)
+    rate = np.interp(t, t[rated], implied[rated])
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
+    interval = float(np.median(np.diff(t[known])))
+    step = max(round(max(CONTRADICTION.window_s, CONTRADICTION.samples * interval) / trial.dt), 1)
+    begins = np.arange(0, len(t) - step, step)
+    # A window across a gap of either would compare nothing with nothing.
+    whole = _covered(known, begins, step) & _covered(rated, begins, step)
+    change, expected = (series[begins + step] - series[begins] for series in (position, integral))
+    noise = np.sqrt(2.0) * _noise(values)
+    drift = _noise(implied[rated]) * np.sqrt(step) * trial.dt
+    turned = np.concatenate([[0.0], np.cumsum(_turning(trial, channel, rates)[1:] * np.diff(t))])
+    tolerated = (CONTRADICTION.arm_m if len(rates) > 1 else CONTRADICTION.leak) * (
+        turned[begins + step] - turned[begins]
+    )
+    least = CONTRADICTION.moving_ratio * max(noise, drift)
+    bad = []
+    for first in range(0, len(begins) - CONTRADICTION.windows + 1, CONTRADICTION.windows // 2):
+        rows = slice(first, first + CONTRADICTION.windows)
+        if not whole[rows].all():
+            continue
+        a, b = change[rows] - change[rows].mean(), expected[rows] - expected[rows].mean()
+        spread = float(np.std(a)), float(np.std(b))
+        enough = max(least, float(np.sqrt(np.mean(tolerated[rows] ** 2))))
+        if max(spread) <= enough:
+            continue
+        common = float(np.mean(a * b))
+        # One that stands still beside one that moves has no correlation, and no slope on the one that moves.
+        along = common / max(spread) ** 2
+        together = common / (spread[0] * spread[1]) if min(spread) > 0.0 else 0.0
+        if along < CONTRADICTION.in_common and together < CONTRADICTION.in_common:
+            bad.append((
+                first,
+                common / spread[1] ** 2 if spread[1] > 0.0 else np.inf,
+                max(spread) / max(enough, 1e-12),
+            ))
+    if not bad:
+        return None
+    last = min(bad[-1][0] + CONTRADICTION.windows - 1, len(begins) - 1)
+    _, slopes, evidence = zip(*bad, strict=True)
+    return Contradiction(
+        channel=channel,
+        against=rates,
+        from_s=float(t[begins[bad[0][0]]]),
+        to_s=float(t[begins[last] + step]),
+        slope=float(np.median(slopes)),
+        evidence=float(max(evidence)),
+    )
+
+
+def _implied_rate(trial: Trial, channel: str, rates: tuple[str, ...]) -> tuple[Array, Mask]:
+    """Rate of a channel (n,) by those whose integral it is, and where it is known (n,); SI."""
+    angles = ("roll", "pitch", "yaw") if channel != "z" else ("roll", "pitch")
+    needed = [CHANNELS.index(name) for name in (*rates, *(angles if len(rates) > 1 else ()))]
+    if len(rates) == 1:
+        # Rates of Euler angles need the other two; without them the motion is near to level.
+        needed = [CHANNELS.index(rates[0])]
+    known = np.asarray(trial.valid[:, needed].all(axis=1))
+    motion = np.where(np.isfinite(trial.observed), trial.observed, 0.0)
+    u_v_w, p_q_r, euler = motion[:, :3], motion[:, 3:6], motion[:, 9:]
+    if len(rates) > 1:
+        row = CHANNELS.index(channel) - 6
+        return np.einsum("nj,nj->n", matrix(from_euler(euler))[:, row], u_v_w), known
+    (p, q, r), (roll, pitch, _) = p_q_r.T, euler.T
+    turning = q * np.sin(roll) + r * np.cos(roll)
+    kinematics = {
+        "roll": p + np.tan(pitch) * turning,
+        "pitch": q * np.cos(roll) - r * np.sin(roll),
+        "yaw": turning / np.maximum(np.cos(pitch), 0.1),
+    }
+    return kinematics[channel], known
+
+
+def _turning(trial: Trial, channel: str, rates: tuple[str, ...]) -> Array:
+    """Size of the turn rate (n,), rad/s, about axes that may disturb a channel: yaw does not change depth."""
+    axes = ("p", "q") if channel == "z" else ("p", "q", "r")
+    others = [CHANNELS.index(name) for name in axes if name not in rates]
+    motion = np.where(np.isfinite(trial.observed[:, others]), trial.observed[:, others], 0.0)
+    return np.asarray(np.linalg.norm(motion, axis=1))
+
+
+def _covered(known: Mask, begins: NDArray[np.int_], step: int) -> Mask:
+    """Whether each window holds some samples: a gap is longer than a window holds."""
+    count = np.concatenate([[0], np.cumsum(known)])
+    return np.asarray(count[begins + step] - count[begins] >= CONTRADICTION.samples - 1)
+
+
+def _noise(y: Array) -> float:
+    """Standard deviation of white noise on a series (n,), from its second differences."""
+    if len(y) < 3:
+        return 0.0
+    # Three of four: a motion bends the series in some places more than its noise does.
+    return float(np.quantile(np.abs(np.diff(y, 2)), 0.5) / (0.6745 * np.sqrt(6.0)))

@@ -1,27 +1,23 @@
 """The verdict on a log: is the model still valid, what is suspected, and did the mission hold what it had to.
 
-A log on which nothing could have been noticed does not speak for the model: what it would have shown of each
-group of coefficients, and what it refutes, is found by `seatrial.verification.mission_log.power`. Where a
-controlled axis is left unjudged, or the errors exceed what noise and stated intervals explain, the verdict is
-"not judged": exit code 1, an outcome of its own in JSON, an error in JUnit, so that no build passes by it.
-
-Tests: ``test_recorded_verdict.py``, ``test_recorded_campaign.py`` and ``test_recorded_validity.py`` in
-``tests/verification/``.
+A log on which nothing could have been noticed does not speak for the model: where a controlled axis is left
+unjudged, or the errors exceed what noise and stated intervals explain, the verdict is "not judged": exit code
+1, an outcome of its own in JSON, an error in JUnit. Held by ``test_recorded_verdict.py``,
+``test_recorded_campaign.py`` and ``test_recorded_validity.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from seatrial.base.finding import Finding
 from seatrial.base.plain import Plain
-from seatrial.base.report import Reported
+from seatrial.base.report import Reported, writer_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.work import Clock
-from seatrial.verification.junit import JUnitCase, junit_xml
 from seatrial.verification.mission_log.power import Power
 from seatrial.verification.mission_log.validity import Validity
 
@@ -30,10 +26,9 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.problem.problem import Problem
     from seatrial.verification.mission_log.candidates import Suspect
-    from seatrial.verification.mission_log.contradiction import Contradiction
-    from seatrial.verification.mission_log.envelope import Envelope
-    from seatrial.verification.mission_log.log import MissionLog
+    from seatrial.verification.mission_log.log import Envelope, MissionLog
     from seatrial.verification.mission_log.metrics import LoggedStep
+    from seatrial.verification.mission_log.validity import Contradiction
 
 ModelState = Literal["model still valid", "re-identify", "log too short or too quiet to tell", "not judged"]
 
@@ -76,8 +71,8 @@ class LogVerdict(
     model
         "model still valid", "re-identify", "log too short or too quiet to tell" where a doubt is left, or
         "not judged" where the log could not have refuted the model on every controlled axis.
-    reason
-        A sentence.
+    cause
+        Why; ``reason`` says it in words.
     validity
         Share outside the 95 % band per channel; None where no window could be judged.
     suspects
@@ -94,8 +89,10 @@ class LogVerdict(
         Of the mission in closed loop; None where it was not asked for.
     contradictions
         Channels of the log that tell of two motions: a sensor is wrong, and the model is not judged.
-    notes
-        Sentences on what was not known.
+    remarks
+        What was not known; ``notes`` says it in sentences.
+    hidden
+        Channels that do not judge the model, since commands answer waves and noise on their axes.
     current
         Steady current north and east, m/s, that was fitted to a log which tells none; else None.
     vehicle, autopilot, mission
@@ -106,7 +103,7 @@ class LogVerdict(
 
     log: MissionLog
     model: ModelState
-    reason: str
+    cause: Finding
     validity: Validity | None
     suspects: tuple[Suspect, ...]
     power: Power | None
@@ -114,13 +111,24 @@ class LogVerdict(
     requirements: tuple[JudgedRequirement, ...]
     steps: tuple[LoggedStep, ...]
     envelope: Envelope | None
-    notes: tuple[str, ...]
+    remarks: tuple[Finding, ...]
     vehicle: Vehicle
     autopilot: Autopilot | None = None
     mission: Mission | None = None
     current: tuple[float, float] | None = None
     contradictions: tuple[Contradiction, ...] = ()
+    hidden: tuple[str, ...] = ()
     clock: Clock = field(default_factory=Clock)
+
+    @property
+    def reason(self) -> str:
+        """Why the model has its state, in words."""
+        return str(writer_of(self).reason(self))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what was not known."""
+        return tuple(writer_of(self).notes(self))
 
     @property
     def valid(self) -> bool:
@@ -135,13 +143,13 @@ class LogVerdict(
         could not have refuted the model, "undecided" where it leaves a doubt or tells no metric that a
         requirement needs, otherwise "held". Requirements on the truth (``true_...``) do not count.
         """
-        broken = any(one.held is False for one in self.requirements)
+        broken = any(requirement.held is False for requirement in self.requirements)
         if self.model == "re-identify" or broken or any(step.criterion > 0.0 for step in self.steps):
             return "failed"
         if self.model == "not judged":
             return "not judged"
-        told = self.valid and all(one.held is not None or one.beyond_logs for one in self.requirements)
-        return "held" if told else "undecided"
+        known = all(asked.held is not None or asked.beyond_logs for asked in self.requirements)
+        return "held" if self.valid and known else "undecided"
 
     @property
     def held(self) -> bool:
@@ -150,7 +158,7 @@ class LogVerdict(
 
     def junit(self) -> str:
         """JUnit XML with a case for the model, and one per requirement and step of a set point."""
-        return _junit(self)
+        return str(writer_of(self).junit(self))
 
     def inputs(self) -> dict[str, str]:
         """Text of the files that were judged with, by name: vehicle, autopilot, mission."""
@@ -183,9 +191,6 @@ class LogVerdict(
         facts = _facts(self, problem, source or self.log.trial.name)
         with RunDirectory(folder) as run:
             return run.publish(facts, _files(self, problem))
-
-
-SHOWN = 6  # suspects that a report lists
 
 
 def _files(found: LogVerdict, problem: Problem | None) -> dict[str, str | bytes]:
@@ -222,38 +227,3 @@ def _file(source: str | Path) -> Path | None:
     path = Path(source)
     path = path / "flight.parquet" if path.is_dir() else path
     return path if path.is_file() else None
-
-
-_JUNIT = {
-    "model still valid": "held",
-    "re-identify": "failed",
-    "not judged": "not judged",
-    "log too short or too quiet to tell": "undecided",
-}
-
-
-def _junit(verdict: LogVerdict) -> str:
-    mission = verdict.log.trial.name
-    cases = [
-        JUnitCase(
-            mission,
-            "the model still holds",
-            _JUNIT[verdict.model],  # type: ignore[arg-type]
-            message=f"{verdict.model}: {verdict.reason}",
-            details="\n".join(one.sentence() for one in verdict.suspects[:SHOWN]),
-            time_s=verdict.clock.elapsed_s,
-        )
-    ]
-    for one in verdict.requirements:
-        if one.held is None and one.beyond_logs:
-            continue
-        state: Literal["held", "failed", "undecided"] = (
-            "undecided" if one.held is None else "held" if one.held else "failed"
-        )
-        why = f"the log does not tell {', '.join(one.missing)}" if one.held is None else one.holds
-        cases.append(JUnitCase(mission, one.name, state, message=why))
-    for step in verdict.steps:
-        name = f"{step.loop} step at {step.at_s:.1f} s inside its corridor"
-        cases.append(JUnitCase(mission, name, "failed" if step.criterion > 0.0 else "held"))
-    rests_on = {"seatrial": metadata.version("seatrial"), "vehicle": verdict.vehicle.name}
-    return junit_xml(mission, cases, properties=rests_on)
