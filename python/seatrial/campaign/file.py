@@ -246,10 +246,8 @@ class CampaignFile(Section):
 def parse(text: str, source: str) -> CampaignFile:
     """Campaign file from its text.
 
-    Raises
-    ------
-    CampaignError
-        Not TOML, an unknown key, a missing key or a value that a key may not hold; all of them are listed.
+    Raises CampaignError: not TOML, an unknown key, a missing key or a value that a key may not hold; all of
+    them are listed.
     """
     document = tables(text, source)
     if "joint" in document:
@@ -269,10 +267,7 @@ _MODES = ("frozen", "measured")
 def with_locked_axes(text: str, mode: LockedAxes, source: str) -> str:
     """Text of a campaign file with every axis that a stage does not free in one mode; comments are kept.
 
-    Raises
-    ------
-    CampaignError
-        There is no such mode.
+    Raises CampaignError where there is no such mode.
     """
     import tomlkit
 

@@ -58,10 +58,8 @@ def followed_text(campaign: Campaign, suggestion: Suggestion) -> str:
     The coefficient goes to ``[polish.coefficients]`` where the file has a ``[polish]``, otherwise to the last
     stage that frees the axis of its force (the last stage, if it is of no axis), within `suggested_bounds`.
 
-    Raises
-    ------
-    CampaignError
-        The file is laid out such that the line cannot be added safely; the message gives it.
+    Raises CampaignError where the file is laid out such that the line cannot be added safely; the message
+    gives it.
     """
     entry = campaign_line(suggestion, campaign.vehicle.coefficient_info())
     ((name, setting),) = tomllib.loads(entry).items()
@@ -107,10 +105,7 @@ def follow(campaign: Campaign, suggestion: Suggestion) -> Campaign:
 def hold_out_change(before: Identification, after: Identification) -> HoldOutChange:
     """Change of the hold-out score between two identifications, and what to make of it.
 
-    Raises
-    ------
-    CampaignError
-        Nothing is held out that both could be judged by.
+    Raises CampaignError where nothing is held out that both could be judged by.
     """
     old, new = _held_out(before), _held_out(after)
     pairs = {channel: (old[channel], new[channel]) for channel in old if channel in new}

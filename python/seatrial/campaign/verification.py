@@ -103,10 +103,7 @@ def scenario_of(
 def others_of(campaign: Campaign, gains: Any, compare: bool | Mapping[str, Any]) -> Mapping[str, Any]:
     """Autopilots to compare with, by name: those given, or the campaign's own as "start".
 
-    Raises
-    ------
-    CampaignError
-        The campaign's own is the one that is verified.
+    Raises CampaignError where the campaign's own is the one that is verified.
     """
     if isinstance(compare, Mapping):
         return compare
@@ -384,26 +381,10 @@ def verify_campaign_log(
 ) -> tuple[LogVerdict, CampaignLog]:
     """Verdict on a log by the requirements and corridors of a campaign, and what is known of the log.
 
-    Parameters
-    ----------
-    campaign : Campaign
-    fit : Fitted, Identification, Vehicle, str or Path
-        What is known of the vehicle.
-    source : str or Path
-        As for `campaign_log`.
-    autopilot, mission : optional
-        What was flown, where it does not lie beside the log.
-    references : sequence of str or Path, optional
-        As names of `campaign_reference`.
-    current : (3,) array_like, optional
-        Of the envelope, m/s, NED.
-    settings : LogSettings, optional
-        Part, input and seed come from the campaign.
-
-    Raises
-    ------
-    TrialError, CampaignError, SimulationError, VehicleError
-        Something cannot be used.
+    `fit`: what is known of the vehicle. `source`: as for `campaign_log`. `autopilot`, `mission`: what was
+    flown, where it does not lie beside the log. `references`: as names of `campaign_reference`. `current`: of
+    the envelope, m/s, NED. `settings`: part, input and seed come from the campaign. Raises TrialError,
+    CampaignError, SimulationError, VehicleError: something cannot be used.
     """
     known = Fitted.of(fit)
     if set(known.vehicle.actuators) != set(campaign.vehicle.actuators):

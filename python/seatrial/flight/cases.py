@@ -249,12 +249,8 @@ class Cases:
     ) -> Cases:
         """Cases of one mission, checked. See `seatrial.fly_batch` for the parameters.
 
-        Raises
-        ------
-        VehicleError
-            A file is not usable.
-        SimulationError, TrialError
-            Lengths do not fit together, or a number, a failure or a sensor is not usable.
+        Raises VehicleError where a file is not usable. Raises SimulationError, TrialError where lengths do
+        not fit together, or a number, a failure or a sensor is not usable.
         """
         initial = conditions.initial
         starts_differ = not (initial is None or isinstance(initial, State))
@@ -367,17 +363,9 @@ class Cases:
     def fly(self, *, threads: int | None = None) -> Flights:
         """Flights of all cases, side by side.
 
-        Parameters
-        ----------
-        threads : int, optional
-            All when omitted; the result does not depend on it.
-
-        Raises
-        ------
-        VehicleError
-            The autopilot does not fit the vehicle, or a name is unknown.
-        SimulationError
-            There is no such number of threads.
+        `threads`: all when omitted; the result does not depend on it. Raises VehicleError where the autopilot
+        does not fit the vehicle, or a name is unknown. Raises SimulationError where there is no such number
+        of threads.
         """
         around = self.circumstances
         return core_fly(

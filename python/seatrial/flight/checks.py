@@ -82,10 +82,7 @@ def within(name: str, value: Any, ends: tuple[float, float], unit: str) -> None:
 def checked_seed(seed: Any) -> int:
     """A seed that is one.
 
-    Raises
-    ------
-    SimulationError
-        It is none.
+    Raises SimulationError where it is none.
     """
     whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
     if not whole or not 0 <= seed < FLIGHT_LIMITS.largest_seed:
@@ -218,10 +215,7 @@ def checked_turbulence(given: Any, what: str = "turbulence") -> tuple[float, flo
 
     `what` is what they are of, as messages call it.
 
-    Raises
-    ------
-    SimulationError
-        It is none.
+    Raises SimulationError where it is none.
 
     Examples
     --------
@@ -242,10 +236,7 @@ def checked_turbulence(given: Any, what: str = "turbulence") -> tuple[float, flo
 def checked_times(given: Any) -> tuple[float, float]:
     """Two time constants of a turbulent current, s.
 
-    Raises
-    ------
-    SimulationError
-        They are none.
+    Raises SimulationError where they are none.
     """
     values = list(given) if isinstance(given, tuple | list) else []
     if len(values) != 2 or not all(
@@ -261,10 +252,7 @@ def checked_times(given: Any) -> tuple[float, float]:
 def checked_obstacles(given: Any) -> tuple[tuple[float, float, float], ...]:
     """Cylinders: north, east and radius of each, m.
 
-    Raises
-    ------
-    SimulationError
-        One of them is none.
+    Raises SimulationError where one of them is none.
     """
     cylinders = []
     for place, obstacle in enumerate(given):
@@ -291,10 +279,7 @@ def checked_set_points(
 ) -> tuple[dict[str, Array] | None, dict[str, int]]:
     """Set points by name, and the number of cases of those that differ from case to case.
 
-    Raises
-    ------
-    SimulationError
-        They are no arrays by name.
+    Raises SimulationError where they are no arrays by name.
 
     Examples
     --------
@@ -322,10 +307,7 @@ def checked_set_points(
 def checked_corridors(given: Any) -> tuple[list[Corridor], dict[str, int]]:
     """Corridors, and the number of cases of bases and scales that differ from case to case.
 
-    Raises
-    ------
-    SimulationError
-        One of them is none.
+    Raises SimulationError where one of them is none.
     """
     corridors: list[Corridor] = []
     cases = {}

@@ -247,16 +247,9 @@ def excesses(
 ) -> list[Excess]:
     """Excesses of flights, in the order of `KINDS`; none of a kind that no flight has.
 
-    Parameters
-    ----------
-    metrics : mapping
-        Metrics of flights by name, (k,) each.
-    promised_m, max_depth_m, min_altitude_m : array_like
-        What the mission of each promises and allows, m, (k,) or one number.
-    complete : array_like of bool
-        Whether each flew its mission to the end, (k,).
-    battery_wh : float
-        Energy of a full battery, Wh; infinite where it is not known.
+    `metrics`: metrics of flights by name, (k,) each. `promised_m`, `max_depth_m`, `min_altitude_m`: what the
+    mission of each promises and allows, m, (k,) or one number. `complete`: whether each flew its mission to
+    the end, (k,). `battery_wh`: energy of a full battery, Wh; infinite where it is not known.
     """
     clear, altitude, shallowest, deepest, pitch, beyond = (
         np.asarray(metrics[name], dtype=float)

@@ -163,10 +163,8 @@ def fault_rows(
 ) -> list[tuple[int, str, float, float]]:
     """Rows (case, actuator, time in s, command or nan) of a case, as the core takes them.
 
-    Raises
-    ------
-    SimulationError
-        The vehicle has no such actuator, or the fault is outside of the flight or of the actuator's range.
+    Raises SimulationError where the vehicle has no such actuator, or the fault is outside of the flight or of
+    the actuator's range.
     """
     facts = vehicle.actuator_info()
     rows: list[tuple[int, str, float, float]] = []
@@ -210,10 +208,8 @@ def _command(fault: Fault, facts: dict[str, Any]) -> float:
 def outage_rows(outages: Sequence[Outage], max_time_s: float) -> list[tuple[int, float, float]]:
     """Rows (group, from, until in s) as the core takes them.
 
-    Raises
-    ------
-    SimulationError
-        There is no such group or kind of sensor, or the times are not in order or beyond the flight.
+    Raises SimulationError where there is no such group or kind of sensor, or the times are not in order or
+    beyond the flight.
     """
     groups = autopilot_names()["groups"]
     rows = []

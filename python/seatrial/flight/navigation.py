@@ -391,10 +391,7 @@ class NavigationFilter:
 def checked_navigation(navigation: Any) -> str | NavigationFilter:
     """What the autopilot of a flight goes by: "sensors", "filter", or a filter of the caller's making.
 
-    Raises
-    ------
-    SimulationError
-        It is none of them.
+    Raises SimulationError where it is none of them.
 
     Examples
     --------

@@ -99,10 +99,7 @@ class Payload:
     def load(cls, path: str | Path) -> Payload:
         """Payload of a file.
 
-        Raises
-        ------
-        SimulationError
-            The file cannot be read, or a key or value is wrong.
+        Raises SimulationError where the file cannot be read, or a key or value is wrong.
         """
         return cls.from_toml(text_of(path, "a payload file", error=SimulationError), str(path))
 
@@ -110,10 +107,7 @@ class Payload:
     def from_toml(cls, text: str, source: str = "<text>") -> Payload:
         """Payload of the text of a payload file; `source` is what to call it in messages.
 
-        Raises
-        ------
-        SimulationError
-            A key or value is wrong.
+        Raises SimulationError where a key or value is wrong.
         """
         file = checked(_File, tables(text, source, error=SimulationError), source, error=SimulationError)
         sensors = (
@@ -133,10 +127,7 @@ class Payload:
     def check_current(self, current: Sequence[float]) -> None:
         """Refuse plumes in still water; `current` in m/s, north and east first.
 
-        Raises
-        ------
-        SimulationError
-            It is slower than `SLOWEST_M_S`.
+        Raises SimulationError where it is slower than `SLOWEST_M_S`.
         """
         speed = math.hypot(*current[:2])
         if self.plumes and speed < SLOWEST_M_S:
@@ -403,20 +394,10 @@ _DECIMALS = {"nitrate_mg_l": 2, "density_kg_m3": 2, "conductivity_s_m": 3, "sali
 def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
     """Samples that a payload takes on a flight.
 
-    Parameters
-    ----------
-    payload
-        Water and sensors.
-    flight
-        Its log; the plume drifts with the mean current, and the noise goes by the seed of its circumstances.
-    errors
-        Of the navigation's channels: noise, offset, random walk after one second and digit, (16, 4), see
-        `seatrial.flight.sensor_channels.SensorChannels`.
-
-    Raises
-    ------
-    SimulationError
-        A plume has no current that it drifts with.
+    `payload`: water and sensors. `flight`: its log; the plume drifts with the mean current, and the noise
+    goes by the seed of its circumstances. `errors`: of the navigation's channels: noise, offset, random walk
+    after one second and digit, (16, 4), see `seatrial.flight.sensor_channels.SensorChannels`. Raises
+    SimulationError: a plume has no current that it drifts with.
     """
     current = flight.circumstances.current
     payload.check_current(current)

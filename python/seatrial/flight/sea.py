@@ -103,10 +103,7 @@ def steepest_period(height_m: Any) -> Any:
 def checked_seas(given: Any) -> tuple[tuple[SeaState | None, ...], bool]:
     """Sea states, one for all cases or one each, and whether they differ from case to case.
 
-    Raises
-    ------
-    SimulationError
-        One of them is none.
+    Raises SimulationError where one of them is none.
     """
     if given is None or isinstance(given, SeaState):
         return (given,), False

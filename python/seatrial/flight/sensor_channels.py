@@ -105,10 +105,7 @@ def sensors_of(
 ) -> dict[str, Sensor] | None:
     """Sensors by kind of "typical", a file or a mapping; None for perfect ones.
 
-    Raises
-    ------
-    TrialError
-        The file or a kind is not usable.
+    Raises TrialError where the file or a kind is not usable.
     """
     if source is None:
         return None
@@ -128,10 +125,7 @@ def sensors_of(
 def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> SensorChannels:
     """Channels that the sensors tell at a control period, s; perfect ones for None.
 
-    Raises
-    ------
-    TrialError
-        There is no sensor at all, or a latency beyond what is kept.
+    Raises TrialError where there is no sensor at all, or a latency beyond what is kept.
 
     Examples
     --------

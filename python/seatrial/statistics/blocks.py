@@ -25,13 +25,8 @@ def lag_one_correlation(residuals: Array, *, most: float, together: NDArray[np.b
 
     About their own mean, independent samples correlate by -1/n, which is allowed for.
 
-    Parameters
-    ----------
-    residuals : ndarray, shape (n,)
-    most : float
-        Upper limit: beyond it a record is too short to show its memory.
-    together : ndarray of bool, shape (n - 1,), optional
-        Which samples follow the one before without a gap; all when omitted.
+    `most`: upper limit: beyond it a record is too short to show its memory. `together`: which samples follow
+    the one before without a gap; all when omitted.
 
     Examples
     --------
@@ -134,10 +129,7 @@ def block_length(lin: Linearisation) -> BlockLength:
     Econometrica 76:175), and none is shorter than ``1.3 sqrt(N)`` (Lazarus, Lewis, Stock and Watson 2018,
     JBES 36:541).
 
-    Raises
-    ------
-    CampaignError
-        No sample counts.
+    Raises CampaignError where no sample counts.
     """
     counts = np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0, initial=0)
     if not np.any(counts):
@@ -410,10 +402,7 @@ class Whitened:
 def whitened(lin: Linearisation, length: BlockLength | None = None) -> Whitened:
     """Blocks of a linearisation, of the automatic length unless one is given.
 
-    Raises
-    ------
-    CampaignError
-        No sample counts.
+    Raises CampaignError where no sample counts.
     """
     return views(lin, length)[0]
 

@@ -24,14 +24,8 @@ _HALF_STEP = 2.0**-54  # NumPy's uniforms are multiples of 2^-53, 0 among them, 
 def generator(seed: int, number: int, *, cause: int, attempt: int = 0) -> np.random.Generator:
     """Generator of one draw of one cause.
 
-    Parameters
-    ----------
-    seed, number : int
-        From 0 on.
-    cause : int
-        Different causes are independent.
-    attempt : int
-        For draws that are repeated until they are possible.
+    `seed`, `number`: from 0 on. `cause`: different causes are independent. `attempt`: for draws that are
+    repeated until they are possible.
 
     Examples
     --------
@@ -44,14 +38,7 @@ def generator(seed: int, number: int, *, cause: int, attempt: int = 0) -> np.ran
 def uniforms(seed: int, numbers: Sequence[int], *, cause: int, width: int) -> Array:
     """Numbers (k, width) strictly between 0 and 1, a row per draw.
 
-    Parameters
-    ----------
-    seed : int
-    numbers : sequence of int
-        Of the draws.
-    cause : int
-    width : int
-        The first columns do not depend on it.
+    `numbers`: of the draws. `width`: the first columns do not depend on it.
 
     Examples
     --------
@@ -66,10 +53,7 @@ def uniforms(seed: int, numbers: Sequence[int], *, cause: int, width: int) -> Ar
 def checked_numbers(numbers: int | ArrayLike) -> list[int]:
     """Numbers of draws: 0 to k - 1 for k, or those given.
 
-    Raises
-    ------
-    SimulationError
-        They are not whole numbers from 0 on.
+    Raises SimulationError where they are not whole numbers from 0 on.
 
     Examples
     --------

@@ -51,12 +51,8 @@ SETTINGS = ProportionSettings()
 def clopper_pearson(failures: ArrayLike, runs: ArrayLike, *, confidence: float = 0.95) -> tuple[Array, Array]:
     """Lower and upper end of the exact interval of a probability, half of the risk on each side.
 
-    Parameters
-    ----------
-    failures, runs : array_like of int
-        Of one or many campaigns; 0 <= failures <= runs, runs > 0.
-    confidence : float
-        Share of campaigns whose interval holds the probability, at least.
+    `failures`, `runs`: of one or many campaigns; 0 <= failures <= runs, runs > 0. `confidence`: share of
+    campaigns whose interval holds the probability, at least.
 
     Examples
     --------
@@ -216,10 +212,7 @@ def further_runs(estimate: FailureProbability, allowed: float, *, chance: float 
     The failures to come are foretold from those seen (Jeffreys' prior, Beta(k + 1/2, n - k + 1/2)): the share
     itself is not known, and where it is close to the allowed one many missions are needed.
 
-    Returns
-    -------
-    int or None
-        Nothing if a billion missions do not.
+    None if a billion missions do not.
     """
     from scipy.stats import beta
 

@@ -199,17 +199,9 @@ def score_tests(
 ) -> ScoreTests:
     """Score tests of candidate columns, given the fitted unknowns.
 
-    Parameters
-    ----------
-    lin : Linearisation
-    columns : sequence of ndarray, shape (n, C, k), or (n, 1, k) with a channel
-        What the channels of each segment would show of the candidates, in the residual's unit.
-    fitted : sequence of int
-        Indices of the fitted unknowns.
-    block : sequence of ndarray, shape (n,)
-        Block of each sample of each segment, from 0 on.
-    channel : int, optional
-        Place of the only channel that shows anything of the candidates.
+    `columns`: what the channels of each segment would show of the candidates, in the residual's unit.
+    `fitted`: indices of the fitted unknowns. `block`: block of each sample of each segment, from 0 on.
+    `channel`: place of the only channel that shows anything of the candidates.
     """
     sums = _sums(lin, columns, fitted=fitted, block=block, channel=channel, pairs=True)
     tried = np.concatenate([sums.tried, sums.aims[:, None, :]], axis=1)

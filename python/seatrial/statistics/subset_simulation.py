@@ -117,19 +117,10 @@ def population(
 ) -> Population:
     """One population of subset simulation.
 
-    Parameters
-    ----------
-    level : callable
-        Zero or less where a sample (k, d) with seeds (k,) fails; not a number counts as failed.
-    dimensions : int
-        d.
-    size : int
-        Samples of a level, a multiple of ten.
-    generator : Generator
-    possible : callable, optional
-        Which samples (k, d) can be; all when omitted.
-    watch : callable, optional
-        Called with the number of a level and the largest threshold that it has still to pass.
+    `level`: zero or less where a sample (k, d) with seeds (k,) fails; not a number counts as failed.
+    `dimensions`: d. `size`: samples of a level, a multiple of ten. `possible`: which samples (k, d) can be;
+    all when omitted. `watch`: called with the number of a level and the largest threshold that it has still
+    to pass.
     """
     chains, steps = round(SETTINGS.level_share * size), round(1.0 / SETTINGS.level_share)
     x = _possible_normals(generator, size, dimensions, possible)

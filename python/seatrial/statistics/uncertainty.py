@@ -374,10 +374,7 @@ def tempering(lin: Linearisation) -> Array:
     its prior. The scatter between parts is not in it: with it, what is known beforehand outweighed Beluga's
     data, a thruster of 2.1 times its table came out at 1.3, and roll was predicted worse (R2 0.81 to 0.71).
 
-    Raises
-    ------
-    CampaignError
-        No sample counts.
+    Raises CampaignError where no sample counts.
     """
     known = replace(lin, tempering=1.0).precision
     own = np.ones(len(known))

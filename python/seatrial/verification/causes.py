@@ -248,19 +248,8 @@ def find_causes(
     Causes that are the same in all missions are left out; a mission without a value is left out of that
     cause.
 
-    Parameters
-    ----------
-    held : array_like of bool, shape (k,)
-    reserve : array_like, shape (k,)
-        As of `seatrial.verification.requirement.Judgement`.
-    causes : sequence of Cause
-    level : float
-        Chance to name any cause where there is none.
-
-    Raises
-    ------
-    ValueError
-        A cause has another number of missions.
+    `reserve`: as of `seatrial.verification.requirement.Judgement`. `level`: chance to name any cause where
+    there is none. Raises ValueError where a cause has another number of missions.
 
     Examples
     --------
@@ -282,19 +271,9 @@ def find_causes_of_all(
 
     A requirement without failures whose reserve is the same everywhere, as that of words is, asks nothing.
 
-    Parameters
-    ----------
-    judgements : sequence of (held, reserve)
-        Of each requirement, (k,) each.
-    causes : iterable of Cause
-        Asked for one by one, so that memory holds no more than one.
-    level : float
-        Chance to name any cause of any requirement where there is none.
-
-    Raises
-    ------
-    ValueError
-        A cause has another number of missions.
+    `judgements`: of each requirement, (k,) each. `causes`: asked for one by one, so that memory holds no more
+    than one. `level`: chance to name any cause of any requirement where there is none. Raises ValueError: a
+    cause has another number of missions.
 
     Examples
     --------

@@ -271,24 +271,11 @@ def draw_missions(
 ) -> Draws:
     r"""Draws of a verification, SI and rad.
 
-    Parameters
-    ----------
-    table : VerificationTable
-    fitted : Fitted
-        The vehicle that flies, and how well it is known.
-    missions : sequence of Mission
-        Those of the table, in its order.
-    seed : int
-        Of the campaign.
-    numbers : int or (k,) array_like of int, optional
-        How many cases, or their numbers; the table's runs when omitted.
-
-    Raises
-    ------
-    CampaignError
-        A name of a coefficient is unknown, no drawn vehicle is possible, or the missions are not the table's.
-    SimulationError
-        An actuator, group or sensor is unknown, a command is beyond its range, or the seed is none.
+    `fitted`: the vehicle that flies, and how well it is known. `missions`: those of the table, in its order.
+    `seed`: of the campaign. `numbers`: how many cases, or their numbers; the table's runs when omitted.
+    Raises CampaignError where a name of a coefficient is unknown, no drawn vehicle is possible, or the
+    missions are not the table's. Raises SimulationError where an actuator, group or sensor is unknown, a
+    command is beyond its range, or the seed is none.
 
     Examples
     --------
@@ -325,10 +312,7 @@ def draw_missions(
 def missions_of_the_table(table: VerificationTable, missions: Sequence[Mission]) -> None:
     """Refuse missions that are not those of a table.
 
-    Raises
-    ------
-    CampaignError
-        They are more or fewer.
+    Raises CampaignError where they are more or fewer.
     """
     if len(missions) != len(table.missions):
         raise CampaignError(
@@ -364,20 +348,9 @@ def composed(
 ) -> Draws:
     """Cases from their random numbers.
 
-    Parameters
-    ----------
-    table : VerificationTable
-    fitted : Fitted
-        As `scattered` gives it.
-    missions : sequence of Mission
-    numbers : sequence of int
-        Of the cases (k).
-    coefficients : mapping of str to (k,) array
-        Of the vehicles, SI.
-    common, faults, outages : (k, width) array
-        Uniform numbers: `COMMON_WIDTH`, and `FAULT_WIDTH` and `OUTAGE_WIDTH` of each entry.
-    notes, doubt
-        As of `Draws`.
+    `fitted`: as `scattered` gives it. `numbers`: of the cases (k). `coefficients`: of the vehicles, SI.
+    `common`, `faults`, `outages`: uniform numbers: `COMMON_WIDTH`, and `FAULT_WIDTH` and `OUTAGE_WIDTH` of
+    each entry. `notes`, `doubt`: as of `Draws`.
     """
     u = {name: common[:, k] for k, name in enumerate(_ORDER)}
     mission = _mission(table, u["mission"])

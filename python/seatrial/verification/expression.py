@@ -196,10 +196,7 @@ _SUFFIXES = (
 def parse(text: str) -> ast.expr:
     """Syntax tree of an expression, every part of it on the list.
 
-    Raises
-    ------
-    CampaignError
-        It cannot be read, or something in it is not allowed.
+    Raises CampaignError where it cannot be read, or something in it is not allowed.
     """
     if len(text) > SETTINGS.longest:
         raise CampaignError(

@@ -30,15 +30,8 @@ FAULT_WIDTH = OUTAGE_WIDTH = 4
 def targets(entry: FaultTable, vehicle: Vehicle) -> dict[str, float]:
     """Actuators that an entry means, each with the command that it keeps (nan: where it is).
 
-    Parameters
-    ----------
-    entry : FaultTable
-    vehicle : Vehicle
-
-    Raises
-    ------
-    SimulationError
-        There is no such actuator or group, or the command is beyond an actuator's range.
+    Raises SimulationError where there is no such actuator or group, or the command is beyond an actuator's
+    range.
 
     Examples
     --------

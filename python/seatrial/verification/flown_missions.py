@@ -96,10 +96,7 @@ class FlownMissions:
     def place(self, number: int) -> int:
         """Row of the mission with a number.
 
-        Raises
-        ------
-        ValueError
-            It was not flown.
+        Raises ValueError where it was not flown.
         """
         rows = np.flatnonzero(self.numbers == number)
         if not len(rows):

@@ -215,10 +215,7 @@ _MISSING = {
 def check_energy(requirement: Requirement, vehicle: Vehicle) -> None:
     """Refuse a requirement on the energy of a vehicle that tells no power.
 
-    Raises
-    ------
-    CampaignError
-        It is one.
+    Raises CampaignError where it is one.
 
     Examples
     --------

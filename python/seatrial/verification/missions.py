@@ -90,10 +90,7 @@ class MissionStore:
     def append(self, part: FlownMissions) -> None:
         """Take the next part of the series.
 
-        Raises
-        ------
-        SeatrialError
-            The temporary folder takes no more.
+        Raises SeatrialError where the temporary folder takes no more.
         """
         left = max(COUNTED - self._missions, 0)
         self._parts.append(part)
@@ -194,10 +191,8 @@ class CampaignFlights:
     def check(self) -> None:
         """Refuse what cannot be flown before anything flies.
 
-        Raises
-        ------
-        SimulationError, TrialError, VehicleError, CampaignError
-            A number, name, sensor or file is not usable.
+        Raises SimulationError, TrialError, VehicleError, CampaignError where a number, name, sensor or file
+        is not usable.
         """
         self.draws([0])
         for one in self._ready:

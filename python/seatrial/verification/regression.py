@@ -54,10 +54,7 @@ def check_cases(
 ) -> None:
     """Refuse cases that cannot be flown or judged.
 
-    Raises
-    ------
-    CampaignError
-        An unknown mission, requirement, coefficient, channel, actuator or sensor.
+    Raises CampaignError where an unknown mission, requirement, coefficient, channel, actuator or sensor.
     """
     channels, known = autopilot_names()["channels"], flights.fitted.vehicle.coefficients()
     for one in cases:
@@ -80,10 +77,7 @@ def check_cases(
 def draws_of(cases: Sequence[CaseTable], flights: CampaignFlights) -> Draws:
     """What the cases (k) meet, as draws.
 
-    Raises
-    ------
-    SimulationError
-        An actuator or sensor is unknown, or a command is beyond its range.
+    Raises SimulationError where an actuator or sensor is unknown, or a command is beyond its range.
     """
     missions, titles = flights.missions, flights.titles
     index = [0 if one.mission is None else titles.index(one.mission) for one in cases]

@@ -296,10 +296,7 @@ def _value(node: ast.expr, metrics: Mapping[str, Values]) -> Values:
 def _refuse_not_finite(tree: ast.expr) -> None:
     """Refuse sums without a metric that give no finite number, and divisions by such a sum that is zero.
 
-    Raises
-    ------
-    CampaignError
-        With the smallest part that is wrong.
+    Raises CampaignError: with the smallest part that is wrong.
     """
     for node in reversed(list(ast.walk(tree))):
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div) and _constant(node.right) == 0.0:
@@ -352,10 +349,7 @@ _SURE = 1.96  # normal quantile of 95 % on two sides
 def named(names: Sequence[str], known: Mapping[str, _T]) -> list[_T]:
     """Those of these names, of all that are known by the names of their requirements.
 
-    Raises
-    ------
-    CampaignError
-        There is no requirement of such a name.
+    Raises CampaignError where there is no requirement of such a name.
     """
     for name in names:
         if name not in known:
@@ -380,13 +374,8 @@ def default_requirements(
 
     A mission that only dives has no course: then the depths between the ends of each leg are to be kept.
 
-    Parameters
-    ----------
-    table : VerificationTable
-    missions : sequence of Mission
-        Those of the table.
-    position_sd_m : float
-        Standard deviation of the position that the sensors give, along an axis.
+    `missions`: those of the table. `position_sd_m`: standard deviation of the position that the sensors give,
+    along an axis.
 
     Examples
     --------

@@ -111,10 +111,7 @@ def sensors_of_table(
 def requirement_of(source: str, asked: RequirementTable) -> Requirement:
     """A requirement that the campaign file states, on metrics that there are.
 
-    Raises
-    ------
-    CampaignError
-        Its expression cannot be read; with file and key.
+    Raises CampaignError where its expression cannot be read; with file and key.
     """
     from seatrial.verification.requirement import Requirement
 
@@ -486,10 +483,7 @@ def _known(name: str, given: Mapping[str, Any] | None, keys: Sequence[str]) -> M
 def titled(missions: Sequence[Mission | str | Path]) -> tuple[tuple[MissionTable, ...], tuple[Mission, ...]]:
     """Tables and objects of missions that were given, each with a title of its own.
 
-    Raises
-    ------
-    CampaignError
-        There is none, or two have the same title.
+    Raises CampaignError where there is none, or two have the same title.
     """
     listed = _listed(missions)
     flown = tuple(Mission.load(mission) if isinstance(mission, str | Path) else mission for mission in listed)
@@ -511,10 +505,7 @@ def _listed(missions: Any) -> Sequence[Mission | str | Path]:
 def autopilot_of(source: Any) -> Autopilot:
     """Autopilot of a tuning, a run directory of it, a file, a built-in name, or itself.
 
-    Raises
-    ------
-    VehicleError, SimulationError
-        It is none.
+    Raises VehicleError, SimulationError where it is none.
     """
     found = getattr(source, "autopilot", source)
     if isinstance(found, str | Path) and Path(found).is_dir():

@@ -512,16 +512,8 @@ class VerificationTable(Section):
 def parse_verification(text: str, source: str) -> VerificationTable:
     r"""Table ``[verification]`` of a TOML text that holds it.
 
-    Parameters
-    ----------
-    text : str
-    source : str
-        What to call it in messages.
-
-    Raises
-    ------
-    CampaignError
-        Not TOML, no such table, an unknown key, a missing key or a value that a key may not hold.
+    `source`: what to call it in messages. Raises CampaignError: not TOML, no such table, an unknown key, a
+    missing key or a value that a key may not hold.
 
     Examples
     --------

@@ -319,28 +319,10 @@ def mission_envelope(
     other noise of the sensors and, where given, another current; `prediction_band` is taken over the flights
     at the same time since the start.
 
-    Parameters
-    ----------
-    fitted : Fitted
-        The vehicle and how well it is known.
-    log : MissionLog
-    autopilot : Autopilot
-    mission : Mission
-        What was flown.
-    flights : int, optional
-        How many flights, at least 39; of some more, a few may end before the log does.
-    seed : int, optional
-    sensors : optional
-        As for `seatrial.fly`.
-    current : (3,) or (flights, 3) array_like, optional
-        North, east, down, m/s; the mean of the recorded one when omitted.
-    voltage_v : float, optional
-        Supply, V; the mean of the recorded one when omitted.
-
-    Raises
-    ------
-    SimulationError
-        Too few flights, or too many of them diverged.
+    `fitted`: the vehicle and how well it is known. `mission`: what was flown. `flights`: how many flights, at
+    least 39; of some more, a few may end before the log does. `sensors`: as for `seatrial.fly`. `current`:
+    north, east, down, m/s; the mean of the recorded one when omitted. `voltage_v`: supply, V; the mean of the
+    recorded one when omitted. Raises SimulationError: too few flights, or too many of them diverged.
     """
     from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.fly import fly_batch

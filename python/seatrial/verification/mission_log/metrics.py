@@ -125,15 +125,9 @@ def log_metrics(
 ) -> dict[str, Any]:
     """Metrics of a recorded mission by the names of `Flight.metrics`, units in the names.
 
-    Parameters
-    ----------
-    log : MissionLog
-    mission : Mission, optional
-        Without it there are no metrics of guidance, but those that the log itself tells.
-    vehicle : Vehicle, optional
-        Gives the neutral command of the actuators.
-    obstacles : sequence of Obstacle, optional
-        What stands in the water besides the mission's own.
+    `mission`: without it there are no metrics of guidance, but those that the log itself tells. `vehicle`:
+    gives the neutral command of the actuators. `obstacles`: what stands in the water besides the mission's
+    own.
     """
     trial = log.trial
     here = set(trial.channels)
@@ -295,16 +289,8 @@ class LoggedStep(Plain):
 def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[LoggedStep, ...]:
     """Steps of the logged set points whose response the log holds until the corridor ends.
 
-    Parameters
-    ----------
-    log : MissionLog
-    corridors : mapping of str to Corridor
-        By loop: surge, sway, heave, depth, pitch, heading.
-
-    Raises
-    ------
-    CampaignError
-        There is no such loop.
+    `corridors`: by loop: surge, sway, heave, depth, pitch, heading. Raises CampaignError where there is no
+    such loop.
     """
     from seatrial.tuning.criterion import criterion, normalised
 

@@ -293,30 +293,13 @@ def group_power(
 ) -> Power:
     """Power and tests of the coefficient groups on the part of a log that is judged.
 
-    Parameters
-    ----------
-    known : Fitted
-        The model, with the covariance of its coefficients.
-    log : PredictedLog
-        What is judged.
-    offsets : mapping of str to float
-        Standard deviation of the offset of each channel's sensor, SI.
-    level : float
-        Chance of a false alarm over all groups.
-    stated : mapping of str to float, optional
-        Root mean square error of a valid model per channel, SI, as it was stated.
-    hidden : str, optional
-        Letters of the axes whose channels tell nothing.
-    water : bool, optional
-        Whether the current is unknown: not logged, or fitted to this log.
-    lacking : bool, optional
-        Whether references tell what a valid model lacks. Within a piece it errs no more than the noise, and
-        what that grows to in a whole window they tell. Without any, noise alone explains a whole window.
-
-    Raises
-    ------
-    TrialError
-        No window can start.
+    `known`: the model, with the covariance of its coefficients. `log`: what is judged. `offsets`: standard
+    deviation of the offset of each channel's sensor, SI. `level`: chance of a false alarm over all groups.
+    `stated`: root mean square error of a valid model per channel, SI, as it was stated. `hidden`: letters of
+    the axes whose channels tell nothing. `water`: whether the current is unknown: not logged, or fitted to
+    this log. `lacking`: whether references tell what a valid model lacks. Within a piece it errs no more than
+    the noise, and what that grows to in a whole window they tell. Without any, noise alone explains a whole
+    window. Raises TrialError where no window can start.
     """
     whole, cut, first = pieces(log.without(hidden))
     controlled = "".join(log.vehicle.controllable) or "XYZKMN"

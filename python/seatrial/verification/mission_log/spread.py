@@ -384,10 +384,7 @@ class Spread:
 def spread_of_reference(references: Sequence[PredictedLog]) -> Spread:
     """Spread over logs on which the model is known to hold: rms, at least the 95 % quantile over 1.96, SI.
 
-    Raises
-    ------
-    TrialError
-        There is no log, or fewer than six windows.
+    Raises TrialError where there is no log, or fewer than six windows.
     """
     count = sum(len(one.spans) for one in references)
     if count < 6:
@@ -422,10 +419,7 @@ def spread_of_reference(references: Sequence[PredictedLog]) -> Spread:
 def spread_of_errors(rms: Mapping[str, float], log: PredictedLog) -> Spread:
     """Spread from a root mean square error per channel: half of it constant, half a random walk, SI.
 
-    Raises
-    ------
-    TrialError
-        A channel is unknown or its error no positive number.
+    Raises TrialError where a channel is unknown or its error no positive number.
     """
     for name, value in rms.items():
         if name not in CHANNELS:

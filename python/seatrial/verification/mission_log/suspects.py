@@ -188,18 +188,8 @@ def suspects(
 ) -> tuple[Suspect, ...]:
     """Suspects of a log, the one that explains most first.
 
-    Parameters
-    ----------
-    log : PredictedLog
-    spread : Spread
-        Of a valid model's errors.
-    tried : sequence of Candidate
-    sigma : mapping of str to float, optional
-        Standard deviations of the identified coefficients.
-    current : bool, optional
-        Whether a steady current that was not recorded is tried too.
-    most : int, optional
-        How many to list.
+    `spread`: of a valid model's errors. `sigma`: standard deviations of the identified coefficients.
+    `current`: whether a steady current that was not recorded is tried too. `most`: how many to list.
     """
     directions = [one for candidate in tried for one in candidate.directions()]
     slopes = log.slopes(directions, current=current)

@@ -173,17 +173,9 @@ def validity(
     alarm at the level. A channel fails by a p-value below the level and a share beyond ``least_share``: on an
     hour of log, 6 % outside may be certain and yet no reason for a day at sea.
 
-    Parameters
-    ----------
-    log : PredictedLog
-    spread : Spread
-        Of a valid model's errors.
-    draws : mapping of str to (k,) ndarray, optional
-        Draws of the coefficients from their covariance.
-    offsets : mapping of str to float, optional
-        Standard deviation, SI, of the offset that the sensor of a channel has throughout a log.
-    level : float, optional
-        Chance of any false alarm over all channels.
+    `spread`: of a valid model's errors. `draws`: draws of the coefficients from their covariance. `offsets`:
+    standard deviation, SI, of the offset that the sensor of a channel has throughout a log. `level`: chance
+    of any false alarm over all channels.
     """
     given = {} if draws is None else {name: np.asarray(values, float) for name, values in draws.items()}
     known = np.zeros(12) if offsets is None else np.array([offsets.get(name, 0.0) for name in CHANNELS])
