@@ -10,8 +10,14 @@ import pytest
 import seatrial as st
 from seatrial.base.errors import CampaignError, SimulationError, TrialError
 from seatrial.control_design.corridor import Corridor
-from seatrial.verification.mission_log.log import SETTINGS, MissionLog, mission_envelope, prediction_band
-from seatrial.verification.mission_log.metrics import errors_of_guidance, log_metrics, logged_steps
+from seatrial.verification.mission_log.log import (
+    SETTINGS,
+    MissionLog,
+    errors_of_guidance,
+    mission_envelope,
+    prediction_band,
+)
+from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
 from tests.verification.recorded_logs import MISSION, fitted, flight, log
 
 

@@ -18,15 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial._core import State
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import SimulationError, TrialError
 from seatrial.base.frames import shorter
+from seatrial.flight.mission import Route
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 from seatrial.trial.columns import columns_of, parse
 from seatrial.trial.readers import read_table
 from seatrial.trial.trial import Trial
-from seatrial.verification.mission_log.metrics import errors_of_guidance
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Flights, Vehicle
@@ -183,6 +183,80 @@ def _held(t: Array, times: Array, values: Array) -> Array:
         return np.full(len(t), np.nan)
     rows = np.clip(np.searchsorted(times, t + 1e-6, side="right") - 1, 0, len(values) - 1)
     return np.asarray(values[rows])
+
+
+class Progress:
+    """Leg (n,), horizontal distance (n,) to its waypoint in m, and whether all was done (n,)."""
+
+    def __init__(self, log: MissionLog, mission: Mission) -> None:
+        path = Route.of(mission)
+        n = len(log.trial)
+        last = len(path.stops) - 1
+        self.done = np.zeros(n, dtype=bool)
+        if "leg" in log.beside and np.isfinite(log.beside["leg"]).all():
+            self.leg = np.clip(log.beside["leg"].astype(int), 0, last)
+        else:
+            self.leg = self._followed(log, mission, path)
+        stops = np.array([stop.position for stop in path.stops])
+        away = log.trial.position - stops[self.leg]
+        self.distance = np.asarray(np.hypot(away[:, 0], away[:, 1]))
+        if "distance" in log.beside:
+            self.distance = log.beside["distance"]
+        # The autopilot stops logging the moment it is there, which may lie between two samples.
+        step = 3.0 * log.trial.dt * np.linalg.norm(log.trial.nu[:, :3], axis=1).max(initial=0.0)
+        final = (self.leg == last) & (self.distance <= path.stops[last].acceptance + step)
+        self.done |= np.cumsum(final) > 0
+
+    def _followed(self, log: MissionLog, mission: Mission, path: Route) -> NDArray[np.int64]:
+        """Leg of every sample by the waypoints that the vehicle came to."""
+        hold = np.asarray(mission.waypoints["hold_s"], dtype=float)
+        leg = np.zeros(len(log.trial), dtype=np.int64)
+        row = 0
+        for k in range(len(path.stops)):
+            leg[row:] = k
+            # A circle ends where the vehicle comes to the waypoint after it.
+            aim = k + 1 if path.stops[k].task == "circle" and k + 1 < len(path.stops) else k
+            hits = np.flatnonzero(self._inside(log, path, aim)[row:])
+            if not len(hits):
+                break
+            row += int(hits[0]) + round(float(np.nan_to_num(hold[k])) / log.trial.dt)
+            if row >= len(leg) - 1:
+                break
+        return leg
+
+    @staticmethod
+    def _inside(log: MissionLog, path: Route, k: int) -> Mask:
+        stop = path.stops[k]
+        away = log.trial.position - stop.position
+        below = 0.0 if stop.vertical == "altitude" else away[:, 2]
+        return np.asarray(np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2 + below**2) <= stop.acceptance)
+
+
+def errors_of_guidance(log: MissionLog, mission: Mission | None = None) -> dict[str, Array]:
+    """Errors over the log: cross_track, vertical in m, heading in rad; those that can be told, (n,).
+
+    The mission gives cross-track and vertical error where the log does not tell them: a leg lasts until its
+    waypoint's radius of acceptance is entered (and its time of keeping station is over), the cross-track
+    error is the distance from the straight line of the leg, positive to starboard.
+    """
+    found = {name: log.beside[name] for name in ("cross_track", "vertical") if name in log.beside}
+    if "heading" in log.beside and "yaw" in log.trial.channels:
+        found["heading"] = shorter(log.beside["heading"] - log.trial.channel("yaw"))
+    if mission is not None and "cross_track" not in found and {"x", "y"} <= set(log.trial.channels):
+        path, progress = Route.of(mission), Progress(log, mission)
+        begin = np.array([path.before(k) for k in range(len(path.stops))])[progress.leg]
+        end = np.array([stop.position for stop in path.stops])[progress.leg]
+        along = end - begin
+        length = np.hypot(along[:, 0], along[:, 1])
+        away = log.trial.position - begin
+        safe = np.maximum(length, 1e-9)
+        found["cross_track"] = np.where(
+            length > 0.0, (along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / safe, 0.0
+        )
+        part = np.clip((along[:, 0] * away[:, 0] + along[:, 1] * away[:, 1]) / safe**2, 0.0, 1.0)
+        if "z" in log.trial.channels:
+            found["vertical"] = away[:, 2] - part * along[:, 2]
+    return found
 
 
 def thinned(trial: Trial, dt: float) -> Trial:

@@ -1,18 +1,8 @@
 """Metrics of a recorded mission by the names of simulated flights, and its set-point steps in corridors.
 
-Errors of guidance count on the second half of straight legs (`seatrial.flight.metrics`). Where the log tells
-the autopilot's own errors, leg and distance, they are taken; otherwise they follow from the positions and the
-mission: a leg lasts until its waypoint's radius of acceptance is entered (and its time of keeping station is
-over), the cross-track error is the distance from the straight line of the leg, positive to starboard.
-Positions are those that were measured: the truth of a sea trial is not known.
-
-A step is a change of a logged set point that stood before and stands after it until the corridor ends. An
-autopilot ramps its set points: a change in one direction that is over within a quarter of the corridor is a
-step from where it begins, so that the corridor counts the ramp as well. The response is the smoothed channel
-as a share of the step (`seatrial.tuning.criterion`): one corridor judges a step at sea as it judged the
-simulated one, whose truth has no noise.
-
-Tests: ``tests/verification/test_recorded_mission.py``.
+Errors of guidance count on the second half of straight legs (`seatrial.flight.metrics`). Positions are those
+that were measured: the truth of a sea trial is not known. Held by
+``tests/verification/test_recorded_mission.py``.
 """
 
 from __future__ import annotations
@@ -23,7 +13,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import CampaignError, nearest
@@ -31,89 +20,17 @@ from seatrial.base.frames import shorter
 from seatrial.base.plain import Plain
 from seatrial.flight.metrics import reserve, switches
 from seatrial.flight.mission import Route
+from seatrial.verification.mission_log.log import MissionLog, Progress, errors_of_guidance
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.control_design.corridor import Corridor
     from seatrial.flight.mission import Mission
-    from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.table import Obstacle
 
 _REACTIONS = {2: "surfaced", 3: "aborted"}
 
 _SHARES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}
-
-
-class Progress:
-    """Leg (n,), horizontal distance (n,) to its waypoint in m, and whether all was done (n,)."""
-
-    def __init__(self, log: MissionLog, mission: Mission) -> None:
-        path = Route.of(mission)
-        n = len(log.trial)
-        last = len(path.stops) - 1
-        self.done = np.zeros(n, dtype=bool)
-        if "leg" in log.beside and np.isfinite(log.beside["leg"]).all():
-            self.leg = np.clip(log.beside["leg"].astype(int), 0, last)
-        else:
-            self.leg = self._followed(log, mission, path)
-        stops = np.array([stop.position for stop in path.stops])
-        away = log.trial.position - stops[self.leg]
-        self.distance = np.asarray(np.hypot(away[:, 0], away[:, 1]))
-        if "distance" in log.beside:
-            self.distance = log.beside["distance"]
-        # The autopilot stops logging the moment it is there, which may lie between two samples.
-        step = 3.0 * log.trial.dt * np.linalg.norm(log.trial.nu[:, :3], axis=1).max(initial=0.0)
-        final = (self.leg == last) & (self.distance <= path.stops[last].acceptance + step)
-        self.done |= np.cumsum(final) > 0
-
-    def _followed(self, log: MissionLog, mission: Mission, path: Route) -> NDArray[np.int64]:
-        """Leg of every sample by the waypoints that the vehicle came to."""
-        hold = np.asarray(mission.waypoints["hold_s"], dtype=float)
-        leg = np.zeros(len(log.trial), dtype=np.int64)
-        row = 0
-        for k in range(len(path.stops)):
-            leg[row:] = k
-            # A circle ends where the vehicle comes to the waypoint after it.
-            aim = k + 1 if path.stops[k].task == "circle" and k + 1 < len(path.stops) else k
-            hits = np.flatnonzero(self._inside(log, path, aim)[row:])
-            if not len(hits):
-                break
-            row += int(hits[0]) + round(float(np.nan_to_num(hold[k])) / log.trial.dt)
-            if row >= len(leg) - 1:
-                break
-        return leg
-
-    @staticmethod
-    def _inside(log: MissionLog, path: Route, k: int) -> Mask:
-        stop = path.stops[k]
-        away = log.trial.position - stop.position
-        below = 0.0 if stop.vertical == "altitude" else away[:, 2]
-        return np.asarray(np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2 + below**2) <= stop.acceptance)
-
-
-def errors_of_guidance(log: MissionLog, mission: Mission | None = None) -> dict[str, Array]:
-    """Errors over the log: cross_track, vertical in m, heading in rad; those that can be told, (n,).
-
-    The mission gives cross-track and vertical error where the log does not tell them.
-    """
-    found = {name: log.beside[name] for name in ("cross_track", "vertical") if name in log.beside}
-    if "heading" in log.beside and "yaw" in log.trial.channels:
-        found["heading"] = shorter(log.beside["heading"] - log.trial.channel("yaw"))
-    if mission is not None and "cross_track" not in found and {"x", "y"} <= set(log.trial.channels):
-        path, progress = Route.of(mission), Progress(log, mission)
-        begin = np.array([path.before(k) for k in range(len(path.stops))])[progress.leg]
-        end = np.array([stop.position for stop in path.stops])[progress.leg]
-        along = end - begin
-        length = np.hypot(along[:, 0], along[:, 1])
-        away = log.trial.position - begin
-        safe = np.maximum(length, 1e-9)
-        found["cross_track"] = np.where(
-            length > 0.0, (along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / safe, 0.0
-        )
-        part = np.clip((along[:, 0] * away[:, 0] + along[:, 1] * away[:, 1]) / safe**2, 0.0, 1.0)
-        if "z" in log.trial.channels:
-            found["vertical"] = away[:, 2] - part * along[:, 2]
-    return found
 
 
 def log_metrics(
@@ -288,6 +205,11 @@ class LoggedStep(Plain):
 
 def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[LoggedStep, ...]:
     """Steps of the logged set points whose response the log holds until the corridor ends.
+
+    A step is a change of a set point that stood before and stands after it. An autopilot ramps its set
+    points: a change in one direction that is over within a quarter of the corridor is a step from where it
+    begins, so that the corridor counts the ramp as well. The response is the smoothed channel as a share of
+    the step: one corridor judges a step at sea as it judged the simulated one, whose truth has no noise.
 
     `corridors`: by loop: surge, sway, heave, depth, pitch, heading. Raises CampaignError where there is no
     such loop.
