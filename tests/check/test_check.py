@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial._core import State, Vehicle
-from seatrial.check.plausibility import implausible
-from seatrial.check.vehicle import VehicleCheck, check_vehicle
+from seatrial.check.vehicle import VehicleCheck, check_vehicle, implausible
+from seatrial.report.results.check_findings import sentence
 from seatrial.vehicle.actuators import bollard, command, pushes
 from seatrial.vehicle.authority import commanded_rows
 from seatrial.vehicle.stability import damping_gain, growth, statics
@@ -56,6 +56,10 @@ def cwolf() -> VehicleCheck:
     return check_vehicle(CWOLF)
 
 
+def doubts(vehicle: Vehicle) -> list[str]:
+    return [sentence(finding) for finding in implausible(vehicle)]
+
+
 def warned(vehicle: Vehicle, words: str) -> bool:
     return any(words in text for text in check_vehicle(vehicle).warnings)
 
@@ -68,7 +72,7 @@ def test_a_sentence_per_actuator_names_force_and_turn(cwolf: VehicleCheck) -> No
     assert "5.2 N to starboard" in first
     assert "5.3 N up" in first
     assert str(cwolf.pushes[8]) == "+1000 rpm on VTB: 7.1 N down, bow down"
-    assert len(cwolf.sentences()) == 6
+    assert len(cwolf.by_actuator()) == 6
 
 
 @pytest.mark.parametrize(
@@ -201,7 +205,7 @@ def test_what_is_not_stable_or_drives_on_is_warned_of(change: dict[str, float], 
     ],
 )
 def test_implausible_coefficients_are_named(change: dict[str, float], words: str) -> None:
-    assert any(words in sentence for sentence in implausible(CWOLF.with_coefficients(dict(change))))
+    assert any(words in text for text in doubts(CWOLF.with_coefficients(dict(change))))
 
 
 def test_damping_that_drives_on_without_end_is_named_beside_what_can_still_be_said() -> None:
@@ -226,12 +230,12 @@ def test_damping_that_drives_on_without_end_is_named_beside_what_can_still_be_sa
 def test_what_cannot_be_meant_in_a_file_is_named(old: str, new: str, words: str) -> None:
     text = CWOLF.to_toml()
     assert old in text
-    assert any(words in said for said in implausible(Vehicle.from_toml(text.replace(old, new))))
+    assert any(words in text for text in doubts(Vehicle.from_toml(text.replace(old, new))))
 
 
 def test_a_density_of_other_units_does_not_doubt_the_mass() -> None:
     text = CWOLF.to_toml().replace("rho_kg_m3 = 1025.0", "rho_kg_m3 = 1.025")
-    assert not any("m = 135 kg" in said for said in implausible(Vehicle.from_toml(text)))
+    assert not any("m = 135 kg" in text for text in doubts(Vehicle.from_toml(text)))
 
 
 def test_energy_is_added_in_the_direction_that_is_named() -> None:
@@ -262,17 +266,17 @@ def test_rows_that_cannot_be_commanded_are_named() -> None:
         f"controllable = {str(data['controllable']).replace(chr(39), chr(34))}", 'controllable = ["X", "K"]'
     )
     assert 'controllable = ["X", "K"]' in text
-    assert any("K counts as controllable" in complaint for complaint in implausible(Vehicle.from_toml(text)))
+    assert any("K counts as controllable" in text for text in doubts(Vehicle.from_toml(text)))
 
 
 def test_a_row_that_is_listed_twice_is_named() -> None:
     vehicle = made(("one", [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]), top='controllable = ["X", "X"]')
-    assert "controllable lists X 2 times; name each row once" in implausible(vehicle)
+    assert "controllable lists X 2 times; name each row once" in doubts(vehicle)
 
 
 def test_an_actuator_far_outside_the_hull_is_named() -> None:
     vehicle = made(("one", [-100.0, 0.0, 0.0], [1.0, 0.0, 0.0]), top='controllable = ["X"]')
-    assert any("far outside the hull" in text for text in implausible(vehicle))
+    assert any("far outside the hull" in text for text in doubts(vehicle))
 
 
 def test_the_check_is_plain_data(cwolf: VehicleCheck) -> None:
@@ -314,10 +318,10 @@ def test_law_a_reversed_motor_pushes_as_far_with_commands_of_the_other_sign() ->
 
 def test_a_tether_that_does_nothing_is_named() -> None:
     table = "[tether]\nposition_m = [-1.0, 0.0, 0.0]\n"
-    (said,) = [text for text in implausible(made(top=table)) if "tether" in text]
+    (said,) = [text for text in doubts(made(top=table)) if "tether" in text]
     assert "no effect" in said
-    assert not [text for text in implausible(made(top=table, A_tether=0.1)) if "tether" in text]
-    assert not [text for text in implausible(made()) if "tether" in text]
+    assert not [text for text in doubts(made(top=table, A_tether=0.1)) if "tether" in text]
+    assert not [text for text in doubts(made()) if "tether" in text]
 
 
 def test_a_vehicle_that_may_rightly_be_unstable_is_not_to_be_corrected_at_any_rate() -> None:

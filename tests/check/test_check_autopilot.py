@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from seatrial._core import Autopilot, Vehicle, autopilot_names
 from seatrial.base.errors import VehicleError
-from seatrial.check.autopilot import AutopilotCheck, check_autopilot, safety_sentences
+from seatrial.check.autopilot import AutopilotCheck, check_autopilot
 from seatrial.cli import app
 from seatrial.control_design.margin_report import report_margins
 from tests.control_design.started import started
@@ -190,7 +191,7 @@ def test_a_lookahead_that_is_too_short_is_told(name: str, law: str) -> None:
 
 
 def test_every_watch_and_reaction_has_its_words() -> None:
-    names = autopilot_names()
+    names, own = autopilot_names(), check_autopilot(Autopilot.load("cwolf"))
     groups = [f"stale_{name}" for name in names["groups"][:6]]
     for reaction in names["reactions"]:
         table = {key: {"after_s": 3.0, "reaction": reaction} for key in groups}
@@ -203,7 +204,7 @@ def test_every_watch_and_reaction_has_its_words() -> None:
         table["contradiction"] = Autopilot.load("cwolf").safety()["contradiction"]
         whole = {**table, **dict.fromkeys(("depth", "altitude", "fence", "time"), reaction)}
         whole |= {"surface_speed_m_s": 0.5, "surfaced_above_m": 0.3, "ascent_after_s": 30.0}  # type: ignore[dict-item]
-        found = safety_sentences(whole, hovers=True, loiter_radius_m=20.0)
+        found = replace(own, watches=whole).safety
         assert len(found) == len(names["watches"]) + 1
         ends = {
             sentence.rpartition(": ")[2].removeprefix("allocate without it, and ")
@@ -214,7 +215,7 @@ def test_every_watch_and_reaction_has_its_words() -> None:
         assert len(ends) == 1
         ascent = next(sentence for sentence in found if "No higher" in sentence)
         assert ascent.endswith("stop all actuators") == (reaction == "abort")
-    circling = safety_sentences(whole | {"fence": "hold"}, hovers=False, loiter_radius_m=20.0)
+    circling = replace(own, watches=whole | {"fence": "hold"}, hovers=False, loiter_radius_m=20.0).safety
     assert any("fence: circle at 20 m" in sentence for sentence in circling)
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from seatrial._core import State, Vehicle
-from seatrial.check.vehicle import check_vehicle, stability_sentences
+from seatrial.check.vehicle import check_vehicle, stability
+from seatrial.report.results.check_findings import sentence
 from seatrial.vehicle.actuators import pushes
 from seatrial.vehicle.stability import damping_gain, growth, neutral_fins
 from seatrial.vehicle.steady_state import fin_turn, rudders, turn_kinds
@@ -72,9 +73,9 @@ def test_a_direction_without_thrust_gets_no_line() -> None:
     own = [push.step for push in pushes(LAUV) if push.actuator == "propeller"]
     assert own == [7.0]
     found = check_vehicle(LAUV)
-    assert len(found.sentences()) == len(LAUV.actuators)
-    assert "|" not in found.sentences()[0]
-    assert not any("no force" in text for text in found.sentences())
+    assert len(found.by_actuator()[0]) == 1
+    assert len(found.by_actuator()) == len(LAUV.actuators)
+    assert not any("no force" in str(push) for push in found.pushes)
 
 
 def test_the_turn_by_rudder_is_that_of_a_run() -> None:
@@ -110,8 +111,8 @@ def test_endurance_that_is_not_known_is_said_in_words() -> None:
 def test_a_pitch_that_no_actuator_holds_needs_no_fins_on_an_open_frame() -> None:
     """Advice on the lift of a slender hull does not fit an open frame."""
     values = {"Z_wdot": 20.0 * ROV.coefficients()["Z_wdot"], "z_b": 0.0}
-    _, warnings = stability_sentences(ROV.with_coefficients(values), [1.0, 1.5], "XYZN")
-    (pitch,) = [text for text in warnings if text.startswith("pitch rights itself")]
+    findings = stability(ROV.with_coefficients(values), [1.0, 1.5], "XYZN")
+    (pitch,) = [sentence(finding) for finding in findings if finding.kind == "plane stable up to"]
     assert "Munk" not in pitch
     assert "fin" not in pitch
     assert "no actuator holds it above" in pitch

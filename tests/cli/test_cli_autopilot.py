@@ -10,9 +10,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import seatrial as st
-from seatrial.check.autopilot_on_vehicle import weak_points
+from seatrial.base.finding import Severity
+from seatrial.check.autopilot import weak_points
 from seatrial.cli import app
 from seatrial.cli.console import ConsoleSettings
+from seatrial.report.results.check_findings import sentence
 from seatrial.vehicle.authority import authority_in_words
 from tests.flight.flying import OUT
 
@@ -163,24 +165,27 @@ def test_weak_points_ahead_warn_and_those_astern_are_notes() -> None:
         grows = "pitch" if doubles else ""
         return MarginRow("hover", speed, phase, 3.0, 0.5, 1.5, doubles, grows, True, "heave")
 
-    assert weak_points([row(-1.0, None), row(1.0, None)], (0.0, 1.0)) == ([], [])
-    notes, warnings = weak_points([row(-1.0, 2.0), row(1.0, None)], (0.0, 1.0))
-    assert notes == ["Astern at 1.00 m/s and faster a motion grows (pitch); a mission does not go astern"]
-    assert not warnings
-    notes, warnings = weak_points([row(0.0, None), row(1.0, 2.0)], (0.0, 0.6))
-    assert not notes
-    assert warnings == [
+    assert weak_points([row(-1.0, None), row(1.0, None)], (0.0, 1.0)) == []
+    (note,) = weak_points([row(-1.0, 2.0), row(1.0, None)], (0.0, 1.0))
+    assert note.severity == Severity.NOTE
+    assert sentence(note) == (
+        "Astern at 1.00 m/s and faster a motion grows (pitch); a mission does not go astern"
+    )
+    (warning,) = weak_points([row(0.0, None), row(1.0, 2.0)], (0.0, 0.6))
+    assert warning.severity == Severity.WEAKNESS
+    assert sentence(warning) == (
         "keep the speed of missions between 0.00 and 0.60 m/s, or tune the gains (seatrial tune): at 1.00 m/s"
         " a motion grows (pitch)"
-    ]
-    more = [row(0.5, 3.0), row(1.0, 2.0), row(1.5, None, 20.0)]
-    assert weak_points(more, (0.0, 0.4))[1][0].endswith(
+    )
+    (more,) = weak_points([row(0.5, 3.0), row(1.0, 2.0), row(1.5, None, 20.0)], (0.0, 0.4))
+    assert sentence(more).endswith(
         "at 0.50 and 1.00 m/s a motion grows (pitch); at 1.50 m/s heave has little margin (phase 20 deg of"
         " 30)"
     )
-    (small,) = weak_points([row(1.0, None, 20.0)], (0.0, 0.6))[1]
-    assert small.endswith("at 1.00 m/s heave has little margin (phase 20 deg of 30)")
-    assert "no speed ahead is sound" in weak_points([row(1.0, 2.0)], None)[1][0]
+    (small,) = weak_points([row(1.0, None, 20.0)], (0.0, 0.6))
+    assert sentence(small).endswith("at 1.00 m/s heave has little margin (phase 20 deg of 30)")
+    (none,) = weak_points([row(1.0, 2.0)], None)
+    assert "no speed ahead is sound" in sentence(none)
 
 
 @pytest.mark.long

@@ -7,12 +7,13 @@ A turn by an angle psi on a circle of radius R that begins at the radius of acce
 runs R (1 - cos psi) - R_0 sin psi beyond the next leg. A corner is tight where no circle of radius R
 touches both ways within their nearer halves. R is the vehicle's (`seatrial.vehicle.steady_state`) or what the
 largest rate of the desired heading allows, U/omega, whichever is larger. An autopilot with ``turn_radius_m``
-begins its turns before the corner; what it makes of them is flown (`seatrial.check.flown`).
+begins its turns before the corner; what it makes of them is flown (`seatrial.check.mission`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -20,7 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.report import Table
+from seatrial.base.finding import Finding
+from seatrial.check.file_check import note, warning
 from seatrial.control_design.operating_points import autopilot_facts
 
 if TYPE_CHECKING:
@@ -152,60 +154,31 @@ def _to_stretches(places: Array, begin: Array, end: Array) -> Array:
     return np.asarray(np.hypot(rest[..., 0], rest[..., 1]))
 
 
-def fence_sentences(mission: Mission) -> tuple[list[str], list[str]]:
-    """Notes and warnings about the way and the fence."""
+def fence_findings(mission: Mission) -> list[Finding]:
+    """How near the way comes to the fence."""
     if not len(mission.fence):
-        return [], []
+        return []
     points = mission.waypoints
     start = [[mission.start["north_m"], mission.start["east_m"]]]
     places = np.vstack([start, np.stack([points["north_m"], points["east_m"]], axis=1)])
     nearest, leg = clearance(places, mission.fence)
     label, radius = points["label"][leg], float(points["acceptance_radius_m"][leg])
     if nearest < radius:
-        return [], [
-            f'the way to "{label}" comes within {nearest:.1f} m of the fence, less than its radius of'
-            f" acceptance of {radius:g} m; a turn or a current may carry the vehicle out"
-        ]
-    return [f'Fence: {nearest:.1f} m from the nearest way, that to "{label}"'], []
+        return [warning("way near fence", label, distance_m=nearest, acceptance_m=radius)]
+    return [note("fence", label, distance_m=nearest)]
 
 
-_LABEL = 22  # characters: the table of legs stays within 80 columns
-_MOST_LEGS = 60  # rows that fit two screens
+@dataclass(frozen=True)
+class TurnCheckSettings:
+    """Which turns of a mission count."""
+
+    #: Change of course, rad, below which a waypoint is no corner: 1 deg.
+    least_turn: float = math.radians(1.0)
+    #: Deviation, m, that nobody needs to hear of.
+    visible_m: float = 0.5
 
 
-def legs_table(legs: Sequence[LegRow], duration: Callable[[float], str]) -> Table:
-    """A row per leg of the file, the first of very many; `duration` writes a time in s."""
-    rows = [
-        (
-            str(row.number),
-            row.label if len(row.label) <= _LABEL else row.label[: _LABEL - 1] + "…",
-            str(row.waypoints),
-            f"{row.length_m:.0f}",
-            f"{row.slope_deg:+.0f}" if abs(row.slope_deg) >= 0.5 else "0",
-            _level(row),
-            f"{row.speed_m_s:g}",
-            duration(row.time_s),
-            "" if row.power_w is None else f"{row.power_w:.0f}",
-        )
-        for row in legs[:_MOST_LEGS]
-    ]
-    notes = []
-    if len(legs) > _MOST_LEGS:
-        notes.append(f"and {len(legs) - _MOST_LEGS} more legs; --json lists them all")
-    if any(row.vertical == "altitude" for row in legs):
-        notes.append("^ above the bottom")
-    head = ("leg", "what", "points", "m", "deg", "depth, m", "m/s", "time", "W")
-    return Table.of("Legs", head, rows, left=2, note="; ".join(notes))
-
-
-def _level(row: LegRow) -> str:
-    low, high = row.level_m
-    mark = "^" if row.vertical == "altitude" else ""
-    return f"{low:.3g}{mark}" if high - low < 0.05 else f"{low:.3g}-{high:.3g}{mark}"
-
-
-_TURNS = np.deg2rad(1.0)  # a smaller change of course is no corner
-_SEEN_M = 0.5  # a deviation that nobody needs to hear of
+SETTINGS = TurnCheckSettings()
 
 
 @dataclass(frozen=True)
@@ -235,7 +208,7 @@ def corners(mission: Mission) -> list[Corner]:
         before, after = steps[k], steps[k + 1]
         across = before[0] * after[1] - before[1] * after[0]
         turn = float(np.arctan2(across, before @ after))
-        if abs(turn) > _TURNS:
+        if abs(turn) > SETTINGS.least_turn:
             half = 0.5 * float(min(lengths[k], lengths[k + 1]))
             turns.append(Corner(k, turn, half / np.tan(0.5 * abs(turn))))
     return turns
@@ -253,47 +226,42 @@ def beyond(radius_m: float, turn: float, acceptance_m: float) -> float:
     return float(radius_m * (1.0 - np.cos(angle)) - acceptance_m * np.sin(angle))
 
 
-def turn_sentences(
+def turn_findings(
     mission: Mission, circles: Mapping[float, float | None], autopilot: Autopilot | None
-) -> tuple[list[str], list[str]]:
-    """Notes and warnings about the turns of a mission.
+) -> list[Finding]:
+    """What a vehicle makes of the turns of a mission, the widest and the tightest.
 
     `circles`: radius in m of the vehicle's tightest turn by speed in m/s. The autopilot's largest rate of the
     heading counts too.
     """
     points = mission.waypoints
-    rate = None
-    if autopilot is not None:
-        rate = np.deg2rad(autopilot_facts(autopilot).guidance["turn_rate_max_deg_s"])
+    guidance = None if autopilot is None else autopilot_facts(autopilot).guidance
     # The wider of two circles counts: what the vehicle can, and what its autopilot allows.
     radii: dict[float, tuple[float, str]] = {}
     for speed in map(float, np.unique(points["speed_m_s"])):
-        known = [] if circles.get(speed) is None else [(circles[speed] or 0.0, "vehicle's circle")]
-        if rate is not None:
-            known.append((speed / float(rate), "circle of the autopilot's turn_rate_max_deg_s"))
+        known = [] if circles.get(speed) is None else [(circles[speed] or 0.0, "vehicle")]
+        if guidance is not None:
+            known.append((speed / float(np.deg2rad(guidance["turn_rate_max_deg_s"])), "turn_rate_max_deg_s"))
         if known:
             radii[speed] = max(known)
     turns = [corner for corner in corners(mission) if _speed(mission, corner) in radii]
-    notes, warnings = [], []
+    findings = []
     over = [
         (beyond(radii[_speed(mission, c)][0], c.turn, float(points["acceptance_radius_m"][c.index])), c.index)
         for c in turns
     ]
     # An autopilot that begins its turns before the corner does not run beyond the next leg.
-    anticipated = autopilot is not None and autopilot_facts(autopilot).guidance["turn_radius_m"] > 0.0
-    if over and max(over)[0] > _SEEN_M and not anticipated:
+    anticipated = guidance is not None and guidance["turn_radius_m"] > 0.0
+    if over and max(over)[0] > SETTINGS.visible_m and not anticipated:
         widest, index = max(over)
-        notes.append(f'Widest turn: {widest:.1f} m beyond the next leg, at "{points["label"][index]}"')
-    tight = _tight(mission, turns, radii)
-    if tight:
+        findings.append(note("widest turn", points["label"][index], beyond_m=widest))
+    if tight := _tight(mission, turns, radii):
         worst = min(tight, key=lambda corner: corner.room_m / radii[_speed(mission, corner)][0])
-        radius, whose = radii[_speed(mission, worst)]
-        warnings.append(
-            f"{len(tight)} of {len(turns)} turns are tighter than the {whose} of {radius:.1f} m at"
-            f' {_speed(mission, worst):g} m/s, most of all at "{points["label"][worst.index]}" with room for'
-            f" {worst.room_m:.1f} m; widen the pattern or, with thrusters, fly slower"
-        )
-    return notes, [*warnings, *_circles(mission, radii)]
+        speed = _speed(mission, worst)
+        circle = {"radius_m": radii[speed][0], "of": radii[speed][1], "m_s": speed}
+        number = {"count": len(tight), "turns": len(turns), "room_m": worst.room_m}
+        findings.append(warning("tight turns", points["label"][worst.index], **number, **circle))
+    return [*findings, *_circles(mission, radii)]
 
 
 def _speed(mission: Mission, corner: Corner) -> float:
@@ -312,19 +280,18 @@ def _tight(mission: Mission, turns: list[Corner], radii: Mapping[float, tuple[fl
     return [
         corner
         for k, (corner, cut) in small.items()
-        if cut > _SEEN_M or any(n in small and small[n][0].turn * corner.turn > 0.0 for n in (k - 1, k + 1))
+        if cut > SETTINGS.visible_m
+        or any(n in small and small[n][0].turn * corner.turn > 0.0 for n in (k - 1, k + 1))
     ]
 
 
-def _circles(mission: Mission, radii: Mapping[float, tuple[float, str]]) -> list[str]:
-    """Sentence per circle about a waypoint that is too small."""
-    points, sentences = mission.waypoints, []
+def _circles(mission: Mission, radii: Mapping[float, tuple[float, str]]) -> list[Finding]:
+    """Circles about waypoints that are too small."""
+    points, findings = mission.waypoints, []
     for k in np.flatnonzero(np.asarray(points["circle_radius_m"]) > 0.0):
         speed, asked = float(points["speed_m_s"][k]), float(points["circle_radius_m"][k])
         radius, whose = radii.get(speed, (0.0, ""))
         if asked < radius:
-            sentences.append(
-                f'the circle of {asked:g} m about "{points["label"][k]}" is tighter than the {whose} of'
-                f" {radius:.1f} m at {speed:g} m/s; widen it or, with thrusters, fly slower"
-            )
-    return sentences
+            circle = {"radius_m": radius, "of": whose, "m_s": speed}
+            findings.append(warning("tight circle", points["label"][k], asked_m=asked, **circle))
+    return findings

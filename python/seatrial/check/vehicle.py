@@ -1,4 +1,4 @@
-"""A vehicle before its model is trusted: signs, speeds, stability, implausible numbers.
+"""A vehicle before its model is trusted: signs, units, speeds, stability.
 
 On course and pitch stability there is a warning where a value is doubtful, and a note where it is usual. A
 slender hull without enough lift behind is driven round by the Munk moment (Fossen 2011, chapter 12), which
@@ -8,21 +8,25 @@ Held by tests/check/test_check.py and tests/check/test_check_fins.py.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.report import Reported
-from seatrial.check.plausibility import implausible, unused_rows
+from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.base.finding import Finding
+from seatrial.base.plain import plain
+from seatrial.base.report import listed
+from seatrial.check.file_check import FileCheck, note, warning
+from seatrial.problem.parameter import STRIPS
 from seatrial.vehicle.actuators import NOMINAL_V, Push, beyond_tables, pushes
-from seatrial.vehicle.authority import commanded_rows
-from seatrial.vehicle.stability import Statics, damping_gain, growth, statics
+from seatrial.vehicle.authority import advised_rows, commanded_rows
+from seatrial.vehicle.stability import Statics, damping_gain, growth, positive_damping, statics
 from seatrial.vehicle.steady_state import (
     KNOT_M_S,
     TURN_SHARES,
-    FinTurn,
     Speed,
     Turn,
     cruise,
@@ -42,122 +46,59 @@ from seatrial.vehicle.steady_state import (
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_GROWS = 1e-3  # 1/s; what grows more slowly than in ten minutes is as good as stable
 
-_SLOW = 0.02  # of the top speed: what is unstable even there, is so at rest
-_MARGIN = 0.75  # of the speed at which pitch gives way: what the advice of a flight that failed leaves, too
+@dataclass(frozen=True)
+class VehicleCheckSettings:
+    """From where on a value of a vehicle file is doubted. Wide limits find wrong units and wrong signs."""
 
-_SLENDER = 3.0  # length over the larger of diameter and height
+    #: Growth rate, 1/s, up to which a plane is stable: what doubles in ten minutes is as good as stable.
+    neutral_growth: float = 1e-3
+    #: Share of the top speed at which a plane that is unstable is so at rest.
+    slow_share: float = 0.02
+    #: Advised share of the speed at which pitch gives way, as the advice of a flight that failed.
+    safe_share: float = 0.75
+    #: Length over the larger of diameter and height from which on a hull is slender.
+    slender_ratio: float = 3.0
+    #: Net buoyancy over the weight: a submerged vehicle is trimmed to a few tenths of a per cent.
+    net_buoyancy_share: float = 0.05
+    #: Density of water, kg/m3: hot water, the Dead Sea.
+    densities_kg_m3: tuple[float, float] = (950.0, 1300.0)
+    #: Mass over that of the water in the hull's box.
+    mass_shares: tuple[float, float] = (0.02, 1.2)
+    #: Moment of inertia over that of a solid box of the hull's measures.
+    inertia_ratios: tuple[float, float] = (0.1, 10.0)
+    #: Moment of inertia over the sum of the other two: values of three digits may pass the bound of a body.
+    triangle_ratio: float = 1.005
+    #: Added mass over the vehicle's own.
+    added_mass_ratio: float = 10.0
+    #: Rate, rad/s, of a servo: fast ones move 60 degrees in 0.05 s, with a margin.
+    servo_rate: float = 25.0
+    servo_lag_s: float = 2.0  #: Lag or dead time, s: servos lag by less than a second.
+    motor_lag_s: float = 10.0  #: Lag or dead time of a motor, s.
+    #: Thrust of an actuator over the weight.
+    thrust_ratio: float = 10.0
+    #: Area of a fin over that of the hull seen from the side.
+    fin_area_share: float = 0.5
 
-_LIFT = {"course": "N_uv, N_ur, Y_uv, Y_ur", "pitch": "M_uw, M_uq, Z_uw, Z_uq"}
+
+SETTINGS = VehicleCheckSettings()
+
+# By unit of the command what actuators of underwater vehicles have, with a margin: ducted propellers of large
+# vehicles turn with 100 rpm, hobby motors with 10,000; pulses are 1500 +- 600 us from neutral; the strongest
+# thrusters push 10 kN.
+_LIMITS = {"rpm": (30.0, 2e4), "us": (20.0, 1e3), "N": (0.05, 2e4), "rad": (0.035, 1.571)}
 
 _MOMENT = {"course": ("N", 5), "pitch": ("M", 4)}
 
-
-def stability_sentences(
-    vehicle: Vehicle, running: Sequence[float], able: Collection[str]
-) -> tuple[list[str], list[str]]:
-    """Notes and warnings on course and pitch stability at half and top speed, ahead and astern.
-
-    `running` are steady speeds ahead, rising, m/s; `able` rows of the wrench that the actuators command
-    independently.
-    """
-    middle, top = running[len(running) // 2], running[-1]
-    notes, warnings = [], []
-    for plane in _LIFT:
-        worst, rate = max(((s, growth(vehicle, s, plane)) for s in (middle, top)), key=lambda pair: pair[1])
-        held = ", fins at neutral" if _fins(vehicle, plane) else ""
-        if rate <= _GROWS:
-            time = np.log(2.0) / max(-rate, 1e-9)
-            notes.append(
-                f"{plane.capitalize()} stable ahead{held}: a disturbance halves in {_time(time)} or less"
-            )
-        else:
-            doubles = f"unstable at {worst:.2f} m/s{held}: without control a disturbance doubles in"
-            doubles += f" {_time(np.log(2.0) / rate)}"
-            limit = 0.0 if held or _slender(vehicle) else _steady_to(vehicle, plane, worst)
-            if _MOMENT[plane][0] in able and not _slender(vehicle) and not held:
-                notes.append(
-                    f"{plane.capitalize()} {doubles}; usual for a hull that is not slender, and its actuators"
-                    " can hold it"
-                )
-            elif limit > 0.0:
-                warnings.append(
-                    f"{plane} rights itself up to {limit:.2f} m/s, and no actuator holds it above: {SLOWER}"
-                    f" {_MARGIN * limit:.2f} m/s or slower, or raise the buoyancy over the weight (z_b)"
-                )
-            else:
-                warnings.append(f"{plane} {doubles}. {_cure(vehicle, plane)}")
-        astern = growth(vehicle, -0.5 * middle, plane)
-        if astern > _GROWS:
-            notes.append(
-                f"{plane.capitalize()} unstable astern: at {0.5 * middle:.2f} m/s a disturbance doubles in"
-                f" {_time(np.log(2.0) / astern)}"
-            )
-    return notes, warnings
-
-
-def _steady_to(vehicle: Vehicle, plane: str, top_m_s: float) -> float:
-    """Speed ahead up to which a plane is stable without control, m/s, by bisection; 0 where it never is."""
-    low, high = 0.0, top_m_s
-    if growth(vehicle, _SLOW * top_m_s, plane) > _GROWS:
-        return 0.0
-    while high - low > 0.005:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if growth(vehicle, middle, plane) > _GROWS else (middle, high)
-    return low
-
-
-def _cure(vehicle: Vehicle, plane: str) -> str:
-    lift = _LIFT[plane]
-    fins = _fins(vehicle, plane)
-    if not fins and not _slender(vehicle):
-        remedy = "Usual for a hull that is not slender, but no actuator holds it: keep the vehicle slower"
-        return remedy + (", or raise the buoyancy over the weight (z_b)" if plane == "pitch" else "")
-    if not fins:
-        return (
-            f"Lift of hull and fixed fins ({lift}) balances the Munk moment of a slender hull; give it where"
-            " the vehicle has fins"
-        )
-    return (
-        f"Too little lift aft against the Munk moment; {IF_STABLE}, check {lift} of the"
-        f" hull, and area and C_L_alpha of {' and '.join(fins)}"
-    )
-
-
-def _fins(vehicle: Vehicle, plane: str) -> list[str]:
-    """Movable fins that steer in the plane, by group where they have one."""
-    matrix, row = np.asarray(vehicle.allocation_matrix()), _MOMENT[plane][1]
-    facts = vehicle.actuator_info()
-    names = [
-        str(facts[name]["group"] or name)
-        for k, name in enumerate(vehicle.actuators)
-        if facts[name]["kind"] == "fin" and abs(matrix[row, k]) > 0.1 * np.abs(matrix[3:, k]).max()
-    ]
-    return list(dict.fromkeys(names))
-
-
-def _slender(vehicle: Vehicle) -> bool:
-    """Whether the hull is slender; one without measures is taken for slender."""
-    box = vehicle.geometry()
-    return not box or box["length"] > _SLENDER * max(box["diameter"], box["height"])
-
-
-def _time(seconds: float) -> str:
-    return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds / 60.0:.0f} min"
-
-
-_NO_POWER = {"direct": "thrust commanded in newtons", "table": "a table of thrust"}
+_INERTIAS = ("I_x", "I_y", "I_z")
 
 
 @dataclass(frozen=True, repr=False)
-class VehicleCheck(Reported):
+class VehicleCheck(FileCheck, without="findings", also="notes warnings"):
     """What was found about a vehicle; printed, a page of sentences.
 
     Attributes
     ----------
-    name, description
-        Of the vehicle.
     pushes
         What each actuator does, ahead, and astern where it can.
     speeds, turns
@@ -168,36 +109,23 @@ class VehicleCheck(Reported):
         Buoyancy and natural periods.
     rows
         Rows of the wrench that can be commanded.
-    notes, warnings
-        Sentences about what is worth knowing, and about what is probably wrong.
     """
 
-    name: str
-    description: str
     pushes: tuple[Push, ...]
     speeds: tuple[Speed, ...]
     cruises: tuple[Speed, ...]
     turns: tuple[Turn, ...]
     statics: Statics
     rows: tuple[str, ...]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """The check as plain data for JSON."""
-        data = asdict(self)
-        data["pushes"] = [asdict(push) | {"sentence": str(push)} for push in self.pushes]
+        data = super().to_dict()
+        data["pushes"] = [plain(push) | {"sentence": str(push)} for push in self.pushes]
         for key, rows in (("speeds", self.speeds), ("cruises", self.cruises)):
-            data[key] = [asdict(row) | {"speed_kn": row.speed_kn, "range_km": row.range_km} for row in rows]
+            data[key] = [plain(row) | {"speed_kn": row.speed_kn, "range_km": row.range_km} for row in rows]
         data["statics"]["net_n"] = self.statics.net_n
         return data
-
-    def sentences(self) -> list[str]:
-        """A sentence per actuator, its directions in one."""
-        return [
-            " | ".join([str(first), *(f"{push.step:+g}: {push.words}" for push in others)])
-            for first, *others in self.by_actuator()
-        ]
 
     def by_actuator(self) -> list[list[Push]]:
         """The pushes of every actuator: ahead, and astern where it can."""
@@ -205,10 +133,6 @@ class VehicleCheck(Reported):
         for push in self.pushes:
             pushes.setdefault(push.actuator, []).append(push)
         return list(pushes.values())
-
-
-IF_STABLE = "if the real vehicle is stable"
-SLOWER = "plan missions at"
 
 
 def check_vehicle(
@@ -222,8 +146,8 @@ def check_vehicle(
     voltage_v : float
         Supply voltage at which tables of thrust are read, V.
     speeds_kn : sequence of float, optional
-        Speeds through the water at which revolutions, power, endurance and range are told, kn; round ones up
-        to the top speed when missing.
+        Speeds through the water for which revolutions, power, endurance and range are given, kn; round ones
+        up to the top speed when missing.
 
     Raises
     ------
@@ -243,175 +167,394 @@ def check_vehicle(
     rest = statics(vehicle)
     able = tuple(commanded_rows(vehicle))
     running = [row.speed_m_s for row in rows if row.speed_m_s > 1e-3]
-    notes = [
-        *_statics_notes(rest),
-        *_speed_notes(vehicle, rows, voltage_v),
+    findings = (
+        *_at_rest(rest),
+        *_fastest(vehicle, rows, voltage_v),
         *missed,
-        *_turn_notes(vehicle, turning),
-        *_fin_turn_notes(vehicle, voltage_v),
-        _row_note(able),
-        *unused_rows(vehicle, able),
-    ]
-    warnings = [*beyond_tables(vehicle, voltage_v), *_static_warnings(rest), *implausible(vehicle)]
-    if running:
-        motion, unstable = stability_sentences(vehicle, running, able)
-        notes, warnings = notes + motion, warnings + unstable
-    gain = damping_gain(vehicle, [s for speed in (running or [1.0]) for s in (speed, -speed)])
-    if gain is not None:
-        warnings.append(
-            f"{_forces(vehicle)} add energy: at {gain.speed_m_s:+.2f} m/s along x a disturbance of"
-            f" {gain.words} receives {gain.power_w:.3g} W; check signs and sizes of the off-diagonal and lift"
-            " coefficients"
-        )
+        *_turns(vehicle, turning),
+        *_fin_turn(vehicle, voltage_v),
+        note("rows commanded", able=able, lacking=tuple(row for row in AXES if row not in able)),
+        *_unused_rows(vehicle, able),
+        *(warning("thrust table exceeded", sentence=text) for text in beyond_tables(vehicle, voltage_v)),
+        *_static_doubts(rest),
+        *implausible(vehicle),
+        *(stability(vehicle, running, able) if running else ()),
+        *_energy(vehicle, running),
+    )
     return VehicleCheck(
         name=vehicle.name,
         description=vehicle.description,
+        findings=findings,
         pushes=pushes(vehicle, voltage_v=voltage_v),
         speeds=rows,
         cruises=cruises,
         turns=turning,
         statics=rest,
         rows=able,
-        notes=tuple(notes),
-        warnings=tuple(warnings),
     )
 
 
-def _forces(vehicle: Vehicle) -> str:
-    """What takes energy from a vehicle."""
-    fins = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
-    return "damping, lift and fins at neutral" if fins else "damping and lift"
-
-
-def _statics_notes(rest: Statics) -> list[str]:
-    share = 100.0 * rest.net_n / rest.weight_n
-    kind, motion = ("buoyant", "rises") if rest.net_n > 0.0 else ("heavy", "sinks")
-    buoyancy = (
-        "neutrally buoyant"
-        if abs(share) < 0.01
-        else f"{abs(rest.net_n):.3g} N {kind} ({_percent(share)} of its weight): it {motion} with motors"
-        " stopped"
-    )
-    notes = [f"Buoyancy: {buoyancy}"]
-    periods = [("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s)]
-    spoken = ", ".join(f"{name} {period:.3g} s" for name, period in periods if period is not None)
-    if spoken:
-        notes.append(
-            f"Natural periods: {spoken} (centre of buoyancy {1e3 * rest.b_over_g_m:.3g} mm above gravity)"
-        )
+def _at_rest(rest: Statics) -> list[Finding]:
+    """Net buoyancy and natural periods."""
+    notes = [note("buoyancy", net_n=rest.net_n, share=rest.net_n / rest.weight_n)]
+    pairs = (("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s))
+    if periods := {axis: period for axis, period in pairs if period is not None}:
+        notes.append(note("natural periods", periods_s=periods, b_over_g_m=rest.b_over_g_m))
     return notes
 
 
-def _static_warnings(rest: Statics) -> list[str]:
-    lines = []
-    if unstable := [
-        n for n, p in (("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s)) if p is None
-    ]:
-        place = f"is {1e3 * abs(rest.b_over_g_m):.3g} mm below" if rest.b_over_g_m < 0.0 else "is not above"
-        lines.append(
-            f"{' and '.join(unstable)} not stable at rest: the centre of buoyancy {place} the centre of"
-            " gravity; z points down, so z_b has to be smaller than z_g"
-        )
-    if abs(rest.net_n) > 0.05 * rest.weight_n:
-        lines.append(
-            f"B - m g = {rest.net_n:+.4g} N is {_percent(100.0 * rest.net_n / rest.weight_n)} of the weight;"
-            " a submerged vehicle is trimmed to a few tenths of a per cent. Is B in N?"
-        )
-    return lines
-
-
-def _percent(share: float) -> str:
-    """A share in per cent with its sign: two digits of a small one, no decimals of a large one."""
-    return f"{share:+.0f} %" if abs(share) >= 9.95 else f"{share:+.2g} %"
+def _static_doubts(rest: Statics) -> list[Finding]:
+    """Angles that do not right themselves at rest, and a buoyancy that is far from the weight."""
+    pairs = (("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s))
+    doubts = []
+    if unstable := [axis for axis, period in pairs if period is None]:
+        doubts.append(warning("not stable at rest", listed(unstable), b_over_g_m=rest.b_over_g_m))
+    if abs(rest.net_n) > SETTINGS.net_buoyancy_share * rest.weight_n:
+        doubts.append(warning("net buoyancy", net_n=rest.net_n, share=rest.net_n / rest.weight_n))
+    return doubts
 
 
 def _cruises(
     vehicle: Vehicle, rows: tuple[Speed, ...], speeds_kn: Sequence[float] | None, voltage_v: float
-) -> tuple[tuple[Speed, ...], list[str]]:
-    """Cruises at the speeds asked for, and a sentence for each that cannot be held."""
+) -> tuple[tuple[Speed, ...], list[Finding]]:
+    """Cruises at the speeds asked for, and a note for each that cannot be held."""
     if not rows:
         return (), []
     top = rows[-1].speed_kn
-    asked = round_speeds_kn(top) if speeds_kn is None else speeds_kn
     cruises, missed = [], []
-    for speed in asked:
+    for speed in round_speeds_kn(top) if speeds_kn is None else speeds_kn:
         row = cruise(vehicle, speed * KNOT_M_S, voltage_v=voltage_v)
         if row is not None:
             cruises.append(row)
         elif speeds_kn is not None:
-            limit = f"more than its top speed of {top:.1f} kn"
-            slow = "less than the slowest that its motors hold"
-            missed.append(f"Speed: {speed:g} kn is {limit if speed > top else slow}")
+            missed.append(note("speed too high" if speed > top else "speed too low", kn=speed, top_kn=top))
     return tuple(cruises), missed
 
 
-def _speed_notes(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) -> list[str]:
+def _fastest(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) -> list[Finding]:
+    """Top speed and endurance, or why there are none."""
     if not rows:
-        return (
-            ["Speed: no actuator drives ahead"] if not drivers(vehicle) else [f"Speed: {unbounded(vehicle)}"]
-        )
+        missing = not drivers(vehicle)
+        return [note("no driver") if missing else note("no steady speed", sentence=unbounded(vehicle))]
     top = rows[-1]
-    notes = [f"Top speed: {top.speed_m_s:.2f} m/s ({top.speed_kn:.1f} kn) at {top.command:.4g} {top.unit}"]
+    notes = [note("top speed", m_s=top.speed_m_s, kn=top.speed_kn, command=top.command, unit=top.unit)]
     if (far := farthest(vehicle, voltage_v=voltage_v)) is not None:
-        notes.append(
-            f"Endurance: {top.endurance_h:.2g} h at top speed; farthest at {far.speed_m_s:.2f} m/s:"
-            f" {far.endurance_h:.2g} h, {far.range_km:.0f} km"
-        )
+        farthest_at = {"m_s": far.speed_m_s, "endurance_h": far.endurance_h, "range_km": far.range_km}
+        notes.append(note("endurance", top_h=top.endurance_h, **farthest_at))
     elif top.power_w is not None:
-        notes.append("Endurance: not known without [power]: hotel_w and battery_wh")
+        notes.append(note("no battery"))
     else:
         facts = vehicle.actuator_info()
         kinds = {str(facts[name]["characteristic"]) for name in drivers(vehicle)}
-        silent = [words for kind, words in _NO_POWER.items() if kind in kinds]
-        why = " and ".join(silent) or "a characteristic without power_w_s3"
-        notes.append(f"Endurance: not known; {why} says nothing about power")
+        notes.append(note("no power", characteristics=kinds))
     return notes
 
 
-def _turn_notes(vehicle: Vehicle, turning: tuple[Turn, ...]) -> list[str]:
+def _turns(vehicle: Vehicle, turning: tuple[Turn, ...]) -> list[Finding]:
+    """Turns by opposite sides at half of the largest command, and how many never become steady."""
     if not drivers(vehicle):
         return []
     if not turning_senses(vehicle):
-        if rudders(vehicle):
-            return []
-        return ["Turn: not computed; no two actuators that drive ahead lie on opposite sides"]
+        return [] if rudders(vehicle) else [note("no turn")]
     missing = len(turn_kinds(vehicle)) * len(TURN_SHARES) - len(turning)
-    notes = [f"Turn: {missing} of the turns tried never become steady and are left out"] if missing else []
-    for turn in turning:
-        if turn.kind == "under way" and turn.share == 0.5:
-            notes.append(
-                f"Turn under way, outer side at {turn.command:.4g} {turn.unit}, inner at half: radius"
-                f" {_radius(turn)}, {abs(turn.rate_deg_s):.1f} deg/s at {turn.speed_m_s:.2f} m/s"
-            )
-        elif turn.kind == "on the spot" and turn.share == 0.5:
-            notes.append(
-                f"Turn on the spot, both sides opposed at {turn.command:.4g} {turn.unit}:"
-                f" {abs(turn.rate_deg_s):.1f} deg/s (O moves at {turn.speed_m_s:.2f} m/s)"
-            )
-    return notes
+    steady = [
+        note(f"turn {turn.kind}", turn=turn)
+        for turn in turning
+        if turn.kind in ("under way", "on the spot") and turn.share == 0.5
+    ]
+    return [note("turns never steady", count=missing), *steady] if missing else steady
 
 
-def _fin_turn_notes(vehicle: Vehicle, voltage_v: float) -> list[str]:
+def _fin_turn(vehicle: Vehicle, voltage_v: float) -> list[Finding]:
     """A turn by movable fins, where there are any that turn it."""
     steering = rudders(vehicle)
     if not steering or not drivers(vehicle):
         return []
     turn = fin_turn(vehicle, voltage_v=voltage_v)
     names = " and ".join(dict.fromkeys(str(vehicle.actuator_info()[n]["group"] or n) for n in steering))
-    if turn is None:
-        return [f"Turn by {names}: it never becomes steady"]
+    return [note("fin turn never steady", names) if turn is None else note("fin turn", names, turn=turn)]
+
+
+def stability(vehicle: Vehicle, running: Sequence[float], able: Collection[str]) -> list[Finding]:
+    """Findings on course and pitch stability at half and top speed, ahead and astern.
+
+    `running` are steady speeds ahead, rising, m/s; `able` rows of the wrench that the actuators command
+    independently.
+    """
+    middle, top = running[len(running) // 2], running[-1]
+    slender = _slender(vehicle)
+    findings = []
+    for plane in _MOMENT:
+        worst, rate = max(((s, growth(vehicle, s, plane)) for s in (middle, top)), key=lambda pair: pair[1])
+        fins = _fins(vehicle, plane)
+        if rate <= SETTINGS.neutral_growth:
+            halves = np.log(2.0) / max(-rate, 1e-9)
+            findings.append(note("plane stable", plane, halves_s=halves, fins=fins))
+        else:
+            ahead = {"m_s": worst, "doubles_s": np.log(2.0) / rate, "fins": fins}
+            limit = 0.0 if fins or slender else _steady_to(vehicle, plane, worst)
+            if _MOMENT[plane][0] in able and not slender and not fins:
+                findings.append(note("plane unstable and held", plane, **ahead))
+            elif limit > 0.0:
+                safe = SETTINGS.safe_share * limit
+                findings.append(warning("plane stable up to", plane, m_s=limit, safe_m_s=safe))
+            else:
+                findings.append(warning("plane unstable", plane, **ahead, slender=slender))
+        astern = growth(vehicle, -0.5 * middle, plane)
+        if astern > SETTINGS.neutral_growth:
+            doubles = np.log(2.0) / astern
+            findings.append(note("plane unstable astern", plane, m_s=0.5 * middle, doubles_s=doubles))
+    return findings
+
+
+def _steady_to(vehicle: Vehicle, plane: str, top_m_s: float) -> float:
+    """Speed ahead up to which a plane is stable without control, m/s, by bisection; 0 where it never is."""
+    low, high = 0.0, top_m_s
+    if growth(vehicle, SETTINGS.slow_share * top_m_s, plane) > SETTINGS.neutral_growth:
+        return 0.0
+    while high - low > 0.005:
+        middle = 0.5 * (low + high)
+        grows = growth(vehicle, middle, plane) > SETTINGS.neutral_growth
+        low, high = (low, middle) if grows else (middle, high)
+    return low
+
+
+def _fins(vehicle: Vehicle, plane: str) -> list[str]:
+    """Movable fins that steer in the plane, by group where they have one."""
+    matrix, row = np.asarray(vehicle.allocation_matrix()), _MOMENT[plane][1]
+    facts = vehicle.actuator_info()
+    names = [
+        str(facts[name]["group"] or name)
+        for k, name in enumerate(vehicle.actuators)
+        if facts[name]["kind"] == "fin" and abs(matrix[row, k]) > 0.1 * np.abs(matrix[3:, k]).max()
+    ]
+    return list(dict.fromkeys(names))
+
+
+def _slender(vehicle: Vehicle) -> bool:
+    """Whether the hull is slender; one without measures is taken for slender."""
+    box = vehicle.geometry()
+    return not box or box["length"] > SETTINGS.slender_ratio * max(box["diameter"], box["height"])
+
+
+def _energy(vehicle: Vehicle, running: Sequence[float]) -> list[Finding]:
+    """A motion to which damping and lift add energy."""
+    gain = damping_gain(vehicle, [s for speed in (running or [1.0]) for s in (speed, -speed)])
+    if gain is None:
+        return []
+    fins = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
+    values = {"m_s": gain.speed_m_s, "motion": gain.words, "power_w": gain.power_w, "fins": fins}
+    return [warning("energy added", **values)]
+
+
+def implausible(vehicle: Vehicle) -> list[Finding]:
+    """Values that are probably wrong: units, signs, rows that no actuator commands."""
+    about = (
+        _density,
+        _size,
+        _inertia,
+        _triangle,
+        _signs,
+        _motors,
+        _ranges,
+        _thrust,
+        _strips,
+        _tether,
+        _positions,
+        _rows,
+    )
+    return [finding for of in about for finding in of(vehicle)]
+
+
+def _density(vehicle: Vehicle) -> list[Finding]:
+    rho = vehicle.environment()["rho"]
+    least, most = SETTINGS.densities_kg_m3
+    return [] if least <= rho <= most else [warning("density", rho_kg_m3=rho)]
+
+
+def _size(vehicle: Vehicle) -> list[Finding]:
+    values, box = vehicle.coefficients(), vehicle.geometry()
+    if not box or _density(vehicle):  # without the density no mass of water is known
+        return []
+    displaced = vehicle.environment()["rho"] * box["length"] * box["diameter"] * box["height"]
+    share = values["m"] / displaced
+    least, most = SETTINGS.mass_shares
+    numbers = {"m_kg": values["m"], "displaced_kg": displaced, "percent": 100.0 * share}
+    if share > most:
+        return [warning("mass above displaced", **numbers)]
+    return [warning("mass far below displaced", **numbers)] if share < least else []
+
+
+def _inertia(vehicle: Vehicle) -> list[Finding]:
+    values, box = vehicle.coefficients(), vehicle.geometry()
+    if not box:
+        return []
+    spans = {
+        "I_x": (box["diameter"], box["height"]),
+        "I_y": (box["length"], box["height"]),
+        "I_z": (box["length"], box["diameter"]),
+    }
+    ratios = {name: values[name] * 12.0 / (values["m"] * (a * a + b * b)) for name, (a, b) in spans.items()}
+    least, most = SETTINGS.inertia_ratios
     return [
-        f"Turn by {names} at {turn.fin_deg:.2g} deg, all ahead at {turn.command:.4g} {turn.unit}: radius"
-        f" {_radius(turn)}, {abs(turn.rate_deg_s):.1f} deg/s at {turn.speed_m_s:.2f} m/s, roll and pitch held"
+        warning("inertia", name, kg_m2=values[name], ratio=ratio)
+        for name, ratio in ratios.items()
+        if not least < ratio < most
     ]
 
 
-def _radius(turn: Turn | FinTurn) -> str:
-    return f"{turn.radius_m:.{2 if turn.radius_m < 10.0 else 1}f} m"
+def _triangle(vehicle: Vehicle) -> list[Finding]:
+    """No body has a moment of inertia above the sum of the other two, whatever point they are about."""
+    values = vehicle.coefficients()
+    doubts = []
+    for name in _INERTIAS:
+        others = [other for other in _INERTIAS if other != name]
+        most = sum(values[other] for other in others)
+        if values[name] > SETTINGS.triangle_ratio * most:
+            sums = {"others": " + ".join(others), "sum_kg_m2": most}
+            doubts.append(warning("inertia above sum", name, kg_m2=values[name], **sums))
+    return doubts
 
 
-def _row_note(able: tuple[str, ...]) -> str:
-    lacking = [row for row in "XYZKMN" if row not in able]
-    return f"Commanded independently: {' '.join(able) or 'nothing'}" + (
-        f"; not: {' '.join(lacking)}" if lacking else ""
-    )
+class _ByFault:
+    """Names of actuators by the fault that they share: one finding names all of them."""
+
+    def __init__(self) -> None:
+        self._names: defaultdict[tuple[str, tuple[tuple[str, Any], ...]], list[str]] = defaultdict(list)
+
+    def add(self, kind: str, name: str, **values: Any) -> None:
+        """Notes a fault of an actuator."""
+        self._names[kind, tuple(values.items())].append(name)
+
+    def findings(self) -> list[Finding]:
+        """A warning per fault."""
+        return [
+            warning(kind, listed(list(dict.fromkeys(names))), **dict(values))
+            for (kind, values), names in self._names.items()
+        ]
+
+
+def _motors(vehicle: Vehicle) -> list[Finding]:
+    """Motors whose least speed lies above their largest."""
+    faults = _ByFault()
+    for name, facts in vehicle.actuator_info().items():
+        for side in ("ahead", "astern"):
+            least, most = float(facts[f"minimum_{side}"]), float(facts[f"maximum_{side}"])
+            if least > most > 0.0:
+                faults.add("least speed above largest", name, side=side, least=least, most=most)
+    return faults.findings()
+
+
+def _ranges(vehicle: Vehicle) -> list[Finding]:
+    """Limits, lags, areas and thrusts that no actuator of this kind has, as with degrees or percent."""
+    values, box = vehicle.coefficients(), vehicle.geometry()
+    weight = values["m"] * vehicle.environment()["g"]
+    faults = _ByFault()
+    for name, facts in vehicle.actuator_info().items():
+        fin, unit = facts["kind"] == "fin", str(facts["unit"])
+        least, most = _LIMITS[unit]
+        for side in ("ahead", "astern"):
+            limit = float(facts[f"maximum_{side}"])
+            if 0.0 < limit < least or most < limit < np.inf:
+                usual = {"least": least, "most": most, "unit": unit}
+                faults.add("limit of command", name, side=side, limit=limit, **usual)
+        # A lag in ms or a rate in deg/s is a hundred times too large: wide limits find both.
+        lag = max(values.get(f"{name}.T_1", 0.0), values.get(f"{name}.T_t", 0.0))
+        if lag > (SETTINGS.servo_lag_s if fin else SETTINGS.motor_lag_s):
+            faults.add("lag", name, lag_s=lag)
+        rate = values.get(f"{name}.n_acc", 0.0)
+        if fin and rate > SETTINGS.servo_rate:
+            faults.add("servo rate", name, rate=rate, if_degrees=np.deg2rad(rate))
+    # An area in cm2 is ten thousand times too large.
+    for fin in vehicle.to_dict().get("fins", []):
+        area = float(fin["area_m2"])
+        if box and area > SETTINGS.fin_area_share * box["length"] * max(box["diameter"], box["height"]):
+            faults.add("fin area", str(fin["name"]), area_m2=area)
+    for push in pushes(vehicle):
+        force = float(np.linalg.norm(push.wrench[:3]))
+        if force > SETTINGS.thrust_ratio * weight:
+            faults.add("thrust above weight", push.actuator, force_n=force, ratio=force / weight)
+    return faults.findings()
+
+
+def _thrust(vehicle: Vehicle) -> list[Finding]:
+    """Thrust falls with the inflow: its slope over the speed is negative."""
+    values = vehicle.coefficients()
+    wrong = [name for name in vehicle.actuators if values.get(f"{name}.p2", 0.0) > 0.0]
+    return [warning("thrust grows with inflow", listed(wrong))] if wrong else []
+
+
+def _signs(vehicle: Vehicle) -> list[Finding]:
+    """Diagonal damping is negative in Fossen's convention, added mass is not far above the vehicle's own."""
+    values = vehicle.coefficients()
+    doubts = [
+        warning("positive damping", name, value=value) for name, value in positive_damping(vehicle).items()
+    ]
+    for row, axis in zip(AXES, VELOCITIES, strict=True):
+        own = values["m"] if row in "XYZ" else values[f"I_{'xyz'['KMN'.index(row)]}"]
+        added = -values.get(f"{row}_{axis}dot", 0.0)
+        if added > SETTINGS.added_mass_ratio * own or added < 0.0:
+            doubts.append(warning("added mass", f"{row}_{axis}dot", value=-added, own=own))
+    return doubts
+
+
+def _strips(vehicle: Vehicle) -> list[Finding]:
+    """Cross-flow drag that stands in a vehicle twice: by strips and as quadratic damping."""
+    values = vehicle.coefficients()
+    return [
+        warning("cross-flow drag twice", name, included=both)
+        for name, made in STRIPS.items()
+        if values.get(name) and (both := [coefficient for coefficient in made if values.get(coefficient)])
+    ]
+
+
+def _tether(vehicle: Vehicle) -> list[Finding]:
+    """A tether that is made fast and does nothing."""
+    values = vehicle.coefficients()
+    if vehicle.to_dict().get("tether") is None or values.get("A_tether") or values.get("k_tether"):
+        return []
+    return [warning("tether without effect")]
+
+
+def _positions(vehicle: Vehicle) -> list[Finding]:
+    """Actuators and centres that lie outside the hull."""
+    box, values = vehicle.geometry(), vehicle.coefficients()
+    if not box:
+        return []
+    half = 0.5 * np.array([box["length"], box["diameter"], box["height"]])
+    doubts = [
+        warning("actuator outside hull", name, position_m=facts["position"])
+        for name, facts in vehicle.actuator_info().items()
+        if facts["position"] is not None and np.any(np.abs(facts["position"]) > 2.0 * half)
+    ]
+    for centre, letter in (("gravity", "g"), ("buoyancy", "b")):
+        levers = np.array([values.get(f"{axis}_{letter}", 0.0) for axis in "xyz"])
+        if np.any(np.abs(levers) > half):
+            doubts.append(warning("centre outside hull", centre, letter=letter))
+    return doubts
+
+
+def _rows(vehicle: Vehicle) -> list[Finding]:
+    """What is wrong with the key controllable, and what the actuators can command."""
+    able, declared, advised = commanded_rows(vehicle), vehicle.controllable, advised_rows(vehicle)
+    doubts = [
+        warning("row listed twice", row, count=declared.count(row))
+        for row in dict.fromkeys(declared)
+        if declared.count(row) > 1
+    ]
+    if lacking := [row for row in declared if row not in able]:
+        return [*doubts, warning("rows not commanded", ", ".join(lacking), advised=advised)]
+    if declared and not _steers(declared) and _steers(advised):
+        doubts.append(warning("rows do not steer", ", ".join(declared), advised=advised))
+    return doubts
+
+
+def _steers(rows: Collection[str]) -> bool:
+    """Whether an autopilot can steer with these rows: surge, yaw, and heave or pitch."""
+    return {"X", "N"} <= set(rows) and bool({"Z", "M"} & set(rows))
+
+
+def _unused_rows(vehicle: Vehicle, able: Collection[str]) -> list[Finding]:
+    """Rows that the actuators can command and the vehicle file leaves out of controllable."""
+    unused = [row for row in able if row not in vehicle.controllable]
+    return [note("rows left out", ", ".join(unused))] if unused else []

@@ -25,6 +25,7 @@ WRITERS = {
     "LeaveOneOut": "leave_one_out",
     "LogTuning": "ardusub",
     "LogVerdict": "mission_log",
+    "MissionCheck": "check_file",
     "Plan": "plan",
     "RareFailures": "surveys",
     "Tuning": "tuning",

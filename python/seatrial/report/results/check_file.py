@@ -1,14 +1,26 @@
-"""The words of the checks before use: of an autopilot and of a vehicle, the gravest warning first."""
+"""The words of the checks before use: of a vehicle, an autopilot and a mission, the gravest warning first.
+
+What was found is in `seatrial.report.results.check_findings` in words. Held by ``tests/check``.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import singledispatch
 
+from seatrial.base.finding import Finding
 from seatrial.base.report import Column, Report, Section, Table
-from seatrial.check.autopilot import AutopilotCheck
-from seatrial.check.vehicle import IF_STABLE, SLOWER, VehicleCheck
+from seatrial.check.autopilot import AutopilotCheck, AutopilotMargins
+from seatrial.check.legs import LegRow
+from seatrial.check.mission import FlownCheck, MissionCheck
+from seatrial.check.vehicle import VehicleCheck
+from seatrial.control_design.margin_report import SENSITIVITY_NOTE
+from seatrial.flight.reactions import GROUPS
+from seatrial.report.results.check_findings import duration, sentence, water, waypoints
 from seatrial.vehicle.steady_state import Speed
+
+__all__ = ["report", "safety_sentences", "sentence"]
 
 
 @singledispatch
@@ -40,7 +52,7 @@ def _autopilot(check: AutopilotCheck, *, authority: Sequence[str] = ()) -> Repor
         next_step = "check it on its vehicle: seatrial check AUTOPILOT --vehicle VEHICLE"
     tables = [_mode_table(check), _gain_table(check)]
     if check.margins is not None:
-        tables.append(check.margins.table())
+        tables.append(_margin_table(check.margins))
     return Report(
         title=check.name,
         outcome=_outcome(warnings),
@@ -62,8 +74,43 @@ def _law(check: AutopilotCheck) -> str:
     words = f"{check.control.upper()} every {check.period_s:g} s, {count} mode{'s' if count > 1 else ''}"
     if speeds:
         words += f", gains at {len(speeds)} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} m/s"
-    sound = "" if check.margins is None else check.margins.how_good()
+    sound = "" if check.margins is None else _sound(check.margins)
     return f"{words}; {sound}" if sound else words
+
+
+def _sound(margins: AutopilotMargins) -> str:
+    """Range of sound speeds and the least phase margin there, in a clause; nothing where none is."""
+    if margins.sound is None:
+        return ""
+    low, high = margins.sound
+    inside = [row.phase_deg for row in margins.rows if row.sound and low <= row.speed_m_s <= high]
+    least = f", phase margin at least {min(inside):.0f} deg" if inside else ""
+    return f"sound from {low:.2f} to {high:.2f} m/s with perfect sensors{least}"
+
+
+def _margin_table(margins: AutopilotMargins) -> Table:
+    """A row per breakpoint; margins of an unstable loop mean nothing."""
+
+    def bounded(margin: float, digits: int) -> str:
+        # A larger gain or delay is no limit.
+        return f"{margin:.{digits}f}" if margin < 100.0 else "any"
+
+    rows = [
+        (
+            row.mode,
+            f"{row.speed_m_s:.2f}",
+            *(
+                (f"{row.phase_deg:.0f}", bounded(row.gain, 1), bounded(row.delay_s, 2))
+                if row.doubles_s is None
+                else ("", "", "")
+            ),
+            row.verdict,
+        )
+        for row in margins.rows
+    ]
+    head = ("mode", "at m/s", "phase, deg", "gain", "delay, s", Column("verdict", align="left"))
+    note = f"Gain: by which factor it may rise. {SENSITIVITY_NOTE}"
+    return Table.of("Margins with perfect sensors, the least of all loops", head, rows, note=note)
 
 
 def _mode_table(check: AutopilotCheck) -> Table:
@@ -96,7 +143,7 @@ def _vehicle(check: VehicleCheck) -> Report:
         " autopilot) or identify it from trials (seatrial identify)"
     )
     if check.warnings:
-        worst, next_step = check.warnings[0], _next_step(check.warnings)
+        worst, next_step = check.warnings[0], _next_step(check.warned)
     straight = [
         _speed_table(
             "Speed on a straight course", "all ahead", [(_command(row), row) for row in check.speeds]
@@ -124,11 +171,11 @@ def _vehicle(check: VehicleCheck) -> Report:
     )
 
 
-def _next_step(warnings: Sequence[str]) -> str:
+def _next_step(warned: Sequence[Finding]) -> str:
     """What to do about warnings; a vehicle may rightly be unstable on its course or in pitch by itself."""
-    if all(SLOWER in text for text in warnings):
+    if all(finding.kind == "plane stable up to" for finding in warned):
         return "write start gains (seatrial autopilot), and fly missions no faster than that"
-    if all("unstable at" in text and IF_STABLE in text for text in warnings):
+    if all(finding.kind == "plane unstable" and finding["fins"] for finding in warned):
         return (
             "where the real vehicle is stable, correct the vehicle file and check it again; where it is not,"
             " go on: an autopilot holds it (seatrial autopilot), and its margins tell whether well enough"
@@ -201,3 +248,146 @@ def _command(row: Speed) -> str:
 def _rounded(value: float) -> str:
     """Two digits of what is small, no decimals of what is not."""
     return f"{value:.2g}" if value < 9.95 else f"{value:.0f}"
+
+
+_REACTIONS = {
+    "continue": "the mission goes on",
+    "hold": "keep station",
+    "surface": "surface under control",
+    "abort": "stop all actuators",
+}
+
+_LIMITS = {
+    "depth": "Deeper than the mission's limit",
+    "altitude": "Nearer to the bottom than the mission's limit",
+    "fence": "Outside the mission's fence",
+    "time": "Longer than the mission's limit",
+}
+
+
+def safety_sentences(check: AutopilotCheck) -> list[str]:
+    """A sentence per watch of an autopilot, and how it surfaces."""
+    safety, words = check.watches, dict(_REACTIONS)
+    if not check.hovers:
+        words["hold"] = f"circle at {check.loiter_radius_m:g} m"
+    battery, actuator, progress = safety["battery"], safety["actuator"], safety["progress"]
+    contrary, speed = safety["contradiction"], safety["speed"]
+    lines = []
+    for key, name in GROUPS.items():
+        stale = safety[f"stale_{key}"]
+        where = " on a leg that follows the bottom" if key == "altitude" else ""
+        lines.append(f"No {name} for {stale['after_s']:g} s{where}: {words[stale['reaction']]}")
+    lines += [f"{limit}: {words[safety[key]]}" for key, limit in _LIMITS.items()]
+    lines += [
+        f"Battery below {100.0 * battery['below']:g} %: {words[battery['reaction']]}",
+        f"An actuator {100.0 * actuator['deviation']:g} % of its largest signal off for"
+        f" {actuator['after_s']:g} s: allocate without it, and {words[actuator['reaction']]}",
+        f"No nearer to the waypoint for {progress['after_s']:g} s: {words[progress['reaction']]}",
+    ]
+    # A measurement that contradicts its rates counts as lost.
+    limits = {"position": ("position_m", "m"), "depth": ("depth_m", "m"), "attitude": ("angle_deg", "deg")}
+    for key, (limit, unit) in limits.items():
+        reaction = words[safety[f"stale_{key}"]["reaction"]]
+        lines.append(
+            f"The {GROUPS[key]} {contrary[limit]:g} {unit} from what its rates say, for"
+            f" {contrary['after_s']:g} s: {reaction}"
+        )
+    aborts = safety["stale_depth"]["reaction"] == "abort"
+    return [
+        *lines,
+        f"A velocity that changes by {contrary['roughness_m_s']:g} m/s from step to step: told, and"
+        f" {words['continue']}",
+        f"The speed {speed['off_m_s']:g} m/s off for {speed['after_s']:g} s: {words[speed['reaction']]}",
+        f"An unused channel or the battery silent: told, and {words['continue']}",
+        f"No higher after {safety['ascent_after_s']:g} s of surfacing:"
+        f" {words['abort' if aborts else 'continue']}",
+        f"Surfacing: at {safety['surface_speed_m_s']:g} m/s until {safety['surfaced_above_m']:g} m of depth",
+    ]
+
+
+@report.register
+def _mission(check: MissionCheck) -> Report:
+    """Length and time, the worst problem, what to do next; then legs and notes."""
+    worst, next_step = "nothing stands out: legs, limits and fence fit each other", "fly it: seatrial fly"
+    if check.flown:
+        worst = "nothing stands out in still water"
+        if len(check.flown) > 1:
+            four = len(check.flown) > 2
+            worst += f" and in {'currents from four sides' if four else water(check.flown[1].current)}"
+    if check.warnings:
+        worst = check.warnings[0]
+        next_step = check.remedy or "change the mission or the vehicle's limits, and check again"
+    energy = "" if check.energy is None else f", {check.energy.total_wh:.3g} Wh"
+    tables = [_leg_table(check.legs)]
+    if check.flown:
+        tables.append(_flown_table(check.flown, check.sensors))
+    return Report(
+        title=check.name,
+        outcome=_outcome(check.warnings),
+        good=(
+            f"{waypoints(check.waypoints)}, {check.length_m:.0f} m, planned to take"
+            f" {duration(check.planned_s)}{energy}"
+        ),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(
+                check.description,
+                (*(f"WARNING: {text}" for text in check.warnings), *check.notes),
+                tuple(tables),
+            ),
+        ),
+    )
+
+
+_LABEL = 22  # characters: the table of legs stays within 80 columns
+
+_MOST_LEGS = 60  # rows that fit two screens
+
+
+def _leg_table(legs: Sequence[LegRow]) -> Table:
+    """A row per leg of the file, the first of very many."""
+    rows = [
+        (
+            str(row.number),
+            row.label if len(row.label) <= _LABEL else row.label[: _LABEL - 1] + "…",
+            str(row.waypoints),
+            f"{row.length_m:.0f}",
+            f"{row.slope_deg:+.0f}" if abs(row.slope_deg) >= 0.5 else "0",
+            _level(row),
+            f"{row.speed_m_s:g}",
+            duration(row.time_s),
+            "" if row.power_w is None else f"{row.power_w:.0f}",
+        )
+        for row in legs[:_MOST_LEGS]
+    ]
+    notes = []
+    if len(legs) > _MOST_LEGS:
+        notes.append(f"and {len(legs) - _MOST_LEGS} more legs; --json lists them all")
+    if any(row.vertical == "altitude" for row in legs):
+        notes.append("^ above the bottom")
+    head = ("leg", "what", "points", "m", "deg", "depth, m", "m/s", "time", "W")
+    return Table.of("Legs", head, rows, left=2, note="; ".join(notes))
+
+
+def _level(row: LegRow) -> str:
+    low, high = row.level_m
+    mark = "^" if row.vertical == "altitude" else ""
+    return f"{low:.3g}{mark}" if high - low < 0.05 else f"{low:.3g}-{high:.3g}{mark}"
+
+
+def _flown_table(flown: Sequence[FlownCheck], sensors: str) -> Table:
+    """A row per water."""
+    rows = [
+        (
+            water(flight.current).removeprefix("a current of "),
+            flight.outcome if len(flight.outcome) < 24 else "not as promised",
+            f"{flight.reached}/{flight.waypoints}",
+            f"{flight.clearance_m:.1f}" if math.isfinite(flight.clearance_m) else "",
+            f"{flight.depth_largest_m:.1f}",
+            f"{flight.duration_s:.0f}",
+        )
+        for flight in flown
+    ]
+    head = ("water", "outcome", "reached", "clear, m", "deepest, m", "time, s")
+    return Table.of(f"Flown beforehand with {sensors}", head, rows, left=2)
