@@ -198,13 +198,8 @@ class Unit:
 
 
 def unit_of(vehicle: Vehicle, group: str | None, actuators: Sequence[str] | None, where: str) -> Unit:
-    """Unit of a group or of named actuators.
-
-    Raises
-    ------
-    CampaignError
-        The vehicle has no such group or actuator, or their commands have different units. The message begins
-        with `where`.
+    """Unit of a group or of named actuators; a `CampaignError` that begins with `where` for any that are
+    none.
     """
     facts = vehicle.actuator_info()
     thrusters = [name for name in vehicle.actuators if facts[name]["kind"] == "thruster"]

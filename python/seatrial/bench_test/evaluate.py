@@ -49,13 +49,7 @@ def _read_steps(
     reader: str | None = None,
     columns: dict[str, Any] | None = None,
 ) -> list[StepRecord]:
-    """Step records of the unit's actuators that have both a command and a measurement in the file.
-
-    Raises
-    ------
-    TrialError
-        The file cannot be read, has no time, or no actuator of the unit has both columns.
-    """
+    """Step records of the unit's actuators that have both a command and a measurement in the file."""
     from seatrial.bench_test.motor_model import StepRecord
 
     table = read_bench_table(
@@ -193,15 +187,7 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
 
 
 def fingerprint(source: str | Path) -> str:
-    """SHA-256 of a bench file and of all files that its records are made of, for a result that is kept.
-
-    Raises
-    ------
-    CampaignError
-        The bench file cannot be read.
-    TrialError
-        The recipe of a generated record cannot be read.
-    """
+    """SHA-256 of a bench file and of all files that its records are made of, for a result that is kept."""
     path = Path(source)
     text = text_of(path, "a bench file")
     digest = hashlib.sha256(text.encode())
@@ -217,15 +203,7 @@ def fingerprint(source: str | Path) -> str:
 
 
 def vehicle_of(source: str | Path) -> Vehicle:
-    """Vehicle that a bench file names.
-
-    Raises
-    ------
-    CampaignError
-        The bench file cannot be read.
-    VehicleError
-        The vehicle cannot be loaded.
-    """
+    """Vehicle that a bench file names."""
     path = Path(source)
     return _vehicle(parse(text_of(path, "a bench file"), str(path)), path, None)[0]
 

@@ -203,12 +203,7 @@ class BenchFile(Section):
 
 
 def parse(text: str, source: str) -> BenchFile:
-    """Bench file from its text.
-
-    Raises
-    ------
-    CampaignError
-        Not TOML, an unknown key, a missing key or a value that a key may not hold; all of them are listed.
+    """Bench file from its text; a `CampaignError` lists all that is wrong in it.
 
     Examples
     --------

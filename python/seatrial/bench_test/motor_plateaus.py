@@ -157,13 +157,7 @@ def _tails(record: StepRecord) -> list[tuple[float, Array]]:
 
 
 def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
-    """Gain and static limits from plateaus.
-
-    Raises
-    ------
-    TrialError
-        The revolutions turn against the commands, carry no sign, or never leave rest.
-    """
+    """Gain and static limits from plateaus."""
     rest = _MOVING * noise.total
     driven = [plateau for plateau in settled if plateau.command != 0.0]
     moving = [plateau for plateau in driven if abs(plateau.level) > rest]

@@ -103,27 +103,11 @@ def plateaus(
     settle_s: float,
     where: str,
 ) -> tuple[list[Plateau], int]:
-    """Plateaus of a record, and how many were too short to be used.
+    """Plateaus of a record at times t (n,), and how many were too short to be used.
 
-    Parameters
-    ----------
-    t : array, shape (n,)
-    command : mapping
-        Per actuator (n,) the signal that ends a plateau: logged commands; empty where none is logged.
-    signal : mapping
-        Per actuator (n,) what the characteristic is a function of; NaN between samples.
-    load : array, shape (n, a)
-        N; NaN between samples.
-    voltage_v : array, shape (n,), optional
-    settle_s : float
-        Time after the beginning of a plateau that is left out, s.
-    where : str
-        Beginning of messages.
-
-    Raises
-    ------
-    TrialError
-        No plateau is long enough.
+    Per actuator (n,): `command` ends a plateau (empty where none is logged), `signal` is what the
+    characteristic is a function of. `load` is (n, actuators) in N; signal and load are NaN between samples.
+    The first `settle_s` seconds of a plateau are left out; messages begin with `where`.
     """
     if command:
         starts = _changes([held(x) for x in command.values()])

@@ -84,11 +84,6 @@ def _signals_of(
     """Per thruster its command or measured signal (n,), and the names of those that are commands yet.
 
     Measured signals are counted from neutral; of other groups there is only what is logged.
-
-    Raises
-    ------
-    TrialError
-        A column is missing, or a sign is given to what has one.
     """
     chosen = table.commands if pull.use == "command" else table.measured
     _refuse_missing(pull, unit, table, chosen, where)

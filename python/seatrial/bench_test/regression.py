@@ -165,21 +165,10 @@ def design(inputs: Array, terms: Sequence[Term]) -> Array:
 def least_squares(
     inputs: ArrayLike, y: ArrayLike, terms: Sequence[Term], *, common: ArrayLike | None = None
 ) -> LeastSquares:
-    """Fit of values (n,) at inputs (n, k) by QR on inputs scaled to one.
+    """Fit of values (n,) at inputs (n, k) by QR on inputs scaled to one; the terms are those of `terms_of`.
 
-    Parameters
-    ----------
-    inputs : array, shape (n, k)
-    y : array, shape (n,)
-    terms : sequence of tuple
-        Of `terms_of`.
-    common : array, shape (n, m), optional
-        Columns of one standard deviation each of errors that move points together: a cell's zero.
-
-    Raises
-    ------
-    ValueError
-        There are no more points than coefficients, or the inputs do not determine the coefficients.
+    `common` (n, m) has columns of one standard deviation each of errors that move points together: a cell's
+    zero. A `ValueError` where the inputs do not determine the coefficients.
 
     Examples
     --------

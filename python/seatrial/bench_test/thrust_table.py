@@ -93,10 +93,7 @@ class ThrustTable:
 def levels(voltage_v: Array, where: str) -> tuple[Array, NDArray[np.int_]]:
     """Voltages (v,) at which was tested, from those of the points (n,), and the level of each point.
 
-    Raises
-    ------
-    TrialError
-        The voltage drifts instead of standing at levels, or is unknown.
+    A `TrialError` where the voltage drifts instead of standing at levels, or is unknown.
 
     Examples
     --------

@@ -135,10 +135,7 @@ def _polynomial(
 def _old_thrust(users: Sequence[str], name: str, side: str, vehicle: Vehicle) -> float:
     """Coefficient of the thrust in one direction as the vehicle has it, with gain and astern_ratio.
 
-    Raises
-    ------
-    VehicleError
-        The actuators that share the entry have different ones.
+    A `VehicleError` where the actuators that share the entry have different ones.
     """
     values = vehicle.coefficients()
     each = [

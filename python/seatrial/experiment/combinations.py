@@ -135,13 +135,7 @@ class Thrusters:
         return np.outer(level * np.where(level > 0.0, along, against), combination.thrusts)
 
     def ahead(self, word: str) -> Array:
-        """Thrusts (actuators,) in N for a word of the engine telegraph: "slow", "half" or "full" ahead.
-
-        Raises
-        ------
-        VehicleError
-            Another word, or nothing drives the vehicle ahead.
-        """
+        """Thrusts (actuators,) in N for a word of the engine telegraph: "slow", "half" or "full" ahead."""
         surge = self.drivers
         if not surge or word not in AHEAD:
             reason = f"expected one of {', '.join(AHEAD)}" if surge else "nothing drives this vehicle ahead"

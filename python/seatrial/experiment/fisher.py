@@ -139,22 +139,8 @@ def information(
 ) -> Array:
     """Information (m, m) that one run of a manoeuvre adds about the parameters, one over their units squared.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The derivatives are taken at its coefficients.
-    manoeuvre : Manoeuvre
-    parameters : sequence of Parameter
-    instruments : Instruments
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
-    threads : int, optional
-        Threads of the core; the result does not depend on it.
-
-    Raises
-    ------
-    SimulationError
-        The simulation diverges.
+    The derivatives are taken at the vehicle's coefficients, with tables of thrust read at `voltage_v`. The
+    result does not depend on the number of threads.
     """
     run = simulated(vehicle, manoeuvre, voltage_v=voltage_v)
     if not (np.isfinite(run.nu).all() and np.isfinite(run.position).all()):
@@ -264,11 +250,6 @@ def of_vehicle(vehicle: Vehicle, names: Sequence[str] = ()) -> tuple[Parameter, 
 
     Mass, inertia and thrust are taken as known from scales, tape measure and bench test. The bounds are the
     default ones, widened where the vehicle's value lies outside.
-
-    Raises
-    ------
-    CampaignError
-        A name is unknown or has no default bounds.
     """
     values, info = vehicle.coefficients(), vehicle.coefficient_info()
     own = [name for name, x in values.items() if x != 0.0 and (_HULL.match(name) or name in _RESTORING)]

@@ -253,16 +253,7 @@ class Proposal:
 def proposals(
     vehicle: Vehicle, *, duration_s: float, limits: Limits | None = None, voltage_v: float = NOMINAL_V
 ) -> tuple[list[Proposal], dict[str, str]]:
-    """Manoeuvres that fit into the limits, and why the others do not, by name.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    duration_s : float
-        Length of the longest, s.
-    limits : Limits, optional
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
+    """Manoeuvres up to this duration that fit into the limits, and why the others do not, by name.
 
     Examples
     --------

@@ -23,13 +23,7 @@ RATE_HZ = 10.0
 
 
 def times(duration_s: float) -> Array:
-    """Uniform times (n,) in s from zero to the duration, both included.
-
-    Raises
-    ------
-    VehicleError
-        Less than a second.
-    """
+    """Uniform times (n,) in s from zero to the duration, both included; at least a second."""
     if not (np.isfinite(duration_s) and duration_s >= 1.0):
         raise VehicleError(f"duration: expected at least one second, found {duration_s:g} s")
     return np.arange(round(duration_s * RATE_HZ) + 1) / RATE_HZ

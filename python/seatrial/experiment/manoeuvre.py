@@ -108,13 +108,7 @@ class Manoeuvre:
         )
 
     def write_csv(self, path: str | Path) -> None:
-        """Write `table` as comma-separated values.
-
-        Raises
-        ------
-        TrialError
-            The file cannot be written.
-        """
+        """Write `table` as comma-separated values."""
         write_table(self.table(), path)
 
 

@@ -285,13 +285,7 @@ class _Judge:
 def _split(
     what: Vehicle | Campaign | Problem | Identification, fit: Identification | Vehicle | str | Path | None
 ) -> tuple[Vehicle, Problem | None, str]:
-    """The vehicle at whose coefficients is planned, its problem, and whence these coefficients are.
-
-    Raises
-    ------
-    CampaignError
-        An identification beside anything but a campaign.
-    """
+    """The vehicle at whose coefficients is planned, its problem, and whence these coefficients are."""
     from seatrial.identification.fitted import Fitted
 
     if fit is not None and not isinstance(what, Campaign | Problem):

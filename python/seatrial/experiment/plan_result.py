@@ -192,13 +192,7 @@ class Plan(RunResult, Plain, without="facts model", also="score_after"):
         return [target, sheet]
 
     def write_dithers(self, folder: str | Path) -> list[Path]:
-        """Paths of the tables of the dithers, written into a folder.
-
-        Raises
-        ------
-        TrialError
-            They cannot be written.
-        """
+        """Paths of the tables of the dithers, written into a folder."""
         paths = [Path(folder) / dither.file_name for dither in self.dithers]
         for path, dither in zip(paths, self.dithers, strict=True):
             with writing(path, TrialError):
@@ -207,16 +201,10 @@ class Plan(RunResult, Plain, without="facts model", also="score_after"):
         return paths
 
     def sheet(self, ranked: Ranked, commands: str, trial: int) -> str:
-        """TOML text for the operator of a trial: manoeuvre, times, room, warnings, standard deviations.
+        """TOML text for the operator of a trial of the sequence or ranking: manoeuvre, times, room, warnings,
+        deviations.
 
-        Parameters
-        ----------
-        ranked : Ranked
-            The trial, one of `sequence` or `ranking`.
-        commands : str
-            Name of its command file.
-        trial : int
-            Its number in the sequence, from 1.
+        `commands` is the name of its command file, `trial` its number in the sequence, from 1.
         """
         manoeuvre, seen = ranked.manoeuvre, ranked.forecast
         depth = f"{seen.start_depth_m:.1f} m deep or deeper"

@@ -79,16 +79,10 @@ class Event(Plain):
 def events(
     trial: Trial, vehicle: Vehicle, axis: str, usable: Mask | None = None, limits: EventLimits = EVENT_LIMITS
 ) -> tuple[Event, ...]:
-    """Events of an axis in the order of time.
+    """Events of an axis, a letter among ``XYZKMN``, in the order of time.
 
-    Parameters
-    ----------
-    trial, vehicle
-    axis : str
-        Letter among ``XYZKMN``.
-    usable : ndarray of bool, shape (n,), optional
-        Samples that an event may use, the time before its command included; all when omitted.
-    limits : EventLimits
+    `usable` (n,) are the samples that an event may use, the time before its command included; all when
+    omitted.
     """
     names = [
         name

@@ -120,15 +120,7 @@ class Feedback:
 
 
 def feedback(trial: Trial, settings: FeedbackSettings = SETTINGS) -> list[Feedback]:
-    """How each command and component of a wrench that changes depends on the measurements, in their order.
-
-    Parameters
-    ----------
-    trial
-        On its uniform time base.
-    settings
-        Thresholds of the judgement.
-    """
+    """How each command and component of a wrench that changes depends on the measurements, in their order."""
     result = []
     wrench = {} if trial.tau is None else dict(zip(WRENCH, trial.tau.T, strict=True))
     for name, command in (trial.commands | wrench).items():
@@ -261,15 +253,8 @@ _PLANES = {"course": ("YN", "yaws"), "pitch": ("ZM", "pitches")}
 def runs_away(vehicle: Vehicle, trials: Sequence[Trial], free: str, segment_s: float = SEGMENT_S) -> str:
     """Sentence on a vehicle that leaves straight running too fast to be simulated for a segment; else "".
 
-    Parameters
-    ----------
-    vehicle
-    trials
-        Recordings; each is looked at about its median speed ahead.
-    free
-        Letters of the simulated axes: the course needs both sway and yaw, the pitch both heave and pitch.
-    segment_s
-        How long a segment is simulated, s.
+    Each trial is looked at about its median speed ahead. `free` are the letters of the simulated axes: the
+    course needs both sway and yaw, the pitch both heave and pitch.
     """
     for trial in trials:
         for verb, speed, tenfold_s in _tenfold(vehicle, trial, free):
@@ -282,19 +267,11 @@ def runs_away(vehicle: Vehicle, trials: Sequence[Trial], free: str, segment_s: f
 
 
 def judged_s(vehicles: Sequence[Vehicle], trials: Sequence[Trial], free: str, longest_s: float) -> float:
-    """How far ahead a simulation judges a model of a vehicle that may run away, s.
+    """How far ahead a simulation judges a model of a vehicle that may run away, s; `longest_s` for one that
+    does not.
 
-    Where a disturbance grows by ten thousand within `longest_s`, it is the time in which it grows tenfold:
-    beyond it the errors of the first state are all that a simulation shows.
-
-    Parameters
-    ----------
-    vehicles
-        Those that are judged by it, the fastest decides.
-    trials, free
-        As for `runs_away`.
-    longest_s
-        For a vehicle that does not run away.
+    Where a disturbance of the fastest vehicle grows by ten thousand within `longest_s`, it is the time in
+    which it grows tenfold: beyond it the errors of the first state are all that a simulation shows.
     """
     times = [time for v in vehicles for trial in trials for *_, time in _tenfold(v, trial, free)]
     shortest = min(times, default=math.inf)

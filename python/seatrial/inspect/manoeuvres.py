@@ -150,14 +150,7 @@ def _command_unit(y: Array) -> str:
 
 
 def manoeuvres(trial: Trial, vehicle: Vehicle | None = None) -> list[Manoeuvre]:
-    """Manoeuvres of a trial in the order of their start.
-
-    Parameters
-    ----------
-    trial
-        On its uniform time base.
-    vehicle
-        As in `drives`.
+    """Manoeuvres of a trial in the order of their start; the vehicle is as in `drives`.
 
     Examples
     --------

@@ -63,15 +63,7 @@ class TrialWindows:
 
 
 def windows(trial: Trial, sequence: Sequence[Manoeuvre]) -> TrialWindows:
-    """Proposed use and hold-out of a trial.
-
-    Parameters
-    ----------
-    trial
-        On its uniform time base.
-    found
-        Its manoeuvres, from `seatrial.inspect.manoeuvres.manoeuvres`.
-    """
+    """Proposed use and hold-out of a trial with these manoeuvres."""
     activity = _activity(trial)
     use = _moving_part(trial)
     length = use[1] - use[0]

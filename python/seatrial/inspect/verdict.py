@@ -238,20 +238,13 @@ def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
 
 
 def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehicle) -> dict[str, list[str]]:
-    """By dominated axis: those coefficients that only this axis and others like it could tell.
+    """By dominated axis: those of the named coefficients that only this axis and others like it could tell.
 
     With a gain held at its true value the damping and lift of the axis come out wrong by factors all the
     same, for the loop shapes the motion that would tell them. Drag along an axis on which the vehicle keeps
     its way is told: the mean thrust, with the vehicle file's gain, balances it. It would tell the buoyancy
     ``B``, too, but in waves that of two generated logs of an ROV was 2 N off, six of its standard deviations:
     the hidden motion of heave through the water tells it, by Munk moments of roll and pitch.
-
-    Parameters
-    ----------
-    names
-        Of coefficients: ``M_q``, ``planes.C_La``, by actuator or group.
-    verdicts
-        Of `judge`.
     """
     dominated = [axis for axis, verdict in verdicts.items() if verdict.dominated]
     actuators = {member: group for group, own in actuator_groups(vehicle).items() for member in own}

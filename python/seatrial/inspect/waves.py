@@ -106,15 +106,7 @@ class Waves:
 
 
 def waves(trial: Trial, settings: WaveSettings = SETTINGS) -> Waves | None:
-    """Waves in a recording; None where no channel shows any.
-
-    Parameters
-    ----------
-    trial
-        On its uniform time base.
-    settings
-        Thresholds of the judgement.
-    """
+    """Waves in a recording; None where no channel shows any."""
     if len(trial) * trial.dt < settings.shortest_s:
         return None
     signals = {c: y for c in _SEEN if (y := trial.filled(c)) is not None and y.std() > 0.0}

@@ -116,13 +116,8 @@ class Wiring(Plain):
 def wiring(trial: Trial, vehicle: Vehicle, *, loops: Sequence[Feedback] | None = None) -> Wiring | None:
     """Reversed and exchanged actuators of a trial; None where nothing clearly contradicts the vehicle file.
 
-    Parameters
-    ----------
-    trial
-        With commands of the vehicle's actuators; one without a command stands still.
-    vehicle
-    loops
-        Which commands follow measurements, where it is known already.
+    An actuator without a command stands still; `loops` say which commands follow measurements, where it is
+    known.
     """
     names = [
         name for name in vehicle.actuators if name in trial.commands and np.ptp(trial.commands[name]) > 0.0

@@ -64,18 +64,10 @@ def fit_baselines(
 ) -> Baselines:
     """Baselines fitted to training trials; without any, only "hold last".
 
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Masked samples do not count, so that a held-out part is masked.
-    vehicle : Vehicle, optional
-        Turns commands into generalised forces, as its file gives them; without, commands are taken.
-    input : "commands", "measured" or "tau", optional
-        What drives the motion; the first of these that every trial has by default.
-    free, measured : str
-        Letters of the axes that are predicted, and of those replayed from the trial.
-    ahead_s : float
-        Length of the windows of the fit, s.
+    Masked samples do not count, so that a held-out part is masked. The vehicle turns commands into
+    generalised forces; without it the commands themselves are inputs. `input` is the first of "commands",
+    "measured" and "tau" that every trial has by default. `free` and `measured` are letters of the axes that
+    are predicted and of those replayed; `ahead_s` is the length of the windows of the fit.
     """
     plain = Baselines((), np.full(6, np.nan), {}, None, vehicle, input, free, measured)
     usable = [(trial, cut) for trial in trials if (cut := _spans(trial, ahead_s))]

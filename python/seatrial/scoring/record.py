@@ -173,15 +173,11 @@ class Replay:
     def simulated(
         self, values: ArrayLike = (), *, nuisance: ArrayLike | None = None, initial: ArrayLike | None = None
     ) -> list[Array]:
-        """Channels (n, 12) per segment that the vehicle shows, SI.
+        """Channels (n, 12) per segment that the vehicle shows, SI, with values (m,) of the coefficients that
+        vary.
 
-        Parameters
-        ----------
-        values
-            Of the coefficients that vary (m,).
-        nuisance, initial
-            Of nuisance parameters (records, 38) and initial conditions (segments, 12) in the core's order,
-            added to the record and to the smoothed start; zero when omitted.
+        Nuisance parameters (records, 38) and initial conditions (segments, 12), in the core's order, are
+        added to the record and to the smoothed start; zero when omitted.
         """
         loop = self._loop()
         shown = loop.predict(np.asarray(values, float), nuisance, initial, threads=self.threads)
@@ -261,14 +257,7 @@ class Replay:
         )
 
     def along(self, starts: Starts) -> Replay:
-        """The same segments from other starts, each in a steady current of its own.
-
-        Parameters
-        ----------
-        starts
-            Positions (k, 3), attitudes (k, 4), velocities (k, 6), and currents (k, 3) besides what was
-            recorded, NED in m/s.
-        """
+        """The same segments from other starts, each in a steady current of its own besides the logged one."""
         other = replace(self, starts=starts)
         other._loops[None] = self._loop().along(*starts)
         return other
@@ -276,14 +265,8 @@ class Replay:
     def losses(self, values: ArrayLike, *, weight: Array, loss: str, knee: float) -> Array:
         """Sums (k, segments, 12) of ``loss(weight * error)`` for candidates (k, m), infinite if diverged.
 
-        Parameters
-        ----------
-        values
-            Candidates' values of the coefficients that vary.
-        weight
-            Per channel (12,), inverse SI units.
-        loss, knee
-            "absolute", "squared" or "huber" with its knee.
+        `weight` is per channel (12,) in inverse SI units; the loss is "absolute", "squared" or "huber" with
+        its knee.
         """
         return np.asarray(self._loop(weight, loss, knee).errors(values, threads=self.threads))
 

@@ -171,21 +171,10 @@ class Score(
         return {name: channel.mae for name, channel in self.channels.items()}
 
     def only(self, kept: Mask, channels: Sequence[str], source: str) -> Score:
-        """The score on some of its windows and channels.
+        """The score on some of its windows, shape (windows,), and channels; those that it has not are left
+        out.
 
-        Parameters
-        ----------
-        kept
-            Which of the windows, (windows,).
-        channels
-            Names; those that it has not are left out.
-        source
-            Who asks, for the message.
-
-        Raises
-        ------
-        TrialError
-            No window or no channel is left.
+        A `TrialError` that begins with `source` where none is left.
         """
         if not channels or not kept.any():
             spans = {w.trial.name: f"{w.trial.t[0]:g} to {w.trial.t[-1]:g} s" for w in self.windows}

@@ -109,11 +109,6 @@ def windows(
     """Windows (start, stop) in samples, one following the other, and how many start late or are left out.
 
     A window starts at a sample where it may (`Trial.startable`), the next one where the last one ended.
-
-    Raises
-    ------
-    TrialError
-        If none can start, or the start is not before the stop.
     """
     if start_s is not None and stop_s is not None and not start_s < stop_s:
         raise TrialError(
@@ -138,13 +133,7 @@ def windows(
 
 
 def default_input(vehicle: Vehicle, trial: Trial) -> Input:
-    """What drives the vehicle in this trial: its commands, else measured signals, else the recorded wrench.
-
-    Raises
-    ------
-    TrialError
-        If none is recorded for this vehicle's actuators.
-    """
+    """What drives the vehicle in a trial: its commands, else measured signals, else the recorded wrench."""
     for name, recorded in (("commands", trial.commands), ("measured", trial.measured)):
         if vehicle.actuators and all(actuator in recorded for actuator in vehicle.actuators):
             return "commands" if name == "commands" else "measured"
@@ -171,11 +160,6 @@ def predict(
 
     The step of the record is halved until no velocity changes by more than 0.5 % of its standard deviation.
     Nuisance parameters by name say what the record's sensors and the water add to the motion.
-
-    Raises
-    ------
-    TrialError
-        If the input or the supply voltage that the vehicle needs is not recorded.
     """
     chosen = input or default_input(vehicle, trial)
     _check_inputs(vehicle, trial, chosen)
@@ -327,13 +311,7 @@ class Predictions:
         return [name for name in CHANNELS if any(name in samples for samples in self.samples.values())]
 
     def on(self, trial: Trial) -> Array:
-        """Predictions at the samples of a trial, (n, 12) in SI; NaN where nothing is predicted.
-
-        Raises
-        ------
-        TrialError
-            The table is for other trials.
-        """
+        """Predictions at the samples of a trial, (n, 12) in SI; NaN where nothing is predicted."""
         own = self.samples.get(trial.name, self.samples.get(""))
         if own is None:
             raise TrialError(
