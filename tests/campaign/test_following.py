@@ -57,7 +57,7 @@ segment_s = 20.0
 
 
 def suggestion(name: str, present: float = 0.0, value: float = -3.0, sigma: float = 0.5) -> Suggestion:
-    return Suggestion(name, "N s/m", (), "u", "u", present, value, sigma, 5.0, 0.01, "")
+    return Suggestion(name, "N s/m", (), "u", "u", present, value, sigma, 5.0, 0.01)
 
 
 def campaign(text: str) -> Campaign:

@@ -15,6 +15,7 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import linearise
+from seatrial.report.results import diagnosis as words
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.trial.truth import Truth
 
@@ -194,7 +195,7 @@ def test_thrust_scale_needs_a_bench_test() -> None:
 
 def test_warning_before_optimising_names_condition_and_combination() -> None:
     made = joint("pitch")
-    told = warnings_before(linearise(made, made.start))
+    told = [words.sentence(finding) for finding in warnings_before(linearise(made, made.start))]
     assert "condition number" in told[0]
     assert "K_p" in told[0]
     assert any("only their sum I_y - M_qdot acts" in one for one in told[1:])

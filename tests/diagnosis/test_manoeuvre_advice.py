@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from seatrial._core import Vehicle
-from seatrial.diagnosis.advice import inseparable, manoeuvre, role, scaled
+from seatrial.diagnosis.roles import manoeuvre, role
 from seatrial.identification.estimate import derived
+from seatrial.report.results.coefficient_advice import imperative, inseparable, scaled
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 NAMES = Vehicle.load("cwolf").coefficient_info()
@@ -56,7 +57,7 @@ def test_every_coefficient_has_a_role_and_a_manoeuvre(name: str) -> None:
     ],
 )
 def test_combinations_are_said_by_their_physics(names: list[str], said: str) -> None:
-    told = inseparable(names)
+    told = "; ".join(inseparable(names))
     assert said in told
     assert all(name in told.partition(":")[0] for name in names)
 
@@ -105,15 +106,21 @@ def test_sentences_are_those_of_the_actuators_that_the_vehicle_has() -> None:
     hull = ["Y_v", "Z_w", "K_p", "M_q", "N_r", "Y_ur", "Y_uv", "Z_uw", "Z_uq", "M_uw"]
     own = [name for name in torpedo.coefficient_info() if name.partition(".")[0] in fins]
     for name in [*hull, *(f"{one}dot" for one in hull[:5]), *own]:
-        said = manoeuvre(role(name, pushed=pushed, fins=fins))
+        said = imperative(manoeuvre(role(name, pushed=pushed, fins=fins)))
         assert not re.search("thrust|bollard|push|revolutions|on the spot|side force", said), (name, said)
-    pair = inseparable(["rudder.C_La", "N_r"], pushed=pushed, fins=fins)
+
+    def told(names: list[str]) -> str:
+        return "; ".join(inseparable(names, pushed=pushed, fins=fins))
+
+    pair = told(["rudder.C_La", "N_r"])
     assert "thrust" not in pair
     assert "bollard" not in pair
-    assert "thrust" not in inseparable(["rudder_upper.C_La", "rudder_lower.C_La"], pushed=pushed, fins=fins)
-    assert "bench" not in scaled(["rudder.C_La", "N_r"], 0.1, fins=fins)
-    assert "without way" not in inseparable(["Z_w", "Z_uw"], pushed=pushed, fins=fins)
+    assert "thrust" not in told(["rudder_upper.C_La", "rudder_lower.C_La"])
+    assert "bench" not in "; ".join(scaled(["rudder.C_La", "N_r"], 0.1, fins=fins))
+    assert "without way" not in told(["Z_w", "Z_uw"])
     assert not [
         name for name in derived(torpedo) if name.startswith(("rudder thrust", "stern planes thrust"))
     ]
-    assert "vertical thrusters" in manoeuvre(role("Z_ww", pushed=pushed_axes(Vehicle.load("cwolf"))))
+    assert "vertical thrusters" in imperative(
+        manoeuvre(role("Z_ww", pushed=pushed_axes(Vehicle.load("cwolf"))))
+    )

@@ -16,6 +16,7 @@ from seatrial.diagnosis.identifiability import warnings_before
 from seatrial.diagnosis.residual_analysis import analyse_joint
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import linearise, polish
+from seatrial.report.results import diagnosis as words
 
 CAMPAIGN = """
 format = 1
@@ -80,7 +81,7 @@ def test_missing_strips_are_named_with_their_coefficient(tmp_path: Path) -> None
 
 def test_strips_and_the_damping_they_make_must_not_both_be_free(tmp_path: Path) -> None:
     joint = made(tmp_path, DAMPING + "C_Dy = [0.0, 2.0]\n")
-    told = warnings_before(linearise(joint, joint.start))
+    told = [words.sentence(finding) for finding in warnings_before(linearise(joint, joint.start))]
     assert (
         "C_Dy, Y_vv and N_rr: the strips of C_Dy make Y_vv and N_rr already, both must not be free; hold Y_vv"
         " and N_rr at 0, or leave C_Dy out"

@@ -24,6 +24,7 @@ from seatrial.estimation.one_step import Motion, OneStep
 from seatrial.estimation.specification import Horizon, LogAlone
 from seatrial.identification import choice
 from seatrial.identification.choice import quadratic_or_strips
+from seatrial.report.results import diagnosis as words
 from seatrial.scoring.windows import channel_errors, predict
 from seatrial.trial import Recipe
 
@@ -169,7 +170,7 @@ def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
     judged = assess(joint, found)
     horizons = judged.polished.horizons
     assert [one.ahead_s for one in horizons] == [2.0]
-    assert judged.sentences()[0].startswith("joint estimate by innovations")
+    assert words.sentences(judged)[0].startswith("joint estimate by innovations")
     # Least squares over this horizon say -81 to -91: the autopilot answers what the prediction misses.
     assert horizons[0].refused == ()
     assert horizons[0].values == pytest.approx(list(TRUTH.values()), rel=0.12)
@@ -186,7 +187,7 @@ def test_a_coefficient_that_moves_without_answers_to_unlogged_motion_is_not_iden
     told = replace(judged, polished=replace(judged.polished, log_alone=bent))
     assert told.verdicts["N_r"] == "not identifiable"
     assert told.verdicts["N_rdot"] == judged.verdicts["N_rdot"]
-    assert told.refused()[0] == (
+    assert words.sentence(told.refused()[0]) == (
         "N_r is not identified: the commands of rudder reacted to motion that is not in the log; corrected"
         f" for this, the estimate is {values[1]:.3g} and the fit gives {judged.polished.values[1]:.3g}, 4.2"
         " standard deviations of the difference apart; log the rates and angles exactly as the autopilot"
@@ -194,17 +195,17 @@ def test_a_coefficient_that_moves_without_answers_to_unlogged_motion_is_not_iden
     )
     ahead = Horizon(2.0, values, away, ("N_r",))
     early = replace(judged, polished=replace(judged.polished, horizons=(ahead,)))
-    assert early.refused() == [
+    assert [words.sentence(finding) for finding in early.refused()] == [
         f"N_r is not identified: predictions 2 s ahead give {values[1]:.3g} and the fit gives"
         f" {judged.polished.values[1]:.3g}, 4.2 standard deviations of the difference apart; hold it at a"
         " value that you trust, or add steps to the autopilot's output (seatrial plan)"
     ]
-    table = str(told.assumption_table())
+    table = str(words.assumption_table(told))
     assert "the log alone" in " ".join(table.split())
     assert told.to_dict()["polish"]["log_alone"]["commands"] == {"rudder": 35.0}
     warned = replace(told, polished=replace(told.polished, log_alone=replace(bent, refused=())))
     assert warned.verdicts == judged.verdicts
-    assert "the commands of rudder reacted to motion that is not in the log" in warned.method()[1]
+    assert "the commands of rudder reacted to motion that is not in the log" in words.method(warned)[1]
 
 
 def test_predictions_restart_from_what_the_filter_knew(tmp_path: Path) -> None:
@@ -470,20 +471,20 @@ def undecided(joint: Joint, polished: Polished) -> None:
     assert other.refused == (("rudder.gain",) if apart and abs(other.away["rudder.gain"]) > 3.0 else ())
     judged = assess(joint, replace(found, others=(replace(other, refused=("rudder.gain",)),)))
     assert judged.verdicts["rudder.gain"] == "not identifiable"
-    assert judged.refused()[0].startswith("rudder.gain is not identified: it is ")
-    assert "with C_Dy" in judged.assumption_table().text()
+    assert words.sentence(judged.refused()[0]).startswith("rudder.gain is not identified: it is ")
+    assert "with C_Dy" in words.assumption_table(judged).text()
     bound = ContradictedBounds({"N_rr": 6.4}, {"rudder.gain": 1.25}, {"rudder.gain": 2.9}, ("rudder.gain",))
     ends = tuple("upper" if name == "N_rr" else None for name in judged.uncertainty.names)
     uncertain = replace(judged.uncertainty, at_bound=ends)
     bent = replace(judged, polished=found, uncertainty=uncertain, bounds=bound)
     assert bent.verdicts["rudder.gain"] == "not identifiable"
-    (said,) = bent.refused()
+    said = words.sentence(*bent.refused())
     assert "compensates for the upper bound of N_rr, which the data contradict by 6.4" in said
-    assert "1.25 (+2.9)" in bent.assumption_table().text()
+    assert "1.25 (+2.9)" in words.assumption_table(bent).text()
     late = replace(judged, spoilt="the velocity of trial log is 0.5 s late; correct it")
     assert set(late.verdicts.values()) == {"not identifiable"}
     assert (
-        late.refused()[0]
+        words.sentence(late.refused()[0])
         == "no coefficient is identified: the velocity of trial log is 0.5 s late; correct it"
     )
     assert late.to_dict()["spoilt"] == late.spoilt

@@ -148,7 +148,7 @@ def test_the_result_has_what_was_kept_and_says_so(fit: Identification) -> None:
 def test_what_was_tried_in_vain_is_not_advised_again(fit: Identification) -> None:
     assert fit.assessment is not None
     term = Suggestion(
-        "X_vv", "N s2/m2", (), "u", "|v| v", 0.0, -9.0, 1.0, 30.0, 1e-9, "", line="X_vv = [-20.0, 0.0]"
+        "X_vv", "N s2/m2", (), "u", "|v| v", 0.0, -9.0, 1.0, 30.0, 1e-9, line="X_vv = [-20.0, 0.0]"
     )
     analysis = replace(fit.assessment.residual_analysis, suggestions=(term,))
     inside = tuple(replace(row, at_bound=None) for row in fit.coefficients)

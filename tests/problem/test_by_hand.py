@@ -13,7 +13,6 @@ import polars as pl
 import pytest
 
 import seatrial as st
-from seatrial.diagnosis.missing_terms import worded
 from seatrial.identification.fitted import Fitted
 from seatrial.problem.problem import Problem
 
@@ -168,7 +167,7 @@ def test_a_missed_dead_time_of_a_group_with_unequal_values_is_named(early: st.Id
 def test_a_response_faster_than_the_file_heads_the_summary_as_such(early: st.Identification) -> None:
     assert early.assessment is not None
     analysis = early.assessment.residual_analysis
-    faster = worded(replace(analysis.suggestions[0], name="stern.T_1", present=0.4, value=0.0))
+    faster = replace(analysis.suggestions[0], name="stern.T_1", present=0.4, value=0.0)
     assessment = replace(early.assessment, residual_analysis=replace(analysis, suggestions=(faster,)))
     said = replace(early, assessment=assessment).summary()
     assert "the actuator responds faster than the file says" in said

@@ -269,6 +269,17 @@ def report_of(result: object, **options: Any) -> Report:
     return report
 
 
+def sentence_of(finding: Finding, writer: str) -> str:
+    """A finding as a sentence, in the words of a module of `seatrial.report.results`."""
+    return str(importlib.import_module(f"seatrial.report.results.{writer}").sentence(finding))
+
+
+def words_about(result: object, writer: str) -> list[str]:
+    """Sentences about a part of a result, in the words of a module of `seatrial.report.results`."""
+    sentences: list[str] = importlib.import_module(f"seatrial.report.results.{writer}").sentences(result)
+    return sentences
+
+
 def _section_of(data: Mapping[str, Any]) -> Section:
     """Section of plain data."""
     tables = tuple(_table_of(table) for table in data["tables"])

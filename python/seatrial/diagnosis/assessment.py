@@ -19,17 +19,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
-from seatrial.base.report import Table, listed
-from seatrial.diagnosis.advice import manoeuvre, role, strayed
+from seatrial.base.report import words_about
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
 from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint, tried_terms
+from seatrial.diagnosis.roles import Manoeuvre, manoeuvre, role
 from seatrial.estimation.gauss_newton import ran_away
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, with_horizons
@@ -160,183 +161,77 @@ class Assessment:
             if unknown.kind == "nuisance"
         ]
 
-    def strayed(self) -> list[str]:
-        """Sentences on nuisance parameters three or more deviations from their prior, the farthest first."""
+    def strayed(self) -> list[Finding]:
+        """Nuisance parameters three or more deviations from their prior, the farthest first."""
         far = [row for row in self.nuisances() if abs(row["away"]) >= ASSESSMENT_SETTINGS.far_sd]
         return [
-            strayed(
-                row["name"],
-                f"{row['estimate']:.3g} {row['unit']}",
-                away=abs(row["away"]),
-                prior=f"{row['prior']:.3g} ± {row['prior_sd']:.3g} {row['unit']}",
-            )
+            Finding("nuisance strayed", Severity.PROBLEM, row["name"], row)
             for row in sorted(far, key=lambda row: -abs(row["away"]))
         ]
 
-    def method(self) -> list[str]:
-        """Sentences on the method of a joint estimate with a noise model, and on what it refuses."""
-        if self.polished.method == "output":
-            return [self.polished.method_reason] if self.polished.method_reason else []
-        waves = self.polished.waves
-        seen = f"waves of {waves['period_s']:.3g} s, " if waves else ""
-        line = (
-            f"joint estimate by innovations: prediction errors of a filter with a model of {seen}slow forces"
-            f" and current, because {self.polished.method_reason}"
-        )
-        lines = [line, *self.refused()]
+    @property
+    def answering(self) -> tuple[str, ...]:
+        """The groups of actuators whose commands answer more than the log holds."""
+        groups = actuator_groups(self.vehicle)
         alone = self.polished.log_alone
-        if alone is not None and not alone.refused:
-            lines.append(
-                f"the commands of {self._answering()} reacted to motion that is not in the log, which biases"
-                " gains; log the rates and angles exactly as the autopilot uses them"
-            )
-        return lines
+        commands = () if alone is None else alone.commands
+        return tuple(
+            next((group for group, members in groups.items() if name in members), name) for name in commands
+        )
 
-    def refused(self, tried: Collection[str] = ()) -> list[str]:
-        """Sentences on coefficients that other horizons, damping or bounds contradict, worst first.
+    def refused(self, tried: Collection[str] = ()) -> list[Finding]:
+        """Coefficients that other horizons, damping or bounds contradict: actuators first, worst first.
 
         ``tried`` are coefficients whose wider bounds were tried already, and predict no better.
         """
         names = [unknown.name for unknown in self.unknowns]
         fit = dict(zip(names, self.uncertainty.estimate.tolist(), strict=True))
-        refusals = [
-            (
-                abs(other.away[name]),
-                f"{name} is not identified: it is {fit[name]:.3g} with {other.own}, {other.values[name]:.3g}"
-                f" with {other.damping}, and the log cannot tell which damping is right;"
-                f" {self._manoeuvre(other.strips)}, or hold it at a value that you trust",
-            )
-            for other in self.polished.others
-            for name in other.refused
-        ]
-        refusals += [
-            (
-                away,
-                f"{name} is not identified: predictions {horizon.ahead_s:g} s ahead give {both}; hold it at a"
-                " value that you trust, or add steps to the autopilot's output (seatrial plan)",
-            )
-            for horizon in self.polished.horizons
-            for away, name, both in self._contradicted(horizon, fit)
-        ]
-        refusals += self._unlogged(fit)
-        refusals += self._bent(fit, tried)
+        polished, answering = self.polished, {"commands": self.answering}
+        refusals: list[Finding] = []
+
+        def refuse(kind: str, other: Assumed, more: Mapping[str, Any]) -> None:
+            for name in other.refused:
+                values = {
+                    "fit": fit[name],
+                    "other": other.values[name],
+                    "away": abs(other.away[name]),
+                    **more,
+                }
+                refusals.append(Finding(kind, Severity.PROBLEM, name, values))
+
+        for damping in polished.others:
+            way = self._manoeuvre(damping.strips)
+            words = {"own": damping.own, "damping": damping.damping, "manoeuvre": way}
+            refuse("damping undecided", damping, words)
+        for horizon in polished.horizons:
+            refuse("horizons disagree", _named(names, horizon), {"ahead_s": horizon.ahead_s})
+        if polished.log_alone is not None:
+            refuse("commands know more", _named(names, polished.log_alone), answering)
+        if self.bounds is not None:
+            bounded, pull = max(self.bounds.pulls.items(), key=lambda pull: pull[1])
+            end = self.uncertainty.at_bound[self.uncertainty.names.index(bounded)]
+            bound = {"bounded": bounded, "pull": pull, "end": end, "pulls": tuple(self.bounds.pulls)}
+            refuse("bound contradicted", self.bounds, {**bound, "tried": bounded in tried})
         # Gains of actuators first: an autopilot rests on them.
-        ranked = [
-            sentence
-            for _, sentence in sorted(
-                refusals, key=lambda refusal: ("." not in refusal[1].split()[0], -refusal[0])
-            )
+        ranked = sorted(refusals, key=lambda finding: ("." not in finding.subject, -finding["away"]))
+        nothing = Finding("nothing identified", Severity.PROBLEM, values={"why": self.spoilt})
+        return [nothing, *ranked] if self.spoilt else ranked
+
+    def assumptions(self) -> list[tuple[str, Assumed]]:
+        """Estimates over other horizons, with other damping and without bounds that the data contradict."""
+        polished, names = self.polished, [unknown.name for unknown in self.unknowns]
+        others: list[tuple[str, Assumed]] = [
+            (f"{horizon.ahead_s:g} s ahead", _named(names, horizon)) for horizon in polished.horizons
         ]
-        return [f"no coefficient is identified: {self.spoilt}", *ranked] if self.spoilt else ranked
+        if polished.log_alone is not None:
+            others.append(("the log alone", _named(names, polished.log_alone)))
+        others += [(f"with {other.short}", other) for other in polished.others]
+        return others if self.bounds is None else [*others, ("without bounds", self.bounds)]
 
-    def _answering(self) -> str:
-        """The groups of actuators whose commands answer more than the log holds."""
-        groups = actuator_groups(self.vehicle)
-        alone = self.polished.log_alone
-        commands = () if alone is None else alone.commands
-        return listed([
-            next((group for group, members in groups.items() if name in members), name) for name in commands
-        ])
-
-    def _unlogged(self, fit: Mapping[str, float]) -> list[tuple[float, str]]:
-        """Sentences on coefficients that commands bend which answer more than the log holds."""
-        if (alone := self.polished.log_alone) is None:
-            return []
-        return [
-            (
-                away,
-                f"{name} is not identified: the commands of {self._answering()} reacted to motion that is"
-                f" not in the log; corrected for this, the estimate is {both}; log the rates and angles"
-                " exactly as the autopilot uses them",
-            )
-            for away, name, both in self._contradicted(alone, fit)
-        ]
-
-    def _contradicted(
-        self, other: Horizon | LogAlone, fit: Mapping[str, float]
-    ) -> list[tuple[float, str, str]]:
-        """Coefficients that another estimate contradicts: by how many deviations, which, and both values."""
-        places = {unknown.name: place for place, unknown in enumerate(self.unknowns)}
-        contradictions = []
-        for name in other.refused:
-            away, value = float(abs(other.away[places[name]])), other.values[places[name]]
-            both = (
-                f"{value:.3g} and the fit gives {fit[name]:.3g}, {away:.1f} standard deviations of the"
-                " difference apart"
-            )
-            contradictions.append((away, name, both))
-        return contradictions
-
-    def _bent(self, fit: Mapping[str, float], tried: Collection[str]) -> list[tuple[float, str]]:
-        """Sentences on coefficients that make up for a bound that the data contradict, with their size."""
-        if self.bounds is None:
-            return []
-        bounded, pull = max(self.bounds.pulls.items(), key=lambda pull: pull[1])
-        end = self.uncertainty.at_bound[self.uncertainty.names.index(bounded)]
-        names = ", ".join(self.bounds.pulls)
-        widen = f"widen the bounds of {names} if values beyond are plausible, otherwise hold"
-        if bounded in tried:
-            widen = f"wider bounds of {bounded} were tried and predict no better: hold"
-        return [
-            (
-                abs(self.bounds.away[name]),
-                f"{name} is not identified: it compensates for the {end} bound of {bounded}, which the data"
-                f" contradict by {pull:.1f} standard deviations; without such bounds it would be"
-                f" {self.bounds.values[name]:.3g} instead of {fit[name]:.3g}; {widen} {name} at a value that"
-                " you trust: the model lacks something there",
-            )
-            for name in self.bounds.refused
-        ]
-
-    def _manoeuvre(self, name: str) -> str:
+    def _manoeuvre(self, name: str) -> Manoeuvre:
         """What this vehicle sails to tell a coefficient."""
         vehicle = self.vehicle
         return manoeuvre(role(name, pushed=pushed_axes(vehicle), fins=fins_and_groups(vehicle)))
-
-    def assumption_table(self) -> Table:
-        """Estimates over other horizons, with other damping, and without bounds that the data contradict."""
-        polished, names = self.polished, [unknown.name for unknown in self.unknowns]
-        columns: list[tuple[str, Mapping[str, float], Mapping[str, float], tuple[str, ...]]] = [
-            (
-                f"{horizon.ahead_s:g} s ahead",
-                _named(names, horizon.values),
-                _named(names, horizon.away),
-                horizon.refused,
-            )
-            for horizon in polished.horizons
-        ]
-        if (alone := polished.log_alone) is not None:
-            values, away = _named(names, alone.values), _named(names, alone.away)
-            columns.append(("the log alone", values, away, alone.refused))
-        for other in polished.others:
-            words = other.damping.partition(" (")[2].removesuffix(")")
-            columns.append((f"with {words}", other.values, other.away, other.refused))
-        if (free := self.bounds) is not None:
-            columns.append(("without bounds", free.values, free.away, free.refused))
-        rows = []
-        for place, name in enumerate(names):
-            fit = f"{self.uncertainty.estimate[place]:.3g}"
-            others = (
-                f"{values[name]:.3g} ({away[name]:+.1f})" if name in values else ""
-                for _, values, away, _ in columns
-            )
-            refused = any(name in lost for *_, lost in columns)
-            rows.append((name, fit, *others, "not identified" if refused else ""))
-        head = ("coefficient", "fit", *(words for words, *_ in columns), "")
-        title = "Estimates under other assumptions (in brackets: standard deviations from the fit)"
-        return Table.of(title, head, rows if columns else [], left=1)
-
-    def sentences(self) -> list[str]:
-        """What to know before the numbers are used, the gravest first."""
-        lines = [*self.method(), *self.strayed()]
-        if len(self.polished.costs) > 1:
-            lines.append(self._starts())
-        if self.residual_analysis.warning:
-            lines.append(self.residual_analysis.warning)
-        lines += self.identifiability.sentences
-        lines += [suggestion.sentence for suggestion in self.residual_analysis.suggestions]
-        lines += [signal.sentence for signal in self.residual_analysis.signals]
-        return lines
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain numbers, texts and lists."""
@@ -349,23 +244,12 @@ class Assessment:
             "residual_analysis": self.residual_analysis.to_dict(),
             "bounds": None if self.bounds is None else self.bounds.to_dict(),
             "spoilt": self.spoilt,
-            "sentences": self.sentences(),
+            "sentences": words_about(self, "diagnosis"),
         }
 
-    def _starts(self) -> str:
-        """Where the starts of the polish ended."""
-        costs = self.polished.costs
-        same = int((costs < costs.min() + 1.0).sum())
-        if same == len(costs):
-            return f"all {same} starts of the joint estimate found the same optimum"
-        return (
-            f"{same} of {len(costs)} starts of the joint estimate found the best optimum, the others"
-            " ended in worse ones"
-        )
 
-
-def conditioning(problem: Problem, *, threads: int | None = None) -> list[str]:
-    """Sentences on what the campaign's data cannot tell, judged at its start values before any search.
+def conditioning(problem: Problem, *, threads: int | None = None) -> list[Finding]:
+    """What the campaign's data cannot tell, judged at its start values before any search.
 
     Raises
     ------
@@ -379,13 +263,11 @@ def conditioning(problem: Problem, *, threads: int | None = None) -> list[str]:
         lin = linearise(joint, joint.start)
         lost = sum(not piece.counted.any() for piece in lin.pieces)
     if lost == len(lin.pieces):
-        return ["identifiability is judged after the search: the start vehicle diverges on every segment"]
+        return [Finding("start diverges", Severity.NOTE)]
     warnings = warnings_before(lin)
     if lost and warnings:
-        warnings.append(
-            f"the warnings above use {len(lin.pieces) - lost} of {len(lin.pieces)} segments: on the others"
-            " the start vehicle diverges"
-        )
+        counts = {"used": len(lin.pieces) - lost, "segments": len(lin.pieces)}
+        warnings.append(Finding("segments diverge", Severity.NOTE, values=counts))
     return warnings
 
 
@@ -397,8 +279,35 @@ def _of_a_part(joint: Joint) -> Linearisation:
     return replace(lin, pieces=tuple(replace(piece, weight=more * piece.weight) for piece in lin.pieces))
 
 
-def _named(names: Sequence[str], row: Array) -> dict[str, float]:
-    return dict(zip(names, row.tolist(), strict=True))
+class Assumed(Protocol):
+    """Estimates under another assumption: values, deviations from the fit, and which of them are refused."""
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """By name, SI."""
+
+    @property
+    def away(self) -> Mapping[str, float]:
+        """From the fit, in standard deviations."""
+
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """Not identified because of it."""
+
+
+@dataclass(frozen=True)
+class _Named:
+    """Such estimates, by name."""
+
+    values: Mapping[str, float]
+    away: Mapping[str, float]
+    refused: tuple[str, ...]
+
+
+def _named(names: Sequence[str], other: Horizon | LogAlone) -> _Named:
+    """Estimates in the order of the unknowns, by their names."""
+    values, away = (dict(zip(names, row.tolist(), strict=True)) for row in (other.values, other.away))
+    return _Named(values, away, other.refused)
 
 
 def _runs_away(joint: Joint, polished: Polished) -> bool:
@@ -473,12 +382,7 @@ class ContradictedBounds(Plain):
 def contradicted_bounds(lin: Linearisation, known: Uncertainty) -> ContradictedBounds | None:
     """Bounds that the data contradict; None where there are none.
 
-    Parameters
-    ----------
-    lin : Linearisation
-        At the estimate.
-    known : Uncertainty
-        Of the same unknowns, says which ended at a bound.
+    ``lin``: at the estimate. ``known``: of the same unknowns, says which ended at a bound.
     """
     ended = [place for place, bound in enumerate(known.at_bound) if bound is not None]
     inner = [place for place, bound in enumerate(known.at_bound) if bound is None]

@@ -23,7 +23,7 @@ import itertools
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -31,20 +31,11 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
-from seatrial.base.report import listed
+from seatrial.base.report import sentence_of
 from seatrial.base.run import to_json
-from seatrial.diagnosis.advice import (
-    Role,
-    absorbed,
-    anchor,
-    inseparable,
-    manoeuvre,
-    role,
-    scaled,
-    strips_twice,
-    unexcited,
-)
+from seatrial.diagnosis.roles import Role, anchor, manoeuvre, role, unexcited
 from seatrial.problem.parameter import STRIPS
 from seatrial.statistics.information import (
     NULL,
@@ -127,13 +118,8 @@ class Group:
 def weak_groups(information: Array, roles: Sequence[Role], values: Array) -> tuple[Group, ...]:
     """Smallest groups that the data cannot tell apart, those that nothing excites first.
 
-    Parameters
-    ----------
-    information : ndarray, shape (k, k)
-        Of the coefficients, each in its natural size.
-    roles : sequence of Role
-    values : ndarray, shape (k,)
-        Of the coefficients, in their natural sizes.
+    ``information`` (k, k): of the coefficients, each in its natural size. ``values`` (k,): of the
+    coefficients, in their natural sizes.
     """
     left, groups = list(range(len(roles))), []
     while left:
@@ -284,8 +270,8 @@ def _merged(groups: Sequence[Group], roles: Sequence[Role]) -> tuple[Group, ...]
 
 
 @dataclass(frozen=True)
-class Undetermined:
-    """Coefficients that the data cannot tell, and the sentence that says what would.
+class Undetermined(Plain, without="values", also="sentence"):
+    """Coefficients that the data cannot tell, with what their words need to say what would.
 
     ``kind`` is "unexcited" (not even if all others were known), "nuisance" (hidden by a nuisance parameter),
     "scale" (all forces together), "combination" or "small" (known beside its bounds, not beside its own
@@ -296,7 +282,19 @@ class Undetermined:
     kind: Literal["unexcited", "nuisance", "scale", "combination", "small"]
     names: tuple[str, ...]
     relative: float
-    sentence: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def finding(self) -> Finding:
+        """As a finding, for `seatrial.report.results.diagnosis`."""
+        absent = self.kind != "small" and self.relative >= IDENTIFIABILITY_SETTINGS.absent
+        severity = Severity.PROBLEM if absent else Severity.WEAKNESS
+        return Finding(self.kind, severity, values={"names": self.names, **self.values})
+
+    @property
+    def sentence(self) -> str:
+        """What hides them, and what would tell them."""
+        return sentence_of(self.finding, "diagnosis")
 
 
 def undetermined(
@@ -304,15 +302,9 @@ def undetermined(
 ) -> tuple[Undetermined, ...]:
     """What is undetermined, each weak coefficient at least once; what nothing excites comes first.
 
-    Parameters
-    ----------
-    lin : Linearisation
-    information : ndarray, shape (k, k)
-        On the coefficients, nuisance parameters unknown.
-    relative : mapping
-        Standard deviation of every coefficient over its natural size, in the order of the information.
-    size, widening : ndarray, shape (k,)
-        Natural sizes, and by how much the memory of the residuals widens each standard deviation.
+    ``information`` (k, k): on the coefficients, nuisance parameters unknown. ``relative``: standard deviation
+    of every coefficient over its natural size, in the order of the information. ``size``, ``widening`` (k,):
+    natural sizes, and by how much the memory of the residuals widens each standard deviation.
     """
     names = tuple(relative)
     natural = size / widening
@@ -332,13 +324,13 @@ def undetermined(
         members = tuple(names[i] for i in group.places)
         hidden = _hidden(lin, total, group, natural)
         if hidden:
-            weak.append(Undetermined("nuisance", members, _capped(group.sd), absorbed(members, hidden)))
+            weak.append(Undetermined("nuisance", members, _capped(group.sd), {"nuisance": hidden}))
         elif group.kind == "scale":
             factor_sd = _capped(group.sd * float(np.median(widening[list(group.places)])))
-            weak.append(Undetermined("scale", members, factor_sd, scaled(members, factor_sd, fins=lin.fins)))
+            weak.append(Undetermined("scale", members, factor_sd, {"factor_sd": factor_sd, "fins": lin.fins}))
         elif group.kind == "combination":
-            remedy = inseparable(members, pushed=lin.pushed, fins=lin.fins)
-            weak.append(Undetermined("combination", members, _capped(group.sd), remedy))
+            vehicle = {"pushed": lin.pushed, "fins": lin.fins}
+            weak.append(Undetermined("combination", members, _capped(group.sd), vehicle))
         else:
             single += members
     blind = {
@@ -355,7 +347,7 @@ def _unexcited(
     moving = _moving(lin)
     silent = blind.intersection(single)
     locked = {role(name).force for name in silent if moving.issuperset(role(name).velocities)} - {""}
-    sentences = unexcited(
+    groups = unexcited(
         single,
         moving=moving,
         silent=silent | {name for name in single if role(name).force in locked},
@@ -364,8 +356,8 @@ def _unexcited(
         fins=lin.fins,
     )
     return [
-        Undetermined("unexcited", members, max(relative[name] for name in members), sentence)
-        for members, sentence in sentences.items()
+        Undetermined("unexcited", group.names, max(relative[name] for name in group.names), {"group": group})
+        for group in groups
     ]
 
 
@@ -539,70 +531,38 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
 
 
 def _small(lin: Linearisation, judged: Sequence[Judgement]) -> list[Undetermined]:
-    """Sentences about coefficients that are weak for their small values alone."""
+    """Coefficients that are weak for their small values alone."""
     return [
         Undetermined(
             "small",
-            (judgement.name,),
-            judgement.relative,
-            f"{judgement.name}: {judgement.value:.3g} ± {judgement.sd:.2g}{_unit(judgement.unit)}, so"
-            " that its standard deviation is"
-            f" {_share(judgement)} its value; hold it at zero and compare the held-out scores, or"
-            f" {manoeuvre(role(judgement.name, pushed=lin.pushed, fins=lin.fins))}",
+            (row.name,),
+            row.relative,
+            {"judgement": row, "manoeuvre": manoeuvre(role(row.name, pushed=lin.pushed, fins=lin.fins))},
         )
-        for judgement in judged
-        if judgement.verdict == "weak" and judgement.relative <= IDENTIFIABILITY_SETTINGS.weak
+        for row in judged
+        if row.verdict == "weak" and row.relative <= IDENTIFIABILITY_SETTINGS.weak
     ]
 
 
-def _share(judgement: Judgement) -> str:
-    """Standard deviation as a part of the value, in words that go on with "its value"."""
-    return (
-        f"{100.0 * judgement.sd / abs(judgement.value):.0f} % of"
-        if judgement.sd < 10.0 * abs(judgement.value)
-        else "far above"
-    )
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
-
-
-def warnings_before(lin: Linearisation) -> list[str]:
-    """Sentences to print before optimising: what must not both be free, ill-conditioning, what the data will
-    not tell; or none.
-
-    Parameters
-    ----------
-    lin : Linearisation
-        At the start values.
+def warnings_before(lin: Linearisation) -> list[Finding]:
+    """What to know before a search, at its start values: what must not both be free, ill-conditioning, what
+    the data will not tell.
     """
     identifiability = judge(lin)
-    twice = [
-        f"{listed((name, *both))}: {'; '.join(strips_twice(name, both))}"
+    names = identifiability.names
+    findings = [
+        Finding("strips twice", Severity.PROBLEM, name, {"both": both})
         for name, made in STRIPS.items()
-        if name in identifiability.names
-        and (both := [member for member in made if member in identifiability.names])
+        if name in names and (both := [member for member in made if member in names])
     ]
-    if identifiability.condition <= IDENTIFIABILITY_SETTINGS.ill_conditioned:
-        return [*twice, *identifiability.sentences]
-    astray = (
-        identifiability.singular_values * IDENTIFIABILITY_SETTINGS.ill_conditioned
-        < identifiability.singular_values[0]
-    )
-    part = np.abs(identifiability.vectors[astray]).max(axis=0)
-    along = ", ".join(
-        name
-        for name, share in zip(identifiability.names, part, strict=True)
-        if share > IDENTIFIABILITY_SETTINGS.named_component
-    )
-    size = f"{identifiability.condition:.1e}" if math.isfinite(identifiability.condition) else "infinite"
-    return [
-        *twice,
-        f"ill-conditioned: the condition number of the scaled sensitivities is {size}, at most"
-        f" {IDENTIFIABILITY_SETTINGS.ill_conditioned:.0e} is sound; the search will wander along {along}",
-        *identifiability.sentences,
-    ]
+    if identifiability.condition > IDENTIFIABILITY_SETTINGS.ill_conditioned:
+        spectrum = identifiability.singular_values
+        astray = spectrum * IDENTIFIABILITY_SETTINGS.ill_conditioned < spectrum[0]
+        component = np.abs(identifiability.vectors[astray]).max(axis=0)
+        along = [names[i] for i in np.flatnonzero(component > IDENTIFIABILITY_SETTINGS.named_component)]
+        values = {"condition": identifiability.condition, "along": along}
+        findings.append(Finding("ill-conditioned", Severity.WEAKNESS, values=values))
+    return findings + [combination.finding for combination in identifiability.combinations]
 
 
 def _sizes(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:

@@ -25,7 +25,9 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
+from seatrial.base.report import sentence_of
 from seatrial.diagnosis.residual_signals import autocorrelations, block_length, block_numbers
 from seatrial.problem.parameter import OF_AN_AXIS, STRIPS, axes_of
 from seatrial.statistics.linearisation import Linearisation
@@ -67,7 +69,8 @@ SETTINGS = MissingTermSettings()
 
 _OF_ONE = re.compile(r".+\.(gain|lever_[KMN])")
 
-_DELAYS = {"T_t": "dead time", "T_1": "lag"}
+DELAYS = ("T_t", "T_1")
+"""Dead time and lag of an actuator: neither can be negative."""
 
 
 @dataclass(frozen=True)
@@ -92,13 +95,7 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
     dead time of a group are there always, of those actuators that are not estimated; where that is a part of
     the group, under the name of its first.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    estimated : iterable of str
-        Coefficients that the fit sets.
-    free : str
-        Letters of the free axes.
+    ``estimated``: coefficients that the fit sets. ``free``: letters of the free axes.
 
     Examples
     --------
@@ -128,7 +125,7 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
                     factors = tuple(arm / arms[0] for arm in arms)
                     candidates.append(Candidate(f"{group}.{suffix}", own, factors=factors))
                 continue
-            if suffix in _DELAYS:
+            if suffix in DELAYS:
                 held = tuple(name for name in own if name in known and name not in fixed)
                 if held:
                     whole = len(held) == len(own) > 1
@@ -196,14 +193,8 @@ def strongest(
 ) -> tuple[Candidate, ...]:
     """The candidates of the largest gains, all if the derivatives by all of them fit into memory.
 
-    Parameters
-    ----------
-    joint : Joint
-    values : ndarray, shape (m,)
-        The estimate.
-    tried : tuple of Candidate
-    initial, noise : ndarray, optional
-        As for `seatrial.estimation.joint_estimate.linearise`.
+    ``values`` (m,): the estimate. ``initial``, ``noise``: as for
+    `seatrial.estimation.joint_estimate.linearise`.
     """
     from seatrial.estimation.joint_estimate import linearise
 
@@ -246,7 +237,7 @@ def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) ->
     'the rate of change of the command of stern'
     """
     actuator, _, part = name.rpartition(".")
-    if part in _DELAYS:
+    if part in DELAYS:
         return f"the rate of change of the command of {actuator}"
     if ": force_" in name:
         return f"a constant in trial {name.partition(': ')[0]}"
@@ -268,7 +259,7 @@ def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) ->
 
 
 @dataclass(frozen=True)
-class Suggestion(Plain):
+class Suggestion(Plain, also="sentence"):
     """A coefficient to free.
 
     Attributes
@@ -285,8 +276,6 @@ class Suggestion(Plain):
         Fall of the cost in percent when it is freed (of the first: alone; of the next: after those before).
     p
         P-value adjusted for all coefficients that were tried.
-    sentence
-        All of it in words.
     members
         Coefficients that it sets, all alike; empty where that is itself.
     line
@@ -305,7 +294,6 @@ class Suggestion(Plain):
     sigma: float
     gain: float
     p: float
-    sentence: str
     members: tuple[str, ...] = ()
     line: str = ""
     relative: bool = False
@@ -313,7 +301,7 @@ class Suggestion(Plain):
     @property
     def faster(self) -> bool:
         """Whether it is a lag or dead time of which the data ask for none: its `value` is zero then."""
-        return self.name.rpartition(".")[2] in _DELAYS and self.value <= 0.0
+        return self.name.rpartition(".")[2] in DELAYS and self.value <= 0.0
 
     @property
     def tied(self) -> tuple[str, ...]:
@@ -327,15 +315,9 @@ class Suggestion(Plain):
         return (trial, f"force_{key}") if separator else None
 
     @property
-    def remedy(self) -> str:
-        """What to do about it, as an imperative."""
-        if not self.faster:
-            instead = f", and hold {' and '.join(STRIPS[self.name][::3])} at 0" if self.name in STRIPS else ""
-            return f"free {self.name}{instead}"
-        return (
-            f"lower {self.name} from {self.present:.3g} {self.unit} (0 at least), and check the time stamps"
-            " of commands and sensors"
-        )
+    def sentence(self) -> str:
+        """All of it in words."""
+        return sentence_of(Finding("missing term", Severity.WEAKNESS, self.name, {"term": self}), "diagnosis")
 
 
 def missing_terms(
@@ -352,25 +334,12 @@ def missing_terms(
 ) -> tuple[Suggestion, ...]:
     """Suggestions of coefficients to free, the one with the largest gain first.
 
-    Parameters
-    ----------
-    lin : Linearisation
-        Its unknowns include the candidates' coefficients, which count as not fitted.
-    tried : sequence of Candidate
-    block : sequence of ndarray, shape (n,)
-        Block of each sample of each segment, of `independent_blocks`.
-    info : mapping, optional
-        ``Vehicle.coefficient_info()``: descriptions for the words.
-    tests : ScoreTests, optional
-        Those of the candidates in these blocks, where they are known.
-    tested : int, optional
-        Number of coefficients tried in all, if more than are given here.
-    level : float
-        False discovery rate: the chance of any suggestion where nothing is missing.
-    least_gain : float
-        Percent of the cost that a suggestion gains at least: less may be significant but moves no prediction.
-    most : int
-        Suggestions at most.
+    ``lin``: its unknowns include the candidates' coefficients, which count as not fitted. ``block`` (n,):
+    block of each sample of each segment, of `independent_blocks`. ``info``: ``Vehicle.coefficient_info()``:
+    descriptions for the words. ``tests``: those of the candidates in these blocks, where they are known.
+    ``tested``: number of coefficients tried in all, if more than are given here. ``level``: false discovery
+    rate: the chance of any suggestion where nothing is missing. ``least_gain``: percent of the cost that a
+    suggestion gains at least: less may be significant but moves no prediction. ``most``: suggestions at most.
     """
     if not tried:
         return ()
@@ -390,7 +359,7 @@ def missing_terms(
         else np.mean([lin.values[place[name]] for name in candidate.members])
         for candidate in tried
     ])
-    delays = np.array([candidate.members[0].rpartition(".")[2] in _DELAYS for candidate in tried], dtype=bool)
+    delays = np.array([candidate.members[0].rpartition(".")[2] in DELAYS for candidate in tried], dtype=bool)
     leaders: list[int] = []
     suggestions: list[Suggestion] = []
     while len(suggestions) < most:
@@ -422,11 +391,10 @@ def missing_terms(
             sigma=float(results.sigma[leader]),
             gain=100.0 * float(results.gain[leader]),
             p=float(adjusted[group].min()),
-            sentence="",
             members=tried[leader].members if len(tried[leader].members) > 1 else (),
             relative=bool(tried[leader].factors),
         )
-        suggestions.append(worded(suggestion))
+        suggestions.append(suggestion)
         open_[group] = False
         leaders.append(leader)
         tests = tests.beside(leader)
@@ -509,29 +477,3 @@ def _channel(
         if (own := VELOCITIES[AXES.index(axis)]) in lin.channels:
             energy[lin.channels.index(own)] /= SETTINGS.fair_share
     return lin.channels[int(np.argmax(energy))]
-
-
-def worded(suggestion: Suggestion) -> Suggestion:
-    """The suggestion with the sentence that its numbers make."""
-    names = (suggestion.name, *suggestion.alternatives)
-    choice = " or ".join(names[: SETTINGS.named])
-    if len(names) > SETTINGS.named:
-        choice += f" (or one of {len(names) - SETTINGS.named} more that look alike)"
-    unit = "" if suggestion.unit == "1" else f" {suggestion.unit}"
-    chance = "p < 1e-6" if suggestion.p < 1e-6 else f"p = {suggestion.p:.1g}"
-    if suggestion.faster:
-        sentence = (
-            f"{suggestion.channel} residual follows {suggestion.follows}: the actuator responds faster"
-            " than the file says:"
-            f" {suggestion.remedy} ({chance})"
-        )
-        return replace(suggestion, sentence=sentence)
-    if suggestion.name in STRIPS:
-        own = STRIPS[suggestion.name]
-        choice += f" and hold {own[0]} and {own[3]} at 0 (its strips make them)"
-    sentence = (
-        f"{suggestion.channel} residual follows {suggestion.follows}: free {choice}; {suggestion.name}"
-        f" would be {suggestion.value:.3g} ±"
-        f" {suggestion.sigma:.2g}{unit}, the cost would fall by {suggestion.gain:.2g} % ({chance})"
-    )
-    return replace(suggestion, sentence=sentence)

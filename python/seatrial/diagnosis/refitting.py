@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.diagnosis.advice import role
 from seatrial.diagnosis.missing_terms import (
     Candidate,
     Suggestion,
@@ -25,8 +24,8 @@ from seatrial.diagnosis.missing_terms import (
     independent_blocks,
     members,
     missing_terms,
-    worded,
 )
+from seatrial.diagnosis.roles import role
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, polish
 from seatrial.problem.settings import Coefficient, JointSettings, Nuisance, Tie
@@ -77,7 +76,7 @@ def campaign_line(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]])
     Examples
     --------
     >>> from seatrial.diagnosis.missing_terms import Suggestion
-    >>> one = Suggestion("C_Dy", "1", (), "v", "the cross-flow", 0.0, 0.8, 0.02, 9.0, 1e-9, "")
+    >>> one = Suggestion("C_Dy", "1", (), "v", "the cross-flow", 0.0, 0.8, 0.02, 9.0, 1e-9)
     >>> campaign_line(one, {"C_Dy": {"lower": 0.0, "upper": 2.0}})
     'C_Dy = [0.0, 1.6]'
     """
@@ -166,23 +165,10 @@ def refitted(
 ) -> Refitted:
     """Suggestions after refits: of the first few the one that gains most, then those beside it.
 
-    Parameters
-    ----------
-    joint : Joint
-    start : ndarray, shape (m,)
-        The estimate without any of them.
-    suggestions : sequence of Suggestion
-        Of first order, at that estimate.
-    tried : sequence of Candidate
-        All that may be suggested.
-    tested : int
-        Number of coefficients tried in all.
-    level : float
-        False discovery rate.
-    refits : int
-        Suggestions that are refitted.
-    least_gain : float
-        Percent of the mean square that it gains at least; otherwise none is suggested.
+    ``start`` (m,): the estimate without any of them. ``suggestions``: of first order, at that estimate.
+    ``tried``: all that may be suggested. ``tested``: number of coefficients tried in all. ``level``: false
+    discovery rate. ``refits``: suggestions that are refitted. ``least_gain``: percent of the mean square that
+    it gains at least; otherwise none is suggested.
     """
     begun = dict(zip((unknown.name for unknown in joint.unknowns), start.tolist(), strict=True))
     here = _fit(joint, joint.problem.joint or JointSettings(), begun)
@@ -247,4 +233,4 @@ def _exact(
     column = [piece.jacobian[:, :, [place]] for piece in lin.pieces]
     sigma = float(score_tests(lin, column, fitted=others, block=block).results().sigma[0])
     value = float(lin.values[place])
-    return worded(replace(suggestion, value=value, sigma=sigma, gain=gain))
+    return replace(suggestion, value=value, sigma=sigma, gain=gain)

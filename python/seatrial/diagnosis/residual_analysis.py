@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
+from seatrial.base.report import sentence_of
 from seatrial.diagnosis.missing_terms import (
     Candidate,
     Suggestion,
@@ -62,14 +64,8 @@ class ResidualSettings:
 SETTINGS = ResidualSettings()
 
 
-_INTERVALS = (
-    "intervals hold for the best model in the class; only the hold-out score shows whether a change is an"
-    " improvement"
-)
-
-
 @dataclass(frozen=True)
-class ResidualAnalysis(Plain):
+class ResidualAnalysis(Plain, also="structural warning"):
     """What the residuals say against the model; printed, sentences.
 
     Attributes
@@ -87,10 +83,6 @@ class ResidualAnalysis(Plain):
         them at all.
     block_s
         Length of the blocks behind the standard deviations, s.
-    structural
-        Whether a term or signal was found, so that the truth lies outside the model class.
-    warning
-        The sentence that says so; None where the residuals look like noise.
     """
 
     autocorrelations: tuple[Autocorrelation, ...]
@@ -99,19 +91,31 @@ class ResidualAnalysis(Plain):
     tested: int
     indistinguishable: tuple[str, ...]
     block_s: float
-    structural: bool
-    warning: str | None
+
+    @property
+    def structural(self) -> bool:
+        """Whether a term or signal was found, so that the truth lies outside the model class."""
+        return bool(self.suggestions or self.signals)
+
+    @property
+    def coloured(self) -> list[Autocorrelation]:
+        """Channels whose residual is more than the noise of its sensor, and remembers."""
+        return [
+            row
+            for row in self.autocorrelations
+            if row.excess > SETTINGS.excess and row.p < SETTINGS.unlikely_level
+        ]
+
+    @property
+    def warning(self) -> str | None:
+        """That the truth lies outside the model class; None where the residuals look like noise."""
+        if not (self.coloured or self.structural):
+            return None
+        return sentence_of(Finding("residuals", Severity.WEAKNESS, values={"analysis": self}), "diagnosis")
 
     def __str__(self) -> str:
-        lines = [] if self.warning is None else [self.warning]
-        for rank, suggestion in enumerate(self.suggestions, 1):
-            lines.append(f"{rank}. {suggestion.sentence}")
-            if suggestion.line:
-                lines.append(f"   line for {_table(suggestion)}: {suggestion.line}")
-        lines += [signal.sentence for signal in self.signals]
-        if not self.suggestions:
-            lines.append(f"None of the {self.tested} coefficients that were tried is missing")
-        return "\n".join(lines)
+        finding = Finding("residual analysis", Severity.NOTE, values={"analysis": self})
+        return sentence_of(finding, "diagnosis")
 
 
 def analyse(
@@ -126,22 +130,13 @@ def analyse(
 ) -> ResidualAnalysis:
     """Residual analysis of a model.
 
-    Parameters
-    ----------
-    lin : Linearisation
-        At the estimate; its unknowns include the coefficients that are tried, which count as not fitted.
-    tried : sequence of Candidate
-        Coefficients that might be missing (`seatrial.diagnosis.missing_terms.candidates`).
-    signals : mapping, optional
-        Name to one array (n,) per segment: recorded signals besides those of the motion.
-    info : mapping, optional
-        ``Vehicle.coefficient_info()``: what the vehicle knows, for the words.
-    sensor_noise : mapping, optional
-        Standard deviation per channel, SI, where it is known; otherwise the white part of the residual.
-    tested : int, optional
-        Number of coefficients tried in all, if more than are given here.
-    level : float
-        False discovery rate of suggestions, and of signals.
+    ``lin``: at the estimate; its unknowns include the coefficients that are tried, which count as not fitted.
+    ``tried``: coefficients that might be missing (`seatrial.diagnosis.missing_terms.candidates`).
+    ``signals``: name to one array (n,) per segment: recorded signals besides those of the motion. ``info``:
+    ``Vehicle.coefficient_info()``: what the vehicle knows, for the words. ``sensor_noise``: standard
+    deviation per channel, SI, where it is known; otherwise the white part of the residual. ``tested``: number
+    of coefficients tried in all, if more than are given here. ``level``: false discovery rate of suggestions,
+    and of signals.
     """
     first = _first(lin, tried, info=info, tested=tested, level=level)
     by_name = {candidate.name: candidate.members for candidate in tried}
@@ -251,13 +246,8 @@ def tried_terms(
 ) -> Tried:
     """Coefficients that a joint estimate holds and that might be missing.
 
-    Parameters
-    ----------
-    joint : Joint
-    values : ndarray, shape (m,)
-        The estimate.
-    initial, noise : ndarray, optional
-        As for `seatrial.estimation.joint_estimate.linearise`.
+    ``values`` (m,): the estimate. ``initial``, ``noise``: as for
+    `seatrial.estimation.joint_estimate.linearise`.
     """
     tried = candidates(joint.vehicle, coefficient_names(joint.parameters), free=joint.stage.axes.free)
     if joint.method == "output":
@@ -266,10 +256,6 @@ def tried_terms(
     held = strongest(joint, values, tried, initial=initial, noise=noise)
     lin = linearise(joint, values, initial=initial, noise=noise, extra=members(held))
     return Tried(lin, held, len(tried))
-
-
-def _table(suggestion: Suggestion) -> str:
-    return "the campaign's coefficients" if suggestion.nuisance is None else "[polish.nuisances]"
 
 
 @dataclass(frozen=True)
@@ -317,34 +303,4 @@ def _analysis(
         tested=first.tested,
         indistinguishable=first.indistinguishable,
         block_s=first.block_s,
-        structural=bool(suggestions or signals),
-        warning=_warning(correlations, suggestions, signals),
     )
-
-
-def _warning(
-    correlations: Sequence[Autocorrelation],
-    suggestions: Sequence[Suggestion],
-    signals: Sequence[FollowedSignal],
-) -> str | None:
-    """Sentence about a truth outside the model class, None where the residuals look like noise."""
-    coloured = [
-        correlation
-        for correlation in correlations
-        if correlation.excess > SETTINGS.excess and correlation.p < SETTINGS.unlikely_level
-    ]
-    if not (coloured or suggestions or signals):
-        return None
-    evidence = [
-        f"{correlation.channel} residual {correlation.excess:.2g} times the noise, correlated over"
-        f" {correlation.correlation_s:.2g} s"
-        for correlation in coloured
-    ]
-    if suggestions:
-        evidence.append(f"missing {', '.join(suggestion.name for suggestion in suggestions)}")
-    followed = [f"{signal.channel} follows {signal.signal}" for signal in signals]
-    evidence += followed[:3]
-    where = "The truth lies outside the model class"
-    if not (suggestions or signals):
-        where += " or the sensors' noise is not white"
-    return f"{where} ({'; '.join(evidence)}): {_INTERVALS}"

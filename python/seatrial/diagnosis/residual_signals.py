@@ -17,14 +17,16 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
+from seatrial.base.report import sentence_of
 from seatrial.statistics.blocks import autocorrelation
 from seatrial.statistics.linearisation import Linearisation, Piece
 from seatrial.statistics.score_test import ScoreTests, SingleTests, false_discovery, score_tests, single_tests
@@ -66,8 +68,13 @@ _LEVERS = {
 }
 
 
+_CONSTANT = "a constant"
+
+Status = Literal["estimated", "held", "unknown"]
+
+
 @dataclass(frozen=True)
-class FollowedSignal(Plain):
+class FollowedSignal(Plain, without="coefficient status", also="sentence"):
     """A signal that a channel's residual follows.
 
     Attributes
@@ -80,8 +87,8 @@ class FollowedSignal(Plain):
         Share of the channel's squared residual that it explains beside all that is fitted.
     p
         P-value adjusted for all signals, lags and channels.
-    sentence
-        What it means and what to do.
+    coefficient, status
+        The one that has this form, and whether it is "estimated", "held" or "unknown" to the vehicle.
     """
 
     channel: str
@@ -89,7 +96,19 @@ class FollowedSignal(Plain):
     lag_s: float
     r2: float
     p: float
-    sentence: str
+    coefficient: str
+    status: Status
+
+    @property
+    def lever(self) -> str:
+        """Axis of the sensor's lever that shows in this way; "" where none does."""
+        return _LEVERS.get((self.channel, self.signal), "")
+
+    @property
+    def sentence(self) -> str:
+        """What it means and what to do."""
+        finding = Finding("signal followed", Severity.WEAKNESS, self.channel, {"signal": self})
+        return sentence_of(finding, "diagnosis")
 
 
 def with_predicted_velocity(lin: Linearisation, trials: Mapping[str, Trial]) -> Linearisation:
@@ -112,7 +131,7 @@ def with_predicted_velocity(lin: Linearisation, trials: Mapping[str, Trial]) -> 
 def motion_signals(lin: Linearisation) -> dict[str, list[Array]]:
     """Per name the signal (n,) of each segment: velocities, their rates, moduli and products, SI."""
     nu = [piece.nu for piece in lin.pieces]
-    signals = {"a constant": [np.ones(len(velocities)) for velocities in nu]}
+    signals = {_CONSTANT: [np.ones(len(velocities)) for velocities in nu]}
     for i, name in enumerate(VELOCITIES):
         signals[name] = [velocities[:, i] for velocities in nu]
         signals[f"|{name}| {name}"] = [np.abs(velocities[:, i]) * velocities[:, i] for velocities in nu]
@@ -166,23 +185,10 @@ def followed_signals(
 ) -> tuple[FollowedSignal, ...]:
     """Signals that the residuals follow, the one that explains most of its channel first.
 
-    Parameters
-    ----------
-    lin : Linearisation
-    signals : mapping
-        Name to one array (n,) per segment.
-    fitted : sequence of int
-        Places of the fitted unknowns.
-    block : sequence of ndarray, shape (n,)
-        Block of each sample of each segment.
-    known : collection of str
-        Coefficients that the vehicle knows, for the advice.
-    level : float
-        False discovery rate.
-    least_r2 : float
-        Share of the channel's squared residual that a signal explains at least.
-    most : int
-        Signals per channel at most.
+    ``signals``: name to one array (n,) per segment. ``fitted``: places of the fitted unknowns. ``block``
+    (n,): block of each sample of each segment. ``known``: coefficients that the vehicle knows, for the
+    advice. ``level``: false discovery rate. ``least_r2``: share of the channel's squared residual that a
+    signal explains at least. ``most``: signals per channel at most.
     """
     tests: dict[str, SingleTests | ScoreTests] = {}
     labels = [(name, lag) for lag in SETTINGS.lags_s for name in signals]
@@ -207,8 +213,9 @@ def followed_signals(
                     lin, columns[channel], fitted=fitted, block=block, channel=lin.channels.index(channel)
                 )
             name, lag = labels[place]
-            sentence = _sentence(channel, name, lag, r2=r2, estimated=estimated, known=known)
-            followed.append(FollowedSignal(channel, name, lag, r2, p, sentence))
+            own = _coefficient(channel, name)
+            status: Status = "estimated" if own in estimated else "held" if own in known else "unknown"
+            followed.append(FollowedSignal(channel, name, lag, r2, p, own, status))
             open_[channel] &= np.array([label[0] != name for label in labels])
             tests[channel] = test.beside(place)
     return tuple(sorted(followed, key=lambda signal: -signal.r2))
@@ -284,55 +291,12 @@ def _power(lin: Linearisation) -> dict[str, float]:
     return {channel: max(float(value), 1e-300) for channel, value in zip(lin.channels, total, strict=True)}
 
 
-def _sentence(
-    channel: str, signal: str, lag: float, *, r2: float, estimated: Collection[str], known: Collection[str]
-) -> str:
-    words = f"{channel} residual follows {signal} (R2 {r2:.2g}), "
-    if lag == 0.0:
-        return words + "as it is: " + _sensor_advice(channel, signal)
-    after = "its integral" if math.isinf(lag) else f"a lag of {lag:g} s"
-    return words + f"with {after}: " + _force_advice(channel, signal, estimated, known)
-
-
-def _sensor_advice(channel: str, signal: str) -> str:
-    if signal == "a constant":
-        return f"free the nuisance parameter bias_{channel}"
-    if signal == f"d{channel}/dt":
-        return f"the channel is late or early, free the nuisance parameter latency_{channel}"
-    if (channel, signal) in _LEVERS:
-        return f"the sensor sits off the origin, free the nuisance parameter lever_{_LEVERS[channel, signal]}"
-    if signal == "time":
-        return "the sensor drifts, or the water does; free its bias per trial or use shorter trials"
-    return "check the sensor's scale and alignment; a force that acts without delay looks the same"
-
-
-def _force_advice(channel: str, signal: str, estimated: Collection[str], known: Collection[str]) -> str:
-    axis = AXES[VELOCITIES.index(channel)]
-    if signal.startswith("command "):
-        name = signal.removeprefix("command ")
-        return f"free {name}'s gain, levers or lag, or measure its characteristic"
-    if signal.startswith("wrench "):
-        own = signal.removeprefix("wrench ")
-        if own == axis:
-            return f"the recorded {own} is out of scale or late, check its unit and stamps"
-        return f"the recorded {own} acts on {axis} too, check its point of action and its axes"
-    if signal == "voltage":
-        return "the thrust depends on the supply voltage, give a characteristic with the voltage"
-    if signal == "time":
-        return "something drifts (battery, trim, current), free a bias or a current per trial"
-    letters = signal.replace("|", "").split()
-    suffix = "0" if signal == "a constant" else "".join(letters)
+def _coefficient(channel: str, signal: str) -> str:
+    """Coefficient that multiplies a signal of the motion in the force that drives a channel."""
+    axis, letters = AXES[VELOCITIES.index(channel)], "".join(signal.replace("|", "").split())
     if signal.startswith("d"):
-        suffix = f"{signal[1]}dot"
-    name = f"{axis}_{suffix}"
-    if name in estimated:
-        return f"{name} is already estimated, so its form or that of a related term is wrong"
-    if name in known:
-        return f"free {name}"
-    return (
-        "no coefficient has this form; free the most similar one or accept the error, and"
-        " compare hold-out scores"
-    )
+        return f"{axis}_{signal[1]}dot"
+    return f"{axis}_{'0' if signal == _CONSTANT else letters}"
 
 
 @dataclass(frozen=True)
@@ -389,13 +353,8 @@ def autocorrelations(
 
     What the robust loss weighs less counts less.
 
-    Parameters
-    ----------
-    lin : Linearisation
-    longest_s : float
-        Longest lag, s; at most a quarter of the data.
-    sensor_noise : mapping, optional
-        Standard deviation per channel, SI, where it is known.
+    ``longest_s``: longest lag, s; at most a quarter of the data. ``sensor_noise``: standard deviation per
+    channel, SI, where it is known.
     """
     samples = sum(len(piece.t) for piece in lin.pieces)
     count = max(1, min(round(longest_s / lin.dt), samples // 4))

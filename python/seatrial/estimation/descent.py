@@ -90,21 +90,10 @@ def descend(
 ) -> Optimum:
     """Optimum of a descent inside the bounds from one start.
 
-    Parameters
-    ----------
-    objective : callable
-        Costs ``(k,)`` of candidates ``(k, m)``.
-    slopes : callable
-        `Slopes` at a candidate ``(m,)``.
-    start : array_like, shape (m,)
-    lower, upper : array_like, shape (m,)
-        Bounds; no candidate lies outside.
-    rounds : int
-        Steps at most.
-    tolerance : float
-        Stop when a step gains less than a tenth of this fraction of the cost.
-    watch : callable, optional
-        Called with a `Step` after every round; a KeyboardInterrupt that it raises ends the descent.
+    ``objective``: costs ``(k,)`` of candidates ``(k, m)``. ``slopes``: `Slopes` at a candidate ``(m,)``.
+    ``lower``, ``upper`` (m,): bounds; no candidate lies outside. ``rounds``: steps at most. ``tolerance``:
+    stop when a step gains less than a tenth of this fraction of the cost. ``watch``: called with a `Step`
+    after every round; a KeyboardInterrupt that it raises ends the descent.
 
     Examples
     --------
@@ -232,13 +221,7 @@ class Criterion:
 def with_initial_velocities(criterion: Criterion, candidate: Array, prior: Array) -> Criterion:
     """The criterion with segments at better initial velocities; a segment that gains nothing stays.
 
-    Parameters
-    ----------
-    criterion : Criterion
-    candidate : ndarray, shape (m,)
-        Parameters, held fixed.
-    prior : ndarray, shape (segments, 6)
-        Smoothed velocities, m/s and rad/s.
+    ``candidate`` (m,): parameters, held fixed. ``prior`` (segments, 6): smoothed velocities, m/s and rad/s.
     """
     axes = [AXES.index(letter) for letter in criterion.model.stage.axes.free]
     noise = velocity_noise(criterion.data)[axes]

@@ -145,12 +145,7 @@ def ratios(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
     Apparent masses and inertias, damping, lift and bias, net weight and the moments of weight and buoyancy,
     in SI per unit of thrust; zeros are left out.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The identified one.
-    reference : Vehicle
-        That of the campaign, whose thrust is the unit.
+    ``vehicle``: the identified one. ``reference``: that of the campaign, whose thrust is the unit.
     """
     thrust = float(np.mean(list(thrust_factors(vehicle, reference).values()) or [1.0]))
     values, mass = vehicle.coefficients(), np.asarray(vehicle.mass_matrix())
@@ -167,10 +162,7 @@ def ratios(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
 def homogeneity(problem: Problem) -> Homogeneity:
     """Homogeneous direction of a campaign, all of its stages taken together.
 
-    Raises
-    ------
-    CampaignError
-        The joint estimate names what is not there.
+    Raises CampaignError: the joint estimate names what is not there.
     """
     vehicle, stage = problem.vehicle, joint_stage(problem)
     free = set(coefficient_names(parameters(stage, vehicle, f"{problem.source}: polish")))

@@ -168,10 +168,8 @@ class Innovations:
     ) -> Outcome:
         """The estimate that a start (m,) leads to.
 
-        Raises
-        ------
-        NumericalError
-            The filter leaves the log at the start. Where it does after a step, the step is taken back.
+        Raises NumericalError: the filter leaves the log at the start. Where it does after a step, the step is
+        taken back.
         """
         began = time.monotonic()
         at, converged, interrupted, count, settled = start.copy(), False, False, 0, self._told
@@ -227,10 +225,8 @@ class Innovations:
     def _followed(self, errors: Sequence[Errors]) -> Array:
         """Noise (Y,) of the prediction errors of a filter that follows the log.
 
-        Raises
-        ------
-        NumericalError
-            Half of the errors of a channel are `diverged_spread` times its spread, or no numbers.
+        Raises NumericalError: half of the errors of a channel are `diverged_spread` times its spread, or no
+        numbers.
         """
         noise = self.criterion.noise(errors)
         for column, channel in enumerate(self.steps.channels):
@@ -417,10 +413,8 @@ class Innovations:
     def _refuse_divergence(self, spans: Sequence[Span]) -> None:
         """Refuse a model that one sample takes away from the log, before its noises are sought for minutes.
 
-        Raises
-        ------
-        NumericalError
-            It misses half of the samples by `diverged_spread` times the spread of what was measured.
+        Raises NumericalError: it misses half of the samples by `diverged_spread` times the spread of what was
+        measured.
         """
         missed = np.concatenate([np.abs(span.missed) for span in spans])
         finite = np.concatenate([np.isfinite(span.transition).all(axis=(1, 2)) for span in spans])

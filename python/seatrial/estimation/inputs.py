@@ -127,14 +127,8 @@ class Dependence:
 def dependence(signals: Array, names: Sequence[str], *, weak: float = 1e-3) -> Dependence:
     """Dependence of signals.
 
-    Parameters
-    ----------
-    signals : array (n, k)
-        About their means, so weighted that the squares of a column sum to a mean square.
-    names : sequence of str
-        What the k signals are called.
-    weak : float
-        A signal below this share of the largest does not move.
+    ``signals``: about their means, so weighted that the squares of a column sum to a mean square. ``names``:
+    what the k signals are called. ``weak``: a signal below this share of the largest does not move.
 
     Examples
     --------

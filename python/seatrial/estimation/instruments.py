@@ -114,16 +114,8 @@ def instrumented(
 ) -> list[Errors]:
     """Errors over a horizon with instruments in the place of what their slopes are correlated with.
 
-    Parameters
-    ----------
-    errors : sequence of Errors
-        Over the horizon, by spans.
-    first : sequence of Errors
-        Of the same spans, one sample ahead.
-    known : sequence of ndarray, shape (n, k)
-        Per span, what was known at each of its samples.
-    lag : int
-        Samples between the lags.
+    ``errors``: over the horizon, by spans. ``first``: of the same spans, one sample ahead. ``known`` (n, k):
+    per span, what was known at each of its samples. ``lag``: samples between the lags.
     """
     instruments = np.vstack([
         _before(table, own, len(late.error), lag)
@@ -218,16 +210,8 @@ def answers(
 ) -> Answers:
     """Which commands answer more than the log holds; `Answers.names` is empty where none does.
 
-    Parameters
-    ----------
-    driving : sequence of ndarray, shape (n, k)
-        What drives the vehicle, per span.
-    names : sequence of str
-        Of its columns (k).
-    errors : sequence of Errors
-        Of predictions one sample ahead.
-    velocities : sequence of ndarray, shape (n, V)
-        What the filter knew of them at each sample.
+    ``driving`` (n, k): what drives the vehicle, per span. ``names``: of its columns (k). ``errors``: of
+    predictions one sample ahead. ``velocities`` (n, V): what the filter knew of them at each sample.
     """
     columns, shown = _distinct(driving), _shown(errors)
     unforeseen = _unforeseen([signals[:, columns] for signals in driving], shown, velocities)

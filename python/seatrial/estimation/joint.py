@@ -95,18 +95,8 @@ class Nuisance:
 def nuisances(polish: JointSettings, trials: Sequence[str], where: str) -> tuple[Nuisance, ...]:
     """Nuisance parameters that a campaign asks for on its trials.
 
-    Parameters
-    ----------
-    polish : Polish
-    trials : sequence of str
-        The trials of the joint estimate, in its order.
-    where : str
-        Words for messages.
-
-    Raises
-    ------
-    CampaignError
-        An unknown nuisance parameter or trial.
+    ``trials``: the trials of the joint estimate, in its order. ``where``: words for messages. Raises
+    CampaignError: an unknown nuisance parameter or trial.
     """
     parameters = []
     for key, entry in polish.nuisances.items():
@@ -152,10 +142,7 @@ def _prior(key: str) -> tuple[float, str, bool]:
 def joint_stage(problem: Problem) -> Stage:
     """The joint estimate as one stage: by default all that the stages free, on all of their trials.
 
-    Raises
-    ------
-    CampaignError
-        ``[polish]`` names an unknown coefficient or trial.
+    Raises CampaignError: ``[polish]`` names an unknown coefficient or trial.
     """
     return _joint_stage(problem, problem.stages)
 

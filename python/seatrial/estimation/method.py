@@ -37,11 +37,7 @@ class ByItself:
 def method_of(problem: Problem, trials: Sequence[str]) -> ByItself:
     """Method of the joint estimate of some trials: what the campaign asks for, or what they call for.
 
-    Parameters
-    ----------
-    problem : Problem
-    trials : sequence of str
-        Names of the trials that are estimated jointly.
+    ``trials``: names of the trials that are estimated jointly.
     """
     asked = problem.joint
     if asked is None:  # standard deviations only

@@ -59,10 +59,7 @@ class Factor:
 def bollard_factor(vehicle: Vehicle, pull: Bollard) -> Factor:
     """Factor by a bollard pull.
 
-    Raises
-    ------
-    CampaignError
-        An unknown actuator, or commands that give no force along the axis.
+    Raises CampaignError: an unknown actuator, or commands that give no force along the axis.
     """
     force = _thrust_factor(vehicle, pull)["XYZ".index(pull.axis)]
     if abs(force) < 1e-9:
@@ -77,10 +74,7 @@ def bollard_factor(vehicle: Vehicle, pull: Bollard) -> Factor:
 def ballast_factor(vehicle: Vehicle, ballast: Ballast) -> Factor:
     """Factor by a ballast: its weight in water over the force that the model needs for the same answer.
 
-    Raises
-    ------
-    CampaignError
-        An unknown actuator.
+    Raises CampaignError: an unknown actuator.
     """
     water = vehicle.environment()
     weight = (ballast.mass_kg - water["rho"] * ballast.volume_m3) * water["g"]
@@ -103,10 +97,7 @@ def ballast_factor(vehicle: Vehicle, ballast: Ballast) -> Factor:
 def dry_mass_factor(vehicle: Vehicle, dry: DryMass) -> Factor:
     """Factor by the dry mass and an assumed added mass.
 
-    Raises
-    ------
-    CampaignError
-        The hull's measures are missing, and the ratio of added mass is not given.
+    Raises CampaignError: the hull's measures are missing, and the ratio of added mass is not given.
     """
     mass, axis = dry.mass_kg + dry.water_kg, "XYZ".index(dry.axis)
     least, most = sorted(dry.added or _added_ratio(vehicle, mass, axis))
@@ -371,19 +362,9 @@ def judge_scale(problem: Problem, vehicle: Vehicle | None = None) -> ScaleReport
 def implied(vehicle: Vehicle, anchor: Anchor, *, reference: Vehicle | None = None) -> tuple[Implied, ...]:
     """What every anchor implies for a vehicle: bollard pulls first, ballasts, then the dry mass.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The identified one.
-    anchor : Anchor
-        The ``[anchor]`` section of a campaign.
-    reference : Vehicle, optional
-        Thrust gains are relative to its thrust; to the vehicle's own without its gains when omitted.
-
-    Raises
-    ------
-    CampaignError
-        An anchor names an unknown actuator, commands without force or a hull without measures.
+    ``vehicle``: the identified one. ``anchor``: the ``[anchor]`` section of a campaign. ``reference``: thrust
+    gains are relative to its thrust; to the vehicle's own without its gains when omitted. Raises
+    CampaignError: an anchor names an unknown actuator, commands without force or a hull without measures.
 
     Examples
     --------

@@ -205,16 +205,10 @@ def simplexes_abreast(
 ) -> None:
     """Ask for the costs of simplex searches in the unit box until all have collapsed.
 
-    Parameters
-    ----------
-    score : callable
-        Costs ``(k,)`` of candidates ``(k, m)`` in the unit box; it keeps what it has seen.
-    simplexes : ndarray, shape (k, m + 1, m)
-        Vertices of every simplex at its begin.
-    rounds : int
-        Number of batches at most.
-    tolerance : float
-        Spread of the costs at which a simplex has collapsed; its extent must be below 1e-4 as well.
+    ``score``: costs ``(k,)`` of candidates ``(k, m)`` in the unit box; it keeps what it has seen.
+    ``simplexes`` (k, m + 1, m): vertices of every simplex at its begin. ``rounds``: number of batches at
+    most. ``tolerance``: spread of the costs at which a simplex has collapsed; its extent must be below 1e-4
+    as well.
     """
     from scipy.optimize import minimize
 
@@ -318,33 +312,14 @@ def evolve(
     Hansen 2005, IPOP), until the generations are used up. The history holds what the strategy found by
     itself; the optimum is the best candidate, the start among them.
 
-    Parameters
-    ----------
-    objective : callable
-        Costs ``(k,)`` of candidates ``(k, m)``.
-    start : array_like, shape (m,)
-        Centre of the first population.
-    lower, upper : array_like, shape (m,)
-        Bounds; no candidate lies outside.
-    seed : int
-        The same seed gives the same result.
-    population : int, optional
-        Candidates per generation; by default enough for m, rounded up to full lanes.
-    generations : int
-        Budget of generations.
-    spread : float
-        Standard deviation of the first population, a share of the box: small where the start is good already.
-    tolerance : float
-        End a run when its best and its median cost have not improved by this fraction over the last
-        generations.
-    watch : callable, optional
-        Called with a `Step` after every generation; a KeyboardInterrupt that it raises ends the search.
-    enough : callable, optional
-        Asked after every generation; where it says so, the search ends.
-
-    Returns
-    -------
-    Optimum
+    ``objective``: costs ``(k,)`` of candidates ``(k, m)``. ``start`` (m,): centre of the first population.
+    ``lower``, ``upper`` (m,): bounds; no candidate lies outside. ``seed``: the same seed gives the same
+    result. ``population``: candidates per generation; by default enough for m, rounded up to full lanes.
+    ``generations``: budget of generations. ``spread``: standard deviation of the first population, a share of
+    the box: small where the start is good already. ``tolerance``: end a run when its best and its median cost
+    have not improved by this fraction over the last generations. ``watch``: called with a `Step` after every
+    generation; a KeyboardInterrupt that it raises ends the search. ``enough``: asked after every generation;
+    where it says so, the search ends.
 
     Examples
     --------
@@ -439,20 +414,10 @@ def refine(
     tolerance, a fraction of the cost, over 15 (m + 1) rounds, or over the first 5 (m + 1), or when the rounds
     are used up.
 
-    Parameters
-    ----------
-    objective, lower, upper, tolerance, watch
-        As for `evolve`.
-    starts : array_like, shape (k, m)
-        Start points, the best first; more than eight are ignored.
-    rounds : int, optional
-        Budget of batches, by default 100 (m + 1).
-    axes : array_like, shape (m, m), optional
-        Axes of the valley in columns, as in `Optimum`; left out, one simplex begins at each start.
-
-    Returns
-    -------
-    Optimum
+    ``objective``, ``lower``, ``upper``, ``tolerance``, ``watch``: as for `evolve`. ``starts`` (k, m): start
+    points, the best first; more than eight are ignored. ``rounds``: budget of batches, by default 100 (m +
+    1). ``axes`` (m, m): axes of the valley in columns, as in `Optimum`; left out, one simplex begins at each
+    start.
 
     Examples
     --------
@@ -543,16 +508,8 @@ def minimize(
 ) -> Optimum:
     """Optimum inside the bounds: `evolve`, then `refine` from its best distinct candidates.
 
-    Parameters
-    ----------
-    objective, start, lower, upper, seed, population, generations, tolerance, watch
-        As for `evolve`.
-    rounds : int, optional
-        As for `refine`.
-
-    Returns
-    -------
-    Optimum
+    ``objective``, ``start``, ``lower``, ``upper``, ``seed``, ``population``, ``generations``, ``tolerance``,
+    ``watch``: as for `evolve`. ``rounds``: as for `refine`.
 
     Examples
     --------

@@ -78,10 +78,7 @@ class StageData:
 def cut(problem: Problem, stage: Stage) -> StageData:
     """Training data of a stage, cut into segments.
 
-    Raises
-    ------
-    CampaignError
-        A channel is missing or does not move, everything is held out, or no segment fits.
+    Raises CampaignError: a channel is missing or does not move, everything is held out, or no segment fits.
     """
     where = problem.where(stage)
     weights = np.array([stage.weights().get(channel, 0.0) for channel in CHANNELS])
@@ -239,11 +236,7 @@ class SegmentModel:
     ) -> list[Array]:
         """Measured minus simulated (n, 12) per segment, SI, zero where it does not count.
 
-        Parameters
-        ----------
-        values : ndarray, shape (m,)
-        nuisance, initial : ndarray, optional
-            As for `seatrial.scoring.record.Replay`.
+        ``nuisance``, ``initial``: as for `seatrial.scoring.record.Replay`.
         """
         return self._replay().residuals(values @ self._spread, nuisance=nuisance, initial=initial)
 
@@ -252,15 +245,9 @@ class SegmentModel:
     ) -> list[tuple[Array, Array]]:
         """Residuals (n, 12) and derivatives (n, channels, d) of what is simulated, per segment.
 
-        Parameters
-        ----------
-        values : ndarray, shape (m,)
-        extra : sequence of str
-            Coefficients that are not free but differentiated too, after the parameters.
-        held : bool
-            Whether to leave out the derivatives by the parameters, which are most of the work.
-        options
-            Nuisances, initials and channels of `seatrial.scoring.record.Replay.sensitivities`.
+        ``extra``: coefficients that are not free but differentiated too, after the parameters. ``held``:
+        whether to leave out the derivatives by the parameters, which are most of the work. ``options``:
+        nuisances, initials and channels of `seatrial.scoring.record.Replay.sensitivities`.
         """
         inside, width = 0 if held else len(self.parameters), self._spread.shape[1]
         directions = np.zeros((inside + len(extra), width + len(extra)))

@@ -74,20 +74,45 @@ class Horizon:
 
 
 @dataclass(frozen=True)
-class OtherDamping(Plain):
+class OtherDamping(Plain, only="strips damping own values away refused"):
     """Estimates with another model of the damping, which the log cannot tell from that of the fit.
 
-    ``strips`` names the drag coefficient that stands against quadratic damping; ``damping`` and ``own`` are
-    the two models in words, the fit's last; ``values`` and ``away`` are those of the coefficients that both
-    have; ``refused`` names those that are not identified because of it.
+    ``strips`` names the drag coefficient that stands against quadratic damping, which ``replaced`` names;
+    ``by_strips`` says whether this model, and not that of the fit, is the one with strips. ``values`` and
+    ``away`` are those of the coefficients that both have; ``refused`` names those that are not identified
+    because of it.
     """
 
     strips: str
-    damping: str
-    own: str
+    replaced: tuple[str, ...]
+    by_strips: bool
     values: Mapping[str, float]
     away: Mapping[str, float]
     refused: tuple[str, ...]
+
+    @property
+    def damping(self) -> str:
+        """Name of the other model."""
+        return damping_model(self.strips, self.replaced, by_strips=self.by_strips)
+
+    @property
+    def own(self) -> str:
+        """Name of that of the fit."""
+        return damping_model(self.strips, self.replaced, by_strips=not self.by_strips)
+
+    @property
+    def short(self) -> str:
+        """Coefficients of the other model."""
+        return self.strips if self.by_strips else " and ".join(self.replaced)
+
+
+def damping_model(strips: str, replaced: Sequence[str], *, by_strips: bool) -> str:
+    """Name of a model of the damping, with its coefficients."""
+    return (
+        f"cross-flow drag by strips ({strips})"
+        if by_strips
+        else f"quadratic damping ({' and '.join(replaced)})"
+    )
 
 
 @dataclass(frozen=True)
@@ -188,18 +213,13 @@ def _estimated(
 
 
 def other_damping(
-    strips: str, words: tuple[str, str], first: tuple[Joint, Array], other: tuple[Joint, Array]
+    strips: str, replaced: tuple[str, ...], first: tuple[Joint, Array], other: tuple[Joint, Array]
 ) -> OtherDamping:
     """What another model of the damping says of the coefficients that it shares with the fit.
 
-    Parameters
-    ----------
-    strips
-        The drag coefficient that stands against quadratic damping.
-    words
-        The other model and that of the fit.
-    one, other
-        The fit and the estimate with the other model, each with its values.
+    ``strips``: the drag coefficient that stands against quadratic damping. ``replaced``: the quadratic
+    damping of the fit that they replace. ``first``, ``other``: the fit and the estimate with the other model,
+    each with its values.
     """
     (joint, values), (rival, theirs) = first, other
     influences = [_influence(Innovations(who), at) for who, at in (first, other)]
@@ -210,7 +230,8 @@ def other_damping(
     unknowns = [joint.unknowns[k] for k in mine]
     return OtherDamping(
         strips,
-        *words,
+        replaced,
+        True,
         dict(zip(shared, theirs[its].tolist(), strict=True)),
         dict(zip(shared, away.tolist(), strict=True)),
         tuple(

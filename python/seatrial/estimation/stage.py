@@ -150,10 +150,7 @@ class StageResult(Plain):
 def plan(problem: Problem) -> tuple[StagePlan, ...]:
     """Plans of all stages in the order of their run; everything that can be refused is refused here.
 
-    Raises
-    ------
-    CampaignError, TrialError
-        A trial cannot be read or does not suit its stage.
+    Raises CampaignError and TrialError: a trial cannot be read or does not suit its stage.
     """
     plans: dict[str, StagePlan] = {}
     roaming: dict[str, tuple[Parameter, ...]] = {}
@@ -196,20 +193,10 @@ def run_stage(
 ) -> StageResult:
     """Result of a stage: global search, initial velocities where they are estimated, descent, fine search.
 
-    Parameters
-    ----------
-    problem : Problem
-    plan : StagePlan
-    vehicle : Vehicle
-        With the estimates of the stages before.
-    earlier : mapping
-        Those estimates: they replace the vehicle file's values as start values.
-    inputs : str
-        Hash of all that the result depends on, kept with it.
-    watch : callable
-        Called after every batch of candidates; it may raise KeyboardInterrupt.
-    threads : int, optional
-        Threads of the core.
+    ``vehicle``: with the estimates of the stages before. ``earlier``: those estimates: they replace the
+    vehicle file's values as start values. ``inputs``: hash of all that the result depends on, kept with it.
+    ``watch``: called after every batch of candidates; it may raise KeyboardInterrupt. ``threads``: threads of
+    the core.
     """
     began = time.monotonic()
     stage, chosen = plan.stage, plan.parameters
@@ -287,10 +274,7 @@ def run_stage(
 def _possible(vehicle: Vehicle, chosen: tuple[Parameter, ...], candidates: Array) -> Array:
     """The first of some candidates (k, m) that is a vehicle: bounds may admit a lag below zero.
 
-    Raises
-    ------
-    VehicleError
-        None is; the error is that of the first one.
+    Raises VehicleError: none is; the error is that of the first one.
     """
     first: VehicleError | None = None
     for candidate in candidates:
@@ -309,18 +293,9 @@ def refitted_stage(
 ) -> dict[str, float]:
     """Coefficients of a stage on other data, by a descent from its optimum at the step of the global search.
 
-    Parameters
-    ----------
-    problem : Problem
-        With the other data.
-    plan : StagePlan
-        Of the stage in that campaign.
-    optimum : StageResult
-        Of the stage on the data that it was searched with.
-    vehicle : Vehicle
-        With the estimates of the stages before.
-    threads : int, optional
-        Threads of the core.
+    ``problem``: with the other data. ``plan``: of the stage in that campaign. ``optimum``: of the stage on
+    the data that it was searched with. ``vehicle``: with the estimates of the stages before. ``threads``:
+    threads of the core.
     """
     start = np.array([optimum.estimates[parameter.name] for parameter in plan.parameters])
     substeps = _fine_step(plan, vehicle, start[None, :]).search
@@ -360,12 +335,8 @@ def search_start(
 def start_cost(problem: Problem, plan: StagePlan, *, threads: int | None = None) -> float:
     """Cost of a stage's start values in the campaign's vehicle, infinite where it diverges.
 
-    Raises
-    ------
-    CampaignError
-        A coefficient changes nothing in this stage.
-    SimulationError
-        The start diverges, and so does all that `search_start` tries.
+    Raises CampaignError: a coefficient changes nothing in this stage. Raises SimulationError: the start
+    diverges, and so does all that `search_start` tries.
     """
     start = np.array([_start(parameter, {}) for parameter in plan.parameters])
     model = SegmentModel(problem.vehicle, plan.stage, plan.data, plan.parameters, plan.step.search, threads)

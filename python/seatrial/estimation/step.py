@@ -111,17 +111,9 @@ def stage_step(
 ) -> StageStep:
     """Step for a vehicle whose parameters roam their bounds.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    parameters : sequence of Parameter
-        All that may differ from the vehicle's values, those of former stages included.
-    free : str
-        Letters of the free axes.
-    speeds : ndarray, shape (6,)
-        Largest measured speeds, m/s and rad/s.
-    dt : float
-        Step of the log, s.
+    ``parameters``: all that may differ from the vehicle's values, those of former stages included. ``free``:
+    letters of the free axes. ``speeds`` (6,): largest measured speeds, m/s and rad/s. ``dt``: step of the
+    log, s.
     """
     points = _operating_points(STEP_SETTINGS.speed_margin * speeds)
     axes = [AXES.index(letter) for letter in free]

@@ -176,18 +176,9 @@ def choose(
 ) -> Choice:
     """Choice between the stages, at which the joint estimate began, and the joint estimate.
 
-    Parameters
-    ----------
-    problem : Problem
-    joint : Joint
-        With the stages' vehicle.
-    polished : Polished
-        Its joint estimate.
-    begun : Joint, optional
-        The one that starts at the stages' values, where `seatrial.identification.choice` took another one.
-    stages : tuple of StageResult
-    threads : int, optional
-        Threads of the core; the choice does not depend on it.
+    ``joint``: with the stages' vehicle. ``polished``: its joint estimate. ``begun``: the one that starts at
+    the stages' values, where `seatrial.identification.choice` took another one. ``threads``: threads of the
+    core; the choice does not depend on it.
     """
     words, first, second, rivals = _outside(problem, joint, polished, begun)
     if joint.method == "innovations" and not first:
@@ -228,18 +219,9 @@ def with_or_without_presumed(
 ) -> tuple[Joint, Polished, tuple[str, ...], str]:
     """The joint estimate with or without coefficients of its own that have a prior (``sd``).
 
-    Parameters
-    ----------
-    joint, polished
-        With them.
-    watch : callable, optional
-        As of `seatrial.estimation.joint_estimate.polish`.
-
-    Returns
-    -------
-    tuple
-        The joint estimate that predicts held-out data better, how it went, the names of what it leaves out,
-        and a sentence on that; with them where nothing is held out.
+    ``joint``, ``polished``: with them. ``watch``: as of `seatrial.estimation.joint_estimate.polish`. Returns
+    the joint estimate that predicts held-out data better, how it went, the names of what it leaves out, and a
+    sentence on that; with them where nothing is held out.
     """
     own = joint.problem.joint
     names = (
@@ -433,18 +415,9 @@ def quadratic_or_strips(
     three standard deviations of the difference over blocks of time. Output error is left as it is: its
     residual analysis names strips that are missing.
 
-    Parameters
-    ----------
-    joint, polished
-        With quadratic damping.
-    watch : callable, optional
-        As of `seatrial.estimation.joint_estimate.polish`.
-
-    Returns
-    -------
-    tuple
-        The joint estimate that is likelier, how it went, what makes a campaign one of its kind, and a
-        sentence for each plane that was compared.
+    ``joint``, ``polished``: with quadratic damping. ``watch``: as of
+    `seatrial.estimation.joint_estimate.polish`. Returns the joint estimate that is likelier, how it went,
+    what makes a campaign one of its kind, and a sentence for each plane that was compared.
     """
     kind: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
     if joint.method != "innovations" or polished.interrupted or not slender(joint.vehicle):
@@ -498,7 +471,7 @@ def quadratic_or_strips(
         if taken:
             joint, polished, kind = other, again, _after(kind, change)
         elif abs(better) <= max(SETTINGS.likelier, chance):
-            rival = other_damping(name, (drag[0], drag[1]), (joint, polished.values), (other, again.values))
+            rival = other_damping(name, replaced, (joint, polished.values), (other, again.values))
             polished = replace(polished, others=(*polished.others, rival))
     return joint, polished, kind, tuple(notes)
 

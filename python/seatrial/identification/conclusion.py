@@ -89,23 +89,9 @@ def concluded(
 ) -> Conclusion:
     """The result after the joint estimate and its assessment.
 
-    Parameters
-    ----------
-    ready : Preparation
-    start : Conclusion
-        With the stages' vehicle.
-    stages
-    fallbacks : Fallbacks
-        Takes what fails.
-    spoilt : str
-        Why a joint estimate with a noise model identifies nothing from these data; mostly "".
-    watch, threads
-        As of `seatrial.estimation.joint_estimate.polish`.
-
-    Returns
-    -------
-    Conclusion
-        After Ctrl-C: the stages, marked as interrupted.
+    ``start``: with the stages' vehicle. ``fallbacks``: takes what fails. ``spoilt``: why a joint estimate
+    with a noise model identifies nothing from these data; mostly "". ``watch``, ``threads``: as of
+    `seatrial.estimation.joint_estimate.polish`. Returns after Ctrl-C: the stages, marked as interrupted.
     """
     problem = start.problem
 
@@ -292,10 +278,7 @@ def scored(result: Conclusion, fallbacks: Fallbacks) -> tuple[Vehicle, PartScore
 def _finite(polished: Polished) -> Polished:
     """The joint estimate.
 
-    Raises
-    ------
-    NumericalError
-        A value is not finite, or the cost where the estimate took steps.
+    Raises NumericalError: a value is not finite, or the cost where the estimate took steps.
     """
     if not np.isfinite(polished.values).all() or not (np.isfinite(polished.cost) or polished.rounds == 0):
         raise NumericalError(

@@ -92,10 +92,7 @@ class CoefficientCovariance(Plain):
     def from_dict(cls, data: Any, source: str) -> CoefficientCovariance:
         """Covariance of plain lists.
 
-        Raises
-        ------
-        CampaignError
-            They do not fit together; the message begins with `source`.
+        Raises CampaignError: they do not fit together; the message begins with `source`.
         """
         try:
             known = tuple(str(name) for name in data["names"])
@@ -127,22 +124,11 @@ def coefficient_covariance(
 ) -> CoefficientCovariance:
     """Covariance of the coefficients that an identification set.
 
-    Parameters
-    ----------
-    assessment : Assessment, optional
-        The joint estimate; None where events tell everything.
-    vehicle : Vehicle
-        With all estimates.
-    scale : ScaleReport
-        What the scale of all forces rests on.
-    staged : sequence of str, optional
-        All coefficients that were set: those that only a stage set have no standard deviation.
-    bench : BenchTest, optional
-        Whose thrust the campaign takes.
-    held : sequence of str, optional
-        What was to be identified and is not, because feedback hides it.
-    events : sequence of EventEstimate, optional
-        What was estimated from events, independent of the joint estimate.
+    ``assessment``: the joint estimate; None where events tell everything. ``vehicle``: with all estimates.
+    ``scale``: what the scale of all forces rests on. ``staged``: all coefficients that were set: those that
+    only a stage set have no standard deviation. ``bench``: whose thrust the campaign takes. ``held``: what
+    was to be identified and is not, because feedback hides it. ``events``: what was estimated from events,
+    independent of the joint estimate.
     """
     own, notes = vehicle.coefficients(), list[str]()
     names, among = list[str](), np.zeros((0, 0))
@@ -308,19 +294,9 @@ def widened(
 ) -> tuple[tuple[str, ...], Array]:
     """Names (m,) and covariance (m, m), SI, with further relative standard deviations.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Of whose values the percentages are.
-    percent : mapping of str to float
-        By name, by pattern (``"*_uu"``: each for itself) or by group (``"stern.gain"``: all together).
-    names, covariance : (n,) sequence of str, (n, n) array
-        What they are added to.
-
-    Raises
-    ------
-    CampaignError
-        A name is unknown or its value zero, or a percentage is impossible.
+    ``vehicle``: of whose values the percentages are. ``percent``: by name, by pattern (``"*_uu"``: each for
+    itself) or by group (``"stern.gain"``: all together). ``names``, ``covariance``: what they are added to.
+    Raises CampaignError: a name is unknown or its value zero, or a percentage is impossible.
 
     Examples
     --------

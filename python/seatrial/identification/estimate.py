@@ -148,12 +148,8 @@ class Tally:
 def tally(coefficients: Sequence[Estimate], held: Sequence[str] = ()) -> Tally:
     """Number of coefficients by verdict.
 
-    Parameters
-    ----------
-    coefficients
-        Rows of an identification.
-    held
-        Parameters that were to be identified and that feedback hides.
+    ``coefficients``: rows of an identification. ``held``: parameters that were to be identified and that
+    feedback hides.
     """
     verdicts = [row.verdict for row in distinct(coefficients)]
     return Tally(
@@ -337,14 +333,8 @@ def implausible_masses(
 
     A small added mass may be several times that of the file and change nothing: what agrees is plausible.
 
-    Parameters
-    ----------
-    start : Vehicle
-        The one that the identification began with.
-    coefficients : sequence of Estimate
-        What it found.
-    masses : mapping
-        Apparent masses that it found, by axis, kg or kg m2.
+    ``start``: the one that the identification began with. ``coefficients``: what it found. ``masses``:
+    apparent masses that it found, by axis, kg or kg m2.
     """
     plausible = plausible_masses(start, {coefficient.name for coefficient in coefficients})
     of_file, implausible = masses_of(start), {}
@@ -404,12 +394,7 @@ def plausible_masses(vehicle: Vehicle, freed: Collection[str] = ()) -> dict[str,
     levers are held, because what turns takes their error over: such a value describes the log, and is not
     the vehicle's inertia. An added mass without start value has no bounds: 0 to infinity.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The one that an identification begins with.
-    freed : collection of str
-        Coefficients that it searches.
+    ``vehicle``: the one that an identification begins with. ``freed``: coefficients that it searches.
     """
     known, values = vehicle.coefficient_info(), vehicle.coefficients()
     rigid = {"X": "m", "Y": "m", "Z": "m", "K": "I_x", "M": "I_y", "N": "I_z"}

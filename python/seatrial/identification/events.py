@@ -169,10 +169,7 @@ class EventEstimates:
 
         ``X_udot`` is in the Munk moment of sway and yaw: events tell their sum with ``N_uv``.
 
-        Parameters
-        ----------
-        vehicle
-            With the result of the rest.
+        ``vehicle``: with the result of the rest.
         """
         known = self._damped.with_vehicle(vehicle)
         stages = {stage.name: stage for stage in known.stages}
@@ -206,13 +203,8 @@ def from_events(
     Only where the joint estimate would otherwise be by innovations: a simulation of the whole log is biased
     there. What the campaign holds out is not used.
 
-    Parameters
-    ----------
-    problem : Problem
-    threads : int, optional
-        Of the core; the result does not depend on it.
-    watch : callable, optional
-        Gets the name of each stage whose events are estimated.
+    ``threads``: of the core; the result does not depend on it. ``watch``: gets the name of each stage whose
+    events are estimated.
     """
     if problem.joint is None or problem.joint.method == "output":
         return EventEstimates(problem)

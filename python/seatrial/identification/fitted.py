@@ -22,9 +22,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, reason
+from seatrial.base.finding import Finding, Severity
+from seatrial.base.report import sentence_of
 from seatrial.base.run import from_json
 from seatrial.base.toml_file import loaded
-from seatrial.diagnosis.advice import manoeuvre, role
+from seatrial.diagnosis.roles import manoeuvre, role
 from seatrial.identification.covariance import CoefficientCovariance, widened
 from seatrial.identification.identification import Identification
 from seatrial.statistics.draws import checked_numbers, generator
@@ -91,27 +93,30 @@ class Drawn:
         lost = int(self.thrown.sum())
         return lost / max(lost + len(self.values), 1)
 
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """How many draws were thrown away; a problem where they were a tenth or more."""
+        lost = int(self.thrown.sum())
+        values = {"lost": lost, "drawn": lost + len(self.values), "share": self.impossible}
+        if not lost:
+            return ()
+        note = Finding("draws impossible", Severity.NOTE, values=values)
+        if self.impossible < SETTINGS.doubtful_share:
+            return (note,)
+        name = self.names[int(self.outside.argmax())]
+        way = manoeuvre(role(name, pushed=self.pushed))
+        return note, Finding("draws doubtful", Severity.PROBLEM, name, {**values, "manoeuvre": way})
+
     def sentence(self) -> str:
         """How many draws were thrown away, in words; empty if none was."""
-        lost = int(self.thrown.sum())
-        if not lost:
-            return ""
-        return (
-            f"{lost} of {lost + len(self.values)} drawn vehicles ({100 * self.impossible:.2g} %) were"
-            " physically impossible (damping that adds energy, negative mass or gain) and drawn again."
-        )
+        return self._said(0)
 
     def doubt(self) -> str:
         """Heading where a tenth or more was thrown away: how many, by which coefficient, what to do."""
-        if self.impossible < SETTINGS.doubtful_share:
-            return ""
-        name = self.names[int(self.outside.argmax())]
-        axis_role = role(name, pushed=self.pushed)
-        return (
-            f"{100 * self.impossible:.2g} % of the vehicles drawn from the standard deviations are physically"
-            f" impossible, most often by {name}, whose standard deviation is too large for its value;"
-            f" {manoeuvre(axis_role)} and identify again, or hold it at a value that you trust"
-        )
+        return self._said(1)
+
+    def _said(self, place: int) -> str:
+        return "".join(sentence_of(finding, "diagnosis") for finding in self.findings[place : place + 1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -100,14 +100,8 @@ def conditional(
     Those that ended at a bound cannot move. To first order, at the estimate. None where the held values are
     nuisance parameters of the estimate.
 
-    Parameters
-    ----------
-    joint, polished
-        The joint estimate.
-    held
-        Of `hold_untold`.
-    known
-        Uncertainty of the joint estimate.
+    ``joint``, ``polished``: the joint estimate. ``held``: of `hold_untold`. ``known``: uncertainty of the
+    joint estimate.
     """
     if not held or joint.hidden:
         return ()
@@ -145,14 +139,8 @@ def joint_estimate_of(
     With a noise model they are nuisance parameters of it: its predictions tell them in part, and held at a
     wrong value they bend what another axis tells. Output error keeps them as they are.
 
-    Parameters
-    ----------
-    campaign, held
-        Of `hold_untold`.
-    whole
-        The campaign before it.
-    vehicle
-        Gives the start values.
+    ``campaign``, ``held``: of `hold_untold`. ``whole``: the campaign before it. ``vehicle``: gives the start
+    values.
     """
     joint = Joint(problem, vehicle, threads=threads)
     if not held or joint.method == "output":
@@ -163,10 +151,7 @@ def joint_estimate_of(
 def hold_untold(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
     """The campaign without what feedback hides in all trials that it fits, and what that is.
 
-    Parameters
-    ----------
-    problem : Problem
-        Trials whose forces are measured have no commands and tell every axis.
+    ``problem``: trials whose forces are measured have no commands and tell every axis.
     """
     polish = problem.joint
     names = dict.fromkeys(name for stage in problem.stages for name in stage.trials)

@@ -71,13 +71,7 @@ class Restarts:
         Waves that no spectrum shows but the filter found leave the axes whose commands answer them without a
         score.
 
-        Parameters
-        ----------
-        campaign, joint
-        values
-            Of the joint estimate's unknowns (m,).
-        vehicle
-            The result.
+        ``values``: of the joint estimate's unknowns (m,). ``vehicle``: the result.
         """
         if joint.method == "output" or joint.noise_model is None:
             return cls()
@@ -115,18 +109,10 @@ def part_scores(
 ) -> PartScores:
     """Scores on the fitted and the held-out part of every trial, some seconds ahead and for a free run.
 
-    Parameters
-    ----------
-    problem : Problem
-    vehicle : Vehicle
-    nuisances : mapping, optional
-        Nuisance parameters of the trials' records by trial and name, SI (`Assessment.records`).
-    restarts : Restarts, optional
-        By default every ten seconds from the smoothed log.
-    parts, kinds : sequence of str
-        Those that are wanted.
-    baselines : bool
-        Whether the baselines are fitted to the training part and judged on the same windows.
+    ``nuisances``: nuisance parameters of the trials' records by trial and name, SI (`Assessment.records`).
+    ``restarts``: by default every ten seconds from the smoothed log. ``parts``, ``kinds``: those that are
+    wanted. ``baselines``: whether the baselines are fitted to the training part and judged on the same
+    windows.
     """
     fitted = list(dict.fromkeys(name for stage in problem.stages for name in stage.trials))
     missing: list[str] = []
@@ -161,10 +147,7 @@ def likelihood_gain(scores: Mapping[str, Mapping[str, Mapping[str, Score]]]) -> 
     An error variance that is lower by 10 % in both parts is worth 0.05. Trials that are held out as a
     whole have no such variance and do not count.
 
-    Parameters
-    ----------
-    scores : mapping
-        As of `PartScores`, with baselines.
+    ``scores``: as of `PartScores`, with baselines.
     """
     trained, judged = (scores.get(part, {}).get("ahead", {}) for part in ("fit", "hold_out"))
     both = [(trained[name], judged[name]) for name in judged if name in trained and name != POOLED]
@@ -217,22 +200,9 @@ def left_out_score(
 ) -> Score:
     """Score ten seconds ahead of a trial that a fit left out, beside baselines that did not see it either.
 
-    Parameters
-    ----------
-    problem : Problem
-        With the trial: it says on which axes the trial is judged.
-    rest : Campaign
-        Without it: what vehicle and baselines learnt from.
-    vehicle : Vehicle
-    name : str
-        Of the trial.
-    nuisances : mapping
-        Of the other trials' records; those that all of them share hold here, too.
-
-    Raises
-    ------
-    TrialError
-        Nothing of it can be scored.
+    ``problem``: with the trial: it says on which axes the trial is judged. ``rest``: without it: what vehicle
+    and baselines learnt from. ``name``: of the trial. ``nuisances``: of the other trials' records; those that
+    all of them share hold here, too. Raises TrialError: nothing of it can be scored.
     """
     fitted = list(dict.fromkeys(trial for stage in rest.stages for trial in stage.trials))
     shared = (

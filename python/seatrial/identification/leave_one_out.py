@@ -287,10 +287,7 @@ def _without(
 ) -> LeftOut:
     """One trial left out of the stages and of the joint estimate, and predicted.
 
-    Raises
-    ------
-    KeyboardInterrupt
-        The search was interrupted.
+    Raises KeyboardInterrupt: the search was interrupted.
     """
     lost: tuple[str, ...] = ()
     try:

@@ -121,12 +121,8 @@ def _fitted_records(problem: Problem) -> list[Record]:
 def residual_noise(vehicle: Vehicle, records: Iterable[Record]) -> FilterNoise:
     """The same of a vehicle on records, of which the samples of a velocity count where it does.
 
-    Raises
-    ------
-    TrialError
-        No record has three seconds of samples that count without a gap.
-    NumericalError
-        The vehicle diverges over one sample of so many that none of three seconds is left.
+    Raises TrialError: no record has three seconds of samples that count without a gap. Raises NumericalError:
+    the vehicle diverges over one sample of so many that none of three seconds is left.
     """
     mass = np.asarray(vehicle.mass_matrix())
     lags = ("none", "sample", "near", "far")

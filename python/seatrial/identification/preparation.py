@@ -21,7 +21,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import MOTIONS
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.base.finding import Finding
-from seatrial.base.report import listed, words_of
+from seatrial.base.report import listed, sentence_of, words_of
 from seatrial.base.run import sha256
 from seatrial.diagnosis.assessment import conditioning
 from seatrial.estimation.inputs import trained
@@ -58,10 +58,8 @@ class Preparation:
 def prepare(problem: Problem, *, threads: int | None = None) -> Preparation:
     """Plan of an identification, with all that is refused before a search.
 
-    Raises
-    ------
-    CampaignError, TrialError
-        The campaign asks for what cannot be done, or a recording lacks what it needs.
+    Raises CampaignError and TrialError: the campaign asks for what cannot be done, or a recording lacks what
+    it needs.
     """
     if not problem.stages:
         raise CampaignError(
@@ -92,10 +90,7 @@ def prepare(problem: Problem, *, threads: int | None = None) -> Preparation:
 def identifiable(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
     """The campaign without what no command explains and what feedback hides in all trials, and the latter.
 
-    Raises
-    ------
-    CampaignError
-        Nothing is left.
+    Raises CampaignError: nothing is left.
     """
     rest, held = hold_untold(without_commandless(problem)[0])
     if not rest.stages:
@@ -108,10 +103,7 @@ def without_commandless(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
 
     Such an axis is driven, and nothing says by what: a fit would take the unknown force for damping.
 
-    Raises
-    ------
-    CampaignError
-        Nothing is left.
+    Raises CampaignError: nothing is left.
     """
     driven = drivers(problem.vehicle)
     notes, dropped = [], set()
@@ -156,10 +148,7 @@ def _wired(problem: Problem) -> tuple[Finding, ...]:
 def _actuators_without_column(problem: Problem) -> tuple[str, ...]:
     """Sentences on groups of actuators that a trial does not record: they stand still in it.
 
-    Raises
-    ------
-    CampaignError
-        Part of a group is recorded: the rest is missing from the column map.
+    Raises CampaignError: part of a group is recorded: the rest is missing from the column map.
     """
     unlogged: dict[str, list[str]] = {}
     groups = actuator_groups(problem.vehicle)
@@ -194,7 +183,8 @@ def _conditioning(
     """
     try:
         left_out = tuple(Joint(problem, threads=threads).sentences())
-        return (*left_out, *(conditioning(problem, threads=threads) if linear else ())), ()
+        findings = conditioning(problem, threads=threads) if linear else []
+        return (*left_out, *(sentence_of(finding, "diagnosis") for finding in findings)), ()
     except (CampaignError, TrialError) as error:
         if problem.joint is not None:
             raise
@@ -207,10 +197,7 @@ _SAME = 0.49  # of the longer interval: samples this close in time are the same
 def repeated_sentences(problem: Problem) -> tuple[str, ...]:
     """Warnings of trials that are fitted to the same samples.
 
-    Raises
-    ------
-    CampaignError
-        A trial holds out samples that another one is fitted to.
+    Raises CampaignError: a trial holds out samples that another one is fitted to.
     """
     fitted, warnings = set(trained(problem)), list[str]()
     for names in _alike(problem):

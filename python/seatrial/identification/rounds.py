@@ -162,20 +162,10 @@ def in_rounds(
 ) -> tuple[Joint, Polished, Callable[[Problem], Problem], tuple[Proposal, ...]]:
     """The joint estimate with the proposals that predict better.
 
-    Parameters
-    ----------
-    joint, polished
-        The estimate to begin with, by output error: predictions of a filter are left as they are.
-    rounds : int
-        Most rounds; a round that keeps nothing is the last.
-    watch : callable, optional
-        As of `seatrial.estimation.joint_estimate.polish`.
-
-    Returns
-    -------
-    tuple
-        The estimate on all segments, how it went, what makes a problem one of its kind, and all proposals in
-        the order of their trial.
+    ``joint``, ``polished``: the estimate to begin with, by output error: predictions of a filter are left as
+    they are. ``rounds``: most rounds; a round that keeps nothing is the last. ``watch``: as of
+    `seatrial.estimation.joint_estimate.polish`. Returns the estimate on all segments, how it went, what makes
+    a problem one of its kind, and all proposals in the order of their trial.
     """
     same: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
     if joint.method != "output" or polished.interrupted or not rounds:

@@ -25,7 +25,7 @@ from seatrial.identification.held import HELD_SETTINGS, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
 from seatrial.inspect.events import EVENT_LIMITS
-from seatrial.report.results import trial_findings
+from seatrial.report.results import diagnosis, trial_findings
 from seatrial.scoring.baselines import not_beaten
 from seatrial.scoring.score import LIMITS, baseline_table, limit_text
 from seatrial.scoring.windows import score_text
@@ -52,7 +52,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         _held_table(fit, truth or {}),
         _conditional_table(fit),
         _nuisance_table(fit),
-        *(() if fit.assessment is None else (fit.assessment.assumption_table(),)),
+        *(() if fit.assessment is None else (diagnosis.assumption_table(fit.assessment),)),
         _held_out_table(fit),
         *_beside_baselines(fit),
         _choice_table(fit),
@@ -152,7 +152,9 @@ def _worst(fit: Identification) -> tuple[str, str]:
         more = f" ({others} more step{'s' if others > 1 else ''} failed, see the remarks)" if others else ""
         return f"{first.step} failed: {first.cause}. Kept instead: {first.kept}{more}", first.remedy
     if strayed := [] if fit.assessment is None else fit.assessment.strayed():
-        return _problem_and_remedy(strayed[0], "a nuisance parameter left its prior")
+        return f"a nuisance parameter left its prior: {diagnosis.problem(strayed[0])}", diagnosis.remedy(
+            strayed[0]
+        )
     if hidden := sentences(fit.held):
         problem, _, remedy = hidden[0].rpartition("; ")
         return problem, remedy
@@ -173,8 +175,7 @@ def _worst(fit: Identification) -> tuple[str, str]:
         ):
             return _missing(suggestion)
     if refused := [] if fit.assessment is None else fit.assessment.refused(tried):
-        problem, _, remedy = refused[0].rpartition("; ")
-        return problem, remedy
+        return diagnosis.problem(refused[0]), diagnosis.remedy(refused[0])
     if fit.choice is not None and fit.choice.result == "joint estimate" and fit.choice.spoilt:
         return (
             f"the joint estimate is better as a whole, but predicts {', '.join(fit.choice.spoilt)} worse"
@@ -191,7 +192,8 @@ def _worst(fit: Identification) -> tuple[str, str]:
     verdicts = {} if fit.identifiability is None else fit.identifiability.verdicts
     absent = {name for name, verdict in verdicts.items() if verdict == "not identifiable"}
     if missing := [combination for combination in combinations if absent.intersection(combination.names)]:
-        return _problem_and_remedy(missing[0].sentence, "not identifiable")
+        worst = missing[0].finding
+        return f"not identifiable: {diagnosis.problem(worst)}", diagnosis.remedy(worst)
     if bounds := [row for row in distinct(fit.coefficients) if row.at_bound]:
         names = ", ".join(
             f"{row.name} ({row.at_bound} bound {row.estimate:.4g} {row.unit})" for row in bounds
@@ -214,7 +216,8 @@ def _worst(fit: Identification) -> tuple[str, str]:
             " scores alone",
         )
     if combinations:
-        return _problem_and_remedy(combinations[0].sentence, "weakly identifiable")
+        worst = combinations[0].finding
+        return f"weakly identifiable: {diagnosis.problem(worst)}", diagnosis.remedy(worst)
     if fit.notes:
         return fit.notes[0], verify
     if score is not None and (simpler := not_beaten(score.evidence, score.baselines)):
@@ -230,22 +233,15 @@ def _missing(term: Suggestion) -> tuple[str, str]:
         return (
             f"the residual of {term.channel} follows {term.follows}: the actuator responds faster than the"
             " file says",
-            term.remedy,
+            diagnosis.remedy_of_term(term),
         )
     return (
         f"the residual of {term.channel} follows {term.follows}: the model misses a term"
         f" (freeing {term.name} lowers the cost by {term.gain:.2g} %)",
-        f"{term.remedy} in a stage of the campaign ({term.line}), identify again and compare the held-out"
+        f"{diagnosis.remedy_of_term(term)} in a stage of the campaign ({term.line}), identify again and"
+        f" compare the held-out"
         " scores",
     )
-
-
-def _problem_and_remedy(sentence: str, verdict: str) -> tuple[str, str]:
-    """The two halves of a sentence of the diagnosis: what the data do not tell, and what would tell it."""
-    problem, semicolon, remedy = sentence.partition("; ")
-    if not semicolon:
-        problem, _, remedy = sentence.rpartition(": ")
-    return f"{verdict}: {problem or sentence}", remedy or "see the remarks"
 
 
 def _r2(value: float) -> str:
@@ -563,7 +559,7 @@ def advice(fit: Identification) -> list[str]:
     if fit.choice is not None:
         lines += _joint_remarks(fit.choice)
     if fit.assessment is not None:
-        lines += fit.assessment.sentences()
+        lines += diagnosis.sentences(fit.assessment)
     lines += fit.scale.sentences()
     lines += fit.notes
     if fit.interrupted:
