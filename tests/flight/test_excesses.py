@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seatrial.flight.excesses import excesses, sentences, unkept
+from seatrial.flight.excesses import excesses, unkept
+from seatrial.report.results.flight_findings import excess_clauses
 
 
 def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
@@ -51,7 +52,7 @@ def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
 )
 def test_each_kind_tells_how_many_and_the_worst(changed: dict[str, tuple[float, ...]], words: str) -> None:
     assert excesses(_metrics(), 5.0) == []
-    (sentence,) = sentences(excesses(_metrics(**changed), 5.0), "abc".__getitem__, "flights")
+    (sentence,) = excess_clauses(excesses(_metrics(**changed), 5.0), "abc".__getitem__, "flights")
     assert sentence.startswith(words)
 
 
@@ -60,13 +61,13 @@ def test_limits_of_depth_and_altitude_are_broken_beyond_the_ripple_of_a_loop() -
     assert not any(broken.any() for broken in unkept(_metrics(), 5.0, limits).values())
     changed = {"depth_largest_m": (4.0, 9.5, 8.2), "altitude_smallest_m": (np.inf, 0.02, -0.1)}
     broken = unkept(_metrics(**changed), 5.0, limits)
-    assert {words: mask.tolist() for words, mask in broken.items() if mask.any()} == {
-        "the bottom touched": [False, False, True],
-        "below the mission's least altitude": [False, True, False],
-        "beyond the mission's largest depth": [False, True, True],
+    assert {kind: mask.tolist() for kind, mask in broken.items() if mask.any()} == {
+        "bottom_touched": [False, False, True],
+        "too_low": [False, True, False],
+        "too_deep": [False, True, True],
     }
     found = excesses(_metrics(**changed), 5.0, **limits)
-    assert sentences(found, "abc".__getitem__, "flights")[1:] == [
+    assert excess_clauses(found, "abc".__getitem__, "flights")[1:] == [
         "1 of 3 flights came below the mission's least altitude of 0.1 m, the worst is b: 0.02 m",
         "2 of 3 flights went beyond the mission's largest depth of 8 m, the worst is b: 9.50 m",
     ]

@@ -19,6 +19,7 @@ from seatrial.control_design.start_autopilot import start_autopilot
 from seatrial.flight.findings import missed_waypoint, outside, overrun
 from seatrial.flight.fly import fly_seeds
 from seatrial.report.results.flight_findings import problem, remedy
+from seatrial.report.results.flight_tables import seeds_sentence
 from tests.flight.flying import BOX, OUT, grouped
 
 STEEP = """
@@ -194,7 +195,7 @@ def test_touching_the_bottom_is_no_complete_mission_whatever_the_safety_does() -
     )
     assert many.touched == (4, 5)
     assert not many.all_complete
-    assert "touched the bottom: seed 4, 5" in many.sentence()
+    assert "touched the bottom: seed 4, 5" in seeds_sentence(many)
 
 
 def test_a_largest_depth_that_the_watch_does_not_see_broken_is_no_complete_mission() -> None:
@@ -215,7 +216,7 @@ def test_a_largest_depth_that_the_watch_does_not_see_broken_is_no_complete_missi
     many = fly_seeds("cwolf", calm, mission, count=2, first=1, **grouped(**around))
     assert many.off_limits == (1, 2)
     assert not many.all_complete
-    assert "beyond the mission's limits: seed 1, 2" in many.sentence()
+    assert "beyond the mission's limits: seed 1, 2" in seeds_sentence(many)
 
 
 def test_an_error_beyond_the_acceptance_radius_is_no_reason_to_verify() -> None:

@@ -225,8 +225,8 @@ def test_law_ranges_judge_as_the_comparisons_do() -> None:
         broken = unkept(metrics, 3.0, limits)
         down = touched(metrics)
         assert list(broken) == list(broken_in(3.0, limits))
-        assert np.array_equal(broken["too near to an obstacle"], too_near(metrics, 3.0))
-        assert np.array_equal(broken["the bottom touched"], down)
+        assert np.array_equal(broken["too_near"], too_near(metrics, 3.0))
+        assert np.array_equal(broken["bottom_touched"], down)
         low = too_low(metrics, limits["min_altitude_m"]) & ~down
-        assert np.array_equal(broken["below the mission's least altitude"], low)
-        assert np.array_equal(broken["beyond the mission's largest depth"], too_deep(metrics, 20.0))
+        assert np.array_equal(broken["too_low"], low)
+        assert np.array_equal(broken["too_deep"], too_deep(metrics, 20.0))

@@ -252,7 +252,7 @@ def words_of(finding: Finding) -> str:
 
 def clause_of(finding: Finding, writer: str) -> str:
     """A finding as a clause, in the words of a module of `seatrial.report.results`."""
-    return str(importlib.import_module(f"seatrial.report.results.{writer}").clause(finding))
+    return str(importlib.import_module(f"seatrial.report.results.{writer}").problem(finding))
 
 
 def report_of(result: object, **options: Any) -> Report:

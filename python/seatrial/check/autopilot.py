@@ -18,7 +18,7 @@ import numpy as np
 
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
-from seatrial.base.report import Report, report_of, writer_of
+from seatrial.base.report import Report, clause_of, report_of, writer_of
 from seatrial.check.file_check import FileCheck, note, warning
 from seatrial.control_design.margin_report import MarginRow, autopilot_margins, sound_speeds
 from seatrial.control_design.mode_table import top_speeds
@@ -256,11 +256,9 @@ def _on_vehicle(
 ) -> list[Finding]:
     """What an autopilot cannot do on a vehicle."""
     # An autopilot of another vehicle explains most of what follows, and weak loops most of the rest.
-    foreign = (
-        [warning("made for another vehicle", sentence=doubt)]
-        if (doubt := mismatch(autopilot, vehicle))
-        else []
-    )
+    foreign = []
+    if (doubt := mismatch(autopilot, vehicle)) is not None:
+        foreign.append(warning("made for another vehicle", sentence=clause_of(doubt, "flight_findings")))
     weak = (
         [*weak_points(margins.rows, margins.sound), *_with_typical_sensors(margins)] if margins.rows else []
     )

@@ -23,7 +23,7 @@ import numpy as np
 from seatrial.base.errors import SimulationError
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
-from seatrial.base.report import report_of
+from seatrial.base.report import clause_of, report_of
 from seatrial.check.file_check import FileCheck, note, warning
 from seatrial.check.legs import LegRow, fence_findings, leg_rows, turn_findings
 from seatrial.control_design.operating_points import AutopilotFacts, autopilot_facts, mode_at
@@ -226,10 +226,12 @@ def check_mission(
             mission, vehicle, autopilot, current=current, sensors=sensors, seabed=seabed, voltage_v=voltage_v
         )
         doubt = mismatch(autopilot, vehicle)
-        foreign = [warning("made for another vehicle", sentence=doubt)] if doubt else []
+        foreign = []
+        if doubt is not None:
+            foreign.append(warning("made for another vehicle", sentence=clause_of(doubt, "flight_findings")))
         flights = [*foreign, *refused, *_flown_findings(flown, fitted)]
         # A remedy is that of the first warning: of a flight only where nothing stands before it.
-        if not doubt:
+        if doubt is None:
             remedy = next((flight.remedy for flight in flown if not flight.complete), "")
     turns = turn_findings(mission, circles, autopilot)
     if flown and all(flight.complete for flight in flown):

@@ -130,6 +130,7 @@ def _show_flight(
 ) -> None:
     """Show a flight, publish its run directory that is held, and draw its figures."""
     from seatrial.base.atomic_write import only_user
+    from seatrial.report.results.flight_tables import seeds_exceeded, seeds_section
 
     def saved() -> str:
         flight.publish(directory, beside={} if many is None else {"seeds.parquet": many.parquet()})
@@ -142,9 +143,9 @@ def _show_flight(
         with only_user(folder):  # another flight would replace the folder under the figures
             return sorted(output.draw(flight, folder / "figures"))
 
-    report = flight.report(sections=() if many is None else (many.section(),))
+    report = flight.report(sections=() if many is None else (seeds_section(many),))
     if many is not None and many.excesses:
-        report = replace(report, worst="; ".join((*many.excesses, report.worst)))
+        report = replace(report, worst="; ".join((*seeds_exceeded(many), report.worst)))
     facts = {"run_directory": str(folder)} | ({} if many is None else {"seeds": many.to_dict()})
     output.show(flight, facts, report=report, results=saved, draw=figures)
 

@@ -1,17 +1,14 @@
 """Flights that broke a limit, touched the bottom, left the water, or pitched beyond the model.
 
-Too deep or too low is what passes the mission's limit by more than 5 cm, the ripple of a loop. Too near is a
-clearance of the hull of at most 0 m, or one short of the mission's promise by more than a tenth of it. The
-model knows no surface: a vehicle that rises above it would stay in the water at sea. Coefficients and loops
-are made for pitch angles up to about 45 deg.
-
-Tests: ``tests/flight/test_excesses.py``, ``tests/verification/test_verification_messages.py``.
+Too near is a clearance of the hull of at most 0 m, or one short of the mission's promise by more than a tenth
+of it. The model knows no surface: a vehicle that rises above it would stay in the water at sea. Held by
+``tests/flight/test_excesses.py`` and ``tests/verification/test_verification_messages.py``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,15 +70,15 @@ def too_low(metrics: Mapping[str, Any], min_altitude_m: ArrayLike) -> Mask:
 
 
 def unkept(metrics: Mapping[str, Any], promised_m: ArrayLike, limits: Mapping[str, float]) -> dict[str, Mask]:
-    """What keeps flights from being complete, whatever the autopilot perceived: (k,) by what happened.
+    """What keeps flights from being complete, whatever the autopilot perceived: (k,) by kind of excess.
 
     `metrics` and `promised_m` as for `too_near`; `limits`: ``max_depth_m`` and ``min_altitude_m`` of the
     mission.
     """
     broken = {}
-    for words, ranges in broken_in(promised_m, limits).items():
+    for kind, ranges in broken_in(promised_m, limits).items():
         inside = [(metrics[name] >= lowest) & (metrics[name] <= highest) for name, lowest, highest in ranges]
-        broken[words] = np.asarray(np.any(inside, axis=0))
+        broken[kind] = np.asarray(np.any(inside, axis=0))
     return broken
 
 
@@ -98,13 +95,10 @@ def broken_in(
     deep = float(np.nextafter(limits["max_depth_m"] + EXCESS_SETTINGS.off_limit_m, infinity))
     above_bottom = float(np.nextafter(0.0, infinity))
     return {
-        "too near to an obstacle": [
-            ("clearance_m", -infinity, 0.0),
-            ("clearance_reserve_m", -infinity, short),
-        ],
-        "the bottom touched": [("altitude_smallest_m", -infinity, 0.0)],
-        "below the mission's least altitude": [("altitude_smallest_m", above_bottom, low)],
-        "beyond the mission's largest depth": [("depth_largest_m", deep, infinity)],
+        "too_near": [("clearance_m", -infinity, 0.0), ("clearance_reserve_m", -infinity, short)],
+        "bottom_touched": [("altitude_smallest_m", -infinity, 0.0)],
+        "too_low": [("altitude_smallest_m", above_bottom, low)],
+        "too_deep": [("depth_largest_m", deep, infinity)],
     }
 
 
@@ -134,16 +128,6 @@ class Excess:
     limit: float
     at_s: float
 
-    @property
-    def words(self) -> str:
-        """What the flights did."""
-        return KINDS[self.kind].words.format(limit=self.limit)
-
-    @property
-    def how_far(self) -> str:
-        """What the worst flight came to."""
-        return KINDS[self.kind].how_far(self.value, self.limit)
-
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data; ``worst`` is the place of the flight among all."""
         return {
@@ -165,8 +149,6 @@ class Kind:
 
     Attributes
     ----------
-    words, how_far
-        What flights of this kind did, and how far one went, of its value and limit.
     unit
         Of value and limit.
     metrics
@@ -175,63 +157,20 @@ class Kind:
         Metric with the time at which it happened; empty where none is kept.
     """
 
-    words: str
-    how_far: Callable[[float, float], str]
     unit: str
     metrics: tuple[str, ...]
     time: str = ""
 
 
-def _clearance(value: float, limit: float) -> str:
-    where = f"{value:.2f} m away" if value > 0.0 else f"{-value:.2f} m inside"
-    return where + (f" (promised: {limit:g} m)" if limit > 0.0 else "")
-
-
 KINDS: Mapping[str, Kind] = {
-    "too_near": Kind(
-        "came too near to an obstacle", _clearance, "m", ("clearance_reserve_m",), "clearance_time_s"
-    ),
-    "bottom_touched": Kind(
-        "touched the bottom", lambda value, _: f"{-value:.2f} m below it", "m", ("altitude_smallest_m",)
-    ),
-    "too_low": Kind(
-        "came below the mission's least altitude of {limit:g} m",
-        lambda value, _: f"{value:.2f} m",
-        "m",
-        ("altitude_smallest_m",),
-    ),
-    "too_deep": Kind(
-        "went beyond the mission's largest depth of {limit:g} m",
-        lambda value, _: f"{value:.2f} m",
-        "m",
-        ("depth_largest_m",),
-    ),
-    "above_surface": Kind(
-        "rose above the surface",
-        lambda value, _: f"{-value:.1f} m high",
-        "m",
-        ("depth_smallest_m",),
-        "depth_smallest_time_s",
-    ),
-    "too_steep": Kind(
-        "pitched beyond {limit:g} deg",
-        lambda value, _: f"{value:.0f} deg",
-        "deg",
-        ("pitch_largest_deg",),
-        "pitch_time_s",
-    ),
-    "not_complete": Kind(
-        "did not end complete",
-        lambda *_: "the first of them",
-        "",
-        ("ending", "abort", "alert", "waypoints_behind"),
-    ),
-    "battery": Kind(
-        "used more energy than the battery of {limit:g} Wh holds",
-        lambda value, _: f"{value:.1f} Wh",
-        "Wh",
-        ("energy_wh",),
-    ),
+    "too_near": Kind("m", ("clearance_reserve_m",), "clearance_time_s"),
+    "bottom_touched": Kind("m", ("altitude_smallest_m",)),
+    "too_low": Kind("m", ("altitude_smallest_m",)),
+    "too_deep": Kind("m", ("depth_largest_m",)),
+    "above_surface": Kind("m", ("depth_smallest_m",), "depth_smallest_time_s"),
+    "too_steep": Kind("deg", ("pitch_largest_deg",), "pitch_time_s"),
+    "not_complete": Kind("", ("ending", "abort", "alert", "waypoints_behind")),
+    "battery": Kind("Wh", ("energy_wh",)),
 }
 """Kinds of excess, the gravest first."""
 
@@ -299,15 +238,3 @@ def excesses(
                 )
             )
     return exceeded
-
-
-def sentences(exceeded: Sequence[Excess], name: Callable[[int], str], what: str = "missions") -> list[str]:
-    """A sentence without a full stop for each excess: how many flights, the worst one and when.
-
-    `name` says what the flight of a place is called ("mission 7"), `what` what several are.
-    """
-    return [
-        f"{excess.count} of {excess.of} {what} {excess.words}, the worst is {name(excess.worst)}:"
-        f" {excess.how_far}{'' if math.isnan(excess.at_s) else f' at {excess.at_s:.1f} s'}"
-        for excess in exceeded
-    ]

@@ -16,7 +16,7 @@ import numpy as np
 from seatrial._core import autopilot_names
 from seatrial.base.atomic_write import parquet
 from seatrial.base.finding import Finding
-from seatrial.base.report import Report, Reported, Section, report_of
+from seatrial.base.report import Report, Reported, Section, clause_of, report_of, writer_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.work import Clock
 from seatrial.flight import excesses
@@ -115,22 +115,24 @@ class Flight(Reported, FlightLog):
 
         Limits are those of depth and altitude, by the true motion.
         """
-        return self.outcome == "complete" and all(leg.reached for leg in self.legs) and not _unkept(self)
+        return self.outcome == "complete" and all(leg.reached for leg in self.legs) and not self.unkept
+
+    @property
+    def unkept(self) -> tuple[str, ...]:
+        """Distances and limits of the mission that the vehicle truly did not keep, by kind of excess."""
+        kinds = excesses.unkept(self.metrics, self.mission.promised_m, self.mission.limits)
+        return tuple(kind for kind, broken in kinds.items() if broken)
 
     @property
     def outcome_in_words(self) -> str:
         """How it ended; one that missed waypoints or kept no distance or limit is not called complete."""
-        if self.outcome != "complete" or self.complete:
-            return self.outcome
-        faults = _unkept(self)
-        faults += [] if all(leg.reached for leg in self.legs) else ["waypoints missed"]
-        return f"flown to its end, {' and '.join(faults)}"
+        return str(writer_of(self).outcome(self))
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What makes the flight doubtful before anything flew: an autopilot of another vehicle."""
         mismatched = mismatch(self.autopilot, self.circumstances.model)
-        return (f"{mismatched}.",) if mismatched else ()
+        return () if mismatched is None else (f"{clause_of(mismatched, 'flight_findings')}.",)
 
     @cached_property
     def alerts(self) -> tuple[Alert, ...]:
@@ -265,9 +267,3 @@ def _sampled(flight: Flight) -> dict[str, bytes]:
         return {}
     table = flight.samples.table()
     return {"samples.parquet": parquet(table), "samples.csv": table.write_csv().encode()}
-
-
-def _unkept(flight: Flight) -> list[str]:
-    """Distances and limits of the mission that the vehicle truly did not keep, in words."""
-    found = excesses.unkept(flight.metrics, flight.mission.promised_m, flight.mission.limits)
-    return [words for words, broken in found.items() if broken]

@@ -17,7 +17,6 @@ from seatrial._core import Autopilot, Flights, State, Vehicle, checked_threads
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import SimulationError
 from seatrial.base.plain import Plain
-from seatrial.base.report import Section
 from seatrial.base.toml_file import loaded
 from seatrial.base.work import Clock, takes
 from seatrial.flight.cases import Cases
@@ -29,13 +28,12 @@ from seatrial.flight.checks import (
     checked_vector,
 )
 from seatrial.flight.conditions import CALM, PLAIN, Conditions, Water
-from seatrial.flight.excesses import excesses, sentences, unkept
+from seatrial.flight.excesses import Excess, excesses, unkept
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
 from seatrial.flight.metrics import CODED, ending_of, metrics_of
 from seatrial.flight.mission import Mission
 from seatrial.flight.payload import Payload, sampled
-from seatrial.flight.tables import spread_table
 
 
 @takes(water=Water, conditions=Conditions)
@@ -234,7 +232,7 @@ class Seeds(Plain, only="seeds endings metrics"):
     off_limits
         Seeds of the flights that went deeper, or nearer to the bottom, than the mission allows.
     excesses
-        Sentences on flights that broke a limit, touched the bottom, left the water or pitched beyond reason.
+        What they did that every user calls a failure.
     """
 
     seeds: tuple[int, ...]
@@ -243,36 +241,13 @@ class Seeds(Plain, only="seeds endings metrics"):
     too_near: tuple[int, ...] = ()
     touched: tuple[int, ...] = ()
     off_limits: tuple[int, ...] = ()
-    excesses: tuple[str, ...] = ()
+    excesses: tuple[Excess, ...] = ()
 
     @property
     def all_complete(self) -> bool:
         """Whether every flight came to the end of the mission and kept its distances and limits."""
         complete = all(ending == "complete" for ending in self.endings)
         return complete and not (self.too_near or self.touched or self.off_limits)
-
-    def sentence(self) -> str:
-        """How many flights ended in which way, and the seeds that did not complete the mission."""
-        counts = {ending: self.endings.count(ending) for ending in dict.fromkeys(self.endings)}
-        ends = ", ".join(f"{count} {ending}" for ending, count in counts.items())
-        others = [seed for seed, end in zip(self.seeds, self.endings, strict=True) if end != "complete"]
-        which = f"; not complete: seed {', '.join(map(str, others[:8]))}" if others else ""
-        kinds = {
-            "too near to an obstacle": self.too_near,
-            "touched the bottom": self.touched,
-            "beyond the mission's limits": self.off_limits,
-        }
-        unkept = "".join(
-            f"; {words}: seed {', '.join(map(str, seeds[:8]))}" for words, seeds in kinds.items() if seeds
-        )
-        return f"{len(self.seeds)} seeds from {self.seeds[0]} on: {ends}{which}{unkept}."
-
-    def section(self) -> Section:
-        """What a report shows of them."""
-        return Section(
-            sentences=(self.sentence(), *(f"{one}." for one in self.excesses)),
-            tables=(spread_table(self.metrics, len(self.seeds)),),
-        )
 
     def parquet(self) -> bytes:
         """Metrics and endings, a row per seed."""
@@ -315,15 +290,8 @@ def fly_seeds(
         touched=which(down),
         off_limits=which(low | deep),
         excesses=tuple(
-            sentences(
-                excesses(
-                    metrics,
-                    promised,
-                    max_depth_m=limits["max_depth_m"],
-                    min_altitude_m=limits["min_altitude_m"],
-                ),
-                lambda k: f"seed {seeds[k]}",
-                "flights",
+            excesses(
+                metrics, promised, max_depth_m=limits["max_depth_m"], min_altitude_m=limits["min_altitude_m"]
             )
         ),
     )

@@ -1,20 +1,9 @@
 """Whether an autopilot was made for the vehicle that it flies: by what its file says, else by its loops.
 
-The file has no key for a vehicle. `seatrial autopilot` and `seatrial tune` write it into ``description``
-(`started_for`, `tuned_for`); a built-in autopilot, or one called "NAME start", has the name of its vehicle.
-Where the file says another vehicle, or none, the gains are held against the vehicle that flies:
-
-* too strong: at the crossover of a loop, about ``K_P/M`` of speeds and the larger of ``K_D/M`` and
-  ``sqrt(K_P/M)`` of depth and angles, with M the apparent mass or inertia, lag and dead time of actuators and
-  control period cost 180 deg of phase (Åström and Murray, 2021, section 10.3). The crossover is a guess from
-  gains and mass: what holds the vehicle by itself, stiffness and damping, may still leave a margin, which
-  `seatrial check AUTOPILOT --vehicle VEHICLE` computes. What a ramp costs goes by the size of the command,
-  and is left out;
-* too weak: no loop may ask for a fifth of what the actuators give together.
-
-The built-in vehicles with their own autopilots lose 29 to 88 deg in their quickest loop and ask for 0.78 to
-3.2 times what their actuators give in their strongest.
-
+The file has no key for a vehicle. `seatrial autopilot` and `seatrial tune` write it into ``description``; a
+built-in autopilot, or one called "NAME start", has the name of its vehicle. Where the file says another
+vehicle, or none, the gains are held against the vehicle that flies. The built-in vehicles with their own
+autopilots lose 29 to 88 deg in their quickest loop and ask for 0.78 to 3.2 times what their actuators give.
 Held by ``tests/flight/test_mismatch.py``.
 """
 
@@ -29,16 +18,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial._core import Autopilot, Vehicle
+from seatrial.base.finding import Finding, Severity
 from seatrial.vehicle.authority import LOOPS, ROWS, delays, thrusts
 
 if TYPE_CHECKING:
     from seatrial.base.arrays import Array
-
-ANOTHER = (
-    "make one for this vehicle (seatrial autopilot VEHICLE), or hold the file against it (seatrial check"
-    " AUTOPILOT --vehicle VEHICLE)"
-)
-"""What to do about an autopilot of another vehicle."""
 
 _SAID = re.compile(
     r"^(?:Start values for (?P<started>.+), from its model"
@@ -58,11 +42,11 @@ class MismatchSettings:
     alike: float = 0.3
     #: Limit of a loop, N or N m, from which it is none.
     unlimited: float = 1e6
+    #: Phase, rad, that the delay costs at the crossover: twice the 90 deg of an integrator.
+    no_phase: float = math.pi
 
 
 MISMATCH = MismatchSettings()
-
-_NO_PHASE = math.pi  # rad, of the delay at the crossover: twice the 90 deg of an integrator
 
 
 def started_for(vehicle: str) -> str:
@@ -91,15 +75,16 @@ def made_for(autopilot: Autopilot) -> str:
     return name if name in Vehicle.names() else ""
 
 
-def mismatch(autopilot: Autopilot, vehicle: Vehicle) -> str:
-    """Why an autopilot does not belong to a vehicle, a sentence without its full stop; "" where it does."""
+def mismatch(autopilot: Autopilot, vehicle: Vehicle) -> Finding | None:
+    """That an autopilot does not belong to a vehicle, because of its loops where they show it; else None."""
     of = made_for(autopilot)
     if of == vehicle.name or (of in Vehicle.names() and _alike(Vehicle.load(of), vehicle)):
-        return ""
+        return None
     doubt = _too_strong(autopilot, vehicle) or _too_weak(autopilot, vehicle)
-    if not of:
-        return f"the autopilot {autopilot.name} does not fit {vehicle.name}: {doubt}" if doubt else ""
-    return f"the autopilot was made for {of}, and {vehicle.name} flies" + (f": {doubt}" if doubt else "")
+    if not of and doubt is None:
+        return None
+    values = {"autopilot": autopilot.name, "made_for": of}
+    return Finding("another vehicle", Severity.PROBLEM, vehicle.name, values, doubt)
 
 
 def _alike(vehicle: Vehicle, other: Vehicle) -> bool:
@@ -110,8 +95,15 @@ def _alike(vehicle: Vehicle, other: Vehicle) -> bool:
     )
 
 
-def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> str:
-    """The loop whose gains may leave it no phase margin at its crossover; empty where none does."""
+def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> Finding | None:
+    """The loop whose gains may leave it no phase margin at its crossover; None where none does.
+
+    The crossover is about ``K_P/M`` of speeds and the larger of ``K_D/M`` and ``sqrt(K_P/M)`` of depth and
+    angles, M the apparent mass or inertia; lag and dead time of actuators and control period cost phase there
+    (Åström and Murray, 2021, section 10.3). It is a guess from gains and mass: what holds the vehicle by
+    itself may still leave a margin, which `seatrial check AUTOPILOT --vehicle VEHICLE` computes. What a ramp
+    costs goes by the size of the command, and is left out.
+    """
     tables, late = autopilot.loops(), delays(vehicle, ROWS)
     mass = np.diag(np.asarray(vehicle.mass_matrix()))
     lost = {}
@@ -123,17 +115,14 @@ def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> str:
         crossover = k_p / own if loop in ("surge", "sway") else max(k_d / own, math.sqrt(max(k_p, 0.0) / own))
         lag = late[row].lag_s + late[row].dead_s
         lost[loop] = crossover * (MISMATCH.delay_periods * autopilot.period_s + lag)
-    if not lost or max(lost.values()) < _NO_PHASE:
-        return ""
+    if not lost or max(lost.values()) < MISMATCH.no_phase:
+        return None
     loop = max(lost, key=lambda name: lost[name])
-    return (
-        f"at the crossover of its {loop} loop the delay of this vehicle costs {math.degrees(lost[loop]):.0f}"
-        " deg of phase, by its gains and the apparent mass alone, and may leave little margin"
-    )
+    return Finding("vehicle too slow", Severity.WEAKNESS, loop, {"phase_deg": math.degrees(lost[loop])})
 
 
-def _too_weak(autopilot: Autopilot, vehicle: Vehicle) -> str:
-    """How little all loops ask for of what the actuators give; empty where one asks for enough."""
+def _too_weak(autopilot: Autopilot, vehicle: Vehicle) -> Finding | None:
+    """How little all loops ask for of what the actuators give; None where one asks for enough."""
     speed = 0.5 * max(abs(breakpoint) for breakpoint in autopilot.speeds_m_s)
     strength = np.abs(thrusts(vehicle, speed)).max(axis=1)
     gives: Array = np.abs(np.asarray(vehicle.allocation_matrix())) @ strength
@@ -143,12 +132,9 @@ def _too_weak(autopilot: Autopilot, vehicle: Vehicle) -> str:
         if "tau_max" in table and 0.0 < gives[LOOPS.index(loop)] < MISMATCH.unlimited
     }
     if not shares or max(shares.values()) >= MISMATCH.weak_share:
-        return ""
+        return None
     loop = max(shares, key=lambda name: shares[name])
-    return (
-        f"its loops ask for at most {100.0 * shares[loop]:.0f} % of what the actuators of this vehicle give"
-        f" ({loop})"
-    )
+    return Finding("loops too weak", Severity.WEAKNESS, loop, {"share": shares[loop]})
 
 
 def _largest(table: Mapping[str, Any], key: str) -> float:

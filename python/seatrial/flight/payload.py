@@ -22,8 +22,6 @@ from pydantic import Field
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.base.plain import Plain
-from seatrial.base.report import Section as ReportSection
-from seatrial.base.report import Table
 from seatrial.base.toml_file import NotNegative, Number, Positive, Section, checked, tables, text_of
 from seatrial.flight.metrics import distance_to_stop
 from seatrial.flight.water import CHANNELS, SLOWEST_M_S, Plume, Profile, properties
@@ -143,12 +141,6 @@ class Value:
 
     mean: float
     deviation: float
-
-    def text(self, decimals: int) -> str:
-        """Both with so many decimals, a dash where there are none."""
-        if math.isnan(self.mean):
-            return "–"
-        return f"{self.mean:.{decimals}f} ± {self.deviation:.{decimals}f}"
 
 
 @dataclass(frozen=True)
@@ -314,81 +306,9 @@ class Samples:
         place = north, east, depth
         return StopSamples(label, *times, len(rows), on_the_way, unsettled, sensors_settled, place, values)
 
-    def section(self) -> ReportSection:
-        """Tables of the stops, and where the most nitrate was."""
-        stops = self.stops
-        places = Table.of(
-            "Position of the samples, m; ± deviation of the navigation",
-            ("stop", "samples", "left out", "north", "east", "depth"),
-            [
-                (
-                    stop.label,
-                    str(stop.count),
-                    str(stop.on_the_way + stop.unsettled),
-                    *(value.text(2) for value in stop.position),
-                )
-                for stop in stops
-                if stop.label != UNDER_WAY
-            ],
-        )
-        values = Table.of(
-            "Measured; ± standard deviation of the samples",
-            ("stop", "nitrate, mg/L", "density, kg/m3", "cond., S/m", "salinity"),
-            [(stop.label, *(stop.values[name].text(_DECIMALS[name]) for name in CHANNELS)) for stop in stops],
-        )
-        tables = (places, values) if any(stop.label != UNDER_WAY for stop in stops) else (values,)
-        return ReportSection("Water samples", tuple(self.sentences()), tables=tables)
-
-    def sentences(self) -> list[str]:
-        """What is left out at stops, the largest nitrate, and how far measured and true values are apart."""
-        if not len(self.t):
-            return ["The payload took no sample."]
-        top = int(np.argmax(self.values[:, 0]))
-        north, east, depth = self.position[top]
-        off = np.sqrt(np.mean((self.values - self.true) ** 2, axis=0))
-        apart = ", ".join(
-            f"{name.split('_')[0]} {off[k]:.2g} {unit}".strip()
-            for k, (name, unit) in enumerate(CHANNELS.items())
-        )
-        return [
-            *self._left_out(),
-            f"{len(self.t)} samples; the most nitrate was {self.values[top, 0]:.2f} mg/L at"
-            f" {self.t[top]:.0f} s, north {north:.1f} m, east {east:.1f} m, {depth:.1f} m deep, where the"
-            f" background is {self.payload.water.at(np.array([depth]))[0, 0]:.2f} mg/L.",
-            f"Measured and true water at the vehicle differ by {apart} rms: response, noise and offset.",
-        ]
-
-    def _left_out(self) -> list[str]:
-        stops = [stop for stop in self.stops if stop.on_the_way + stop.unsettled]
-        if not stops:
-            return []
-        on_the_way, unsettled = (
-            sum(getattr(stop, name) for stop in stops) for name in ("on_the_way", "unsettled")
-        )
-        sentences = [
-            f"Samples at stops that do not count: {on_the_way} before the vehicle was within the acceptance"
-            f" radius, {unsettled} before depth and sensors had settled."
-        ]
-        empty = [stop.label for stop in stops if not stop.count]
-        if empty:
-            sentences.append(
-                f"No sample counts at {_some(empty)}: the vehicle was still diving; give a longer hold_s, or"
-                " first a waypoint at the depth of the stop."
-            )
-        lagging = [stop.label for stop in stops if stop.count and not stop.sensors_settled]
-        if lagging:
-            sentences.append(
-                f"The sensors had not settled at {_some(lagging)}: the slowest needs {self.settling_s:.3g} s"
-                " at the stop's depth; give a longer hold_s."
-            )
-        return sentences
-
     def to_dict(self) -> dict[str, Any]:
         """Stops as plain data; the samples are in the table."""
         return {"samples": len(self.t), "stops": [stop.to_dict() for stop in self.stops]}
-
-
-_DECIMALS = {"nitrate_mg_l": 2, "density_kg_m3": 2, "conductivity_s_m": 3, "salinity_pss": 2}
 
 
 def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
@@ -429,11 +349,6 @@ def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
         tuple(labels[row] for row in rows),
         phase[rows],
     )
-
-
-def _some(labels: Sequence[str]) -> str:
-    named = ", ".join(f'"{label}"' for label in labels[:3])
-    return named + (f" and {len(labels) - 3} more" if len(labels) > 3 else "")
 
 
 def _stops(flight: FlightLog, count: int) -> tuple[list[str], Rows]:

@@ -21,7 +21,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import SimulationError
 from seatrial.base.plain import Plain
-from seatrial.base.report import Report, Reported, Section, Table
+from seatrial.base.report import Report, Reported, Section, Table, clause_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.toml_file import loaded
 from seatrial.base.work import Clock, takes
@@ -383,7 +383,8 @@ def fly_realtime(
     plant = Plant(flown, initial=_start(route), current=water.current, voltage_v=voltage_v)
     chosen = sensors_of(conditions.sensors, flown)
     shown = None if chosen is None else Shown(chosen, seed)
-    doubt = mismatch(pilot, believed)
+    mismatched = mismatch(pilot, believed)
+    doubt = "" if mismatched is None else clause_of(mismatched, "flight_findings")
     notes = () if shown is None else shown.sentences
     info = flown.actuator_info()
     neutral = {name: float(info[name]["neutral"]) for name in flown.actuators}

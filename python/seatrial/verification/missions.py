@@ -38,12 +38,14 @@ from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import before_table, write_atomic
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import SeatrialError, reason
+from seatrial.base.finding import Finding
+from seatrial.base.report import clause_of
 from seatrial.base.work import Clock, Progress
 from seatrial.flight.cases import Cases
 from seatrial.flight.conditions import Conditions, Water
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
-from seatrial.flight.mismatch import ANOTHER, mismatch
+from seatrial.flight.mismatch import mismatch
 from seatrial.flight.sea import SeaState
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
@@ -199,20 +201,14 @@ class CampaignFlights:
             self.autopilot.engage(self.fitted.vehicle if self.model is None else self.model, one.mission.core)
 
     @property
-    def doubt(self) -> str:
-        """Why the autopilot does not belong to the vehicle that it believes in; empty where it does."""
+    def doubt(self) -> Finding | None:
+        """That the autopilot does not belong to the vehicle that it believes in."""
         return mismatch(self.autopilot, self.fitted.vehicle if self.model is None else self.model)
 
     @property
     def warnings(self) -> list[str]:
         """That doubt as a sentence, for the JSON of a result."""
-        return [f"{self.doubt}."] if self.doubt else []
-
-    def doubting(self, worst: str, next_step: str) -> tuple[str, str]:
-        """Worst problem and next step of a result, after the doubt about the autopilot where there is one."""
-        return (
-            (f"{self.doubt}; {worst}", f"{ANOTHER}; then verify again") if self.doubt else (worst, next_step)
-        )
+        return [] if self.doubt is None else [f"{clause_of(self.doubt, 'flight_findings')}."]
 
     @property
     def left_out(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from seatrial.base.chunks import RECORDS
 from seatrial.base.plain import Plain
 from seatrial.base.report import writer_of
 from seatrial.base.run import Content, RunResult, to_json
-from seatrial.flight.excesses import KINDS, Excess, excesses, sentences
+from seatrial.flight.excesses import KINDS, Excess, excesses
 from seatrial.statistics import proportions
 from seatrial.statistics.multiple_testing import holm
 from seatrial.statistics.proportions import FailureProbability
@@ -332,7 +332,7 @@ class Verification(RunResult):
             "reservations": [
                 excess.to_dict() | {"worst": int(self.flown.numbers[excess.worst]), "sentence": sentence}
                 for excess, sentence in zip(
-                    self.reservations, excess_sentences(self, self.reservations), strict=True
+                    self.reservations, writer_of(self).excess_sentences(self, self.reservations), strict=True
                 )
             ],
             "interrupted": self.interrupted,
@@ -375,14 +375,3 @@ class Verification(RunResult):
     def worst(self) -> Mapping[str, list[int]]:
         """Numbers of the worst missions by requirement, the worst first."""
         return {one.requirement.name: [run.number for run in one.worst] for one in self.requirements}
-
-
-def excess_sentences(found: Verification, several: Sequence[Excess]) -> list[str]:
-    """A sentence for each excess: how many missions, the worst one and when."""
-    flown, titles = found.flown, found.flights.titles
-
-    def name(row: int) -> str:
-        of = f" ({titles[flown.mission[row]]})" if len(titles) > 1 else ""
-        return f"mission {flown.numbers[row]}{of}"
-
-    return sentences(several, name)

@@ -16,6 +16,7 @@ import numpy as np
 from seatrial.flight.excesses import broken_in
 from seatrial.flight.metrics import in_metric_units
 from seatrial.report.page.run_folder import RunFolder
+from seatrial.report.results.flight_findings import UNKEPT
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -128,14 +129,14 @@ def judgement(mission: Mission) -> dict[str, Any]:
     return {
         "broken": [
             [
-                words,
+                UNKEPT[kind],
                 [
                     [_FIGURE[name], _end(low), _end(high)]
                     for name, low, high in rows
                     if not np.isposinf(np.asarray(low, float))
                 ],
             ]
-            for words, rows in ranges.items()
+            for kind, rows in ranges.items()
         ],
         "limits": {
             name: f"{side} {limit:g}"

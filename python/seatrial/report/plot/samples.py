@@ -17,6 +17,7 @@ from seatrial.flight.payload import Phase
 from seatrial.flight.water import CHANNELS, properties
 from seatrial.report.plot.style import FAINT, MEASURED, RESIDUAL, SHADE, SIMULATED, house_style, new_figure
 from seatrial.report.plot.track import extent
+from seatrial.report.results.flight_tables import value_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,7 +93,7 @@ def _plan(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples]
         north, east, radius = place[0].position[0], place[0].position[1], _radius(place[0])
         axes.add_patch(Circle((east.mean, north.mean), radius, fill=False, color=MEASURED, zorder=4))
         axes.annotate(
-            "\n".join(f"{stop.label}: {stop.values['nitrate_mg_l'].text(2)}" for stop in place),
+            "\n".join(f"{stop.label}: {value_text(stop.values['nitrate_mg_l'], 2)}" for stop in place),
             (east.mean, north.mean + radius),
             xytext=(0.0, 3.0),
             textcoords="offset points",

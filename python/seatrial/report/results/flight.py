@@ -17,11 +17,24 @@ from seatrial.base.report import Report, Section, as_sentence
 from seatrial.flight.findings import beyond_the_model, clearance, saturated_loops
 from seatrial.flight.flight import Flight
 from seatrial.flight.metrics import Leg, differs, true_vertical
-from seatrial.flight.mismatch import ANOTHER
 from seatrial.flight.reactions import ascent
-from seatrial.flight.tables import legs_table, loops_table, metrics_table, navigation_table
 from seatrial.report.results import watches
-from seatrial.report.results.flight_findings import not_reached, problem, remedy, saturation, still_down
+from seatrial.report.results.flight_findings import (
+    ANOTHER,
+    UNKEPT,
+    not_reached,
+    problem,
+    remedy,
+    saturation,
+    still_down,
+)
+from seatrial.report.results.flight_tables import (
+    legs_table,
+    loops_table,
+    metrics_table,
+    navigation_table,
+    samples_section,
+)
 from seatrial.vehicle.actuators import beyond_tables
 
 _LEAST_S = 20.0  # of a flight from which starts per minute can be told
@@ -85,11 +98,20 @@ def report(flight: Flight, *, sections: Sequence[Section] = (), doubted: bool = 
         next_step=next_step,
         sections=(
             Section(sentences=tuple(_reactions(flight)), tables=tuple(tables)),
-            *(() if flight.samples is None else (flight.samples.section(),)),
+            *(() if flight.samples is None else (samples_section(flight.samples),)),
             *sections,
             Section("What happened", tuple(sentences(flight)), details=True),
         ),
     )
+
+
+def outcome(flight: Flight) -> str:
+    """How a flight ended; one that missed waypoints or kept no distance or limit is not called complete."""
+    if flight.outcome != "complete" or flight.complete:
+        return flight.outcome
+    faults = [UNKEPT[kind] for kind in flight.unkept]
+    faults += [] if all(leg.reached for leg in flight.legs) else ["waypoints missed"]
+    return f"flown to its end, {' and '.join(faults)}"
 
 
 def _how_good(flight: Flight) -> str:

@@ -7,15 +7,25 @@ remedies as well, and ``tests/flight/test_reactions.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
 
 from seatrial.base.finding import Finding
+from seatrial.flight.excesses import Excess
 from seatrial.flight.reactions import reaction_key
 from seatrial.report.results.watches import cause, source
 from seatrial.report.results.watches import remedy as remedy_of_watch
 
+if TYPE_CHECKING:
+    from seatrial.verification.missions import CampaignFlights
+
 CHECK = "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)"
+
+ANOTHER = (
+    "make one for this vehicle (seatrial autopilot VEHICLE), or hold the file against it (seatrial check"
+    " AUTOPILOT --vehicle VEHICLE)"
+)
+"""What to do about an autopilot of another vehicle."""
 
 _FARTHER = "plan the legs farther from the bottom, or slow down before the depth changes"
 
@@ -49,12 +59,19 @@ def remedy(finding: Finding) -> str:
     return words
 
 
+def doubting(flights: CampaignFlights, worst: str, next_step: str) -> tuple[str, str]:
+    """Worst problem and next step of missions, after the doubt about their autopilot where there is one."""
+    if flights.doubt is None:
+        return worst, next_step
+    return f"{problem(flights.doubt)}; {worst}", f"{ANOTHER}; then verify again"
+
+
 def _own(finding: Finding) -> str:
     """The clause of a finding without its cause."""
     return _PROBLEMS[finding.kind](finding)
 
 
-_JOINT = {"position wrong": ": ", "out of trim": ": "}
+_JOINT = dict.fromkeys(("position wrong", "out of trim", "vehicle too slow", "loops too weak"), ": ")
 """How a cause follows what it explains, where that is not by a semicolon."""
 
 
@@ -276,6 +293,19 @@ def saturation(finding: Finding) -> str:
 
 _PROBLEMS: dict[str, Callable[[Finding], str]] = {
     "diverged": lambda _: "the motion diverged",
+    "another vehicle": lambda f: (
+        f"the autopilot was made for {f['made_for']}, and {f.subject} flies"
+        if f["made_for"]
+        else f"the autopilot {f['autopilot']} does not fit {f.subject}"
+    ),
+    "vehicle too slow": lambda f: (
+        f"at the crossover of its {f.subject} loop the delay of this vehicle costs {f['phase_deg']:.0f} deg"
+        " of phase, by its gains and the apparent mass alone, and may leave little margin"
+    ),
+    "loops too weak": lambda f: (
+        f"its loops ask for at most {100.0 * f['share']:.0f} % of what the actuators of this vehicle give"
+        f" ({f.subject})"
+    ),
     "loops doubtful": lambda _: "",
     "too near": _near,
     "bottom touched": lambda f: f"{f.subject} touched the bottom, {where(f)}",
@@ -353,3 +383,57 @@ _REMEDIES: dict[str, Callable[[Finding], str]] = {
     "loop busy": lambda _: "lower the speed or the gains of this loop; its actuators have no more to give",
 }
 """What to do about each kind, where it is the root."""
+
+
+UNKEPT = {
+    "too_near": "too near to an obstacle",
+    "bottom_touched": "the bottom touched",
+    "too_low": "below the mission's least altitude",
+    "too_deep": "beyond the mission's largest depth",
+}
+"""What a flight did not keep, by kind of excess: after "flown to its end"."""
+
+_DID = {
+    "too_near": "came too near to an obstacle",
+    "bottom_touched": "touched the bottom",
+    "too_low": "came below the mission's least altitude of {limit:g} m",
+    "too_deep": "went beyond the mission's largest depth of {limit:g} m",
+    "above_surface": "rose above the surface",
+    "too_steep": "pitched beyond {limit:g} deg",
+    "not_complete": "did not end complete",
+    "battery": "used more energy than the battery of {limit:g} Wh holds",
+}
+
+
+def exceeded(excess: Excess) -> str:
+    """What flights of a kind of excess did, after "missions" or the like."""
+    return _DID[excess.kind].format(limit=excess.limit)
+
+
+def _how_far(excess: Excess) -> str:
+    """What the worst flight came to."""
+    value, limit = excess.value, excess.limit
+    if excess.kind == "too_near":
+        where = f"{value:.2f} m away" if value > 0.0 else f"{-value:.2f} m inside"
+        return where + (f" (promised: {limit:g} m)" if limit > 0.0 else "")
+    return {
+        "bottom_touched": f"{-value:.2f} m below it",
+        "above_surface": f"{-value:.1f} m high",
+        "too_steep": f"{value:.0f} deg",
+        "not_complete": "the first of them",
+        "battery": f"{value:.1f} Wh",
+    }.get(excess.kind, f"{value:.2f} m")
+
+
+def excess_clauses(
+    excesses: Iterable[Excess], name: Callable[[int], str], what: str = "missions"
+) -> list[str]:
+    """A clause for each excess: how many flights, the worst one and when.
+
+    `name` says what the flight of a place is called ("mission 7"), `what` what several are.
+    """
+    return [
+        f"{excess.count} of {excess.of} {what} {exceeded(excess)}, the worst is {name(excess.worst)}:"
+        f" {_how_far(excess)}{'' if math.isnan(excess.at_s) else f' at {excess.at_s:.1f} s'}"
+        for excess in excesses
+    ]

@@ -67,7 +67,7 @@ def current_words(north_m_s: float, east_m_s: float) -> str:
     return f"a steady current of {math.hypot(north_m_s, east_m_s):.2f} m/s towards {towards:.0f} deg"
 
 
-def clause(finding: Finding) -> str:
+def problem(finding: Finding) -> str:
     """A change that is suspected, or what the band rests on."""
     return _CLAUSES[finding.kind](finding)
 

@@ -12,6 +12,7 @@ from functools import singledispatch
 
 from seatrial.base.finding import Finding
 from seatrial.base.report import Report, Section, Table
+from seatrial.report.results.flight_findings import doubting
 from seatrial.statistics.proportions import share
 from seatrial.verification.boundary import FailureBoundary, RequirementBoundary
 from seatrial.verification.falsify import Falsification, FalsifiedRequirement
@@ -53,7 +54,7 @@ def _rare(result: RareFailures) -> Report:
     judged = [entry for entry in result.requirements if entry.event is not None]
     count = sum(entry.verdict == "held" for entry in result.requirements)
     spent = sum(entry.event.evaluations for entry in judged if entry.event is not None)
-    worst, next_step = result.scenario.flights.doubting(*_worst_of_rare(result))
+    worst, next_step = doubting(result.scenario.flights, *_worst_of_rare(result))
     return Report(
         title=result.scenario.name,
         outcome=result.outcome + (" (interrupted)" if result.interrupted else ""),
@@ -200,7 +201,7 @@ def _falsification(result: Falsification) -> Report:
             "widen the ranges in [verification] if worse can happen; `seatrial rare` gives the"
             " probability of failure"
         )
-    worst, then = result.scenario.flights.doubting(worst, then)
+    worst, then = doubting(result.scenario.flights, worst, then)
     return Report(
         title=result.scenario.name,
         outcome=("falsified" if bad else "not falsified") + (" (interrupted)" if result.interrupted else ""),
@@ -244,7 +245,7 @@ def disturbance(entry: FalsifiedRequirement) -> list[str]:
 def _boundary(result: FailureBoundary) -> Report:
     """Three lines, and a table of the boundaries."""
     flights = result.scenario.flights
-    worst, next_step = flights.doubting(*_worst_of_boundary(result))
+    worst, next_step = doubting(flights, *_worst_of_boundary(result))
     names = " and ".join(result.variables)
     bounded = sum(entry.side == "boundary" for entry in result.requirements)
     return Report(

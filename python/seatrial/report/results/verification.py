@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from importlib import metadata
 
 import numpy as np
 
 from seatrial.base.report import Report, Section, Table, appended, listed
-from seatrial.flight.excesses import KINDS
+from seatrial.flight.excesses import Excess
+from seatrial.report.results.flight_findings import doubting, exceeded, excess_clauses
 from seatrial.report.results.junit import JUnitCase, junit_xml
 from seatrial.statistics.proportions import share
 from seatrial.verification.judgement import JudgedRequirement
 from seatrial.verification.regression import FlownCase
-from seatrial.verification.verification import AutopilotComparison, Verification, excess_sentences
+from seatrial.verification.verification import AutopilotComparison, Verification
 
 _CAUSES = 4  # the strongest, that a report lists
 
@@ -31,7 +33,7 @@ def report(verification: Verification) -> Report:
                 f"fly the worst one again to see where ({_again(verification)}), then change mission or"
                 " autopilot, or state in a requirement how often it may happen"
             )
-    worst, next_step = verification.flights.doubting(worst, next_step)
+    worst, next_step = doubting(verification.flights, worst, next_step)
     comparison = (
         ()
         if verification.comparison is None
@@ -78,6 +80,17 @@ def report(verification: Verification) -> Report:
             ),
         ),
     )
+
+
+def excess_sentences(verification: Verification, excesses: Sequence[Excess]) -> list[str]:
+    """A sentence for each excess: how many missions, the worst one and when."""
+    flown, titles = verification.flown, verification.flights.titles
+
+    def name(row: int) -> str:
+        of = f" ({titles[flown.mission[row]]})" if len(titles) > 1 else ""
+        return f"mission {flown.numbers[row]}{of}"
+
+    return excess_clauses(excesses, name)
 
 
 def _how_good(verification: Verification) -> str:
@@ -175,7 +188,7 @@ def _again(verification: Verification) -> str:
 def _outcome(verification: Verification) -> str:
     """The outcome, with the shares of missions that failed where nothing is required."""
     reserved = [
-        f"{share(reservation.count / reservation.of, 'up')} of the missions {reservation.words}"
+        f"{share(reservation.count / reservation.of, 'up')} of the missions {exceeded(reservation)}"
         for reservation in verification.reservations
     ]
     if verification.outcome == "held" and reserved:
@@ -372,12 +385,7 @@ def junit(verification: Verification) -> str:
     ]
     reserved = excess_sentences(verification, verification.reservations)
     outcomes += [
-        JUnitCase(
-            mission,
-            f"no requirement: {KINDS[excess.kind].words}".format(limit=excess.limit),
-            "held",
-            message=sentence,
-        )
+        JUnitCase(mission, f"no requirement: {exceeded(excess)}", "held", message=sentence)
         for excess, sentence in zip(verification.reservations, reserved, strict=True)
     ]
     rests_on = {

@@ -1,6 +1,6 @@
-"""Tables of a flight's report: metrics, legs, control loops, and the spread over many seeds.
+"""Tables of a flight's report: metrics, legs, loops, the water's samples, and many seeds with sentences.
 
-Held by tests/cli/test_cli_fly.py.
+Held by ``tests/cli/test_cli_fly.py``, ``tests/flight/test_payload.py`` and ``tests/flight/test_findings.py``.
 """
 
 from __future__ import annotations
@@ -11,8 +11,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.report import Column, Table
+from seatrial.base.report import Column, Section, Table
+from seatrial.flight.fly import Seeds
 from seatrial.flight.metrics import Leg, Loop, differs
+from seatrial.flight.payload import UNDER_WAY, Samples, Value
+from seatrial.flight.water import CHANNELS
+from seatrial.report.results.flight_findings import excess_clauses
 
 _METRICS = {
     "duration_s": ("duration", "s", 1),
@@ -159,6 +163,124 @@ def spread_table(metrics: Mapping[str, Array], count: int) -> Table:
             rows.append((label, *(f"{value:.{decimals}f}" for value in spread), unit))
     head = ("metric", "least", "median", "largest", Column("unit", align="left"))
     return Table.of(f"Over {count} seeds", head, rows)
+
+
+def seeds_section(seeds: Seeds) -> Section:
+    """Flights of many seeds: how they ended, what they exceeded, and the spread of their metrics."""
+    sentences = (seeds_sentence(seeds), *(f"{clause}." for clause in seeds_exceeded(seeds)))
+    return Section(sentences=sentences, tables=(spread_table(seeds.metrics, len(seeds.seeds)),))
+
+
+def seeds_exceeded(seeds: Seeds) -> list[str]:
+    """Flights that broke a limit, touched the bottom, left the water or pitched beyond reason, as clauses."""
+    return excess_clauses(seeds.excesses, lambda place: f"seed {seeds.seeds[place]}", "flights")
+
+
+def seeds_sentence(seeds: Seeds) -> str:
+    """How many flights ended in which way, and the seeds that did not complete the mission."""
+    counts = {ending: seeds.endings.count(ending) for ending in dict.fromkeys(seeds.endings)}
+    ends = ", ".join(f"{count} {ending}" for ending, count in counts.items())
+    kinds = {
+        "not complete": [
+            seed for seed, end in zip(seeds.seeds, seeds.endings, strict=True) if end != "complete"
+        ],
+        "too near to an obstacle": seeds.too_near,
+        "touched the bottom": seeds.touched,
+        "beyond the mission's limits": seeds.off_limits,
+    }
+    unkept = "".join(
+        f"; {words}: seed {', '.join(map(str, which[:8]))}" for words, which in kinds.items() if which
+    )
+    return f"{len(seeds.seeds)} seeds from {seeds.seeds[0]} on: {ends}{unkept}."
+
+
+def samples_section(samples: Samples) -> Section:
+    """Tables of the stops, and where the most nitrate was."""
+    stops = samples.stops
+    places = Table.of(
+        "Position of the samples, m; ± deviation of the navigation",
+        ("stop", "samples", "left out", "north", "east", "depth"),
+        [
+            (
+                stop.label,
+                str(stop.count),
+                str(stop.on_the_way + stop.unsettled),
+                *(value_text(value, 2) for value in stop.position),
+            )
+            for stop in stops
+            if stop.label != UNDER_WAY
+        ],
+    )
+    values = Table.of(
+        "Measured; ± standard deviation of the samples",
+        ("stop", "nitrate, mg/L", "density, kg/m3", "cond., S/m", "salinity"),
+        [
+            (stop.label, *(value_text(stop.values[name], _DECIMALS[name]) for name in CHANNELS))
+            for stop in stops
+        ],
+    )
+    tables = (places, values) if any(stop.label != UNDER_WAY for stop in stops) else (values,)
+    return Section("Water samples", tuple(_samples(samples)), tables=tables)
+
+
+def _samples(samples: Samples) -> list[str]:
+    """What is left out at stops, the largest nitrate, and how far measured and true values are apart."""
+    if not len(samples.t):
+        return ["The payload took no sample."]
+    top = int(np.argmax(samples.values[:, 0]))
+    north, east, depth = samples.position[top]
+    off = np.sqrt(np.mean((samples.values - samples.true) ** 2, axis=0))
+    apart = ", ".join(
+        f"{name.split('_')[0]} {off[k]:.2g} {unit}".strip() for k, (name, unit) in enumerate(CHANNELS.items())
+    )
+    return [
+        *_left_out(samples),
+        f"{len(samples.t)} samples; the most nitrate was {samples.values[top, 0]:.2f} mg/L at"
+        f" {samples.t[top]:.0f} s, north {north:.1f} m, east {east:.1f} m, {depth:.1f} m deep, where the"
+        f" background is {samples.payload.water.at(np.array([depth]))[0, 0]:.2f} mg/L.",
+        f"Measured and true water at the vehicle differ by {apart} rms: response, noise and offset.",
+    ]
+
+
+def _left_out(samples: Samples) -> list[str]:
+    stops = [stop for stop in samples.stops if stop.on_the_way + stop.unsettled]
+    if not stops:
+        return []
+    on_the_way, unsettled = (
+        sum(getattr(stop, name) for stop in stops) for name in ("on_the_way", "unsettled")
+    )
+    sentences = [
+        f"Samples at stops that do not count: {on_the_way} before the vehicle was within the acceptance"
+        f" radius, {unsettled} before depth and sensors had settled."
+    ]
+    empty = [stop.label for stop in stops if not stop.count]
+    if empty:
+        sentences.append(
+            f"No sample counts at {_some(empty)}: the vehicle was still diving; give a longer hold_s, or"
+            " first a waypoint at the depth of the stop."
+        )
+    lagging = [stop.label for stop in stops if stop.count and not stop.sensors_settled]
+    if lagging:
+        sentences.append(
+            f"The sensors had not settled at {_some(lagging)}: the slowest needs {samples.settling_s:.3g} s"
+            " at the stop's depth; give a longer hold_s."
+        )
+    return sentences
+
+
+_DECIMALS = {"nitrate_mg_l": 2, "density_kg_m3": 2, "conductivity_s_m": 3, "salinity_pss": 2}
+
+
+def value_text(value: Value, decimals: int) -> str:
+    """Mean and deviation with so many decimals, a dash where there are none."""
+    if math.isnan(value.mean):
+        return "–"
+    return f"{value.mean:.{decimals}f} ± {value.deviation:.{decimals}f}"
+
+
+def _some(labels: Sequence[str]) -> str:
+    named = ", ".join(f'"{label}"' for label in labels[:3])
+    return named + (f" and {len(labels) - 3} more" if len(labels) > 3 else "")
 
 
 def _idle(metrics: Mapping[str, float], name: str) -> bool:
