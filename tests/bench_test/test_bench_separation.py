@@ -11,8 +11,8 @@ import pytest
 from seatrial._core import Vehicle
 from seatrial.base.errors import TrialError
 from seatrial.bench_test.characteristic import actuator_ratios
-from seatrial.bench_test.columns import unit_of
 from seatrial.bench_test.evaluate import bench
+from seatrial.bench_test.file import unit_of
 from seatrial.bench_test.plateaus import Plateau, Separated, force_per_newton, separate
 from tests.bench_test.bench_records import TRUTH, pull, write_bench
 

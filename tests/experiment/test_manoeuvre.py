@@ -10,7 +10,7 @@ import pytest
 
 from seatrial import TrialError, Vehicle, VehicleError
 from seatrial.base.channels import AXES
-from seatrial.experiment import levels as shapes
+from seatrial.experiment import manoeuvre as shapes
 from seatrial.experiment.combinations import AHEAD, Thrusters
 from seatrial.experiment.forecast import Limits, Proposal, forecast, proposals, simulated, uneven
 from seatrial.experiment.manoeuvre import (

@@ -16,7 +16,7 @@ from seatrial.base.errors import TrialError
 from seatrial.cli import app
 from seatrial.report.plot.trials import variants
 from seatrial.scoring.comparison import Comparison, compare
-from seatrial.scoring.paired_windows import LEAST_WINDOWS, ratio, typical, window_sums
+from seatrial.scoring.paired_windows import PAIR_SETTINGS, ratio, typical, window_sums
 from seatrial.scoring.score import score
 from seatrial.trial.trial import Trial
 
@@ -119,7 +119,7 @@ def test_a_free_run_is_one_window_and_tells_no_interval(trial: Trial) -> None:
     free = compare({"one": own, "other": own.with_coefficients({"X_uu": -12.0})}, trial, free_run=True)
     assert free.of("other")["u"].r2_interval is None
     assert free.overall[0].verdict == "too few windows"
-    assert f"an interval takes {LEAST_WINDOWS} windows" in free.sentences()[0]
+    assert f"an interval takes {PAIR_SETTINGS.fewest_windows} windows" in free.sentences()[0]
     assert free.to_dict()["differences"][0]["r2_interval"] is None
 
 

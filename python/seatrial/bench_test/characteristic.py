@@ -34,17 +34,34 @@ from seatrial.bench_test.thrust_table import ThrustTable, dead_band, from_points
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.bench_test.columns import Unit
-    from seatrial.bench_test.file import Regression
+    from seatrial.bench_test.file import Regression, Unit
     from seatrial.bench_test.motor_estimate import MotorEstimate
     from seatrial.bench_test.pulls import PullPoints
 
 SIDES = {"ahead": 1.0, "astern": -1.0}
 
-_EXPONENT_SHARE, _EXPONENT_ERROR = 0.05, 0.03  # of the thrust: weaker points are noise; error of a point
-_GRID = 12  # points of a table of a fitted curve, per direction
-_SPARE, _MISFIT = 3, 0.8  # points per coefficient of a cubic, and its scatter over the chosen order's
-_LEAST_ALONE = 2  # points of some actuators: a ratio from so few has no error
+
+@dataclass(frozen=True)
+class CharacteristicSettings:
+    """From where on a fitted characteristic is doubted, and how it is tabulated."""
+
+    exponent_share: float = 0.05  #: Of the largest thrust: weaker points are noise in the exponent.
+    exponent_error: float = 0.03  #: Relative error of a point in the exponent.
+    table_points: int = 12  #: Points of a table of a fitted curve, per direction.
+    points_per_term: int = 3  #: Points per coefficient that a cubic takes.
+    #: Scatter of a cubic over that of the chosen order, below which the order is too low.
+    misfit: float = 0.8
+    fewest_alone: int = 2  #: Points of some actuators: a ratio from so few has no error.
+    grid_points: int = 400  #: Of the grid on which a curve is checked.
+    rounding: float = 1e-3  #: Of the largest thrust: rounding of a fit neither falls nor pushes back.
+    beyond: float = 1.05  #: Over the largest tested signal: less far is no extrapolation.
+    poor_r2: float = 0.9  #: R2 of a curve that is worth a warning.
+    sagged: float = 1.05  #: Largest over smallest supply voltage: thrust differs by 10 %, as its square.
+    quiet_points: int = 3  #: Points without thrust that make a dead band.
+    slowest_s: float = 10.0  #: Lag, s: no propeller or servo of an underwater vehicle lags so long.
+
+
+SETTINGS = CharacteristicSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +188,7 @@ def actuator_ratios(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
     ratios = {}
     for names in dict.fromkeys(points.running):
         own = np.array([other == names for other in points.running]) & np.isfinite(fitted)
-        if own.sum() > _LEAST_ALONE and fitted[own].any():
+        if own.sum() > SETTINGS.fewest_alone and fitted[own].any():
             ratio = least_squares(fitted[own, None], points.thrust[own], terms_of(1, 1, through_origin=True))
             ratios[names] = float(ratio.coefficients[0]), float(ratio.standard_deviations[0])
     return ratios if len(ratios) > 1 else {}
@@ -195,7 +212,7 @@ def fit_unit(unit: Unit, pulls: Sequence[PullPoints], regression: Regression, *,
             points.signal,
             points.thrust,
             points.voltage_v if regression.with_voltage else None,
-            knots=regression.knots or _GRID,
+            knots=regression.knots or SETTINGS.table_points,
             tolerance=regression.tolerance_n,
             where=where,
         )
@@ -259,13 +276,13 @@ def _outliers(inputs: Array, thrust: Array, terms: tuple[Term, ...]) -> NDArray[
     """Outliers of the chosen order; where it misses the curve, only those of a cubic, too."""
     out = outliers(inputs, thrust, terms)
     flexible = terms_of(3, inputs.shape[1])
-    if not out.any() or len(thrust) < _SPARE * len(flexible):
+    if not out.any() or len(thrust) < SETTINGS.points_per_term * len(flexible):
         return out
     # Points that a stiff curve misses may be the curve's own shape: those of a cubic are wrong for both.
     beyond = outliers(inputs, thrust, flexible)
     rest = ~beyond
     stiff, cubic = (least_squares(inputs[rest], thrust[rest], t).sigma for t in (terms, flexible))
-    return out & beyond if cubic < _MISFIT * stiff else out
+    return out & beyond if cubic < SETTINGS.misfit * stiff else out
 
 
 def _exponent(
@@ -275,10 +292,10 @@ def _exponent(
 
     A point errs by the scatter in N and by three per cent of its thrust, so that weak ones count less.
     """
-    strong = thrust > _EXPONENT_SHARE * thrust.max()
+    strong = thrust > SETTINGS.exponent_share * thrust.max()
     if strong.sum() < 4 or np.ptp(np.log(signal[strong])) < 1e-9:
         return (np.nan, np.nan), (np.nan, np.nan)
-    weight = 1.0 / np.hypot(1.0, scatter / (_EXPONENT_ERROR * thrust[strong]))
+    weight = 1.0 / np.hypot(1.0, scatter / (SETTINGS.exponent_error * thrust[strong]))
     rows = weight[:, None] * np.column_stack([np.ones(len(weight)), np.log(signal[strong])])
     fit = least_squares(rows, weight * np.log(thrust[strong]), ((1, 0), (0, 1)))
     low, high = fit.intervals()[1]
@@ -291,7 +308,9 @@ def _tabulated(made: UnitFit) -> ThrustTable:
     grid: list[float] = [0.0]
     for side in made.sides:
         strongest = float(np.abs(points.signal[SIDES[side] * points.signal > 0.0]).max())
-        grid += [SIDES[side] * strongest * (k + 1) / _GRID for k in range(_GRID)]
+        grid += [
+            SIDES[side] * strongest * (k + 1) / SETTINGS.table_points for k in range(SETTINGS.table_points)
+        ]
     volts: tuple[float, ...] = ()
     if regression.with_voltage:
         low, high = float(points.voltage_v.min()), float(points.voltage_v.max())
@@ -308,21 +327,12 @@ def _tabulated(made: UnitFit) -> ThrustTable:
     )
 
 
-_POINTS = 400  # of the grid on which a curve is checked
-_NOISE = 1e-3  # of the largest thrust: rounding of a fit neither falls nor pushes back
-_BEYOND = 1.05  # of the largest tested signal: less far is no extrapolation
-_POOR = 0.9  # R2 of a curve that is worth a warning
-_SAGGED = 1.05  # largest over smallest supply voltage: thrust differs by 10 %, as its square
-_QUIET = 3  # points without thrust that make a dead band
-_SLOWEST_S = 10.0  # no propeller or servo of an underwater vehicle lags so long
-
-
 def motor_warnings(unit: str, motor: MotorEstimate) -> list[str]:
     """Sentences about what looks wrong in a group's motor."""
     return [
         f"{unit} motor: {name} = {parameter.value:.3g} s is not that of a motor; is t_s in seconds?"
         for name, parameter in motor.parameters.items()
-        if name in ("T_1", "T_t") and parameter.value is not None and parameter.value > _SLOWEST_S
+        if name in ("T_1", "T_t") and parameter.value is not None and parameter.value > SETTINGS.slowest_s
     ]
 
 
@@ -365,18 +375,20 @@ def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:
         limit = float(facts[f"maximum_{side}"])
         high = limit if np.isfinite(limit) else float(tested.max())
         where = f"{fit.unit.name} {side}"
-        if high > _BEYOND * tested.max():
+        if high > SETTINGS.beyond * tested.max():
             warnings.append(
                 f"{where}: tested up to {tested.max():.4g} of {high:.4g} {unit}; beyond, the curve is a guess"
             )
         # From the least to the largest signal of the motor, not only where it was tested.
-        grid = np.linspace(low, high, _POINTS)
+        grid = np.linspace(low, high, SETTINGS.grid_points)
         for voltage_v in _voltages(fit):
-            at = None if voltage_v is None else np.full(_POINTS, voltage_v)
+            at = None if voltage_v is None else np.full(SETTINGS.grid_points, voltage_v)
             thrust = sign * fit.thrust(sign * grid, at)
             words = "" if voltage_v is None else f" at {voltage_v:.3g} V"
             # A polynomial may bend back between its points.
-            below = np.flatnonzero(thrust < np.maximum.accumulate(thrust) - _NOISE * np.abs(thrust).max())
+            below = np.flatnonzero(
+                thrust < np.maximum.accumulate(thrust) - SETTINGS.rounding * np.abs(thrust).max()
+            )
             if len(below):
                 top = int(thrust[: below[0] + 1].argmax())
                 bottom = top + int(thrust[top : below[-1] + 1].argmin())
@@ -384,7 +396,7 @@ def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:
                     f"{where}: the curve falls between {grid[top]:.4g} and {grid[bottom]:.4g}"
                     f" {unit}{words}, which no propeller does; more points there, or a lower order"
                 )
-            against = np.flatnonzero(thrust < -_NOISE * np.abs(thrust).max())
+            against = np.flatnonzero(thrust < -SETTINGS.rounding * np.abs(thrust).max())
             if len(against):
                 warnings.append(
                     f"{where}: the curve pushes the wrong way up to {grid[against[-1]]:.4g} {unit}{words};"
@@ -392,7 +404,7 @@ def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:
                 )
     silent = dead_band(fit.points.signal, fit.points.thrust)
     inside = (fit.points.signal >= silent[0]) & (fit.points.signal <= silent[1])
-    if fit.directions and inside.sum() >= _QUIET:
+    if fit.directions and inside.sum() >= SETTINGS.quiet_points:
         warnings.append(
             f"{fit.unit.name}: no thrust from {silent[0]:+.4g} to {silent[1]:+.4g} {unit}, a dead band that a"
             ' polynomial smears; take order = "points"'
@@ -401,13 +413,13 @@ def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:
     volts = fit.points.voltage_v
     if fit.unit.command != "rpm" and not fit.regression.with_voltage and np.isfinite(volts).all():
         low, high = float(volts.min()), float(volts.max())
-        if high > _SAGGED * low:
+        if high > SETTINGS.sagged * low:
             warnings.append(
                 f"{fit.unit.name}: the supply ran from {low:.3g} to {high:.3g} V and thrust follows it; take"
                 ' inputs = ["signal", "voltage"]'
             )
     for side, direction in fit.directions.items():
-        if direction.fit.r2 < _POOR:
+        if direction.fit.r2 < SETTINGS.poor_r2:
             warnings.append(
                 f"{fit.unit.name} {side}: R2 is only {direction.fit.r2:.3f}; the order does not fit, or the"
                 " load is noisy"

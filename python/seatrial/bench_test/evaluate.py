@@ -26,8 +26,7 @@ from seatrial.bench_test.characteristic import (
     motor_warnings,
     pull_warnings,
 )
-from seatrial.bench_test.columns import Unit, listed, read_bench_table, unit_of
-from seatrial.bench_test.file import BenchFile, Pull, Steps, parse
+from seatrial.bench_test.file import BenchFile, Pull, Steps, Unit, listed, parse, read_bench_table, unit_of
 from seatrial.bench_test.pulls import PullPoints, distance, read_pull
 from seatrial.bench_test.result import BenchTest
 from seatrial.bench_test.vehicle_text import write_results

@@ -44,7 +44,24 @@ from seatrial.bench_test.motor_fit import (
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise, Plateau, Statics, starts
 
-_MOST = 24  # edges of a dead band that are tried: each costs a solution of the problem
+
+@dataclass(frozen=True)
+class EliminationSettings:
+    """How robustly motor dynamics are fitted, and where their edges are searched."""
+
+    most_edges: int = 24  #: Edges of a dead band that are tried: each costs a solution of the problem.
+    starts: int = 4  #: For a problem with several minima: each costs a solution.
+    knee: float = 1.5  #: Standard deviations: Huber's loss keeps 96 % of the efficiency for normal errors.
+    gross: float = 8.0  #: Standard deviations of a gross error.
+    gross_share: float = 0.1  #: Largest part of the values that may be gross errors.
+    missed_run: int = 3  #: Values in a row that may be missed counts.
+    #: Rise of the squared errors, in variances; doubled because errors are coloured.
+    chance: float = 2.0 * NORMAL**2
+    longest_samples: float = 40.0  #: Samples at which the search for the longest lag ends.
+
+
+SETTINGS = EliminationSettings()
+
 
 _FIRST = NAMES.index("n_min_ahead")
 
@@ -55,7 +72,7 @@ def _edges(problem: Problem, x: Array) -> Array:
     problem = replace(problem, dead_band=True)
     for side in (0, 1):
         sizes = _sizes(problem.records, side)
-        cuts = np.concatenate([[0.0], 0.5 * (sizes[:-1] + sizes[1:])])[:_MOST]
+        cuts = np.concatenate([[0.0], 0.5 * (sizes[:-1] + sizes[1:])])[: SETTINGS.most_edges]
         costs = []
         for cut in cuts:
             best[_FIRST + side] = cut
@@ -79,11 +96,6 @@ def _sizes(records: Sequence[StepRecord], side: int) -> Array:
     sign = 1.0 - 2.0 * side
     return np.unique(sign * commands[sign * commands > 0])
 
-
-_STARTS = 4  # for a problem with several minima: each costs a solution
-_KNEE = 1.5  # standard deviations: Huber's loss keeps 96 % of the efficiency for normal errors
-_GROSS, _MOST_GROSS = 8.0, 0.1  # standard deviations of a gross error; largest part of the values
-_RUN = 3  # values in a row that may be missed counts
 
 _MINIMUM = [NAMES.index("n_min_ahead"), NAMES.index("n_min_astern")]
 
@@ -112,10 +124,10 @@ def readings(
     reasons = reachable(records, settled, shown, dead_band=False)
     free = np.array([name not in reasons for name in NAMES])
     base = MotorModel(shown.gain, 0.0, 0.0, shown.n_min, shown.n_max).coordinates()
-    problem = Problem(records, base, free, _KNEE * noise.total, loss, dead_band=False)
-    points = starts(records, shown, noise, cost=problem.cost, wanted=_STARTS)
+    problem = Problem(records, base, free, SETTINGS.knee * noise.total, loss, dead_band=False)
+    points = starts(records, shown, noise, cost=problem.cost, wanted=SETTINGS.starts)
     first = fit(problem, points)
-    problem = replace(problem, knee=_KNEE * _size_of_errors(problem, first.x, noise))
+    problem = replace(problem, knee=SETTINGS.knee * _size_of_errors(problem, first.x, noise))
     again = fit(problem, [first.x])
     lift = Reading(problem, replace(again, starts=first.starts, agreeing=first.agreeing), reasons)
     if max(*shown.n_min, *shown.dropped) <= 0:
@@ -132,7 +144,7 @@ def readings(
 def _cleaned(reading: Reading, noise: Noise) -> Reading:
     """The reading refitted without single gross errors, where the loss is robust."""
     problem, best = reading.problem, reading.best
-    limit = _GROSS * _size_of_errors(problem, best.x, noise)
+    limit = SETTINGS.gross * _size_of_errors(problem, best.x, noise)
     if problem.loss == "none":
         return reading
     kept, dropped = [], 0
@@ -142,7 +154,7 @@ def _cleaned(reading: Reading, noise: Noise) -> Reading:
         dropped += int(bad.sum())
         stamps = np.asarray(record.t_measured)
         values = np.where(np.isin(stamps, times[bad]), np.nan, np.asarray(record.measured))
-        kept.append(replace(record, measured=values) if bad.mean() <= _MOST_GROSS else record)
+        kept.append(replace(record, measured=values) if bad.mean() <= SETTINGS.gross_share else record)
     if not dropped:
         return reading
     problem = replace(problem, records=tuple(kept))
@@ -154,7 +166,7 @@ def _single(far: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Marks of values in runs that are short enough for missed counts."""
     kept = np.zeros_like(far)
     for start, end in runs(far):
-        kept[start:end] = end - start <= _RUN
+        kept[start:end] = end - start <= SETTINGS.missed_run
     return kept
 
 
@@ -169,9 +181,6 @@ def _size_of_errors(problem: Problem, x: Array, noise: Noise) -> float:
     moved = errors[np.concatenate(moving)]
     return max(spread(errors), spread(moved) if len(moved) else 0.0, noise.total)
 
-
-_CHANCE = 2.0 * NORMAL**2  # rise of the squared errors, in variances; doubled because errors are coloured
-_LONGEST = 40.0  # samples at which the search for the longest lag ends
 
 _LAG, _DELAY = NAMES.index("T_1"), NAMES.index("T_t")
 
@@ -239,7 +248,7 @@ def _longest_lag(problem: Problem, best: Fit, sample: float) -> float:
     length = max(float(best.x[_LAG]), 0.02 * sample)
     while _allowed(problem, best, _LAG, length):
         length *= 2.0
-        if length > _LONGEST * sample:
+        if length > SETTINGS.longest_samples * sample:
             return math.inf
     shorter = float(best.x[_LAG])
     for _ in range(8):  # halvings of the interval: to half a per cent of it
@@ -266,7 +275,7 @@ def _allowed(problem: Problem, best: Fit, k: int, value: float) -> bool:
     """Whether the cost with a coordinate held rises by no more than chance."""
     held = _refitted(problem, best, k, value)[1]
     size = max(spread(problem.errors(best.x)), 1e-12)
-    return 2.0 * (held.cost - best.cost) * (problem.knee / size) ** 2 <= _CHANCE
+    return 2.0 * (held.cost - best.cost) * (problem.knee / size) ** 2 <= SETTINGS.chance
 
 
 def _refitted(problem: Problem, best: Fit, k: int, value: float) -> tuple[Problem, Fit]:

@@ -88,8 +88,8 @@ class MotorParameter(Plain, also="status"):
         """
         label, unit = symbol(self.name), "" if self.unit == "1" else f" {self.unit}"
         if self.value is not None and self.sigma is not None:
-            if self.name in ("T_1", "T_t") and _number(self.upper) < _SHORTEST_S:
-                return f"{label} is zero to {_SHORTEST_S:g} s."
+            if self.name in ("T_1", "T_t") and _number(self.upper) < SETTINGS.shortest_s:
+                return f"{label} is zero to {SETTINGS.shortest_s:g} s."
             digits = 4 if self.sigma <= 0 else max(0, 1 - math.floor(math.log10(self.sigma)))
             lower, upper = (f"{_number(edge):.{digits}f}" for edge in (self.lower, self.upper))
             return (
@@ -112,15 +112,24 @@ class MotorParameter(Plain, also="status"):
         return text + f"; the vehicle file's {self.kept:.4g}{unit} is kept."
 
 
-_SHORTEST_S = 1e-3  # no motor and no logger shows a shorter time
+@dataclass(frozen=True)
+class MotorEstimateSettings:
+    """Which parameters of a motor a record determines."""
+
+    shortest_s: float = 1e-3  #: No motor and no logger shows a shorter time, s.
+    level: float = 0.05  #: Chance of a false difference.
+    many: float = 1e9  #: Degrees of freedom from which Student's distribution is the normal one.
+    misfit: float = 10.0  #: Errors over the noise above which an interval means nothing.
+    visible: float = 1e-4  #: Share of the motion that the errors must have for it.
+    rough: float = 1.5  #: Errors over the measurement's own noise above which something is left out.
+    worse: float = 1e-3  #: Share of the motion by which the written motor may miss more than the fitted one.
+
+
+SETTINGS = MotorEstimateSettings()
 
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else value
-
-
-_LEVEL = 0.05  # chance of a false difference
-_MANY = 1e9  # degrees of freedom from which Student's distribution is the normal one
 
 
 @dataclass(frozen=True)
@@ -141,7 +150,7 @@ class Directions(Plain, also="differ"):
     @property
     def differ(self) -> bool:
         """Whether the difference is more than chance, at 5 %."""
-        return self.p < _LEVEL
+        return self.p < SETTINGS.level
 
 
 @dataclass(frozen=True)
@@ -175,7 +184,7 @@ def compare_directions(
             continue
         block = known.covariance[k : k + 2, k : k + 2]
         variance = max(float(block[0, 0] + block[1, 1] - 2.0 * block[0, 1]), 1e-300)
-        dof = min(max(float(known.dof[k : k + 2].min()), 1.0), _MANY)
+        dof = min(max(float(known.dof[k : k + 2].min()), 1.0), SETTINGS.many)
         p = 2.0 * float(stdtr(dof, -abs(x[k] - x[k + 1]) / math.sqrt(variance)))
         weights = 1.0 / np.diag(block)
         weights /= weights.sum()
@@ -183,7 +192,7 @@ def compare_directions(
         ahead, astern = float(x[k]), float(x[k + 1])
         if RECIPROCAL[k]:
             ahead, astern, pooled, sigma = 1.0 / ahead, 1.0 / astern, 1.0 / pooled, sigma / pooled**2
-        if p < _LEVEL:
+        if p < SETTINGS.level:
             sigma = max(sigma, 0.5 * abs(ahead - astern))
         comparisons.append(Directions(limit, ahead, astern, p, pooled, sigma))
     return tuple(comparisons)
@@ -198,7 +207,7 @@ def compare_actuators(
     differences = []
     names = list(alone)
     kept = [k for k, name in enumerate(NAMES) if determined[name]]
-    level = _LEVEL / max(len(names) * len(kept), 1)
+    level = SETTINGS.level / max(len(names) * len(kept), 1)
     for k in kept:
         values = np.array([alone[name][0][k] for name in names])
         sigma = np.array([alone[name][1].sigma[k] for name in names])
@@ -209,7 +218,7 @@ def compare_actuators(
         # The median of m values scatters by sqrt(pi/2m) of one.
         shared = math.sqrt(math.pi / (2.0 * known.sum()) * float(np.mean(sigma[known] ** 2)))
         for i in np.flatnonzero(known):
-            dof = min(max(float(alone[names[i]][1].dof[k]), 1.0), _MANY)
+            dof = min(max(float(alone[names[i]][1].dof[k]), 1.0), SETTINGS.many)
             z = abs(values[i] - median) / math.hypot(sigma[i], shared)
             p = 2.0 * float(stdtr(dof, -z))
             if p < level:
@@ -218,11 +227,6 @@ def compare_actuators(
                     value, middle = (math.inf if size <= 0 else 1.0 / size for size in (value, middle))
                 differences.append(ActuatorDifference(names[i], NAMES[k], value, middle, p))
     return tuple(differences)
-
-
-_MISFIT = 10.0  # errors over the noise above which an interval means nothing
-_VISIBLE = 1e-4  # share of the motion that the errors must have for it
-_ROUGH = 1.5  # errors over the measurement's own noise above which something is left out
 
 
 @dataclass(frozen=True)
@@ -257,7 +261,7 @@ class MotorFitness:
     def misfit(self) -> float | None:
         """Errors over the measurement's noise where the chain clearly misses the motor, else None."""
         ratio = self.rms / max(math.hypot(self.noise, self.quantum / math.sqrt(12.0)), 1e-12)
-        return ratio if ratio > _MISFIT and 1.0 - self.r2 > _VISIBLE else None
+        return ratio if ratio > SETTINGS.misfit and 1.0 - self.r2 > SETTINGS.visible else None
 
     @classmethod
     def of(cls, records: tuple[StepRecord, ...], model: MotorModel, noise: Noise) -> MotorFitness:
@@ -282,9 +286,6 @@ class MotorFitness:
         )
 
 
-_WORSE = 1e-3  # share of the motion by which the written motor may miss more than the fitted one
-
-
 @dataclass(frozen=True)
 class WrittenMotor:
     """Keys for the vehicle file, R² of the motor that the file then holds, and the rate written as a bound.
@@ -304,7 +305,7 @@ class WrittenMotor:
                 f"{self.least} is written as {self.table[self.least]:g}, the least that the records allow:"
                 " without it the vehicle file would reuse the other rate limit, which the records exclude."
             )
-        if fitted_r2 - self.r2 > _WORSE:
+        if fitted_r2 - self.r2 > SETTINGS.worse:
             lines.append(
                 f"The motor as written to the vehicle file follows the records with R\N{SUPERSCRIPT TWO}"
                 f" {self.r2:.4f}, the fit with {fitted_r2:.4f}: a limit that the file keeps, or shares"
@@ -434,7 +435,7 @@ class MotorEstimate(
         )
         # Errors well above the noise of the measurement are the model's.
         own = max(self.noise.total, 1e-12)
-        if fit.rms > _ROUGH * own:
+        if fit.rms > SETTINGS.rough * own:
             lines.append(
                 f"The errors ({fit.rms:.3g} {unit} rms) are {fit.rms / own:.1f} times the measurement's own"
                 " noise: the motor does something that the chain leaves out, or single values are wrong; look"

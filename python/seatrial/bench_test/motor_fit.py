@@ -39,9 +39,20 @@ from seatrial.statistics.uncertainty import covariance
 
 Loss = Literal["huber", "soft_l1", "none"]
 
-_STEP = 1e-4  # of a coordinate's natural size
-_COARSE, _END = 1e-5, 1e-9  # relative tolerances, to choose a start and of the result
-_SAME = 1e-3  # relative cost within which two starts found the same minimum
+
+@dataclass(frozen=True)
+class MotorFitSettings:
+    """Steps and tolerances of the search for a motor's parameters."""
+
+    step: float = 1e-4  #: Of a coordinate's natural size: difference quotients.
+    coarse: float = 1e-5  #: Relative tolerance to choose a start.
+    end: float = 1e-9  #: Relative tolerance of the result.
+    same_cost: float = 1e-3  #: Relative cost within which two starts found the same minimum.
+    same_level: float = 0.2  #: Of a quantum: modelled levels closer than this are equal.
+    gain_width: float = 0.1  #: Of the gain: a wider interval is of no use.
+
+
+SETTINGS = MotorFitSettings()
 
 
 @dataclass(frozen=True)
@@ -99,8 +110,8 @@ class Problem:
         for index in np.flatnonzero(self.free):
             # The last digits of the step are those that the sum can hold.
             up, down = x.copy(), x.copy()
-            up[index] += _STEP * size[index]
-            down[index] = max(down[index] - _STEP * size[index], 0.0)
+            up[index] += SETTINGS.step * size[index]
+            down[index] = max(down[index] - SETTINGS.step * size[index], 0.0)
             columns.append((self.errors(down) - self.errors(up)) / (up[index] - down[index]))
         return np.stack(columns, axis=1)
 
@@ -118,10 +129,14 @@ class Fit:
 
 def fit(problem: Problem, points: Sequence[Array], *, evaluations: int = 60) -> Fit:
     """The best of the minima that are reached from several starts (11,); only the best is run to the end."""
-    ends = [_descent(problem, point, evaluations, _COARSE) for point in points] if len(points) > 1 else []
+    ends = (
+        [_descent(problem, point, evaluations, SETTINGS.coarse) for point in points]
+        if len(points) > 1
+        else []
+    )
     best = min(range(len(ends)), key=lambda k: (ends[k].cost, k), default=0)
-    end = _descent(problem, ends[best].x if ends else points[0], evaluations, _END)
-    agreeing = sum(other.cost <= end.cost * (1.0 + _SAME) + 1e-12 for other in ends)
+    end = _descent(problem, ends[best].x if ends else points[0], evaluations, SETTINGS.end)
+    agreeing = sum(other.cost <= end.cost * (1.0 + SETTINGS.same_cost) + 1e-12 for other in ends)
     return replace(end, agreeing=agreeing, starts=len(ends)) if ends else end
 
 
@@ -174,8 +189,6 @@ def spread(errors: Array) -> float:
 
 NORMAL = 1.959964
 """Standard deviations of half a 95 % interval of a normal distribution."""
-
-_LEVEL = 0.2  # of a quantum: modelled levels closer than this are one
 
 
 @dataclass(frozen=True)
@@ -252,10 +265,10 @@ def _hidden(problem: Problem, x: Array, noise: Noise, slopes: Array, weight: Arr
         at, near = record.sampled[0], 0.5 * record.sample_s
         change = model.response(record, at + near) - model.response(record, at - near)
         levels.append(model.response(record, at))
-        steady.append(np.abs(change) < _LEVEL * noise.quantum)
+        steady.append(np.abs(change) < SETTINGS.same_level * noise.quantum)
     still = np.concatenate(steady)
     _, owner = np.unique(
-        np.rint(np.concatenate(levels)[still] / (_LEVEL * noise.quantum)), return_inverse=True
+        np.rint(np.concatenate(levels)[still] / (SETTINGS.same_level * noise.quantum)), return_inverse=True
     )
     if not len(owner):
         return none
@@ -265,9 +278,6 @@ def _hidden(problem: Problem, x: Array, noise: Noise, slopes: Array, weight: Arr
     information = (slopes / size).T @ (weight[:, None] * slopes / size)
     moved = pulls / size @ np.linalg.pinv(information, rcond=1e-11, hermitian=True) / size
     return np.asarray(variance * moved.T @ moved)
-
-
-_GAIN_PART = 0.1  # of the gain: a wider interval is of no use
 
 
 @dataclass(frozen=True)
@@ -326,7 +336,7 @@ def unseen_rates(x: Array, known: MotorUncertainty, free: NDArray[np.bool_]) -> 
 def wide(x: Array, known: MotorUncertainty, sample: float) -> dict[str, Reason]:
     """Reasons by name of gain and times whose interval is too wide to be of use."""
     reasons = {}
-    if not known.half[0] <= _GAIN_PART * x[0]:
+    if not known.half[0] <= SETTINGS.gain_width * x[0]:
         reasons["K_V"] = Reason("its interval is wider than a tenth of it")
     for k in (1, 2):
         if not known.half[k] <= max(x[k], sample):

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -246,9 +246,18 @@ def _parameter(k: int, reduced: Reduced, kept: float | None, unit: str) -> Motor
     return replace(blank, value=value, sigma=sigma, lower=lower, upper=upper, dof=dof)
 
 
-_UNKNOWN_LAG_S = 0.3  # where the records do not tell the lag
-_REST_S, _REST_SAMPLES = 1.5, 8.0  # length of a plateau, the longer of the two
-_STAGGER = 0.6180339887  # golden section: steps meet the samples at evenly spread phases
+@dataclass(frozen=True)
+class MotorTestSettings:
+    """Which steps are recommended for a motor, and which losses are as good."""
+
+    unknown_lag_s: float = 0.3  #: Where the records do not tell the lag, s.
+    rest_s: float = 1.5  #: Length of a plateau, s, or `rest_samples` if that is longer.
+    rest_samples: float = 8.0  #: Length of a plateau in samples.
+    stagger: float = 0.6180339887  #: Golden section: steps meet the samples at evenly spread phases.
+    as_good: float = 1.1  #: Root mean square errors that are about as small as the smallest.
+
+
+SETTINGS = MotorTestSettings()
 
 
 def recommended_steps(
@@ -291,13 +300,13 @@ def recommended_steps(
     # Full reversals take the longest way: they show the rate limits of both directions.
     reversals = [0.9 * ahead, -0.9 * astern, 0.9 * ahead, -0.9 * astern, 0.0]
     commands = np.array([0.0, *sides[0], *sides[1], *reversals])
-    rest = max(_REST_S, _REST_SAMPLES * sample_s)
+    rest = max(SETTINGS.rest_s, SETTINGS.rest_samples * sample_s)
     holds = [_hold(known, commands[max(k - 1, 0)], commands[k]) + rest for k in range(len(commands))]
     t = np.concatenate([[0.0], np.cumsum(holds)[:-1]])
     # Commands change at samples; the stagger moves them within, which tells the dead time to a part of one.
     t = np.ceil(t / sample_s) * sample_s
     if stagger:
-        t[1:] += sample_s * ((_STAGGER * np.arange(1, len(t))) % 1.0)
+        t[1:] += sample_s * ((SETTINGS.stagger * np.arange(1, len(t))) % 1.0)
     return np.append(t, t[-1] + holds[-1]), np.append(commands, 0.0)
 
 
@@ -308,7 +317,7 @@ def _sequence(known: MotorModel, side: int) -> list[float]:
     low = known.n_min[side] or 0.1 * top
     # A change that the rate limit passes in a third of the time constant shows the lag alone.
     rate = min(known.n_acc[side], known.n_dec[side], 10.0 * top)
-    small = min(max(rate * (known.T_1 or _UNKNOWN_LAG_S) / 3.0, 0.04 * top), 0.15 * top)
+    small = min(max(rate * (known.T_1 or SETTINGS.unknown_lag_s) / 3.0, 0.04 * top), 0.15 * top)
     middle = max(0.5 * top, 2.0 * low)
     staircase = [0.3 * low, 0.0, 0.6 * low, 0.9 * low, 1.3 * low, 2.0 * low, 0.0]
     fine = [middle, middle + small, middle, middle - small, middle, middle + small]
@@ -321,7 +330,7 @@ def _hold(known: MotorModel, before: float, after: float) -> float:
     sides = (0, 1)
     slowest = min(min(known.n_acc[side], known.n_dec[side]) for side in sides)
     ramp = abs(after - before) / slowest if math.isfinite(slowest) else 0.0
-    return known.T_t + ramp + 5.0 * (known.T_1 or _UNKNOWN_LAG_S)
+    return known.T_t + ramp + 5.0 * (known.T_1 or SETTINGS.unknown_lag_s)
 
 
 Keys = dict[str, float | str]
@@ -331,8 +340,6 @@ _KEYS = {"n_max_ahead": "maximum_ahead", "n_max_astern": "maximum_astern", "n_mi
 _KEYS |= {"n_min_astern": "minimum_astern", "K_V": "K_V", "T_1": "T_1_s", "T_t": "T_t_s"}
 
 _PARTNER = {"n_acc": "n_dec", "n_dec": "n_acc"}
-
-_AS_WELL = 1.1  # root mean square errors that are about as small as the smallest
 
 
 def written_motor(
@@ -364,7 +371,7 @@ def written_motor(
             choices.append((base | rates | {key: float(f"{max(least):.3g}")}, key))
     errors = [_rms(MotorModel.from_table(dict(start) | table), records) for table, _ in choices]
     # The first that is about as good: choices are ordered by how little they claim.
-    best = next(k for k, error in enumerate(errors) if error <= _AS_WELL * min(errors))
+    best = next(k for k, error in enumerate(errors) if error <= SETTINGS.as_good * min(errors))
     scatter = float(np.std(np.concatenate([record.sampled[1] for record in records])))
     r2 = 1.0 - (errors[best] / scatter) ** 2 if scatter > 0.0 else math.nan
     return WrittenMotor(choices[best][0], r2, choices[best][1])

@@ -26,13 +26,32 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
 
-_LEAST = 3  # samples of a plateau, which is the second half of a held command
-_AGREE = 0.005  # part of a level within which a gain agrees; noise adds to it
-_CALM, _CALM_SD = 0.8, 0.6616  # part of the bends that counts; standard deviation of a normal one cut there
-_CAUTION = 1.1  # makes up for the tails with the largest scatter, which are left out
-_STRAY = 0.1  # part of the plateaus that may turn against their command before the record is refused
-_EXACT = 1e-6  # of the largest value: the least noise
-_MOVING = 8.0  # standard deviations of the noise above which revolutions have moved
+
+@dataclass(frozen=True)
+class MotorPlateauSettings:
+    """What a plateau and a step of revolutions must show, and from which values the fit starts."""
+
+    fewest_samples: int = 3  #: Of a plateau, which is the second half of a held command.
+    agreeing_share: float = 0.005  #: Of a level within which a gain agrees; noise adds to it.
+    calm_share: float = 0.8  #: Of the bends that count in the noise.
+    calm_sd: float = 0.6616  #: Standard deviation of a normal bend that is cut there.
+    caution: float = 1.1  #: Makes up for the tails with the largest scatter, which are left out.
+    #: Of the plateaus that may turn against their command before the record is refused.
+    stray_share: float = 0.1
+    exact_share: float = 1e-6  #: Of the largest value: the least noise.
+    moving: float = 8.0  #: Standard deviations of the noise above which revolutions have moved.
+    gain_apart: float = 0.05  #: How far the gain of one command may lie from that of the others, relative.
+    clear_step: float = 10.0  #: Standard deviations of the noise that a step must exceed.
+    settled_share: float = 0.15  #: Of the step by which the revolutions may miss their level before it.
+    delays_per_sample: int = 4  #: Points of the grid of dead times per sample.
+    most_delays: int = 48  #: Of the grid, so that long dead times cost no more than short ones.
+    #: On the first estimate, of which a ramp may be a part.
+    lag_factors: tuple[float, ...] = (0.4, 0.75, 1.0, 1.5)
+    #: On the first estimate, of which a lag may be a part.
+    ramp_factors: tuple[float, float, float] = (1.0, 0.75, 0.3)
+
+
+SETTINGS = MotorPlateauSettings()
 
 
 @dataclass(frozen=True)
@@ -87,14 +106,14 @@ def noise_of(records: Sequence[StepRecord]) -> Noise:
     quantum = _quantum(np.concatenate(values))
     # Steps and gaps make a few bends large: the rest of a normal distribution beyond its 80 % is left out.
     small = np.sort(np.concatenate(bends))
-    small = small[: max(1, int(_CALM * len(small)))]
-    white = math.sqrt(float(np.mean(small**2)) / 6.0) / _CALM_SD
+    small = small[: max(1, int(SETTINGS.calm_share * len(small)))]
+    white = math.sqrt(float(np.mean(small**2)) / 6.0) / SETTINGS.calm_sd
     if scatter:
         variance, dof = np.array(sorted(scatter)).T
-        calm = np.cumsum(dof) <= max(_CALM * dof.sum(), dof[0])
-        white = min(white, _CAUTION * math.sqrt(float(np.average(variance[calm], weights=dof[calm]))))
+        calm = np.cumsum(dof) <= max(SETTINGS.calm_share * dof.sum(), dof[0])
+        white = min(white, SETTINGS.caution * math.sqrt(float(np.average(variance[calm], weights=dof[calm]))))
     # Data without any noise, as a simulation gives them, still need a scale for their errors.
-    least = 0.0 if quantum > 0 else _EXACT * float(np.abs(np.concatenate(values)).max())
+    least = 0.0 if quantum > 0 else SETTINGS.exact_share * float(np.abs(np.concatenate(values)).max())
     return Noise(max(math.sqrt(max(white**2 - quantum**2 / 12.0, 0.0)), least), quantum)
 
 
@@ -118,7 +137,7 @@ def plateaus(records: Sequence[StepRecord], noise: Noise) -> list[Plateau]:
             drift = abs(float(np.median(late) - np.median(early)))
             level = float(np.median(tail))
             sd = noise.total / math.sqrt(len(tail))
-            if drift <= 6.0 * sd + noise.quantum + _AGREE * abs(level):
+            if drift <= 6.0 * sd + noise.quantum + SETTINGS.agreeing_share * abs(level):
                 settled.append(Plateau(command, level, sd, record.name))
     return settled
 
@@ -132,10 +151,10 @@ def starts_in_motion(record: StepRecord, noise: Noise) -> StepRecord | None:
     times, measured = record.sampled
     end = starts[1] if len(starts) > 1 else times[-1]
     first, tail = measured[times < end][:2], measured[(times >= 0.5 * (starts[0] + end)) & (times < end)]
-    if len(first) < 2 or len(tail) < _LEAST:
+    if len(first) < 2 or len(tail) < SETTINGS.fewest_samples:
         return None
     level = float(np.median(tail))
-    if np.abs(first - level).min() <= _MOVING * noise.total + _AGREE * abs(level):
+    if np.abs(first - level).min() <= SETTINGS.moving * noise.total + SETTINGS.agreeing_share * abs(level):
         return None
     kept = np.where(
         np.asarray(record.t_measured) < 0.5 * (starts[0] + end), np.nan, np.asarray(record.measured)
@@ -151,14 +170,14 @@ def _tails(record: StepRecord) -> list[tuple[float, Array]]:
     tails = []
     for start, end, command in zip(starts, ends, commands, strict=True):
         tail = measured[(times >= 0.5 * (start + end)) & (times <= end)]
-        if len(tail) >= _LEAST:
+        if len(tail) >= SETTINGS.fewest_samples:
             tails.append((float(command), tail))
     return tails
 
 
 def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
     """Gain and static limits from plateaus."""
-    rest = _MOVING * noise.total
+    rest = SETTINGS.moving * noise.total
     driven = [plateau for plateau in settled if plateau.command != 0.0]
     moving = [plateau for plateau in driven if abs(plateau.level) > rest]
     if not moving:
@@ -175,7 +194,7 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
         for plateau in against
         if not any(plateau.command * o.command > 0 for o in moving if o not in against)
     ]
-    if whole or len(against) > _STRAY * len(moving):
+    if whole or len(against) > SETTINGS.stray_share * len(moving):
         _refuse(moving, against[0])
     moving = [plateau for plateau in moving if plateau.level * plateau.command > 0]
     gain = _agreed(moving, noise)
@@ -202,9 +221,6 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
     return Statics(gain, (low[0], low[1]), (high[0], high[1]), (dropped[0], dropped[1]))
 
 
-_GAIN_APART = 0.05  # how far the gain of one command may lie from that of the others
-
-
 def _shared(ordered: Sequence[Plateau], gain: float, noise: Noise, way: int) -> list[float]:
     """Levels of the first plateaus that lie off the line in one way and share the level of the very first.
 
@@ -218,7 +234,7 @@ def _shared(ordered: Sequence[Plateau], gain: float, noise: Noise, way: int) -> 
             break
         shared.append(abs(plateau.level))
         commands.add(round(abs(plateau.command), 9))
-    alone = len(commands) == 1 and abs(shared[0] / (gain * commands.pop()) - 1.0) < _GAIN_APART
+    alone = len(commands) == 1 and abs(shared[0] / (gain * commands.pop()) - 1.0) < SETTINGS.gain_apart
     return [] if alone else shared
 
 
@@ -233,7 +249,7 @@ def _slack(plateau: Plateau, noise: Noise) -> float:
     return (
         4.0 * plateau.sd
         + noise.quantum * (0.5 if noise.sd >= noise.quantum else 1.0)
-        + _AGREE * abs(plateau.level)
+        + SETTINGS.agreeing_share * abs(plateau.level)
     )
 
 
@@ -267,13 +283,7 @@ def _refuse(moving: Sequence[Plateau], plateau: Plateau) -> None:
     )
 
 
-_CLEAR = 10.0  # standard deviations of the noise that a step must exceed
-_SETTLED = 0.15  # part of the step by which the revolutions may miss their level before it
 _LN4 = math.log(4.0)  # a lag goes from 20 to 80 % of a step in ln 4 of its time constants
-_PER_SAMPLE = 4  # points of the grid of dead times per sample
-_MOST_DELAYS = 48  # of the grid, so that long dead times cost no more than short ones
-_LAG_FACTORS = (0.4, 0.75, 1.0, 1.5)  # on the first estimate, of which a ramp may be a part
-_RAMP_FACTORS = (1.0, 0.75, 0.3)  # on the first estimate, of which a lag may be a part
 
 
 @dataclass(frozen=True)
@@ -314,11 +324,11 @@ def transitions(records: Sequence[StepRecord], static: Statics, noise: Noise) ->
             before, after = levels[k - 1], levels[k]
             end = stamps[k + 1] if k + 1 < len(stamps) else math.inf
             rows = (times >= stamps[k]) & (times < end)
-            clear = static.gain * abs(after - before) > _CLEAR * noise.total
+            clear = static.gain * abs(after - before) > SETTINGS.clear_step * noise.total
             if not clear or rows.sum() < 3:
                 continue
             part = (measured[rows] / static.gain - before) / (after - before)
-            if abs(part[0]) > _SETTLED:
+            if abs(part[0]) > SETTINGS.settled_share:
                 continue
             passed = [_crossing(times[rows] - stamps[k], part, share) for share in (0.2, 0.8)]
             if all(math.isfinite(time) for time in passed):
@@ -339,10 +349,10 @@ def starts(
     sample = float(np.median([record.sample_s for record in records]))
     lag, ramps = _widths(seen, sample)
     latest = float(np.median([step.to_20 for step in seen])) if seen else 4.0 * sample
-    delays = np.arange(0.0, latest + sample, sample / _PER_SAMPLE)
-    delays = delays[:: max(1, math.ceil(len(delays) / _MOST_DELAYS))]
+    delays = np.arange(0.0, latest + sample, sample / SETTINGS.delays_per_sample)
+    delays = delays[:: max(1, math.ceil(len(delays) / SETTINGS.most_delays))]
     grid: list[tuple[float, int, Array]] = []
-    for delay, longer, steeper in itertools.product(delays, _LAG_FACTORS, _RAMP_FACTORS):
+    for delay, longer, steeper in itertools.product(delays, SETTINGS.lag_factors, SETTINGS.ramp_factors):
         x = MotorModel(static.gain, longer * lag, float(delay), static.n_min, static.n_max).coordinates()
         x[7:] = steeper * ramps
         grid.append((cost(x), len(grid), x))

@@ -40,16 +40,25 @@ from seatrial.statistics.blocks import lag_one_correlation, variance_inflation
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.bench_test.columns import Unit
+    from seatrial.bench_test.file import Unit
 
-_LEAST_SAMPLES = 5
-"""Fewer steady samples of the load are too few for a mean."""
 
-_COMMAND_SHARE = 0.002  # of the range: a command that changes less is jitter of its logging
-_MEASURED_SHARE = 0.03  # of the largest revolutions: a controller lets them vary by less
-_NOISES = 6.0  # deviations of the noise: one sample in a billion leaves a plateau by chance
-_DRIFT_SHARE, _DRIFT_ERRORS = 0.02, 6.0  # as `Plateau.drifting` says
-_MOST_MEMORY = 0.95  # correlation of neighbours that a plateau of some ten samples can show
+@dataclass(frozen=True)
+class PlateauSettings:
+    """Which parts of a bench record are steady."""
+
+    fewest_samples: int = 5  #: Fewer steady samples of the load are too few for a mean.
+    command_share: float = 0.002  #: Of the range: a command that changes less is jitter of its logging.
+    measured_share: float = 0.03  #: Of the largest revolutions: a controller lets them vary by less.
+    noises: float = 6.0  #: Deviations of the noise: one sample in a billion leaves a plateau by chance.
+    drift_share: float = 0.02  #: Of the load by which a plateau drifts, as `Plateau.drifting` says.
+    drift_errors: float = 6.0  #: Standard errors of that drift.
+    most_memory: float = 0.95  #: Correlation of neighbours that a plateau of some ten samples can show.
+    alike_share: float = 0.1  #: Of the mean signal: actuators that run closer pull together.
+    least_factor: float = 0.05  #: N on the cell per newton: below, errors of the geometry are as large.
+
+
+SETTINGS = PlateauSettings()
 
 
 @dataclass(frozen=True)
@@ -126,8 +135,9 @@ def plateaus(
             steady_parts.append(made)
     if not steady_parts:
         raise TrialError(
-            f"{where}: no steady part: {len(bounds) - 1} plateaus of the command, none with {_LEAST_SAMPLES}"
-            f" samples of the load after {settle_s:g} s; hold each command longer or lower settle_s"
+            f"{where}: no steady part: {len(bounds) - 1} plateaus of the command, none with"
+            f" {SETTINGS.fewest_samples} samples of the load after {settle_s:g} s; hold each command longer"
+            " or lower settle_s"
         )
     return steady_parts, short
 
@@ -162,7 +172,7 @@ def _plateau(
         return None
     cells = load[steady]
     counts = np.isfinite(cells).sum(axis=0)
-    if counts.min() < _LEAST_SAMPLES:
+    if counts.min() < SETTINGS.fewest_samples:
         return None
     means = {name: _mean(held(x)[steady]) for name, x in signal.items()}
     load_mean, error, drifting = np.zeros(load.shape[1]), np.zeros(load.shape[1]), False
@@ -171,9 +181,9 @@ def _plateau(
         load_mean[axis], error[axis] = samples.mean(), standard_error(samples)
         first, second = np.array_split(samples, 2)
         apart = abs(float(first.mean() - second.mean()))
-        drifting |= apart > _DRIFT_ERRORS * standard_error(second) and apart > _DRIFT_SHARE * abs(
-            load_mean[axis]
-        )
+        drifting |= apart > SETTINGS.drift_errors * standard_error(
+            second
+        ) and apart > SETTINGS.drift_share * abs(load_mean[axis])
     volts = np.nan if voltage_v is None else _mean(held(voltage_v)[steady])
     label = f"{t[steady[0]]:.1f} to {t[steady[-1]]:.1f} s"
     return Plateau(label, means, load_mean, error, volts, int(counts.min()), bool(drifting))
@@ -192,14 +202,16 @@ def standard_error(samples: Array) -> float:
     if n < 2:
         return 0.0
     return float(
-        np.sqrt(power / (n - 1) / n * variance_inflation(lag_one_correlation(centred, most=_MOST_MEMORY)))
+        np.sqrt(
+            power / (n - 1) / n * variance_inflation(lag_one_correlation(centred, most=SETTINGS.most_memory))
+        )
     )
 
 
 def _changes(commands: list[Array]) -> list[int]:
     """Rows at which a command leaves the value that its plateau began with."""
     table = np.column_stack(commands)
-    tolerance = _COMMAND_SHARE * np.maximum(np.ptp(table, axis=0), 1e-12)
+    tolerance = SETTINGS.command_share * np.maximum(np.ptp(table, axis=0), 1e-12)
     starts: list[int] = []
     begin = 0
     for row in 1 + np.flatnonzero((np.diff(table, axis=0) != 0.0).any(axis=1)):
@@ -213,7 +225,7 @@ def _departures(signals: list[Array]) -> list[int]:
     """Rows at which a measured signal leaves the mean of its plateau so far."""
     table = np.column_stack(signals)
     noise = 1.4826 * np.median(np.abs(np.diff(table, axis=0)), axis=0) / np.sqrt(2.0)
-    tolerance = np.maximum(_MEASURED_SHARE * np.abs(table).max(axis=0), _NOISES * noise)
+    tolerance = np.maximum(SETTINGS.measured_share * np.abs(table).max(axis=0), SETTINGS.noises * noise)
     starts: list[int] = []
     mean, count = table[0].copy(), 1
     for row in range(1, len(table)):
@@ -224,10 +236,6 @@ def _departures(signals: list[Array]) -> list[int]:
             count += 1
             mean += (table[row] - mean) / count
     return starts
-
-
-_ALIKE = 0.1  # of the mean signal: actuators that run closer pull as one
-_LEAST_FACTOR = 0.05  # N on the cell per newton: below, errors of the geometry are as large
 
 
 @dataclass(frozen=True)
@@ -285,13 +293,13 @@ def separate(
     total = np.sum([geometry[name] for name in running], axis=0)
     # Thrust goes by the square of the signal: so does the mean.
     mean = float(np.sqrt(np.mean(signals**2)) * np.sign(signals[0]))
-    if (np.abs(signals - mean) > _ALIKE * abs(mean)).any():
+    if (np.abs(signals - mean) > SETTINGS.alike_share * abs(mean)).any():
         raise TrialError(
             f"{where}: {_spoken(running, signals, unit)} pull with different signals, so that their sum"
             " determines no single thrust; drive them alike, or one by one"
         )
     length = float(np.linalg.norm(total))
-    if length < _LEAST_FACTOR:
+    if length < SETTINGS.least_factor:
         raise TrialError(
             f"{where}: {', '.join(running)} together give {length:.2g} N along the load cell per newton of"
             " each: their forces cancel or act across it; check axis and direction of the pull"

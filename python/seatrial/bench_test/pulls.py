@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array, runs
 from seatrial.base.errors import TrialError
-from seatrial.bench_test.columns import BenchTable, listed, read_bench_table
-from seatrial.bench_test.file import SENSES
+from seatrial.bench_test.file import SENSES, BenchTable, listed, read_bench_table
 from seatrial.bench_test.plateaus import (
     Plateau,
     Separated,
@@ -36,10 +35,22 @@ from seatrial.vehicle.actuators import NOMINAL_V, largest, settling_s, voltage_f
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.bench_test.columns import Unit
-    from seatrial.bench_test.file import Pull
+    from seatrial.bench_test.file import Pull, Unit
 
-_STEP_S = 0.05  # of the simulation of motors until they settle
+
+@dataclass(frozen=True)
+class PullSettings:
+    """What of a pull is rounding or noise."""
+
+    step_s: float = 0.05  #: Of the simulation of motors until they settle, s.
+    log_rows: int = 5  #: Rows with one signal that no table of points has: it is a log.
+    zero_command_share: float = 1e-6  #: Of the limit: rounding of a command.
+    zero_measured_share: float = 0.01  #: Of the limit: a resting motor's measured revolutions are noise.
+    apart: float = 4.0  #: Standard errors of a difference: further apart it is no noise.
+    nothing_n: float = 1e-9  #: Rounding of a load that never changes, N.
+
+
+SETTINGS = PullSettings()
 
 
 def distance(vehicle: Vehicle, actuator: str, values: ArrayLike) -> Array:
@@ -61,21 +72,20 @@ def settled(vehicle: Vehicle, actuator: str, commands: ArrayLike) -> Array:
     wanted = np.asarray(commands, dtype=float)
     distinct = np.unique(wanted[np.isfinite(wanted)])
     facts = vehicle.actuator_info()[actuator]
-    steps = int(np.ceil(settling_s(vehicle) / _STEP_S))
+    steps = int(np.ceil(settling_s(vehicle) / SETTINGS.step_s))
     held: dict[str, ArrayLike] = {actuator: np.repeat(distinct, steps)}
-    t: Array = _STEP_S * np.arange(steps * len(distinct), dtype=float)
+    t: Array = SETTINGS.step_s * np.arange(steps * len(distinct), dtype=float)
     if len(distinct) == 0:
         return np.full(wanted.shape, np.nan)
-    run = vehicle.simulate(t, held, free="", voltage_v=voltage_for(vehicle, t, NOMINAL_V), max_step_s=_STEP_S)
+    run = vehicle.simulate(
+        t, held, free="", voltage_v=voltage_for(vehicle, t, NOMINAL_V), max_step_s=SETTINGS.step_s
+    )
     last = distance(vehicle, actuator, np.asarray(run.actuators[actuator])[steps - 1 :: steps])
     last[np.abs(last) < 1e-9 * largest(facts, 1.0)] = 0.0
     result = np.full(wanted.shape, np.nan)
     finite = np.isfinite(wanted)
     result[finite] = last[np.searchsorted(distinct, wanted[finite])]
     return result
-
-
-_LOG = 5  # rows with one signal that no table of points has: it is a log
 
 
 def _signals_of(
@@ -143,18 +153,12 @@ def repeated(rows: Sequence[Plateau]) -> list[str]:
     table = np.array([list(row.signal.values()) for row in rows])
     same = (np.diff(table, axis=0) == 0.0).all(axis=1) & (table[1:] != 0.0).any(axis=1)
     longest = 1 + max((end - start for start, end in runs(same)), default=0)
-    if longest < _LOG:
+    if longest < SETTINGS.log_rows:
         return []
     return [
         f"WARNING: {longest} rows in a row have the same signal; if this is a log, map its time as t_s: its"
         " samples err alike, and intervals of rows taken as points are too narrow"
     ]
-
-
-_ZERO_SHARE = 1e-6  # of the limit: rounding of a command
-_ZERO_MEASURED = 0.01  # of the limit: a resting motor's measured revolutions are noise
-_APART = 4.0  # standard errors of a difference: further apart it is no noise
-_NOTHING_N = 1e-9  # rounding of a load that never changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +248,11 @@ def read_pull(
     steady = _behind_motors(steady, vehicle, commanded)
     notes += repeated(steady) if table.t is None else []
     limit = max(largest(vehicle.actuator_info()[name], 1.0) for name in unit.actuators)
-    zero = (_ZERO_MEASURED if pull.use == "measured" and table.t is not None else _ZERO_SHARE) * limit
+    zero = (
+        SETTINGS.zero_measured_share
+        if pull.use == "measured" and table.t is not None
+        else SETTINGS.zero_command_share
+    ) * limit
     # Plateaus at rest show the zero of the cell, by which the others are tared.
     resting = [p for p in steady if all(abs(x) <= zero for x in p.signal.values())]
     tare, tare_error, remarks = _tare(pull, resting, load.shape[1], where)
@@ -285,7 +293,7 @@ def _gathered(
             " hold longer or raise settle_s"
         )
     separated = [point for _, point in points]
-    if not any(abs(point.thrust) > _NOTHING_N for point in separated):
+    if not any(abs(point.thrust) > SETTINGS.nothing_n for point in separated):
         raise TrialError(
             f"{file}: the load is the same at rest and under every command; expected a force that answers the"
             " commands, so check the load cell's column"
@@ -363,7 +371,7 @@ def _tare(
     ]
     if len(loads) > 1 and np.isfinite(own).all():
         apart = np.ptp(loads, axis=0)
-        if (apart > _APART * np.sqrt(2.0) * own.max(axis=0)).any() and apart.max() > 0.0:
+        if (apart > SETTINGS.apart * np.sqrt(2.0) * own.max(axis=0)).any() and apart.max() > 0.0:
             remarks.append(f"the cell's zero moved by {apart.max():.2g} N between its steady parts")
     return tare, error, remarks
 

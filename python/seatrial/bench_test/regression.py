@@ -45,8 +45,20 @@ from seatrial.base.arrays import Array
 
 Term = tuple[int, ...]
 
-_LEVEL = 0.95
-"""Probability of all intervals and bands."""
+
+@dataclass(frozen=True)
+class RegressionSettings:
+    """Intervals, outliers and choice of the order of a regression."""
+
+    level: float = 0.95  #: Probability of all intervals and bands.
+    false_alarm: float = 0.05  #: Chance that a test has a false outlier, as the head says.
+    biweight: float = 4.685  #: Deviations: 95 % efficiency for normal errors.
+    rounds: int = 50  #: Of reweighting, where it does not settle before.
+    suspect: float = 3.0  #: Robust deviations: every suspect is judged again.
+    as_good: float = 2.0  #: Difference of AICc within which the simpler order is taken.
+
+
+SETTINGS = RegressionSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,17 +255,11 @@ def paper_b(measured: ArrayLike, fitted: ArrayLike) -> float:
     return float((y @ estimate) ** 2 / power) if power > 0.0 else np.nan
 
 
-def _student(dof: int, probability: float = 0.5 * (1.0 + _LEVEL)) -> float:
+def _student(dof: int, probability: float = 0.5 * (1.0 + SETTINGS.level)) -> float:
     """Quantile of Student's distribution."""
     from scipy.stats import t
 
     return float(t.ppf(probability, dof))
-
-
-_ALARM = 0.05  # chance that a test has a false outlier, as the head says
-_BIWEIGHT = 4.685  # deviations: 95 % efficiency for normal errors
-_ROUNDS = 50  # of reweighting, where it does not settle before
-_SUSPECT = 3.0  # robust deviations: every suspect is judged again
 
 
 def outliers(inputs: Array, y: Array, terms: Sequence[Term]) -> NDArray[np.bool_]:
@@ -280,7 +286,7 @@ def outliers(inputs: Array, y: Array, terms: Sequence[Term]) -> NDArray[np.bool_
             return nobody if np.abs(residual).max() <= 1e-9 * np.abs(y).max() else suspect
         lever = (np.linalg.solve(r.T, matrix.T) ** 2).sum(axis=0)
         tests = np.abs(residual) / (sigma * np.sqrt(1.0 + lever))
-        limit = _student(dof, 1.0 - 0.5 * _ALARM / n)
+        limit = _student(dof, 1.0 - 0.5 * SETTINGS.false_alarm / n)
         honest = suspect & (tests <= limit)
         if not honest.any():
             return suspect
@@ -293,7 +299,7 @@ def _suspects(matrix: Array, y: Array) -> NDArray[np.bool_]:
     n, p = matrix.shape
     weight = np.ones(n)
     scale, residual = 0.0, y
-    for _ in range(_ROUNDS):
+    for _ in range(SETTINGS.rounds):
         root = np.sqrt(weight)
         coefficients = np.linalg.lstsq(root[:, None] * matrix, root * y, rcond=None)[0]
         former, residual = residual, y - matrix @ coefficients
@@ -301,12 +307,12 @@ def _suspects(matrix: Array, y: Array) -> NDArray[np.bool_]:
         if scale <= 1e-12 * np.abs(y).max() or np.abs(residual - former).max() <= 1e-9 * scale:
             break
         weight = np.where(
-            np.abs(residual) < _BIWEIGHT * scale, (1.0 - (residual / (_BIWEIGHT * scale)) ** 2) ** 2, 0.0
+            np.abs(residual) < SETTINGS.biweight * scale,
+            (1.0 - (residual / (SETTINGS.biweight * scale)) ** 2) ** 2,
+            0.0,
         )
-    return np.asarray(np.abs(residual) > max(_SUSPECT * scale, 1e-9 * float(np.abs(y).max())))
+    return np.asarray(np.abs(residual) > max(SETTINGS.suspect * scale, 1e-9 * float(np.abs(y).max())))
 
-
-_AS_GOOD = 2.0  # difference of AICc, as the head says
 
 MODELS: dict[str, tuple[tuple[Term, ...], str]] = {
     "square": (terms_of(2, 1, square=True), 'order = "square"'),
@@ -363,7 +369,7 @@ def candidates(signal: Array, thrust: Array) -> tuple[Candidate, ...]:
 
 def recommended(models: tuple[Candidate, ...]) -> Candidate:
     """Candidate with the fewest coefficients among those as good as the best."""
-    good = [model for model in models if model.aicc - models[0].aicc < _AS_GOOD]
+    good = [model for model in models if model.aicc - models[0].aicc < SETTINGS.as_good]
     return min(good, key=lambda model: len(model.terms))
 
 
@@ -375,7 +381,7 @@ def lack_of_fit(models: tuple[Candidate, ...], chosen: tuple[Term, ...], n: int)
     own = next((model for model in models if model.terms == chosen), None)
     if own is None:
         return f"of the usual models {best.name} describes the points best ({best.keys})"
-    if own.aicc - best.aicc < _AS_GOOD:
+    if own.aicc - best.aicc < SETTINGS.as_good:
         fewer = len(best.terms) < len(own.terms)
         name = "thrust per n|n|" if own.name == "square" else own.name
         return f"{name} fits" + (f"; {best.name} as well, with fewer coefficients" if fewer else "")

@@ -25,12 +25,20 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 
-_LEVEL_GAP = 0.1  # V between two levels of a supply: its ripple is smaller
-_MOST_LEVELS = 25  # more are a supply that drifts
-_TOLERANCE = 0.01  # of the largest thrust: what a load cell can tell
-_SILENT = 0.002  # of the largest thrust: less is none
-_AT_REST = 0.25  # of the tolerance, at zero thrust: weak points are known more exactly
-_STIFFNESS = 1e-3  # of a point's weight: bridges gaps and moves no point
+
+@dataclass(frozen=True)
+class ThrustTableSettings:
+    """How a table of thrust over voltage is made of points."""
+
+    level_gap_v: float = 0.1  #: V between two levels of a supply: its ripple is smaller.
+    most_levels: int = 25  #: More are a supply that drifts.
+    tolerance: float = 0.01  #: Of the largest thrust: what a load cell can tell.
+    silent_share: float = 0.002  #: Of the largest thrust: less is none.
+    at_rest: float = 0.25  #: Of the tolerance, at zero thrust: weak points are known more exactly.
+    stiffness: float = 1e-3  #: Of a point's weight: bridges gaps and moves no point.
+
+
+SETTINGS = ThrustTableSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +115,10 @@ def levels(voltage_v: Array, where: str) -> tuple[Array, NDArray[np.int_]]:
         )
     order = np.argsort(voltage_v)
     level = np.empty(len(voltage_v), dtype=int)
-    level[order] = np.concatenate([[0], np.cumsum(np.diff(voltage_v[order]) > _LEVEL_GAP)])
+    level[order] = np.concatenate([[0], np.cumsum(np.diff(voltage_v[order]) > SETTINGS.level_gap_v)])
     means = np.array([voltage_v[level == k].mean() for k in range(level.max() + 1)])
     widths = np.array([np.ptp(voltage_v[level == k]) for k in range(level.max() + 1)])
-    if len(means) > _MOST_LEVELS or (widths > 5.0 * _LEVEL_GAP).any():
+    if len(means) > SETTINGS.most_levels or (widths > 5.0 * SETTINGS.level_gap_v).any():
         raise TrialError(
             f"{where}: the supply voltage has no distinct levels (it runs from {voltage_v.min():.2f} to"
             f' {voltage_v.max():.2f} V); use order = 2 with inputs = ["signal", "voltage"], whose surface'
@@ -137,8 +145,8 @@ def from_points(
     largest = float(np.abs(thrust).max())
     if largest == 0.0:
         raise TrialError(f"{where}: no point has any thrust; check the load's column")
-    goal = _TOLERANCE * largest if tolerance is None else tolerance
-    allowed = goal * (_AT_REST + (1.0 - _AT_REST) * np.abs(thrust) / largest)
+    goal = SETTINGS.tolerance * largest if tolerance is None else tolerance
+    allowed = goal * (SETTINGS.at_rest + (1.0 - SETTINGS.at_rest) * np.abs(thrust) / largest)
     silent = dead_band(signal, thrust)
     # Held beyond its ends, a table of one direction alone would push at rest, too: it begins at zero.
     lowest, highest = min(float(distinct[0]), 0.0), max(float(distinct[-1]), 0.0)
@@ -193,7 +201,7 @@ def dead_band(signal: Array, thrust: Array) -> tuple[float, float]:
     >>> dead_band(signal, np.array([-8.0, -2.0, 0.0, 0.0, 0.0, 0.0, 4.0]))
     (-20.0, 40.0)
     """
-    pulling = np.abs(thrust) > _SILENT * np.abs(thrust).max(initial=0.0)
+    pulling = np.abs(thrust) > SETTINGS.silent_share * np.abs(thrust).max(initial=0.0)
     below, above = signal[pulling & (signal < 0.0)], signal[pulling & (signal > 0.0)]
     quiet = signal[~pulling & (signal != 0.0)]
     lower = quiet[quiet > below.max(initial=-np.inf)].min(initial=0.0)
@@ -216,7 +224,7 @@ def _hats(signal: Array, thrust: Array, grid: Array, silent: tuple[float, float]
     bend = np.zeros((len(grid) - 2, len(grid)))
     for j in range(len(bend)):
         bend[j, j : j + 3] = 1.0 / width[j], -1.0 / width[j] - 1.0 / width[j + 1], 1.0 / width[j + 1]
-        bend[j] *= _STIFFNESS * min(width[j], width[j + 1])
+        bend[j] *= SETTINGS.stiffness * min(width[j], width[j + 1])
     free = (grid < silent[0]) | (grid > silent[1])
     if silent == (0.0, 0.0):
         free = grid != 0.0  # no signal, no thrust

@@ -18,7 +18,7 @@ from typing import Literal
 
 from seatrial.base.arrays import Array
 from seatrial.inspect.feedback import runs_away
-from seatrial.inspect.verdict import REPLAYED, Verdict, best
+from seatrial.inspect.verdict import VERDICT_SETTINGS, Verdict, best
 from seatrial.inspect.waves import waves
 from seatrial.problem.problem import Problem
 from seatrial.problem.settings import JointSettings
@@ -75,7 +75,9 @@ def _answered(problem: Problem, trials: Sequence[str]) -> str:
         return ""
     verdicts = best(problem.verdicts(name) for name in chosen)
     closed = [
-        verdict for verdict in verdicts.values() if verdict.kind != "open" and not verdict.told >= REPLAYED
+        verdict
+        for verdict in verdicts.values()
+        if verdict.kind != "open" and not verdict.told >= VERDICT_SETTINGS.replayed_share
     ]
     if not closed:
         return ""

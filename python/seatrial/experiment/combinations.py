@@ -28,19 +28,24 @@ if TYPE_CHECKING:
 AHEAD = {"slow": 0.12, "half": 0.35, "full": 0.75}
 """Thrust ahead as a share of the largest, by the engine telegraph's words."""
 
-_PURE = 0.5  # a pattern drives an axis if this share of its wrench lies in that row
 
-_PURER = 0.02  # all together are a combination of their own where they push that much purer than a group
+@dataclass(frozen=True)
+class CombinationSettings:
+    """Which combinations of actuators drive an axis."""
 
-_PARALLEL = 0.99
-"""Cosine of the angle (8 degrees) below which two combinations are the same trial."""
+    pure_share: float = 0.5  #: Of a pattern's wrench that lies in the row of the axis that it drives.
+    #: All together are a combination of their own where they push that much purer than a group.
+    purer_by: float = 0.02
+    #: Cosine of the angle (8 degrees) below which two combinations are the same trial.
+    parallel: float = 0.99
+    weak_share: float = 0.02  #: Of the largest singular value: smaller ones command nothing in practice.
+    points: int = 100  #: Commands per side at which thrust is computed.
+    samples_per_point: int = 8  #: Samples of the simulation at each, of which the last counts.
+    way_m_s: float = 1.0  #: Speed at which a fin's force is read, m/s.
 
-_WEAK = 0.02  # singular values below this share of the largest command nothing in practice
 
-_POINTS, _PER_POINT = 100, 8
-"""Commands per side, and samples of the simulation at each, of which the last counts."""
+SETTINGS = CombinationSettings()
 
-_WAY_M_S = 1.0  # at which a fin's force is read
 
 _DIGITS = {"rpm": 1, "us": 1, "N": 2}
 
@@ -175,30 +180,33 @@ class Thrusters:
         facts = self._facts[name]
         wrench = np.asarray(facts["wrench"], dtype=float)
         row = int(np.argmax(np.abs(wrench)))
-        shares = np.linspace(-1.0, 1.0, 2 * _POINTS + 1)
+        shares = np.linspace(-1.0, 1.0, 2 * SETTINGS.points + 1)
         # One run with the vehicle held: every command stands until the motor follows it.
         hold = settling_s(self.vehicle)
-        t = np.arange(_PER_POINT * len(shares)) * hold / _PER_POINT
+        t = np.arange(SETTINGS.samples_per_point * len(shares)) * hold / SETTINGS.samples_per_point
         commands = np.array([command(facts, float(share)) for share in shares])
-        way = _WAY_M_S if facts["kind"] == "fin" else 0.0
+        way = SETTINGS.way_m_s if facts["kind"] == "fin" else 0.0
         run = self.vehicle.simulate(
             t,
-            {name: np.repeat(commands, _PER_POINT)},
+            {name: np.repeat(commands, SETTINGS.samples_per_point)},
             State(nu=[way, 0.0, 0.0, 0.0, 0.0, 0.0]),
             free="",
             voltage_v=voltage_for(self.vehicle, t, self.voltage_v),
             max_step_s=hold,
         )
-        force = np.asarray(run.tau)[_PER_POINT - 1 :: _PER_POINT, row] / wrench[row]
-        keep = [_POINTS]
-        for order in (range(_POINTS + 1, len(shares)), range(_POINTS - 1, -1, -1)):
+        force = (
+            np.asarray(run.tau)[SETTINGS.samples_per_point - 1 :: SETTINGS.samples_per_point, row]
+            / wrench[row]
+        )
+        keep = [SETTINGS.points]
+        for order in (range(SETTINGS.points + 1, len(shares)), range(SETTINGS.points - 1, -1, -1)):
             last = 0.0
             for k in order:
-                if (k - _POINTS) * force[k] > 0.0 and abs(force[k]) > last + 1e-9:
+                if (k - SETTINGS.points) * force[k] > 0.0 and abs(force[k]) > last + 1e-9:
                     keep.append(k)
                     last = abs(float(force[k]))
         keep.sort()
-        return np.where(np.arange(len(shares)) == _POINTS, 0.0, force)[keep], commands[keep]
+        return np.where(np.arange(len(shares)) == SETTINGS.points, 0.0, force)[keep], commands[keep]
 
 
 def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
@@ -220,12 +228,13 @@ def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
         tried = [_pattern(scaled, rows, members, axis) for axis in rows]
         for purity, axis, pattern in sorted(tried, key=lambda entry: (-entry[0], AXES.index(entry[1]))):
             rival = max(
-                (combination.purity for combination in chosen if combination.axis == axis), default=_PURE
+                (combination.purity for combination in chosen if combination.axis == axis),
+                default=SETTINGS.pure_share,
             )
-            if purity < _PURE or (group == "all" and purity < rival + _PURER):
+            if purity < SETTINGS.pure_share or (group == "all" and purity < rival + SETTINGS.purer_by):
                 continue
             unit = pattern / np.linalg.norm(pattern)
-            if any(abs(unit @ other) > _PARALLEL for other in accepted):
+            if any(abs(unit @ other) > SETTINGS.parallel for other in accepted):
                 continue
             accepted.append(unit)
             pushed = float(matrix[AXES.index(axis)] @ pattern)
@@ -241,7 +250,7 @@ def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
 def _pattern(scaled: Array, rows: list[str], members: list[int], axis: str) -> tuple[float, str, Array]:
     """Share of the wrench in the row of the axis, the axis, and thrusts (actuators,) for it."""
     places = [AXES.index(row) for row in rows]
-    inverse = np.linalg.pinv(scaled[np.ix_(places, members)], rcond=_WEAK)
+    inverse = np.linalg.pinv(scaled[np.ix_(places, members)], rcond=SETTINGS.weak_share)
     thrusts = np.zeros(scaled.shape[1])
     thrusts[members] = inverse[:, rows.index(axis)]
     size = float(np.linalg.norm(scaled[:, members] @ thrusts[members]))

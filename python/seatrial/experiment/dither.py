@@ -17,9 +17,8 @@ The information about the gain and the axis' own damping, both unknown, gives th
 waves that are told from the motion that the autopilot left of them: of promised odds of 50 to 300 between the
 motion by the dither and the rest, 1 to 3 were seen, and half the amplitude left the gain of stern planes 5 to
 20 % low in waves of 10 s and longer (``docs/how-to/plan_a_trial.md``). The dither therefore takes all that
-the actuators have left beside the autopilot, or what promises odds of `_ENOUGH`: the planes of a vehicle that
-waves hardly move would throw it out of the water. Held by
-``tests/experiment/test_dither.py``.
+the actuators have left beside the autopilot, or what promises odds of `enough_odds`: the planes of a vehicle
+that waves hardly move would throw it out of the water. Held by ``tests/experiment/test_dither.py``.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, DEGREE, MOTIONS, VELOCITIES
 from seatrial.base.errors import CampaignError
 from seatrial.base.plain import Plain
-from seatrial.inspect.verdict import TOLD, judge_trial, pushed_by
+from seatrial.inspect.verdict import VERDICT_SETTINGS, judge_trial, pushed_by
 from seatrial.trial.truth import DITHER
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
@@ -47,24 +46,31 @@ if TYPE_CHECKING:
     from seatrial.inspect.verdict import Verdict
     from seatrial.trial.trial import Trial
 
-DEVIATION = 0.05
-"""Relative standard deviation of the gain that a dither is to reach."""
 
-_LEAST = 0.02  # of an actuator's range
+@dataclass(frozen=True)
+class DitherSettings:
+    """How large and long a dither on top of an autopilot is."""
 
-_ENOUGH, _PART = 1000.0, 0.1
-"""Odds of the motion by the dither that are enough, and the least part of what the actuators have left."""
-_HOLDS = (1.0, 2.0, 3.0)  # periods of the waves
-_SHORTEST_S, _LONGEST_S = 540.0, 3600.0
-_SETTLED_S = 60.0
-"""The beginning of a mission is left out: a dive or a turn is not its steady part."""
-_SLOWEST_HZ = 1.0 / 60.0
-"""Slower motion is the mission, not the sea."""
+    gain_sd: float = 0.05  #: Relative standard deviation of the gain that a dither is to reach.
+    least_share: float = 0.02  #: Of an actuator's range: the smallest dither.
+    enough_odds: float = 1000.0  #: Odds of the motion by the dither that are enough.
+    least_part: float = 0.1  #: Of what the actuators have left that a dither takes.
+    holds: tuple[float, float, float] = (1.0, 2.0, 3.0)  #: Periods of the waves for which a level is held.
+    shortest_s: float = 540.0  #: Shortest dither, s.
+    longest_s: float = 3600.0  #: Longest dither, s.
+    #: The beginning of a mission that is left out, s: a dive or a turn is not its steady part.
+    settled_s: float = 60.0
+    slowest_hz: float = 1.0 / 60.0  #: Slower motion is the mission, not the sea, Hz.
+    difference_s: float = 0.01  #: Time of finite differences, s.
+    difference_command: float = 1e-3  #: Command of finite differences, of its range.
+    difference_m_s: float = 0.05  #: Speed of finite differences, m/s.
+    floor: float = 1e-3  #: Part of the whole spectrum that is taken for waves at least, at every frequency.
+
+
+DITHER_SETTINGS = DitherSettings()
+
+
 _STATES = (*VELOCITIES, "roll", "pitch")
-_SHORT_S, _SMALL, _STEP = 0.01, 1e-3, 0.05
-"""Time, s, command and speed of finite differences."""
-_FLOOR = 1e-3
-"""Part of the whole spectrum that is taken for waves at least, at every frequency."""
 _BEGIN, _TAPS = (1, 0, 0, 1, 1, 0, 1, 0, 1), (9, 5)  # of the shift register: a sequence of 511 levels
 
 
@@ -108,7 +114,7 @@ class Dither(Plain):
     @property
     def tells(self) -> bool:
         """Whether the dither is expected to reach what was asked for."""
-        return self.deviation <= self.wanted and self.share >= TOLD
+        return self.deviation <= self.wanted and self.share >= VERDICT_SETTINGS.told_share
 
     def table(self) -> pl.DataFrame:
         """Table of ``t_s`` and ``dither.ACTUATOR``: a row where a level changes, zero at the end."""
@@ -148,8 +154,9 @@ class Dither(Plain):
         if self.tells:
             return f"{how}; {expected}"
         return (
-            f"{how}; {expected}; the targets are {100.0 * self.wanted:g} % and {100.0 * TOLD:.0f} %, but"
-            " the actuators cannot give more: go faster, deeper or into a calmer sea"
+            f"{how}; {expected}; the targets are {100.0 * self.wanted:g} % and"
+            f" {100.0 * VERDICT_SETTINGS.told_share:.0f} %, but the actuators cannot give more: go faster,"
+            " deeper or into a calmer sea"
         )
 
     @property
@@ -171,7 +178,7 @@ def dithers(
     vehicle: Vehicle,
     verdicts: Mapping[str, Verdict],
     *,
-    deviation: float = DEVIATION,
+    deviation: float = DITHER_SETTINGS.gain_sd,
     voltage_v: float = NOMINAL_V,
 ) -> tuple[Dither, ...]:
     """Dither for each axis that feedback dominates, sized on the trial where the waves move it least.
@@ -211,16 +218,25 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
     for name in verdict.commands:
         ahead, astern = facts[name]["maximum_ahead"], facts[name]["maximum_astern"]
         command = trial.commands[name] - facts[name]["neutral"]
-        middle, swing = float(np.median(command)), float(np.std(command[round(_SETTLED_S / trial.dt) :]))
+        middle, swing = (
+            float(np.median(command)),
+            float(np.std(command[round(DITHER_SETTINGS.settled_s / trial.dt) :])),
+        )
         # The waves may take the sum of both to the limit now and then: about one sample in six.
         left = min(ahead - middle, astern + middle) - swing
-        largest[name] = max(left, _LEAST * 0.5 * (ahead + astern)) * math.copysign(1.0, pushes[name])
+        largest[name] = max(left, DITHER_SETTINGS.least_share * 0.5 * (ahead + astern)) * math.copysign(
+            1.0, pushes[name]
+        )
     y = trial.filled(VELOCITIES[AXES.index(axis)])
     assert y is not None
     # The commands of the log as one signal, in shares of the largest dither.
     scale = sum(abs(pushes[name] * a) for name, a in largest.items())
     drive = sum((pushes[name] * trial.commands[name] for name in largest), np.zeros(len(trial))) / scale
-    settled = round(_SETTLED_S / trial.dt) if len(y) > 4 * _SETTLED_S / trial.dt else 0
+    settled = (
+        round(DITHER_SETTINGS.settled_s / trial.dt)
+        if len(y) > 4 * DITHER_SETTINGS.settled_s / trial.dt
+        else 0
+    )
     pair = {
         "fs": 1.0 / trial.dt,
         "nperseg": min(len(y) - settled, round(100.0 / trial.dt)),
@@ -229,7 +245,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
     y, drive = y[settled:], drive[settled:]
     f, whole = welch(y, **pair)
     # Without waves the motion itself says how fast the axis is.
-    moving = f > _SLOWEST_HZ
+    moving = f > DITHER_SETTINGS.slowest_hz
     own = float(whole[moving].sum() / (f[moving] @ whole[moving]))
     period = verdict.wave_period_s if math.isfinite(verdict.wave_period_s) else own
     kept = moving & (f < 2.0 / period)
@@ -238,7 +254,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
     together = csd(drive, y, **pair)[1][kept]
     # Spectrum of d = y - G c; an unstable answer has one too. It is no smaller than what rounding leaves.
     waves = whole + np.abs(gain) ** 2 * driving - 2.0 * (gain.conj() * together).real
-    waves = np.maximum(waves, _FLOOR * whole)
+    waves = np.maximum(waves, DITHER_SETTINGS.floor * whole)
     step = f[1] - f[0]
 
     def of(hold: float, duration: float, part: float = 1.0) -> Dither:
@@ -254,7 +270,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
             amplitude={name: part * a for name, a in largest.items()},
             units={name: str(facts[name]["unit"]) for name in largest},
             hold_s=round(hold, 1),
-            begin_s=_SETTLED_S,
+            begin_s=DITHER_SETTINGS.settled_s,
             duration_s=duration,
             wave_period_s=verdict.wave_period_s,
             deviation=spread,
@@ -263,13 +279,19 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
             wanted=wanted,
         )
 
-    best = max((of(k * period, _SHORTEST_S) for k in _HOLDS), key=lambda d: d.share)
+    best = max(
+        (of(k * period, DITHER_SETTINGS.shortest_s) for k in DITHER_SETTINGS.holds), key=lambda d: d.share
+    )
     odds = best.share / max(1.0 - best.share, 1e-12)
-    part = min(max(math.sqrt(_ENOUGH / max(odds, 1e-12)), _PART), 1.0)
-    best = of(best.hold_s, _SHORTEST_S, part)
+    part = min(
+        max(math.sqrt(DITHER_SETTINGS.enough_odds / max(odds, 1e-12)), DITHER_SETTINGS.least_part), 1.0
+    )
+    best = of(best.hold_s, DITHER_SETTINGS.shortest_s, part)
     # The deviation falls with the root of the time.
-    needed = _SHORTEST_S * (best.deviation / wanted) ** 2
-    duration = float(min(max(60.0 * math.ceil(needed / 60.0), _SHORTEST_S), _LONGEST_S))
+    needed = DITHER_SETTINGS.shortest_s * (best.deviation / wanted) ** 2
+    duration = float(
+        min(max(60.0 * math.ceil(needed / 60.0), DITHER_SETTINGS.shortest_s), DITHER_SETTINGS.longest_s)
+    )
     return of(best.hold_s, duration, part)
 
 
@@ -283,7 +305,7 @@ def _response(
     """
     from seatrial._core import State
 
-    t = np.array([0.0, _SHORT_S])
+    t = np.array([0.0, DITHER_SETTINGS.difference_s])
     supply = voltage_for(vehicle, t, voltage_v)
     middle = {c: 0.0 if (y := trial.filled(c)) is None else float(np.median(y)) for c in (*_STATES, "z")}
     held = {name: float(np.median(y)) for name, y in trial.commands.items()}
@@ -297,16 +319,22 @@ def _response(
             actuators=commands,
         )
         steady = {name: np.full(2, value) for name, value in commands.items()}
-        run = vehicle.simulate(t, steady, start, voltage_v=supply, max_step_s=_SHORT_S)
-        return np.asarray(run.nu[1] - run.nu[0]) / _SHORT_S
+        run = vehicle.simulate(t, steady, start, voltage_v=supply, max_step_s=DITHER_SETTINGS.difference_s)
+        return np.asarray(run.nu[1] - run.nu[0]) / DITHER_SETTINGS.difference_s
 
     matrix = np.zeros((len(_STATES), len(_STATES)))
     for column, name in enumerate(_STATES):
-        sides = [acceleration(middle | {name: middle[name] + s * _SMALL}, 0.0) for s in (1.0, -1.0)]
-        matrix[:6, column] = (sides[0] - sides[1]) / (2.0 * _SMALL)
+        sides = [
+            acceleration(middle | {name: middle[name] + s * DITHER_SETTINGS.difference_command}, 0.0)
+            for s in (1.0, -1.0)
+        ]
+        matrix[:6, column] = (sides[0] - sides[1]) / (2.0 * DITHER_SETTINGS.difference_command)
     matrix[6, 3] = matrix[7, 4] = 1.0  # roll and pitch turn with their rates
     push = np.zeros(len(_STATES))
-    push[:6] = (acceleration(middle, _STEP) - acceleration(middle, -_STEP)) / (2.0 * _STEP)
+    push[:6] = (
+        acceleration(middle, DITHER_SETTINGS.difference_m_s)
+        - acceleration(middle, -DITHER_SETTINGS.difference_m_s)
+    ) / (2.0 * DITHER_SETTINGS.difference_m_s)
     index = AXES.index(axis)
     inverse = np.linalg.inv(2j * np.pi * f[:, None, None] * np.eye(len(_STATES)) - matrix)
     answer = inverse[:, index] @ push

@@ -29,17 +29,27 @@ from seatrial.vehicle.stability import statics
 if TYPE_CHECKING:
     from seatrial._core import Run
 
-UNEVEN = 0.03
-"""How much the sides of the uneven vehicle push more and less, of their thrust."""
 
-START_TILT_DEG = 1.0
-"""How much it is heeled and trimmed at the start besides."""
+@dataclass(frozen=True)
+class ForecastSettings:
+    """What a forecast flies, and which sizes of a manoeuvre are tried."""
 
-_STEEP_DEG = 45.0
-"""Tilt from which a forecast says so."""
+    uneven: float = 0.03  #: How much the sides of the uneven vehicle push more and less, of their thrust.
+    start_tilt_deg: float = 1.0  #: How much it is heeled and trimmed at the start besides, deg.
+    steep_deg: float = 45.0  #: Tilt from which a forecast says so, deg.
+    longest_step_s: float = 0.05  #: Longest step of a forecast's simulation, s.
+    #: Shares of the largest commands, each about 0.7 of the one before; the largest within limits is taken.
+    amplitudes: tuple[float, ...] = (0.9, 0.65, 0.45, 0.3, 0.2, 0.14, 0.1, 0.07, 0.05)
+    small: float = 0.4  #: Of the largest amplitude that fits: the second one proposed.
+    #: Runs that a manoeuvre is cut into where the limits do not admit it in one.
+    parts: tuple[int, int, int] = (1, 2, 4)
+    shortest_s: float = 20.0  #: A run is cut no shorter, s.
+    decay_periods: float = 6.0  #: Natural periods that a decay is recorded for.
+    shortest_decay_s: float = 15.0  #: Shortest decay, s.
+    longest_decay_s: float = 90.0  #: Longest decay, s.
 
-_MAX_STEP_S = 0.05
-"""Longest step of a forecast's simulation."""
+
+FORECAST_SETTINGS = ForecastSettings()
 
 
 @dataclass(frozen=True)
@@ -107,7 +117,7 @@ def simulated(
         dict(manoeuvre.commands),
         state,
         voltage_v=voltage_for(vehicle, t, voltage_v),
-        max_step_s=_MAX_STEP_S,
+        max_step_s=FORECAST_SETTINGS.longest_step_s,
     )
 
 
@@ -121,7 +131,9 @@ def uneven(vehicle: Vehicle) -> Vehicle:
             continue
         # Yaw first: port against starboard; what does not turn the vehicle may pitch or heel it.
         turns = next((float(m) for m in (matrix[5, k], matrix[4, k], matrix[3, k]) if abs(m) > 1e-3), 1.0)
-        gains[f"{name}.gain"] = vehicle.coefficients()[f"{name}.gain"] * (1.0 + UNEVEN * np.sign(turns))
+        gains[f"{name}.gain"] = vehicle.coefficients()[f"{name}.gain"] * (
+            1.0 + FORECAST_SETTINGS.uneven * np.sign(turns)
+        )
     return vehicle.with_coefficients(gains)
 
 
@@ -150,7 +162,7 @@ def forecast(
     try:
         runs = [
             simulated(vehicle, manoeuvre, voltage_v=voltage_v),
-            simulated(other, manoeuvre, voltage_v=voltage_v, tilt_deg=START_TILT_DEG),
+            simulated(other, manoeuvre, voltage_v=voltage_v, tilt_deg=FORECAST_SETTINGS.start_tilt_deg),
         ]
     except DivergenceError:
         none = float("nan")
@@ -171,8 +183,8 @@ def forecast(
     warnings = [*_tilted("heel", roll), *_tilted("trim", pitch)]
     if drift > max(2.0 * hull, 0.1 * path):
         warnings.append(
-            f"open loop: thrust {100 * UNEVEN:.0f} % uneven and {START_TILT_DEG:g} deg of tilt at the start"
-            f" end {drift:.0f} m off the plan"
+            f"open loop: thrust {100 * FORECAST_SETTINGS.uneven:.0f} % uneven and"
+            f" {FORECAST_SETTINGS.start_tilt_deg:g} deg of tilt at the start end {drift:.0f} m off the plan"
         )
     if manoeuvre.start.roll_deg or manoeuvre.start.pitch_deg:
         warnings.append("hands or lines at the vehicle before each release" + _heavy(vehicle, manoeuvre))
@@ -204,7 +216,11 @@ def _excess(limits: Limits, area: tuple[float, float], deepest: float, tilt: flo
 
 
 def _tilted(word: str, angle: float) -> list[str]:
-    return [f"{word} above {_STEEP_DEG:g} deg: {angle:.0f} deg"] if angle > _STEEP_DEG else []
+    return (
+        [f"{word} above {FORECAST_SETTINGS.steep_deg:g} deg: {angle:.0f} deg"]
+        if angle > FORECAST_SETTINGS.steep_deg
+        else []
+    )
 
 
 def _heavy(vehicle: Vehicle, manoeuvre: Manoeuvre) -> str:
@@ -223,20 +239,6 @@ def _sizes(vehicle: Vehicle) -> tuple[float, float]:
     length = measures.get("length", 1.0)
     return length, 2.0 * max(measures.get("diameter", 0.25), measures.get("height", 0.0))
 
-
-_AMPLITUDES = (0.9, 0.65, 0.45, 0.3, 0.2, 0.14, 0.1, 0.07, 0.05)
-"""Shares of the largest commands, each about 0.7 of the one before; the largest within limits is taken."""
-
-_SMALL = 0.4  # of the largest amplitude that fits: the second one proposed
-
-_PARTS = (1, 2, 4)
-"""Runs that a manoeuvre is cut into where the limits do not admit it in one."""
-
-_SHORTEST_S = 20.0
-"""A run is cut no shorter."""
-
-_PERIODS, _LEAST_DECAY_S, _LONGEST_DECAY_S = 6.0, 15.0, 90.0
-"""Natural periods that a decay is recorded for, and its least and longest time, s."""
 
 Build = Callable[[float, float], Manoeuvre]
 
@@ -271,7 +273,7 @@ def proposals(
         fitting, reason = _fitted(build, vehicle, other, limits, duration_s, voltage_v)
         accepted += fitting
         if not fitting:
-            refused[build(duration_s, _AMPLITUDES[0]).name] = reason
+            refused[build(duration_s, FORECAST_SETTINGS.amplitudes[0]).name] = reason
     for decay in _decays(thrusters, duration_s, limits):
         seen = forecast(decay, vehicle, other, limits=limits, voltage_v=voltage_v)
         if seen.excess is None:
@@ -293,25 +295,25 @@ def _fitted(
 
     accepted: list[Proposal] = []
     reason, largest = "", 0.0
-    pause = build(duration_s, _AMPLITUDES[0]).pause_s
-    for parts in _PARTS:
+    pause = build(duration_s, FORECAST_SETTINGS.amplitudes[0]).pause_s
+    for parts in FORECAST_SETTINGS.parts:
         span = (duration_s - (parts - 1) * pause) / parts
-        if largest == _AMPLITUDES[0] or (parts > 1 and span < _SHORTEST_S):
+        if largest == FORECAST_SETTINGS.amplitudes[0] or (parts > 1 and span < FORECAST_SETTINGS.shortest_s):
             break
-        fits = tried(span, _AMPLITUDES[0])
+        fits = tried(span, FORECAST_SETTINGS.amplitudes[0])
         reason = fits.forecast.excess or reason
-        low, high = 1, len(_AMPLITUDES)
+        low, high = 1, len(FORECAST_SETTINGS.amplitudes)
         while fits.forecast.excess and low < high:  # bisection: what is smaller fits better
             middle = (low + high) // 2
-            smaller = tried(span, _AMPLITUDES[middle])
+            smaller = tried(span, FORECAST_SETTINGS.amplitudes[middle])
             reason = smaller.forecast.excess or reason
             low, high = (middle + 1, high) if smaller.forecast.excess else (low, middle)
-            if low == high < len(_AMPLITUDES):
-                fits = tried(span, _AMPLITUDES[low])
+            if low == high < len(FORECAST_SETTINGS.amplitudes):
+                fits = tried(span, FORECAST_SETTINGS.amplitudes[low])
         # What is shorter is only better where it can be larger.
         if fits.forecast.excess is None and fits.amplitude > largest:
             largest = fits.amplitude
-            small = tried(span, round(_SMALL * largest, 3))
+            small = tried(span, round(FORECAST_SETTINGS.small * largest, 3))
             accepted += [fits, *([small] if small.forecast.excess is None else [])]
     return accepted, reason
 
@@ -363,7 +365,11 @@ def _decays(thrusters: Thrusters, duration_s: float, limits: Limits) -> Iterator
     for axis, period in (("K", rest.roll_period_s), ("M", rest.pitch_period_s)):
         if period is None:
             continue
-        span = min(max(_PERIODS * period, _LEAST_DECAY_S), _LONGEST_DECAY_S, duration_s)
+        span = min(
+            max(FORECAST_SETTINGS.decay_periods * period, FORECAST_SETTINGS.shortest_decay_s),
+            FORECAST_SETTINGS.longest_decay_s,
+            duration_s,
+        )
         for ahead in ways:
             yield free_decay(thrusters, axis, duration_s=span, angle_deg=angle, ahead=ahead)
     if abs(rest.net_n) > 1e-4 * rest.weight_n:

@@ -43,10 +43,18 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.statistics.linearisation import Linearisation
 
-_LEAST_SHARE, _LARGEST_SHARE = 0.1, 1.0
-"""Least and largest share of the width of its bounds that a value is taken relative to."""
 
-_ALIKE = 1.01  # of trials that are as good within a per cent, the one that needs the least area
+@dataclass(frozen=True)
+class PlanSettings:
+    """How much a trial must tell."""
+
+    least_width: float = 0.1  #: Least share of the width of its bounds that a value is taken relative to.
+    largest_width: float = 1.0  #: Largest share of that width.
+    #: Of trials that are as good within a per cent, the one that needs the least area is taken.
+    alike: float = 1.01
+
+
+SETTINGS = PlanSettings()
 
 
 @callers_errors_pass
@@ -275,7 +283,7 @@ class _Judge:
         for _ in range(count if fitting else 0):
             # Of trials that are about as good, the one that needs the least area.
             scores = np.array([self.score(total + own) for own in informations])
-            alike = np.flatnonzero(scores <= _ALIKE * scores.min())
+            alike = np.flatnonzero(scores <= SETTINGS.alike * scores.min())
             best = min(map(int, alike), key=lambda k: _area(fitting[k]))
             chosen.append(self.ranked(total, fitting[best], informations[best]))
             total = total + informations[best]
@@ -388,4 +396,4 @@ def _value(vehicle: Vehicle, parameter: Parameter) -> float:
 def _size(parameter: Parameter, value: float) -> float:
     """What a standard deviation is relative to: the value, from a tenth of the bounds' width to all of it."""
     width = parameter.upper - parameter.lower
-    return float(np.clip(abs(value), _LEAST_SHARE * width, _LARGEST_SHARE * width))
+    return float(np.clip(abs(value), SETTINGS.least_width * width, SETTINGS.largest_width * width))

@@ -249,8 +249,15 @@ def _text(words: str) -> str:
     return json.dumps(words, ensure_ascii=False)
 
 
-UNKNOWN, BETTER = 0.5, 0.9
-"""Relative deviation from which a coefficient is unknown, and the part of it below which a trial helps."""
+@dataclass(frozen=True)
+class PlanWordingSettings:
+    """Which deviations a plan calls unknown or better."""
+
+    unknown_sd: float = 0.5  #: Relative deviation from which a coefficient is unknown.
+    better_share: float = 0.9  #: Of that deviation: a trial helps below it.
+
+
+PLAN_RESULT_SETTINGS = PlanWordingSettings()
 
 
 def _percent(share: float) -> str:

@@ -11,6 +11,7 @@ Held by ``tests/inspect/test_consistency.py``.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,11 +33,19 @@ from seatrial.trial.kinematic_fit import robust_rms
 from seatrial.trial.kinematics import Channels, Curve
 from seatrial.trial.signals import INPUTS, Series, checked
 
-_FEWEST = 50  # samples of a channel that can be compared
 
-_MOST_PITCH, _MOST_ROLL = 1.7, 3.3  # rad: more are degrees
+@dataclass(frozen=True)
+class ConsistencySettings:
+    """Which channels are compared, and what their units and mounting must be."""
 
-_MOUNTED = 0.5  # share of a heading error that sway on straight legs shows if the sensor is turned
+    fewest_samples: int = 50  #: Samples of a channel that can be compared.
+    most_pitch: float = 1.7  #: Largest pitch, rad: more are degrees.
+    most_roll: float = 3.3  #: Largest roll, rad: more are degrees.
+    #: Of a heading error that sway on straight legs shows if the sensor is turned.
+    mounted_share: float = 0.5
+
+
+SETTINGS = ConsistencySettings()
 
 
 def consistency(series: Mapping[str, Series], *, quaternion: bool = True) -> Consistency:
@@ -66,11 +75,13 @@ def consistency(series: Mapping[str, Series], *, quaternion: bool = True) -> Con
     (0, None)
     """
     given = checked(series)
-    known = {name: samples for name, samples in given.items() if len(samples.t) >= _FEWEST}
+    known = {name: samples for name, samples in given.items() if len(samples.t) >= SETTINGS.fewest_samples}
     sentences = list(missing(given))
     if few := [name for name in given if name not in known and not name.startswith(INPUTS)]:
         sentences.insert(
-            0, f"fewer than {_FEWEST} samples of {', '.join(few)}: not compared with other channels"
+            0,
+            f"fewer than {SETTINGS.fewest_samples} samples of {', '.join(few)}: not compared with other"
+            " channels",
         )
     contradictions = _stuck(known)
     if not {"pitch", "yaw"} & set(known):
@@ -126,7 +137,11 @@ def convention_of(series: Mapping[str, Series]) -> AttitudeConvention | None:
 
     The series are those of `consistency`.
     """
-    known = {name: samples for name, samples in checked(series).items() if len(samples.t) >= _FEWEST}
+    known = {
+        name: samples
+        for name, samples in checked(series).items()
+        if len(samples.t) >= SETTINGS.fewest_samples
+    }
     return attitude_convention(_curves(known))
 
 
@@ -161,7 +176,9 @@ def _angles(known: dict[str, Series]) -> list[Correction]:
     }
     jumps = np.abs(np.diff(known["yaw"].value)).max(initial=0.0) if "yaw" in known else 0.0
     degrees = (
-        most.get("pitch", 0.0) > _MOST_PITCH or most.get("roll", 0.0) > _MOST_ROLL or 300.0 < jumps < 400.0
+        most.get("pitch", 0.0) > SETTINGS.most_pitch
+        or most.get("roll", 0.0) > SETTINGS.most_roll
+        or 300.0 < jumps < 400.0
     )
     if not degrees:
         return []
@@ -185,11 +202,11 @@ def _turned_sensor(channels: Channels, velocity: Found) -> bool:
     rate = np.abs(np.gradient(yaw, t))
     u, v = (channels.at(name, t + channels.delay.get("velocity", 0.0), {}) for name in "uv")
     straight = (rate < np.quantile(rate, 0.5)) & (np.abs(u) > 0.5 * np.quantile(np.abs(u), 0.9))
-    if straight.sum() < _FEWEST:
+    if straight.sum() < SETTINGS.fewest_samples:
         return False
     slip = float(np.median(v[straight] / u[straight]))
     # Turned by the heading error the sensor would make the sway vanish.
-    return bool(abs(slip + np.tan(velocity.fit.values["heading"])) < _MOUNTED * abs(slip))
+    return bool(abs(slip + np.tan(velocity.fit.values["heading"])) < SETTINGS.mounted_share * abs(slip))
 
 
 def _apply(channels: Channels, velocity: Found) -> None:

@@ -25,37 +25,37 @@ from seatrial.inspect.consistency_result import SlowCurrent
 from seatrial.statistics.blocks import lag_one_correlation, variance_inflation
 from seatrial.trial.kinematics import Channels, earth_velocity
 
-_PART_S, _MOST_PARTS = 2.0, 10_000  # samples are averaged over so long, longer in a log of many hours
 
-_KNOT_S, _MOST_KNOTS = 60.0, 120  # the current runs linearly between knots, further apart in such a log
+@dataclass(frozen=True)
+class SlowCurrentSettings:
+    """From which legs a slow current is told, and how freely it may walk."""
 
-_SETTLED_S = 15.0  # a leg is straight so long after a turn
+    part_s: float = 2.0  #: Samples are averaged over so long, s: shorter than any turn.
+    most_parts: int = 10_000  #: Parts of a log of many hours, which are longer then.
+    knot_s: float = 60.0  #: The current runs linearly between knots, s.
+    most_knots: int = 120  #: Knots in a log of many hours, further apart then.
+    settled_s: float = 15.0  #: After a turn, s, from which a leg is straight.
+    straight_rate: float = 1.0 * DEGREE  #: Yaw rate, rad/s, above which the vehicle turns: 1 deg/s.
+    #: Deviation, s, of the smoothing of the yaw rate, lest waves count as turns.
+    rate_smoothed_s: float = 3.0
+    #: Relative change of the propeller's command within the time to settle up to which it is held.
+    steady_change: float = 0.02
+    no_way_share: float = 0.5  #: Of the median speed: a hull below it has no way.
+    under_way_share: float = 0.95  #: Of the median speed ahead in time: a hull that reaches it is under way.
+    ahead_s: float = 60.0  #: Seconds that follow, over which that median is taken.
+    lags_s: tuple[float, float, float] = (0.0, 2.0, 6.0)  #: Lags of the hull behind its yaw rate, s.
+    widest_m_s: float = 0.10  #: Mean deviation, m/s: a less certain current is not told.
+    fewest_parts: int = 50  #: Known parts that tell a current.
+    start_m_s: float = 1.0  #: Prior deviation of the current, m/s.
+    walk_m_s: float = 3e-3  #: Prior deviation of its change in a minute, m/s.
+    sway_m_s: float = 0.05  #: Prior deviation of the sensor's own sway, m/s: a degree at three m/s.
+    held_out_s: float = 60.0  #: Blocks of time, s, that are predicted from the others.
+    folds: int = 5  #: How many sets of such blocks are predicted by turns.
+    hull_lag_s: float = 6.0  #: By which the speed of a hull follows its propeller, s.
+    share_sd: float = 0.3  #: Prior deviation of the share k.
 
-_STRAIGHT = 1.0 * DEGREE  # per s: faster is a turn
 
-_WAVES_S = 3.0  # the yaw rate is averaged over, lest waves count as turns
-
-_STEADY = 0.02  # relative change of the propeller's command within the time to settle
-
-_NO_WAY, _UNDER_WAY, _AHEAD_S = 0.5, 0.95, 60.0
-"""Below the first part of the median speed a hull has no way. It is under way once it reaches the second part
-of the median speed of the seconds that follow."""
-
-_LAGS_S = (0.0, 2.0, 6.0)  # of the hull behind its yaw rate
-
-_WIDEST = 0.10  # m/s: a current that is less certain on average is not told
-
-_FEWEST = 50  # parts
-
-_START, _WALK = 1.0, 3e-3  # m/s: prior deviations of the current, and of its change in a minute
-
-_SWAY = 0.05  # m/s: prior deviation of the sensor's own sway, a degree at three m/s
-
-_HELD_S, _FOLDS = 60.0, 5  # blocks of time that are predicted from the others, by turns
-
-_HULL_S = 6.0  # by which the speed of a hull follows its propeller
-
-_SHARE = 0.3  # prior deviation of the share k
+SETTINGS = SlowCurrentSettings()
 
 
 def slow_current(channels: Channels) -> SlowCurrent | str:
@@ -82,20 +82,20 @@ def slow_current(channels: Channels) -> SlowCurrent | str:
         design[:, 0, 0] = design[:, 1, 1] = 1.0
         legs = _Legs(t, known, np.zeros(len(t), bool), measured, design, np.zeros((len(t), 2, 0)), False)
         return _told(legs, "velocity over ground less that through the water")
-    rate, course_rate = _rate(t, yaw, 0.5), _rate(t, yaw, _WAVES_S)
+    rate, course_rate = _rate(t, yaw, 0.5), _rate(t, yaw, SETTINGS.rate_smoothed_s)
     held, n, source = _held(channels, t)
     known &= held & ~_gains_way(np.hypot(ground[:, 0], ground[:, 1]), known, t)
-    turning = _recently(np.abs(course_rate) > _STRAIGHT, t)
-    if (known & ~turning).sum() * grid.step < 2.0 * _SETTLED_S:
+    turning = _recently(np.abs(course_rate) > SETTINGS.straight_rate, t)
+    if (known & ~turning).sum() * grid.step < 2.0 * SETTINGS.settled_s:
         return "no straight leg under a held command: the current stays unknown"
     if 1.0 - np.abs(np.mean(np.exp(1j * yaw[known]))) < 0.3:
         return "legs in one heading only: a current cannot be told from the speed through the water"
     design[:, 0, 0], design[:, 0, 1] = np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw)
     design[:, 1, 0], design[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
-    turns = [_lagged(rate, lag, grid.step) for lag in _LAGS_S]
-    slowed = [_lagged(rate**2, lag, grid.step) for lag in _LAGS_S]
-    own = np.zeros((len(t), 2, 2 + 2 * len(_LAGS_S)))
-    own[:, 0, 0], own[:, 1, 1] = n, _SWAY
+    turns = [_lagged(rate, lag, grid.step) for lag in SETTINGS.lags_s]
+    slowed = [_lagged(rate**2, lag, grid.step) for lag in SETTINGS.lags_s]
+    own = np.zeros((len(t), 2, 2 + 2 * len(SETTINGS.lags_s)))
+    own[:, 0, 0], own[:, 1, 1] = n, SETTINGS.sway_m_s
     for k, (turn, slow) in enumerate(zip(turns, slowed, strict=True)):
         own[:, 1, 2 + 2 * k], own[:, 0, 3 + 2 * k] = turn, slow
     return _told(_Legs(t, known, turning, ground[:, :2], design, own, True), source)
@@ -115,10 +115,10 @@ def _gains_way(speed: Array, known: Mask, t: Array) -> Mask:
 
     step = float(t[1] - t[0])
     speed = uniform_filter1d(speed, max(1, round(10.0 / step)))
-    still = known & (speed < _NO_WAY * np.median(speed[known])) if known.any() else ~known
-    settled, ahead = still.copy(), round(_AHEAD_S / step)
+    still = known & (speed < SETTINGS.no_way_share * np.median(speed[known])) if known.any() else ~known
+    settled, ahead = still.copy(), round(SETTINGS.ahead_s / step)
     for end in np.flatnonzero(still[:-1] & ~still[1:]) + 1:
-        later = speed[end:] >= _UNDER_WAY * np.median(speed[end : end + ahead])
+        later = speed[end:] >= SETTINGS.under_way_share * np.median(speed[end : end + ahead])
         settled[end : end + int(np.argmax(later))] = True
     return _recently(settled, t)
 
@@ -127,7 +127,7 @@ def _recently(here: Mask, t: Array) -> Mask:
     """Where it was so within the last seconds of settling, (n,)."""
     from scipy.ndimage import maximum_filter1d
 
-    length = max(1, round(_SETTLED_S / float(t[1] - t[0])))
+    length = max(1, round(SETTINGS.settled_s / float(t[1] - t[0])))
     return np.asarray(maximum_filter1d(here.astype(np.uint8), length, origin=(length - 1) // 2)).astype(bool)
 
 
@@ -161,12 +161,12 @@ def _held(channels: Channels, t: Array) -> tuple[Mask, Array, str]:
     # Revolutions and pulses are larger numbers than angles of a plane that is held up or down.
     candidates.sort(key=lambda candidate: -candidate[0])
     for _, name, n in candidates:
-        still = ~_recently(np.abs(np.gradient(n, t)) * _SETTLED_S > _STEADY, t)
+        still = ~_recently(np.abs(np.gradient(n, t)) * SETTINGS.settled_s > SETTINGS.steady_change, t)
         if np.mean(still) > 0.5:
             return still, n, f"legs and turns at held {name}"
     if candidates:
         _, name, n = candidates[0]
-        return everywhere, _lagged(n, _HULL_S, step), f"legs, turns and the command of {name}"
+        return everywhere, _lagged(n, SETTINGS.hull_lag_s, step), f"legs, turns and the command of {name}"
     return everywhere, np.ones(len(t)), "legs and turns at an assumed constant thrust"
 
 
@@ -190,7 +190,7 @@ def _told(legs: _Legs, source: str) -> SlowCurrent | str:
     parts = _averaged(legs)
     if parts is None:
         return "too few samples of legs under a held command: the current stays unknown"
-    start = np.array([np.log(_WALK), *np.log([0.02, 0.02, 0.05, 0.05]), 0.0])
+    start = np.array([np.log(SETTINGS.walk_m_s), *np.log([0.02, 0.02, 0.05, 0.05]), 0.0])
     used = start.size if legs.shared else 3
     options = {"xatol": 0.02, "fatol": 0.05, "maxfev": 400}
     best, least = start, np.inf
@@ -210,7 +210,7 @@ def _told(legs: _Legs, source: str) -> SlowCurrent | str:
     if legs.shared:
         sd = np.hypot(sd, parts.by_share(best))
     wide = float(np.sqrt(np.mean(sd**2)))
-    if wide > _WIDEST:
+    if wide > SETTINGS.widest_m_s:
         return f"the current stays unknown: {source} leave it uncertain by {wide:.2f} m/s"
     return SlowCurrent(
         parts.knots,
@@ -224,12 +224,12 @@ def _told(legs: _Legs, source: str) -> SlowCurrent | str:
 
 def _averaged(legs: _Legs) -> _Parts | None:
     """Means over parts of time that are known for the most part."""
-    part_s = max(_PART_S, float(legs.t[-1] - legs.t[0]) / _MOST_PARTS)
+    part_s = max(SETTINGS.part_s, float(legs.t[-1] - legs.t[0]) / SETTINGS.most_parts)
     part = ((legs.t - legs.t[0]) / part_s).astype(int)
     count = int(part.max()) + 1
     number = np.bincount(part[legs.known], minlength=count)
     whole = number >= 0.5 * part_s / (legs.t[1] - legs.t[0])
-    if whole.sum() < _FEWEST:
+    if whole.sum() < SETTINGS.fewest_parts:
         return None
 
     def mean(y: Array) -> Array:
@@ -242,7 +242,7 @@ def _averaged(legs: _Legs) -> _Parts | None:
         )
 
     t = mean(legs.t[:, None])[:, 0]
-    places = min(round((t[-1] - t[0]) / _KNOT_S) + 1, _MOST_KNOTS)
+    places = min(round((t[-1] - t[0]) / SETTINGS.knot_s) + 1, SETTINGS.most_knots)
     knots = np.linspace(t[0], t[-1], max(2, places))
     turning = mean(legs.turning[:, None].astype(float))[:, 0] > 0.5
     return _Parts(t, knots, turning, mean(legs.measured), mean(legs.design), mean(legs.own))
@@ -292,7 +292,7 @@ class _Parts:
         cost = loss + float(np.sum(np.log(sigma))) + 0.5 * float(solution @ prior @ solution)
         cost += 0.5 * float(np.linalg.slogdet(normal)[1] - np.linalg.slogdet(prior)[1])
         # A current walks slowly: half of the intensities are below 3 mm/s a minute (log-normal prior).
-        cost += 0.5 * ((x[0] - np.log(_WALK)) / 1.0) ** 2 + 0.5 * (x[5] / _SHARE) ** 2
+        cost += 0.5 * ((x[0] - np.log(SETTINGS.walk_m_s)) / 1.0) ** 2 + 0.5 * (x[5] / SETTINGS.share_sd) ** 2
         # Neighbouring parts share waves and what the hull's model misses.
         residual = (target - flat @ solution).reshape(y.shape) / sigma.reshape(y.shape)
         memory = max(lag_one_correlation(residual[:, i], most=0.95) for i in range(2))
@@ -310,10 +310,10 @@ class _Parts:
             design[:, 0, : 2 * m] *= 1.0 - x[5]
         prior = self._prior(walk, 2 * m + own.shape[2])
         prior = prior if current else prior[2 * m :, 2 * m :]
-        block = ((self.t - self.t[0]) // _HELD_S).astype(int)
+        block = ((self.t - self.t[0]) // SETTINGS.held_out_s).astype(int)
         error = self.y.copy()  # as it is where nothing predicts it
-        for fold in range(_FOLDS if design.shape[2] else 0):
-            held = block % _FOLDS == fold
+        for fold in range(SETTINGS.folds if design.shape[2] else 0):
+            held = block % SETTINGS.folds == fold
             a = (design / sigma[:, :, None])[~held].reshape(-1, design.shape[2])
             b = (self.y / sigma)[~held].ravel()
             error[held] = self.y[held] - design[held] @ np.linalg.solve(a.T @ a + prior, a.T @ b)
@@ -326,7 +326,7 @@ class _Parts:
         step[5] = 0.1
         (more, above, _), (cost, _, _), (less, below, _) = (self.solve(y) for y in (x + step, x, x - step))
         curvature = (more - 2.0 * cost + less) / step[5] ** 2
-        sd = 1.0 / np.sqrt(max(curvature, 1.0 / _SHARE**2))
+        sd = 1.0 / np.sqrt(max(curvature, 1.0 / SETTINGS.share_sd**2))
         return np.asarray(np.abs(above - below) / (2.0 * step[5]) * sd)
 
     def _prior(self, walk: float, size: int) -> Array:
@@ -335,7 +335,7 @@ class _Parts:
         steps = np.diff(np.eye(m), axis=0)
         interval = float(self.knots[1] - self.knots[0])
         steady = steps.T @ steps / (walk**2 * interval / 60.0)
-        steady[0, 0] += 1.0 / _START**2
+        steady[0, 0] += 1.0 / SETTINGS.start_m_s**2
         prior = np.eye(size) * 1e-4
         prior[:m, :m], prior[m : 2 * m, m : 2 * m] = steady, steady
         if size > 2 * m:

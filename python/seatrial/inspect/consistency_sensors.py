@@ -38,25 +38,28 @@ from seatrial.trial.kinematics import (
 )
 from seatrial.trial.signals import Series
 
-_SAME_CLOCK_S, _OTHER_CLOCK_S = 1.5, 60.0  # delays are searched within
 
-_LEAST_S = 0.015  # delays
+@dataclass(frozen=True)
+class SensorSettings:
+    """Within what the delay and mounting of a sensor are searched, and what is too small to be proposed."""
 
-_LEAST_TILT, _LEAST_HEADING = 0.3 * DEGREE, 1.0 * DEGREE  # smaller ones are not proposed
+    same_clock_s: float = 1.5  #: Delays within a file are searched up to here, s.
+    other_clock_s: float = 60.0  #: Offsets of two clocks are searched up to here, s.
+    least_delay_s: float = 0.015  #: Smallest delay that is proposed, s.
+    least_tilt: float = 0.3 * DEGREE  #: Smallest tilt that is proposed, rad: 0.3 deg.
+    least_heading: float = 1.0 * DEGREE  #: Smallest error of a heading that is proposed, rad: 1 deg.
+    least_gyro_bias: float = 0.03 * DEGREE  #: Smallest bias of a gyro that is proposed, rad/s: 0.03 deg/s.
+    #: What data sheets of Doppler logs allow beside a share of the speed, m/s.
+    velocity_bias_m_s: float = 0.001
+    least_force_bias: float = 0.03  #: Smallest bias of an accelerometer that is proposed, m/s^2.
+    trusted_correlation: float = 0.6  #: Correlation of a comparison whose ratio of sizes is believed.
+    clearly_moving: float = 4.0  #: Times as much must a velocity move as a position that stands still.
+    shared_correlation: float = 0.3  #: Correlation from which a rough delay is believed.
+    #: Times the interval of depth, velocity and attitude: a slower position is compared apart.
+    slow_position: float = 2.0
 
-_LEAST_BIAS = 0.03 * DEGREE  # per s, of a gyro
 
-_SURE_BIAS = 0.001  # m/s: what data sheets of Doppler logs allow beside a share of the speed
-
-_LEAST_FORCE = 0.03  # m/s^2
-
-_FITS = 0.6  # correlation of a comparison whose ratio of sizes is told
-
-_CLEARLY_MORE = 4.0  # times as much must a velocity move as a position that stands still
-
-_SHARED = 0.3  # correlation from which a rough delay is believed
-
-_SLOW = 2.0  # times the interval of depth, velocity and attitude: a slower position is compared apart
+SETTINGS = SensorSettings()
 
 
 @dataclass(frozen=True)
@@ -125,13 +128,15 @@ def _at_end(what: str, delay: float, reach: float) -> str:
 
 def _reach(channels: Channels, group: str) -> tuple[float, bool]:
     other = channels.clock(group) != channels.clock("attitude")
-    return (_OTHER_CLOCK_S if other else _SAME_CLOCK_S), other
+    return (SETTINGS.other_clock_s if other else SETTINGS.same_clock_s), other
 
 
 def _timing(channels: Channels, group: str, grid: Grid) -> list[Parameter]:
     """Delay of a sensor, and the drift of its clock where it has one of its own."""
     parameters = [
-        Parameter(f"delay.{group}", 0.02, _LEAST_S, always=group in ("velocity", "rates"), shift=True)
+        Parameter(
+            f"delay.{group}", 0.02, SETTINGS.least_delay_s, always=group in ("velocity", "rates"), shift=True
+        )
     ]
     if channels.clock(group) != channels.clock("attitude"):
         span = float(grid.t[-1] - grid.t[0])
@@ -186,7 +191,7 @@ def rates_found(channels: Channels) -> Found | None:
         scaled(channels, dict.fromkeys("pqr", unit[1]))
     sizes = (before, _rms(residual({})))
     scales = tuple(Parameter(f"scale.{n}", 0.01, 0.02, material=0.02, factor=True) for n in names)
-    biases = tuple(Parameter(f"bias.{n}", 0.1 * DEGREE, _LEAST_BIAS) for n in names)
+    biases = tuple(Parameter(f"bias.{n}", 0.1 * DEGREE, SETTINGS.least_gyro_bias) for n in names)
     channels.middle = float(grid.t.mean())
     parameters = [*_timing(channels, "rates", grid), *biases, *scales]
     fit = fitted(residual, parameters, grid, [{"delay.rates": assignment.delay}])
@@ -218,7 +223,7 @@ def velocity_found(channels: Channels) -> list[Found]:
     parts = [tuple(rows)] if rows else []
     if len(rows) == 3:
         step = {name: channels.curves[name].step for name in ("x", "z", "u", "pitch")}
-        if step["x"] > _SLOW * max(step["z"], step["u"], step["pitch"]):
+        if step["x"] > SETTINGS.slow_position * max(step["z"], step["u"], step["pitch"]):
             parts = [(2,), (0, 1)]
     sensors = [
         _velocity(channels, part, timed=k == 0, sized=k == len(parts) - 1) for k, part in enumerate(parts)
@@ -310,7 +315,7 @@ def _still(residual: VelocityResidual, grid: Grid, rows: tuple[int, ...], before
     )
     if moved > LEAST_MOTION["velocity"]:
         return None
-    clearly = shown > _CLEARLY_MORE * max(moved, LEAST_MOTION["velocity"])
+    clearly = shown > SETTINGS.clearly_moving * max(moved, LEAST_MOTION["velocity"])
     why = "hardly any motion: signs, sizes and delay are not compared"
     made = Found("velocity", _compared(rows), None, sizes=(before, before), motion=moved, shown=shown)
     return replace(made, still=clearly, why=f"{made.of}: {why}")
@@ -325,13 +330,15 @@ def _velocity_parameters(channels: Channels, grid: Grid, rows: tuple[int, ...]) 
     angle = 0.3 * DEGREE
     if 2 in rows:
         parameters += [
-            Parameter("tilt.pitch", angle, _LEAST_TILT),
-            Parameter("bias.w", 0.001, 0.0, _SURE_BIAS, always=True),
+            Parameter("tilt.pitch", angle, SETTINGS.least_tilt),
+            Parameter("bias.w", 0.001, 0.0, SETTINGS.velocity_bias_m_s, always=True),
         ]
         if "v" in have:
-            parameters.append(Parameter("tilt.roll" if "roll" in have else "list", angle, _LEAST_TILT))
+            parameters.append(
+                Parameter("tilt.roll" if "roll" in have else "list", angle, SETTINGS.least_tilt)
+            )
     if 0 in rows:
-        parameters.append(Parameter("heading", angle, _LEAST_HEADING))
+        parameters.append(Parameter("heading", angle, SETTINGS.least_heading))
     parameters.append(Parameter("scale.velocity", 0.01, 0.02, material=0.02, factor=True))
     if 0 in rows or {"roll", "pitch"} <= have:
         axes = "xyz" if len(rows) == 3 else "xy"
@@ -417,7 +424,7 @@ def _by_rows(
         strength = float(np.abs(np.diag(rho)).max())
         if strength > best[0]:
             best = (strength, delay, factor)
-    known = best[0] > _SHARED and not at_end(best[1], reach, grid.step)
+    known = best[0] > SETTINGS.shared_correlation and not at_end(best[1], reach, grid.step)
     channels.delay["velocity"] = best[1] if known else 0.0
     return _signs_by_rows(channels, grid, residual, names, rows)
 
@@ -468,7 +475,7 @@ def _signs_by_rows(
     moved = float(np.sqrt(np.mean(cut[use] ** 2))) if use.any() else 0.0
     axes = {name: (name, sign) for name, sign in signs.items()}
     made = Assignment(late, axes, dict.fromkeys(names, fit), size, following)
-    return made, size if fit > _FITS and moved > LEAST_MOTION["velocity"] else 1.0
+    return made, size if fit > SETTINGS.trusted_correlation and moved > LEAST_MOTION["velocity"] else 1.0
 
 
 def force_found(channels: Channels, g: float = 9.81) -> Found | None:
@@ -507,7 +514,7 @@ def force_found(channels: Channels, g: float = 9.81) -> Found | None:
             units["specific force"] = (unit, factor)
             scaled(channels, dict.fromkeys(names, factor))
     middle = _rms(residual({}))
-    biases = [Parameter(f"bias.{n}", 0.01, _LEAST_FORCE) for n in names]
+    biases = [Parameter(f"bias.{n}", 0.01, SETTINGS.least_force_bias) for n in names]
     fit = fitted(residual, [*_timing(channels, "specific force", grid), *biases], grid)
     assignment = Assignment(0.0, {n: axes.get(n, (n, 1.0)) for n in names}, {}, abs(size), {})
     return Found("specific force", of, fit, assignment, units, False, (before, middle))

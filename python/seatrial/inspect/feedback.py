@@ -80,6 +80,9 @@ class FeedbackSettings:
     rate_hz: float = 10.0
     longest_lag_s: float = 2.0
     apart_s: float = 1.0
+    #: A disturbance that grows tenfold within this share of a segment grows by ten thousand in all of it.
+    runaway_share: float = 0.25
+    rounded_s: float = 0.5  #: A segment is a multiple of it in a report, s.
 
 
 SETTINGS = FeedbackSettings()
@@ -242,10 +245,6 @@ def _slope(y: Array, m: Array, usable: Mask, dt: float, settings: FeedbackSettin
 SEGMENT_S = 20.0
 """Length of a simulated segment of the joint estimate, s, unless a campaign says otherwise."""
 
-_SHARE = 0.25
-"""A disturbance that grows tenfold within this share of a segment grows by ten thousand in all of it."""
-
-_ROUNDED_S = 0.5  # a segment is a round number of seconds in a report
 
 _PLANES = {"course": ("YN", "yaws"), "pitch": ("ZM", "pitches")}
 
@@ -258,7 +257,7 @@ def runs_away(vehicle: Vehicle, trials: Sequence[Trial], free: str, segment_s: f
     """
     for trial in trials:
         for verb, speed, tenfold_s in _tenfold(vehicle, trial, free):
-            if tenfold_s < _SHARE * segment_s:
+            if tenfold_s < SETTINGS.runaway_share * segment_s:
                 return (
                     f"with fixed controls the start vehicle {verb} off a straight course at {speed:.1f} m/s,"
                     f" and deviations grow tenfold in {tenfold_s:.1f} s"
@@ -275,9 +274,9 @@ def judged_s(vehicles: Sequence[Vehicle], trials: Sequence[Trial], free: str, lo
     """
     times = [time for v in vehicles for trial in trials for *_, time in _tenfold(v, trial, free)]
     shortest = min(times, default=math.inf)
-    if shortest >= _SHARE * longest_s:
+    if shortest >= SETTINGS.runaway_share * longest_s:
         return longest_s
-    return max(_ROUNDED_S * round(shortest / _ROUNDED_S), _ROUNDED_S)
+    return max(SETTINGS.rounded_s * round(shortest / SETTINGS.rounded_s), SETTINGS.rounded_s)
 
 
 def _tenfold(vehicle: Vehicle, trial: Trial, free: str) -> Iterator[tuple[str, float, float]]:

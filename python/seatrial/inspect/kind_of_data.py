@@ -195,17 +195,27 @@ def _saturated(saturated: tuple[Saturation, ...]) -> list[str]:
 BANDS_HZ = ((0.0, 0.05), (0.05, 0.2), (0.2, 1.0), (1.0, np.inf))
 """Drift and speed, manoeuvres, quick steps and waves, vibration and noise."""
 
-_WEAK = 5.0  # rms over noise below which an axis is hardly excited
-_WINDOW_S = 60.0
-_THIN_S = 0.12  # between the samples that show the noise
-_SATURATED = 0.02  # share of the samples
-_AT_LIMIT = 0.005  # of the command's range
-_EXCESS, _SELDOM = 0.1, 0.01  # of the range beyond a limit, and share of the samples
-_LEVELS = 50  # a command with fewer values is one of preset steps, which may rest at its largest
-_CONTACT_S = 5.0
-_PUSHED = 0.4  # of the largest force
-_FEWEST = 6  # windows that are pushed, of which most move
-_STILL = 0.12  # of the speed that such a force gives
+
+@dataclass(frozen=True)
+class DataSettings:
+    """From where on an axis is excited, a command saturated, and a vehicle held."""
+
+    weak_over_noise: float = 5.0  #: Root mean square over noise below which an axis is hardly excited.
+    spectrum_s: float = 60.0  #: Length of the windows of a spectrum, s: a period of 20 s thrice.
+    thinned_s: float = 0.12  #: Between the samples that show the noise, s: no slow sensor's straight lines.
+    saturated_share: float = 0.02  #: Of the samples at a limit from which a command is saturated.
+    at_limit_share: float = 0.005  #: Of a command's range within which it is at its limit.
+    excess_share: float = 0.1  #: Of the range beyond a limit that no rounding explains.
+    seldom_share: float = 0.01  #: Of the samples that may be beyond: spikes of a log.
+    #: Values of a command: one with fewer has preset steps, which may rest at its largest.
+    fewest_levels: int = 50
+    contact_s: float = 5.0  #: Length of the windows in which a held vehicle is looked for, s.
+    pushed_share: float = 0.4  #: Of the largest force from which an axis is driven hard.
+    fewest_windows: int = 6  #: Windows that are pushed, of which most move.
+    still_share: float = 0.12  #: Of the speed that such a force gives, below which the vehicle does not move.
+
+
+SETTINGS = DataSettings()
 
 
 @dataclass(frozen=True)
@@ -238,7 +248,7 @@ class Excitation:
     @property
     def weak(self) -> bool:
         """Whether the axis hardly moves more than its noise."""
-        return self.over_noise < _WEAK
+        return self.over_noise < SETTINGS.weak_over_noise
 
     @property
     def sentence(self) -> str:
@@ -298,11 +308,11 @@ def excitation(trial: Trial) -> list[Excitation]:
         y = trial.filled(channel)
         if y is None or len(y) < 16:
             continue
-        f, power = welch(y, 1.0 / trial.dt, nperseg=min(len(y), round(_WINDOW_S / trial.dt)))
+        f, power = welch(y, 1.0 / trial.dt, nperseg=min(len(y), round(SETTINGS.spectrum_s / trial.dt)))
         total = float(power.sum()) or 1.0
         shares = tuple(float(power[(f >= low) & (f < high)].sum()) / total for low, high in BANDS_HZ)
         # Between the samples of a slow sensor lie straight lines, which show no noise: thin them out.
-        third = np.diff(y[:: max(1, round(_THIN_S / trial.dt))], 3)
+        third = np.diff(y[:: max(1, round(SETTINGS.thinned_s / trial.dt))], 3)
         noise = 1.4826 * float(np.median(np.abs(third - np.median(third)))) / np.sqrt(20.0)
         axes.append(Excitation(axis, channel, float(y.std()), noise, shares))
     return axes
@@ -318,7 +328,7 @@ def saturation(trial: Trial, vehicle: Vehicle | None = None) -> list[Saturation]
     at_limit = []
     for name, y in trial.commands.items():
         low, high = float(y.min()), float(y.max())
-        if name not in facts or len(np.unique(y)) < _LEVELS:
+        if name not in facts or len(np.unique(y)) < SETTINGS.fewest_levels:
             continue
         actuator = facts[name]
         both = (
@@ -326,9 +336,9 @@ def saturation(trial: Trial, vehicle: Vehicle | None = None) -> list[Saturation]
             actuator["neutral"] + actuator["maximum_ahead"],
         )
         for limit in (limit for limit in both if np.isfinite(limit) and limit != actuator["neutral"]):
-            margin = _AT_LIMIT * max(high - low, abs(limit) * 1e-6)
+            margin = SETTINGS.at_limit_share * max(high - low, abs(limit) * 1e-6)
             beyond = y >= limit - margin if limit > 0.5 * (low + high) else y <= limit + margin
-            if (share := float(beyond.mean())) > _SATURATED:
+            if (share := float(beyond.mean())) > SETTINGS.saturated_share:
                 at_limit.append(Saturation(name, limit, share))
     return at_limit
 
@@ -349,8 +359,12 @@ def excesses(trial: Trial, vehicle: Vehicle | None = None) -> list[Excess]:
             actuator["neutral"] + actuator["maximum_ahead"],
         )
         for limit, over in ((high, y - high), (low, low - y)):
-            share = float((over > _EXCESS * (high - low)).mean()) if np.isfinite(high - low) else 0.0
-            if share > _SELDOM:
+            share = (
+                float((over > SETTINGS.excess_share * (high - low)).mean())
+                if np.isfinite(high - low)
+                else 0.0
+            )
+            if share > SETTINGS.seldom_share:
                 beyond.append(Excess(name, float(y[int(over.argmax())]), float(limit), share))
     return beyond
 
@@ -368,21 +382,21 @@ def contacts(trial: Trial, driving: Sequence[Drive]) -> list[Contact]:
             continue
         channel = "uvw"["XYZ".index(drive.axis)]
         moved = _along(trial, channel)
-        size = max(2, round(_CONTACT_S / trial.dt))
+        size = max(2, round(SETTINGS.contact_s / trial.dt))
         if moved is None or len(moved) < 6 * size:
             continue
         count = len(moved) // size
         speed = moved[: count * size].reshape(count, size).mean(axis=1)
         force = drive.y[: count * size].reshape(count, size).mean(axis=1)
         force = force - (_neutral(force, speed) if drive.axis == "Z" else 0.0)
-        pushed = np.abs(force) > _PUSHED * np.abs(force).max()
+        pushed = np.abs(force) > SETTINGS.pushed_share * np.abs(force).max()
         along = speed * np.sign(force)
-        usual = float(np.median(along[pushed])) if pushed.sum() >= _FEWEST else 0.0
+        usual = float(np.median(along[pushed])) if pushed.sum() >= SETTINGS.fewest_windows else 0.0
         # Under depth control or at anchor a force moves nothing anywhere: no window stands out.
         elsewhere = float(np.std(speed[~pushed])) if not pushed.all() else 0.0
         if usual <= 2.0 * elsewhere or usual <= 0.0:
             continue
-        still = pushed & (np.abs(along) < _STILL * usual)
+        still = pushed & (np.abs(along) < SETTINGS.still_share * usual)
         for start, stop in runs(still, 2):
             t, until = float(trial.t[start * size]), float(trial.t[min(stop * size, len(trial) - 1)])
             spells.append(Contact(drive.axis, t, until, _words(trial, drive, force, start, stop, size)))

@@ -9,6 +9,7 @@ has a step no axis. Thresholds follow the recording: a turn is a turn for this v
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,23 +30,38 @@ Kind = Literal[
     "step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run", "station-keeping", "rest"
 ]
 
-_MINOR = 0.1  # of the largest force or moment: an axis that is driven less is not driven on purpose
-_COUPLED = 0.98  # correlation of two drives that are one: the sway force of a rudder, say
-_QUIET = 0.08  # of a drive's range: a hold changes by less within _HOLD_S
-_QUIETEST = 0.02  # likewise where the drive shows no noise
-_HOLD_S = 1.5
-_SHORTEST_S = 2.5  # of a step's new level: a loop that answers waves rests for shorter times
-_STEP = 2.0  # times what a hold may change by
-_STEP_TAKES_S = 2.0
-_SLOW = 0.15  # of the motion's 98 % quantile: below, the vehicle does not turn, dive or move
-_TURN = np.deg2rad(30.0)
-_SWING = np.deg2rad(6.0)  # of heading that is a swing
-_ZIGZAG_SWINGS = 4  # to and fro, twice
-_RATE = np.deg2rad(1.0)  # rad/s: slower is no turn for any vehicle
-_LONG_S = 10.0  # straight runs, station-keeping and rest are longer
-_COAST_S = 4.0
-_COAST_LOSS = 0.4  # of the speed at its start
-_DECAY_SIZE = np.deg2rad(2.5)
+
+@dataclass(frozen=True)
+class ManoeuvreSettings:
+    """What counts as a step, a turn, a coast-down, a zigzag or a decay."""
+
+    #: Of the largest force or moment: an axis that is driven less is not driven on purpose.
+    minor_share: float = 0.1
+    coupled_correlation: float = 0.98  #: Of two drives that are one: the sway force of a rudder, say.
+    quiet_share: float = 0.08  #: Of a drive's range: a hold changes by less within `hold_s`.
+    quietest_share: float = 0.02  #: Likewise where the drive shows no noise.
+    hold_s: float = 1.5  #: Shortest hold, s.
+    #: Of a step's new level, s: a loop that answers waves rests for shorter times.
+    shortest_step_s: float = 2.5
+    step_size: float = 2.0  #: Times what a hold may change by: a larger change is a step.
+    step_takes_s: float = 2.0  #: Longest change from one level to the next, s.
+    #: Of the motion's 98 % quantile: below, the vehicle does not turn, dive or move.
+    slow_share: float = 0.15
+    zigzag_swings: int = 4  #: To and fro, twice.
+    long_s: float = 10.0  #: Straight runs, station-keeping and rest are longer, s.
+    coast_s: float = 4.0  #: A coast-down is longer, s.
+    coast_loss: float = 0.4  #: Of the speed at its start that a coast-down loses.
+    #: Least change of heading of a turn, rad.
+    turn_angle: float = math.radians(30.0)
+    #: Of heading that is a swing, rad.
+    swing_angle: float = math.radians(6.0)
+    #: Slower is no turn for any vehicle, rad/s.
+    turn_rate: float = math.radians(1.0)
+    #: Least amplitude of a free decay, rad.
+    decay_angle: float = math.radians(2.5)
+
+
+SETTINGS = ManoeuvreSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +129,12 @@ def drives(trial: Trial, vehicle: Vehicle | None = None) -> list[Drive]:
         return [drive for drive in commands if drive.range > 0.0]
     axes = [Drive(axis, axis, "N" if k < 3 else "N m", tau[:, k]) for k, axis in enumerate(AXES)]
     ranges = [drive.range for drive in axes]
-    least = [_MINOR * max(ranges[:3])] * 3 + [_MINOR * max(ranges[3:])] * 3
+    least = [SETTINGS.minor_share * max(ranges[:3])] * 3 + [SETTINGS.minor_share * max(ranges[3:])] * 3
     kept = {d.axis: d for d, r, limit in zip(axes, ranges, least, strict=True) if r > limit}
     for moment, force in (("N", "Y"), ("M", "Z"), ("N", "K"), ("M", "K")):
-        if {moment, force} <= set(kept) and _correlation(kept[moment].y, kept[force].y) > _COUPLED:
+        if {moment, force} <= set(kept) and _correlation(
+            kept[moment].y, kept[force].y
+        ) > SETTINGS.coupled_correlation:
             del kept[force]
     return list(kept.values())
 
@@ -210,7 +228,7 @@ class _Motion:
         self.depth = None if depth is None else self._smooth(depth, 2.0)
         self.sink = None if self.depth is None else np.gradient(self.depth, self.dt)
         nothing = np.zeros(len(trial))
-        self.turns = nothing if "r" not in self.nu else self._moving(self.nu["r"], _RATE)
+        self.turns = nothing if "r" not in self.nu else self._moving(self.nu["r"], SETTINGS.turn_rate)
         self.sinks = nothing if self.sink is None else self._moving(self.sink, 0.02)
 
     def _smooth(self, y: Array, seconds: float) -> Array:
@@ -221,7 +239,7 @@ class _Motion:
     @staticmethod
     def _moving(y: Array, least: float) -> Array:
         """Sign of the motion where it is faster than slow, 0 elsewhere."""
-        limit = max(least, _SLOW * float(np.quantile(np.abs(y), 0.98)))
+        limit = max(least, SETTINGS.slow_share * float(np.quantile(np.abs(y), 0.98)))
         return np.where(np.abs(y) > limit, np.sign(y), 0.0)
 
 
@@ -247,11 +265,13 @@ def _holds(drive: Drive, dt: float) -> _Holds:
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     y = _clean(drive.y, dt)
-    size = max(2, round(_HOLD_S / dt))
+    size = max(2, round(SETTINGS.hold_s / dt))
     spread = maximum_filter1d(y, size, mode="nearest") - minimum_filter1d(y, size, mode="nearest")
     # What the drive changes by in calm parts is its noise: a pilot's hand, a depth controller, the battery.
     noise = 2.0 * float(np.median(spread))
-    tolerance = float(np.clip(noise, _QUIETEST * drive.range, _QUIET * drive.range))
+    tolerance = float(
+        np.clip(noise, SETTINGS.quietest_share * drive.range, SETTINGS.quiet_share * drive.range)
+    )
     # A window that begins or ends at a sample is quiet: the hold reaches its own ends.
     held = maximum_filter1d((spread <= tolerance).astype(np.uint8), size, mode="constant")
     return _Holds(y, np.asarray(held).astype(bool), tolerance)
@@ -260,7 +280,7 @@ def _holds(drive: Drive, dt: float) -> _Holds:
 def _levels(holds: _Holds, dt: float) -> list[tuple[int, int, float]]:
     """Holds of a drive: first sample, last sample plus one, level."""
     found = []
-    size = max(2, round(_HOLD_S / dt))
+    size = max(2, round(SETTINGS.hold_s / dt))
     for start, stop in runs(holds.held, size):
         # A widened run may hold two levels with a clean step between: cut where it jumps.
         jumps = start + 1 + np.flatnonzero(np.abs(np.diff(holds.y[start:stop])) > holds.tolerance)
@@ -275,9 +295,9 @@ def _steps(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
         holds = _holds(drive, trial.dt)
         levels = _levels(holds, trial.dt)
         for (_, end, before), (start, stop, level) in pairwise(levels):
-            late = (start - end) * trial.dt > _STEP_TAKES_S
-            short = (stop - start) * trial.dt < _SHORTEST_S
-            if late or short or abs(level - before) < _STEP * holds.tolerance:
+            late = (start - end) * trial.dt > SETTINGS.step_takes_s
+            short = (stop - start) * trial.dt < SETTINGS.shortest_step_s
+            if late or short or abs(level - before) < SETTINGS.step_size * holds.tolerance:
                 continue
             t, until = float(trial.t[start]), float(trial.t[stop - 1]) + trial.dt
             unit = f" {drive.unit}" if drive.unit else ""
@@ -312,10 +332,12 @@ def _coast_downs(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Ite
         if channel not in motion.nu or neutral is None:
             continue
         y = motion.nu[channel]
-        least = max(_RATE if channel == "r" else 0.05, 0.25 * float(np.quantile(np.abs(y), 0.98)))
-        for start, stop in runs(neutral, round(_COAST_S / trial.dt)):
+        least = max(
+            SETTINGS.turn_rate if channel == "r" else 0.05, 0.25 * float(np.quantile(np.abs(y), 0.98))
+        )
+        for start, stop in runs(neutral, round(SETTINGS.coast_s / trial.dt)):
             first, last = abs(float(y[start])), abs(float(y[stop - 1]))
-            if first < least or last > (1.0 - _COAST_LOSS) * first:
+            if first < least or last > (1.0 - SETTINGS.coast_loss) * first:
                 continue
             factor, unit = readable(channel)
             t, until = float(trial.t[start]), float(trial.t[stop - 1])
@@ -336,7 +358,7 @@ def _neutral(driving: Sequence[Drive], axis: str, dt: float) -> Mask | None:
     own = [drive for drive in driving if drive.axis in (axis, "")]
     if not own:
         return None
-    calm = [np.abs(_clean(d.y, dt) - d.neutral) <= _QUIET * d.range for d in own]
+    calm = [np.abs(_clean(d.y, dt) - d.neutral) <= SETTINGS.quiet_share * d.range for d in own]
     return np.asarray(np.logical_and.reduce(calm))
 
 
@@ -348,7 +370,7 @@ def _swings(trial: Trial, motion: _Motion) -> Iterator[Manoeuvre]:
     for sign in (1.0, -1.0):
         for start, stop in runs(motion.turns == sign, 2):
             change = float(motion.heading[stop - 1] - motion.heading[start])
-            if change * sign > _SWING:
+            if change * sign > SETTINGS.swing_angle:
                 swings.append((start, stop, change))
     swings.sort()
     for group in _zigzags(swings, trial.dt):
@@ -365,7 +387,7 @@ def _swings(trial: Trial, motion: _Motion) -> Iterator[Manoeuvre]:
         )
         swings = [swing for swing in swings if swing not in group]
     for start, stop, change in swings:
-        if abs(change) < _TURN:
+        if abs(change) < SETTINGS.turn_angle:
             continue
         t, until = float(trial.t[start]), float(trial.t[stop - 1])
         yield Manoeuvre(
@@ -391,7 +413,7 @@ def _zigzags(swings: Sequence[tuple[int, int, float]], dt: float) -> Iterator[li
             if near and alike and swing[2] * change < 0.0:
                 group.append(swing)
                 continue
-        if len(group) >= _ZIGZAG_SWINGS:
+        if len(group) >= SETTINGS.zigzag_swings:
             yield group
         group = [] if swing is None else [swing]
 
@@ -431,10 +453,10 @@ def _decays(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
         y = trial.filled(channel)
         if y is None:
             continue
-        for start, stop in runs(held, round(_COAST_S / trial.dt)):
+        for start, stop in runs(held, round(SETTINGS.coast_s / trial.dt)):
             part = y[start:stop] - np.median(y[start + (stop - start) // 2 : stop])
             size = float(np.abs(part[: max(2, len(part) // 5)]).max())
-            if size < _DECAY_SIZE:
+            if size < SETTINGS.decay_angle:
                 continue
             # Extremes that stand out of the noise; the first may be the release itself.
             peaks = np.sort(np.concatenate([find_peaks(s * part, prominence=0.1 * size)[0] for s in (1, -1)]))
@@ -465,11 +487,11 @@ def _steady(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Iterator
     level = (motion.turns == 0.0) & (motion.sinks == 0.0)
     u = motion.nu["u"]
     speed = np.sqrt(u**2 + motion.nu.get("v", 0.0 * u) ** 2)
-    way = max(0.1, 2.0 * _SLOW * float(np.quantile(speed, 0.98)))
-    samples = round(_LONG_S / trial.dt)
+    way = max(0.1, 2.0 * SETTINGS.slow_share * float(np.quantile(speed, 0.98)))
+    samples = round(SETTINGS.long_s / trial.dt)
     for start, stop in runs(level & (u > way), samples):
         low, high = np.quantile(u[start:stop], [0.05, 0.95])
-        if motion.heading is not None and np.ptp(motion.heading[start:stop]) > _TURN / 3.0:
+        if motion.heading is not None and np.ptp(motion.heading[start:stop]) > SETTINGS.turn_angle / 3.0:
             continue
         t, until = float(trial.t[start]), float(trial.t[stop - 1])
         span = f"{low:.2f} to {high:.2f}" if high - low > 0.1 * high else f"{0.5 * (low + high):.2f}"
@@ -477,9 +499,11 @@ def _steady(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Iterator
         yield Manoeuvre("straight run", "X", t, until, float(np.median(u[start:stop])), "m/s", words)
     busy = np.zeros(len(trial), bool)
     for drive in driving:
-        busy |= np.abs(_clean(drive.y, trial.dt) - drive.neutral) > _QUIET * drive.range
+        busy |= np.abs(_clean(drive.y, trial.dt) - drive.neutral) > SETTINGS.quiet_share * drive.range
     # Commands that pause for some seconds are still those of somebody who keeps the station.
-    busy = np.asarray(maximum_filter1d(busy.astype(np.uint8), round(_COAST_S / trial.dt) + 1)).astype(bool)
+    busy = np.asarray(maximum_filter1d(busy.astype(np.uint8), round(SETTINGS.coast_s / trial.dt) + 1)).astype(
+        bool
+    )
     still = level & (speed < min(0.5 * way, 0.15))
     both: tuple[tuple[Kind, Mask], ...] = (("station-keeping", busy), ("rest", ~busy))
     for kind, driven in both:

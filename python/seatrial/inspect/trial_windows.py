@@ -23,16 +23,29 @@ from seatrial.inspect.manoeuvres import Manoeuvre
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-_SHARES = (0.2, 0.225, 0.25, 0.275, 0.3, 0.325, 0.35)  # of the use: a hold-out of about a quarter
-_USUAL = 0.25  # of the use, where nothing speaks for another share
-_STARTS = 61  # places that are tried along the use: finer than a minute of an hour
-_SHORTEST_S = 60.0  # of the use: a shorter trial is too short to be divided
-_IDLE_S = 10.0  # before and after the commands that stay in use: the vehicle coasts
-_STILL = 0.15  # of the largest velocity
-_ROUND_S = 1.0
-_LASTS_S = 20.0  # that a change of a command goes on to tell something
-_DRIVEN = 0.25  # of the trial's share of driven time, in either part
-_UNMEASURED = 20.0  # what a part without any measurement costs, in units of the merit
+
+@dataclass(frozen=True)
+class HoldOutSettings:
+    """Which part of a trial is proposed to be held out."""
+
+    #: Of the use that are tried: a hold-out of about a quarter.
+    shares: tuple[float, ...] = (0.2, 0.225, 0.25, 0.275, 0.3, 0.325, 0.35)
+    usual_share: float = 0.25  #: Of the use, where nothing speaks for another share.
+    starts: int = 61  #: Places that are tried along the use: finer than a minute of an hour.
+    shortest_s: float = 60.0  #: Of the use, s: a shorter trial is too short to be divided.
+    idle_s: float = 10.0  #: Before and after the commands that stay in use, s: the vehicle coasts.
+    still_share: float = 0.15  #: Of the largest velocity, below which the vehicle is still.
+    round_s: float = 1.0  #: Proposed times are multiples of it, s.
+    lasts_s: float = 20.0  #: A change of a command goes on to tell something so long, s.
+    driven_share: float = 0.25  #: Of the trial's share of driven time, in either part.
+    unmeasured_cost: float = 20.0  #: What a part without any measurement costs, in units of the merit.
+    #: Squared velocity of a part over that of the rest, on its busiest axis: 0.22 of its speed. Below, every
+    #: model predicts the part well, because hardly anything happens in it.
+    least_activity: float = 0.05
+
+
+SETTINGS = HoldOutSettings()
+
 _TOLD = ("step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run")
 
 
@@ -67,7 +80,7 @@ def windows(trial: Trial, sequence: Sequence[Manoeuvre]) -> TrialWindows:
     activity = _activity(trial)
     use = _moving_part(trial)
     length = use[1] - use[0]
-    if length < _SHORTEST_S:
+    if length < SETTINGS.shortest_s:
         return TrialWindows(
             use,
             None,
@@ -78,11 +91,11 @@ def windows(trial: Trial, sequence: Sequence[Manoeuvre]) -> TrialWindows:
     countable, repeated = _countable(sequence)
     driven, blind = _driven(trial), _blind(trial)
     best, could_be_driven = None, False
-    for share in _SHARES:
-        for start in np.linspace(use[0], use[1] - share * length, _STARTS):
+    for share in SETTINGS.shares:
+        for start in np.linspace(use[0], use[1] - share * length, SETTINGS.starts):
             candidate = (
-                float(np.round(start / _ROUND_S)),
-                float(np.round((start + share * length) / _ROUND_S)),
+                float(np.round(start / SETTINGS.round_s)),
+                float(np.round((start + share * length) / SETTINGS.round_s)),
             )
             if not _both_driven(trial.t, driven, use, candidate):
                 continue
@@ -90,9 +103,9 @@ def windows(trial: Trial, sequence: Sequence[Manoeuvre]) -> TrialWindows:
             if not _moves(trial.t, activity, use, candidate):
                 continue
             merit, both, effort = _merit(trial, activity, use, candidate, countable, repeated)
-            merit -= 2.0 * abs(share - _USUAL) - 0.2 * (start - use[0]) / length
+            merit -= 2.0 * abs(share - SETTINGS.usual_share) - 0.2 * (start - use[0]) / length
             held = (trial.t >= candidate[0]) & (trial.t < candidate[1])
-            merit -= _UNMEASURED * float(blind[held].mean())
+            merit -= SETTINGS.unmeasured_cost * float(blind[held].mean())
             if best is None or merit > best[0]:
                 best = (merit, candidate, both, effort)
     if best is None and could_be_driven:
@@ -187,11 +200,6 @@ def _merit(
     return merit - lonely / max(len(repeated), 1), both, effort
 
 
-_LEAST_ACTIVITY = 0.05
-"""Squared velocity of a part over that of the rest, on its busiest axis: 0.22 of its speed. Below, every
-model predicts the part well, because hardly anything happens in it."""
-
-
 def moves(trial: Trial, proposed: TrialWindows, part: tuple[float, float]) -> bool:
     """Whether a hold-out moves, by the axis that moves most in comparison with the rest of the trial."""
     return _moves(trial.t, _activity(trial), proposed.use, part)
@@ -203,7 +211,7 @@ def _moves(t: Array, activity: Array, use: tuple[float, float], part: tuple[floa
     if not activity.shape[1] or not inside.any() or not rest.any():
         return False
     ratio = activity[inside].mean(axis=0) / np.maximum(activity[rest].mean(axis=0), 1e-12)
-    return bool(ratio.max() >= _LEAST_ACTIVITY)
+    return bool(ratio.max() >= SETTINGS.least_activity)
 
 
 def _blind(trial: Trial) -> Mask:
@@ -221,7 +229,7 @@ def _driven(trial: Trial) -> NDArray[np.bool_]:
     since = np.arange(len(trial)) - np.maximum.accumulate(
         np.where(changes, np.arange(len(trial)), -len(trial))
     )
-    return np.asarray(since * trial.dt <= _LASTS_S)
+    return np.asarray(since * trial.dt <= SETTINGS.lasts_s)
 
 
 def _both_driven(
@@ -236,7 +244,7 @@ def _both_driven(
     share = driven[inside | rest].mean()
     if share == 0.0:
         return True
-    if min(driven[inside].mean(), driven[rest].mean()) < _DRIVEN * share:
+    if min(driven[inside].mean(), driven[rest].mean()) < SETTINGS.driven_share * share:
         return False
     if share > 0.5:
         return True
@@ -261,10 +269,10 @@ def _moving_part(trial: Trial) -> tuple[float, float]:
     for name in VELOCITIES:
         if (y := trial.filled(name)) is not None:
             y = np.abs(uniform_filter1d(y, max(1, round(1.0 / trial.dt)), mode="nearest"))
-            moving |= y > _STILL * y.max()
+            moving |= y > SETTINGS.still_share * y.max()
     for y in trial.commands.values():
         moving |= np.abs(np.diff(y, prepend=y[0])) > 0.02 * max(np.ptp(y), 1e-12)
     index = np.flatnonzero(moving)
     if len(index) == 0:
         return float(t[0]), float(t[-1])
-    return float(max(t[0], t[index[0]] - _IDLE_S)), float(min(t[-1], t[index[-1]] + _IDLE_S))
+    return float(max(t[0], t[index[0]] - SETTINGS.idle_s)), float(min(t[-1], t[index[-1]] + SETTINGS.idle_s))

@@ -11,13 +11,13 @@ two-stage method of Van den Hof and Schrama, *Automatica* 29 (1993) 1523):
 1. each change of c from its own past changes and those of all measurements; what is left, e, is exogenous;
 2. the axis' velocity from the past 30 s of e.
 
-The part of the velocity's variance that the second explains, on blocks of time outside both fits, is
-the share that the exogenous command drives. Below `TOLD` of a closed loop in waves the axis is dominated by
+The part of the velocity's variance that the second explains, on blocks of time outside both fits, is the
+share that the exogenous command drives. Below `told_share` of a closed loop in waves the axis is dominated by
 feedback. Regressions are robust: a set point's step is an outlier of the first and must not bend it.
 
 An axis without a command or with an open loop is never dominated. Where no waves are seen the share is less
 sure, for answers to steps of a set point are less linear than those to waves: there only a share below
-`NOTHING` counts, in a log that is long enough. Held by ``tests/inspect/test_verdict.py``; derivation and
+`untold_share` counts, in a log that is long enough. Held by ``tests/inspect/test_verdict.py``; derivation and
 limits: ``docs/theory/feedback.md``.
 """
 
@@ -41,41 +41,50 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-TOLD = 0.45
-"""Share of the velocity's variance from which the exogenous command tells the vehicle.
 
-Straight missions in waves of 5 to 14 s show 0.28 at most. Dithers that drove 0.6 and more and depth steps
-that drove 0.4 to 0.7 told the planes' gain within 3 %, small dithers of 0.4 were up to 15 % wrong.
-"""
+@dataclass(frozen=True)
+class VerdictSettings:
+    """Which share of a velocity's variance commands must drive, and how that share is computed."""
 
-REPLAYED = 0.7
-"""Share from which a replay of commands that answer waves, without the waves, judges a model."""
+    #: Share of the velocity's variance from which the exogenous command tells the vehicle. Straight missions
+    #: in waves of 5 to 14 s show 0.28 at most. Dithers that drove 0.6 and more and depth steps that drove 0.4
+    #: to 0.7 told the planes' gain within 3 %, small dithers of 0.4 were up to 15 % wrong.
+    told_share: float = 0.45
+    #: Share from which a replay of commands that answer waves, without the waves, judges a model.
+    replayed_share: float = 0.7
+    #: Share below which it does not, whether or not waves were seen, in a log of `long_s` and more.
+    untold_share: float = 0.05
+    #: Of a command that measurements foretell, from which an axis that passes as open may answer waves.
+    foretold_share: float = 0.1
+    #: Of the command's power at wave frequencies, from which it does: preset commands have neither together.
+    in_waves_share: float = 0.3
+    long_s: float = 300.0  #: Shorter logs do not tell so small a share from chance, s.
+    way_deviations: float = 3.0  #: Robust deviations of the velocity that an axis keeps its way by.
+    #: Of the actuator's largest force or moment: its other axes are no purpose of it.
+    main_share: float = 0.1
+    least_lever_m: float = 0.03  #: Lever of a moment, m: shorter ones come of the hull's measures alone.
+    rate_hz: float = 5.0  #: Of the regressions, Hz: faster than any hull answers.
+    own_lags: int = 16  #: Past samples of the command.
+    seen_lags: int = 10  #: Past samples of each measurement.
+    answer_s: float = 30.0  #: How long the velocity may answer, s.
+    fine_lags: int = 20  #: Lags of the answer that are single samples.
+    coarse_lags: int = 4  #: Samples that each of the other lags is a mean of.
+    settled_samples: int = 100  #: Samples at the start that are left out.
+    outlier: float = 3.0  #: Robust deviations of the command's change that count as a step.
+    tall: float = 5.0  #: Deviations of a regressor beyond which it is cut.
+    wave_band: float = 1.35  #: Band of the waves, as a factor of their frequency.
 
-NOTHING = 0.05
-"""Share below which it does not, whether or not waves were seen, in a log of five minutes and more."""
 
-_PARTLY, _IN_WAVES = 0.1, 0.3
-"""Part of a command that measurements foretell, and its share of power at wave frequencies, from which an
-axis that passes as open answers waves all the same: preset commands have neither together."""
+VERDICT_SETTINGS = VerdictSettings()
+
 
 _DRAG = ("X_u", "X_uu", "Y_v", "Y_vv", "Z_w", "Z_ww")
 _TRIAL = (
     "run seatrial plan with the campaign of this log: it proposes a dither on top of the autopilot that makes"
     " the axis identifiable"
 )
-_LONG_S = 300.0  # shorter logs do not tell so small a share from chance
-_WAY = 3.0  # robust deviations of the velocity
 
-_MAIN = 0.1  # of the actuator's largest force or moment
-_LEAST_LEVER_M = 0.03
 
-_RATE_HZ = 5.0  # of the regressions
-_OWN, _SEEN = 16, 10  # past samples of the command and of each measurement
-_ANSWER_S, _FINE = 30.0, 20  # how long the velocity may answer, and how many lags of it are single samples
-_COARSE = 4
-_SETTLED = 100  # samples at the start that are left out
-_OUTLIER, _TALL = 3.0, 5.0  # robust deviations of the command's change, deviations of a regressor
-_BAND = 1.35
 _SEEN_CHANNELS = ("yaw", "pitch", "roll", "z", "u", "v", "w", "p", "q", "r")
 
 Kind = Literal["open", "closed and informative", "feedback-dominated"]
@@ -122,7 +131,11 @@ class Verdict:
     @property
     def answers_waves(self) -> bool:
         """Whether the commands of an axis that passes as open answer waves in part."""
-        return self.kind == "open" and self.explained > _PARTLY and self.wave_share > _IN_WAVES
+        return (
+            self.kind == "open"
+            and self.explained > VERDICT_SETTINGS.foretold_share
+            and self.wave_share > VERDICT_SETTINGS.in_waves_share
+        )
 
     @property
     def trial(self) -> str:
@@ -184,7 +197,7 @@ def best(judged: Iterable[Mapping[str, Verdict]]) -> dict[str, Verdict]:
 
 def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
     """Verdict per axis that recorded inputs push and whose velocity was recorded, the worst first."""
-    stride = max(1, math.ceil(1.0 / (_RATE_HZ * trial.dt) - 0.01))
+    stride = max(1, math.ceil(1.0 / (VERDICT_SETTINGS.rate_hz * trial.dt) - 0.01))
     seen = {
         c: _mean(y, stride) for c in _SEEN_CHANNELS if (y := trial.filled(c)) is not None and y.std() > 0.0
     }
@@ -210,8 +223,12 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
         kind: Kind = "closed and informative" if closed else "open"
         if closed:
             independent = _told(_mean(command, stride), seen, channel, stride * trial.dt)
-            unseen = NOTHING if len(trial) * trial.dt >= _LONG_S else -math.inf
-            if independent < (unseen if swell is None else TOLD):
+            unseen = (
+                VERDICT_SETTINGS.untold_share
+                if len(trial) * trial.dt >= VERDICT_SETTINGS.long_s
+                else -math.inf
+            )
+            if independent < (unseen if swell is None else VERDICT_SETTINGS.told_share):
                 kind = "feedback-dominated"
         way = axis in AXES[:3] and _under_way(seen[channel])
         verdicts[axis] = Verdict(axis, kind, moving, follows.explained, independent, wave_share, period, way)
@@ -221,17 +238,17 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
 def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
     """Letters of the axes on which a replay of a trial's commands judges no model, for they answer waves.
 
-    In waves those that feedback dominates and those that are informative by less than `REPLAYED`: a gain can
-    be found there, by a method that knows of the loop, and the true vehicle fails a replay. So it does where
-    a loop passes as open because it uses what was not logged. Sway and heave that no command pushes ride on
-    yaw and pitch, and are blind where these are. `waves`: whether they were found otherwise, where the
-    spectra show none.
+    In waves those that feedback dominates and those that are informative by less than `replayed_share`: a
+    gain can be found there, by a method that knows of the loop, and the true vehicle fails a replay. So it
+    does where a loop passes as open because it uses what was not logged. Sway and heave that no command
+    pushes ride on yaw and pitch, and are blind where these are. `waves`: whether they were found otherwise,
+    where the spectra show none.
     """
     axes = {
         axis
         for axis, verdict in verdicts.items()
         if (waves or math.isfinite(verdict.wave_period_s))
-        and (verdict.dominated or verdict.told < REPLAYED or verdict.answers_waves)
+        and (verdict.dominated or verdict.told < VERDICT_SETTINGS.replayed_share or verdict.answers_waves)
     }
     axes |= {axis for axis, on in (("Y", "N"), ("Z", "M")) if on in axes and axis not in verdicts}
     return "".join(axis for axis in AXES if axis in axes)
@@ -284,7 +301,11 @@ def pushed_by(vehicle: Vehicle) -> dict[str, dict[str, float]]:
         force, moment = float(np.abs(wrench[:3]).max()), float(np.abs(wrench[3:]).max())
         for index, axis in enumerate(AXES):
             size, largest = abs(wrench[index]), force if index < 3 else moment
-            if index >= first and size > _MAIN * largest and (index < 3 or size > _LEAST_LEVER_M * force):
+            if (
+                index >= first
+                and size > VERDICT_SETTINGS.main_share * largest
+                and (index < 3 or size > VERDICT_SETTINGS.least_lever_m * force)
+            ):
                 slopes.setdefault(axis, {}).setdefault(push.actuator, []).append(
                     float(wrench[index]) / push.step
                 )
@@ -302,7 +323,9 @@ def _order(verdict: Verdict) -> int:
 def _under_way(velocity: Array) -> bool:
     """Whether the vehicle moves one way all along."""
     middle = float(np.median(velocity))
-    return abs(middle) > _WAY * 1.4826 * float(np.median(np.abs(velocity - middle)))
+    return abs(middle) > VERDICT_SETTINGS.way_deviations * 1.4826 * float(
+        np.median(np.abs(velocity - middle))
+    )
 
 
 def _mean(y: Array, stride: int) -> Array:
@@ -316,31 +339,35 @@ def _share(command: Array, dt: float, period_s: float) -> float:
     from scipy.signal import welch
 
     f, power = welch(command, 1.0 / dt, nperseg=min(len(command), round(100.0 / dt)), detrend="linear")
-    inside = (f > 1.0 / (period_s * _BAND)) & (f < _BAND / period_s)
+    inside = (f > 1.0 / (period_s * VERDICT_SETTINGS.wave_band)) & (f < VERDICT_SETTINGS.wave_band / period_s)
     return float(power[inside].sum() / power[1:].sum())
 
 
 def _told(command: Array, seen: dict[str, Array], channel: str, dt: float) -> float:
     """Share of a velocity's variance that the exogenous part of its command drives."""
-    usable = np.arange(len(command)) >= _SETTLED
-    if usable.sum() < 2 * _SETTLED:
+    usable = np.arange(len(command)) >= VERDICT_SETTINGS.settled_samples
+    if usable.sum() < 2 * VERDICT_SETTINGS.settled_samples:
         return math.nan
     velocity = seen[channel]
     change = np.diff(command, prepend=command[0])
-    past = [_lags(change, range(1, _OWN))]
-    past += [_lags(np.diff(m, prepend=m[0]), range(_SEEN)) for m in seen.values()]
+    past = [_lags(change, range(1, VERDICT_SETTINGS.own_lags))]
+    past += [_lags(np.diff(m, prepend=m[0]), range(VERDICT_SETTINGS.seen_lags)) for m in seen.values()]
     regressors = np.hstack(past)
-    limit = _OUTLIER * 1.4826 * float(np.median(np.abs(change)))
+    limit = VERDICT_SETTINGS.outlier * 1.4826 * float(np.median(np.abs(change)))
     if limit > 0.0:
-        tall = _TALL * regressors.std(axis=0)
+        tall = VERDICT_SETTINGS.tall * regressors.std(axis=0)
         clipped = np.clip(change, -limit, limit)
         # The part that was clipped is a step of a set point: exogenous as a whole.
         exogenous = prediction_errors(np.clip(regressors, -tall, tall), clipped, usable) + change - clipped
     else:
         exogenous = prediction_errors(regressors, change, usable)
-    coarse = np.convolve(exogenous, np.ones(_COARSE) / _COARSE)[: len(exogenous)]
-    late = range(_FINE, round(_ANSWER_S / dt), _COARSE)
-    answer = np.hstack([_lags(exogenous, range(_FINE)), _lags(coarse, late)])
+    coarse = np.convolve(exogenous, np.ones(VERDICT_SETTINGS.coarse_lags) / VERDICT_SETTINGS.coarse_lags)[
+        : len(exogenous)
+    ]
+    late = range(
+        VERDICT_SETTINGS.fine_lags, round(VERDICT_SETTINGS.answer_s / dt), VERDICT_SETTINGS.coarse_lags
+    )
+    answer = np.hstack([_lags(exogenous, range(VERDICT_SETTINGS.fine_lags)), _lags(coarse, late)])
     error = prediction_errors(answer, velocity, usable)
     whole = float(np.var(velocity[usable]))
     return 1.0 - float(np.var(error[usable])) / whole if whole > 0.0 else math.nan

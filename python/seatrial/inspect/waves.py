@@ -32,7 +32,6 @@ from seatrial.base.channels import VELOCITIES
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-_BAND = 1.35  # around the peak, as a factor of its frequency
 _SEEN = ("u", "v", "w", "p", "q", "r", "z", "roll", "pitch", "yaw")
 _WATER = "uvw"  # water moves in all directions
 _AXIS = dict(zip(_SEEN, "XYZKMNZKMN", strict=True))
@@ -68,6 +67,17 @@ class WaveSettings:
     together: float = 0.5
     shortest_s: float = 40.0
     fewest_periods: float = 10.0
+    band: float = 1.35  #: Band around the peak, as a factor of its frequency.
+    still: float = 1e-9  #: Of a signal's size: a spread below is rounding.
+    tiny: float = 1e-100  #: Of all sizes: a spread below is rounding.
+    band_hz: tuple[float, float] = (0.05, 0.5)  #: Frequencies of waves, Hz: periods of 2 to 20 s.
+    window_s: float = 100.0  #: Of a spectrum, s: five of the longest periods.
+    apart_s: float = 15.0  #: Of recording per regressor, s: more would explain slow errors whatever they are.
+    smoothed_s: float = 0.3  #: Deviation of the smoothing before the differences, s.
+    near: tuple[float, float] = (0.8, 1.25)  #: Around a frequency, as factors of it.
+    low: tuple[float, float] = (0.35, 0.65)  #: Below a frequency, as factors of it.
+    high: tuple[float, float] = (1.6, 2.5)  #: Above a frequency, as factors of it.
+    tried: float = 10.0  #: Bands of waves that do not overlap: so many chances of a false alarm.
 
 
 SETTINGS = WaveSettings()
@@ -126,7 +136,7 @@ def waves(trial: Trial, settings: WaveSettings = SETTINGS) -> Waves | None:
         if frequency is None:
             return None
         parts = _unexplained_parts(frequency, left, seen, signals)
-    inside = (seen.hz > frequency / _BAND) & (seen.hz < frequency * _BAND)
+    inside = (seen.hz > frequency / SETTINGS.band) & (seen.hz < frequency * SETTINGS.band)
     amplitude, share = {}, {}
     for column, (channel, y) in enumerate(signals.items()):
         power = float(seen.power[inside, column].sum() * seen.hz[0]) * parts.get(channel, 0.0)
@@ -143,7 +153,7 @@ def _unexplained_parts(
 ) -> dict[str, float]:
     """By channel: which part of its power around a frequency nothing explains, by its axis."""
     names, motion = left
-    inside = (seen.hz > frequency / _BAND) & (seen.hz < frequency * _BAND)
+    inside = (seen.hz > frequency / SETTINGS.band) & (seen.hz < frequency * SETTINGS.band)
     parts = {}
     for column, velocity in enumerate(names):
         whole = float(seen.power[inside, list(signals).index(velocity)].sum())
@@ -182,7 +192,7 @@ def _decay(trial: Trial, frequency: float, amplitude: dict[str, float]) -> tuple
         return math.nan, math.nan
     y = trial.filled(channels[0])
     assert y is not None
-    limits = [frequency / _BAND, min(frequency * _BAND, 0.45 / trial.dt)]
+    limits = [frequency / SETTINGS.band, min(frequency * SETTINGS.band, 0.45 / trial.dt)]
     band = sosfiltfilt(butter(2, limits, "bandpass", fs=1.0 / trial.dt, output="sos"), y)
     count = max(8, round(6.0 / frequency / trial.dt))
     windows = len(y) // count
@@ -197,16 +207,6 @@ def _decay(trial: Trial, frequency: float, amplitude: dict[str, float]) -> tuple
     spread = float(residual[0]) / (windows - 2) if len(residual) else 0.0
     covariance = np.linalg.inv(design.T @ design) * spread
     return float(fit[1]), float(np.sqrt(covariance[1, 1]))
-
-
-_STILL, _TINY = 1e-9, 1e-100  # of a signal's size, and of all sizes: a spread below is rounding
-
-_BAND_HZ = (0.05, 0.5)  # of waves
-_WINDOW_S = 100.0  # of a spectrum
-_APART_S = 15.0  # of recording per regressor: more would explain slow errors whatever they are
-_SMOOTHED_S = 0.3  # standard deviation of the smoothing before the differences
-_NEAR, _LOW, _HIGH = (0.8, 1.25), (0.35, 0.65), (1.6, 2.5)  # factors of a frequency
-_TRIED = 10.0  # bands of waves that do not overlap
 
 
 @dataclass(frozen=True)
@@ -230,7 +230,7 @@ def spectra(signals: Array, dt: float) -> Spectra:
     """Spectra of signals (n, C) by Welch's method, without the mean."""
     from scipy.signal import welch
 
-    count = min(len(signals), max(256, round(_WINDOW_S / dt)))
+    count = min(len(signals), max(256, round(SETTINGS.window_s / dt)))
     hz, power = welch(signals, 1.0 / dt, nperseg=count, detrend="linear", axis=0)
     return Spectra(hz[1:], power[1:], (len(signals) - count // 2) / (count - count // 2))
 
@@ -245,7 +245,7 @@ def unexplained(trial: Trial) -> tuple[str, Spectra] | None:
     from scipy.ndimage import gaussian_filter1d
 
     def smooth(channel: Array) -> Array:
-        return np.asarray(gaussian_filter1d(channel, _SMOOTHED_S / trial.dt, axis=0))
+        return np.asarray(gaussian_filter1d(channel, SETTINGS.smoothed_s / trial.dt, axis=0))
 
     measured = {c: y for c in VELOCITIES if (y := trial.filled(c)) is not None and y.std() > 0.0}
     if not measured:
@@ -261,15 +261,17 @@ def unexplained(trial: Trial) -> tuple[str, Spectra] | None:
     parts.append(np.abs(pushed) * pushed)
     regressors = np.ones((len(trial), 1))
     for part in parts:
-        moving = part[:, part.std(axis=0) > _STILL * np.abs(part).max(axis=0, initial=_TINY)]
-        if regressors.shape[1] + moving.shape[1] > len(trial) * trial.dt / _APART_S:
+        moving = part[:, part.std(axis=0) > SETTINGS.still * np.abs(part).max(axis=0, initial=SETTINGS.tiny)]
+        if regressors.shape[1] + moving.shape[1] > len(trial) * trial.dt / SETTINGS.apart_s:
             break
         regressors = np.column_stack([regressors, (moving - moving.mean(axis=0)) / moving.std(axis=0)])
     derivatives = np.gradient(velocities, trial.dt, axis=0)
     fitted = regressors @ np.linalg.lstsq(regressors, derivatives, rcond=1e-8)[0]
     remainder = spectra(derivatives - fitted, trial.dt)
     # Smoothing and central differences damp high frequencies; uncorrected that would leave a peak below.
-    gain = np.exp(-2.0 * (math.pi * remainder.hz * _SMOOTHED_S) ** 2) * np.sinc(2.0 * remainder.hz * trial.dt)
+    gain = np.exp(-2.0 * (math.pi * remainder.hz * SETTINGS.smoothed_s) ** 2) * np.sinc(
+        2.0 * remainder.hz * trial.dt
+    )
     power = remainder.power / np.maximum(gain**2, 1e-3)[:, None]
     return "".join(measured), Spectra(remainder.hz, power, remainder.windows).integrated()
 
@@ -289,10 +291,13 @@ def peak(motion: Spectra, prominent: float, settings: WaveSettings = SETTINGS) -
     if not power.shape[1]:
         return None
     duration = 0.5 * (motion.windows + 1.0) / hz[0]  # windows overlap by a half
-    lowest, highest = max(_BAND_HZ[0], settings.fewest_periods / duration), min(_BAND_HZ[1], 0.4 * hz[-1])
+    lowest, highest = (
+        max(SETTINGS.band_hz[0], settings.fewest_periods / duration),
+        min(SETTINGS.band_hz[1], 0.4 * hz[-1]),
+    )
     best: tuple[float, float] | None = None
     for at in hz[(hz > lowest) & (hz < highest)]:
-        bands = [(hz > a * at) & (hz < b * at) for a, b in (_NEAR, _LOW, _HIGH)]
+        bands = [(hz > a * at) & (hz < b * at) for a, b in (SETTINGS.near, SETTINGS.low, SETTINGS.high)]
         if not all(band.any() for band in bands):
             continue
         near, low, high = (np.log(power[band].mean(axis=0)) for band in bands)
@@ -300,7 +305,7 @@ def peak(motion: Spectra, prominent: float, settings: WaveSettings = SETTINGS) -
         # Hann's window makes neighbours depend on each other: three count as two.
         counts = [max(motion.windows * band.sum() / 1.5, 1.0) for band in bands]
         scatter = polygamma(1, counts[0]) + 0.25 * (polygamma(1, counts[1]) + polygamma(1, counts[2]))
-        chance = _TRIED * norm.sf(height / math.sqrt(scatter / power.shape[1]))
+        chance = SETTINGS.tried * norm.sf(height / math.sqrt(scatter / power.shape[1]))
         if (
             height > math.log(prominent)
             and chance < settings.false_alarm
@@ -315,13 +320,13 @@ def peak(motion: Spectra, prominent: float, settings: WaveSettings = SETTINGS) -
 def _centroid(motion: Spectra, at: float) -> float:
     """Centroid of the energy about a peak above that power of the frequency, Hz."""
     hz, power = motion.hz, np.maximum(motion.power, np.finfo(float).tiny)
-    ends = [(hz > a * at) & (hz < b * at) for a, b in (_LOW, _HIGH)]
+    ends = [(hz > a * at) & (hz < b * at) for a, b in (SETTINGS.low, SETTINGS.high)]
     low, high = (np.log(power[band].mean(axis=0)) for band in ends)
-    apart = math.log(math.sqrt((_HIGH[0] * _HIGH[1]) / (_LOW[0] * _LOW[1])))
-    around = (hz > _LOW[0] * at) & (hz < _HIGH[0] * at)
-    place = np.log(hz[around] / (at * math.sqrt(_LOW[0] * _LOW[1]))) / apart
+    apart = math.log(math.sqrt((SETTINGS.high[0] * SETTINGS.high[1]) / (SETTINGS.low[0] * SETTINGS.low[1])))
+    around = (hz > SETTINGS.low[0] * at) & (hz < SETTINGS.high[0] * at)
+    place = np.log(hz[around] / (at * math.sqrt(SETTINGS.low[0] * SETTINGS.low[1]))) / apart
     above = np.maximum(power[around] - np.exp(low + place[:, None] * (high - low)), 0.0)
-    near = np.log(power[(hz > _NEAR[0] * at) & (hz < _NEAR[1] * at)].mean(axis=0))
+    near = np.log(power[(hz > SETTINGS.near[0] * at) & (hz < SETTINGS.near[1] * at)].mean(axis=0))
     weight = np.maximum(near - 0.5 * (low + high), 0.0)  # channels vote with their prominence
     energy = (weight * above / np.maximum(above.sum(axis=0), np.finfo(float).tiny)).sum(axis=1)
     return float(hz[around] @ energy / energy.sum())

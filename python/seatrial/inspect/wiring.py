@@ -38,34 +38,39 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-_WINDOW_S = 0.5  # longer than most lags of motors, short against the time constants of hulls
 
-_FEWEST = 40  # windows of an axis
+@dataclass(frozen=True)
+class WiringSettings:
+    """How much evidence it takes that actuators are reversed or exchanged."""
 
-_MOST_ACTUATORS = 10  # 1024 sign patterns
+    #: Of the mean accelerations, s: longer than most lags of motors, short against the time constants of
+    #: hulls.
+    window_s: float = 0.5
+    fewest_windows: int = 40  #: Windows of an axis.
+    most_actuators: int = 10  #: Actuators whose sign patterns are all tried: 1024.
+    #: Log-likelihood over what the file says, beyond the price of the changes, in open loop. Of independent
+    #: Gaussian windows 12 is an error in 160,000.
+    evidence: float = 12.0
+    #: The same in closed loop, where windows are not independent: on a dive of a BlueROV2 Heavy under its
+    #: autopilot the right wiring fell behind another one by 44.
+    closed_evidence: float = 60.0
+    price: float = 3.0  #: Of each change: about the logarithm of the number of actuators to choose from.
+    explained_before: float = 0.5  #: Of what free gains explain of an axis: at most by the file's wiring.
+    #: The same at least by the changed one. With the right wiring what is left to free gains are lags and
+    #: couplings, of which a wrong one explains little: 0.57 at most in axes that the file's explains badly,
+    #: on the recordings of a BlueROV2 Heavy and of Beluga.
+    explained_after: float = 0.75
+    #: Of an axis's motion beyond damping that the commands explain: less is a residue.
+    explained_motion: float = 0.03
+    alike: float = 6.0  #: Log-likelihood within which the log does not tell wirings apart.
+    parts: int = 3  #: Parts of the log in time, each of which is asked.
+    #: Of the evidence in the best part: none may prefer the file's wiring by so much.
+    part_against: float = 0.25
+    usual_m_s: float = 1.0  #: Speed of a vehicle with fins of which none is recorded, m/s.
 
-_EVIDENCE, _CLOSED_EVIDENCE = 12.0, 60.0
-"""Log-likelihood over what the file says, beyond the price of the changes, in open and in closed loop.
 
-Of independent Gaussian windows 12 is an error in 160,000. Under feedback windows are not independent: on a
-dive of a BlueROV2 Heavy under its autopilot the right wiring fell behind another one by 44."""
+SETTINGS = WiringSettings()
 
-_PRICE = 3.0  # of each change: about the logarithm of the number of actuators to choose from
-
-_BEFORE, _AFTER = 0.5, 0.75
-"""Of what free gains explain of an axis: at most by the file's wiring, and at least by the changed one.
-
-With the right wiring what is left to free gains are lags and couplings, of which a wrong one explains little:
-0.57 at most in axes that the file's explains badly, on the recordings of a BlueROV2 Heavy and of Beluga."""
-
-_SHARE = 0.03  # of an axis's motion beyond damping that the commands explain: less is a residue
-
-_ALIKE = 6.0  # of log-likelihood: wirings that the log does not tell apart
-
-_PARTS, _PART_AGAINST = 3, 0.25
-"""Parts of the log in time; none may prefer the file's wiring by this share of the evidence in the best."""
-
-_SPEED_M_S = 1.0  # of a vehicle with fins of which no speed is recorded
 
 _COUPLED = {
     "X": (("v", "r"), ("w", "q")),
@@ -123,7 +128,7 @@ def wiring(trial: Trial, vehicle: Vehicle, *, loops: Sequence[Feedback] | None =
         name for name in vehicle.actuators if name in trial.commands and np.ptp(trial.commands[name]) > 0.0
     ]
     facts = vehicle.actuator_info()
-    if not names or len(names) > _MOST_ACTUATORS:
+    if not names or len(names) > SETTINGS.most_actuators:
         return None
     if trial.voltage_v is None and any(facts[name]["needs_voltage"] for name in names):
         return None
@@ -186,7 +191,7 @@ def _fins(vehicle: Vehicle) -> list[int]:
 
 def _speed(trial: Trial) -> float:
     ahead = trial.nu[trial.valid[:, 0], 0]
-    return float(np.sqrt(np.mean(ahead**2))) if len(ahead) else _SPEED_M_S
+    return float(np.sqrt(np.mean(ahead**2))) if len(ahead) else SETTINGS.usual_m_s
 
 
 def _dynamic_pressure(trial: Trial, vehicle: Vehicle) -> Array:
@@ -221,7 +226,7 @@ def _axis(trial: Trial, axis: str, force: Array, effect: Array) -> _Axis | None:
     from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
     row = AXES.index(axis)
-    size = max(3, round(_WINDOW_S / trial.dt))
+    size = max(3, round(SETTINGS.window_s / trial.dt))
 
     def smooth(y: Array) -> Array:
         return np.asarray(uniform_filter1d(y, size, axis=0, mode="nearest"))
@@ -238,7 +243,7 @@ def _axis(trial: Trial, axis: str, force: Array, effect: Array) -> _Axis | None:
     whole = minimum_filter1d(trial.valid[:, row].astype(np.uint8), 2 * size + 1, mode="constant") > 0
     at = np.flatnonzero(whole)
     at = at[(at - at[0]) % size == 0] if len(at) else at
-    if len(at) < _FEWEST:
+    if len(at) < SETTINGS.fewest_windows:
         return None
     y, x, f = rate[at], smooth(smooth(damping))[at], smooth(smooth(force))[at]
     # Runs of neighbouring windows: only between these is there an autocorrelation.
@@ -253,7 +258,7 @@ def _axis(trial: Trial, axis: str, force: Array, effect: Array) -> _Axis | None:
         return np.asarray((z - memory * before)[follows])
 
     y, x, f = white(y), white(x), white(f)
-    if len(y) < _FEWEST:
+    if len(y) < SETTINGS.fewest_windows:
         return None
     scale = np.linalg.norm(x, axis=0)
     basis, values, _ = np.linalg.svd(x[:, scale > 0.0] / scale[scale > 0.0], full_matrices=False)
@@ -313,15 +318,17 @@ def _judged(
         shares[k] = _explained(axis.y, axis.force, signs * axis.effect[places])
         gain += -0.5 * len(axis.y) * np.log(np.maximum(1.0 - shares[k], 1e-12))
     gain -= gain[0]
-    net = gain - _PRICE * changes
+    net = gain - SETTINGS.price * changes
     best = int(np.argmax(net))
-    if net[best] < (_CLOSED_EVIDENCE if closed else _EVIDENCE):
+    if net[best] < (SETTINGS.closed_evidence if closed else SETTINGS.evidence):
         return None
     free = np.array([_free_share(axis) for axis in judged])
-    against = (shares[:, 0] < _BEFORE * free) & (shares[:, best] > np.maximum(_AFTER * free, _SHARE))
+    against = (shares[:, 0] < SETTINGS.explained_before * free) & (
+        shares[:, best] > np.maximum(SETTINGS.explained_after * free, SETTINGS.explained_motion)
+    )
     if not against.any() or not _in_all_parts(judged, signs, places, best):
         return None
-    alike = np.flatnonzero(net > net[best] - _ALIKE)
+    alike = np.flatnonzero(net > net[best] - SETTINGS.alike)
     same_place = np.arange(len(names))
     turned = [name for k, name in enumerate(names) if all(signs[a, k] < 0.0 for a in alike)]
     swapped: set[tuple[int, int]] = {
@@ -357,11 +364,11 @@ def _free_share(axis: _Axis) -> float:
 
 def _in_all_parts(judged: Sequence[_Axis], signs: Array, places: Array, best: int) -> bool:
     """Whether no part of the log prefers the file's wiring clearly to the changed one."""
-    preference = np.zeros(_PARTS)
+    preference = np.zeros(SETTINGS.parts)
     for axis in judged:
         weights = signs[[0, best]] * axis.effect[places[[0, best]]]
-        for part, rows in enumerate(np.array_split(np.arange(len(axis.y)), _PARTS)):
+        for part, rows in enumerate(np.array_split(np.arange(len(axis.y)), SETTINGS.parts)):
             share = _explained(axis.y[rows], axis.force[rows], weights)
             left = np.log(np.maximum(1.0 - share, 1e-12))
             preference[part] += 0.5 * len(rows) * float(left[0] - left[1])
-    return bool(preference.min() > -_PART_AGAINST * preference.max())
+    return bool(preference.min() > -SETTINGS.part_against * preference.max())

@@ -39,15 +39,28 @@ from seatrial.trial.trial import Input, Trial
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_AHEAD_S = 10.0  # as a score has it
-_MOST_SAMPLES = 4000  # of an axis in the search of T and d, evenly taken from all windows
-_LONGEST_LAG_S, _LONGEST_DEAD_TIME_S = 60.0, 3.0
-_LAGS, _DEAD_TIMES = 13, 9  # points of the first grid
-_HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
-_SMALLEST = (1e-6, 1e-2)  # singular values of the scaled regression below this part of the largest count as 0
-_MOST_CHANGES = 50_000  # of a trial in the regression of the linear model
-_PARTS = 30  # samples per parameter below which the linear model is not fitted
-_MOST_WINDOWS = 60  # of a trial that judge a linear model in the choice of its horizon
+
+@dataclass(frozen=True)
+class BaselineSettings:
+    """How the simple predictors are fitted."""
+
+    ahead_s: float = 10.0  #: Length of the windows, s, as a score has it.
+    most_samples: int = 4000  #: Of an axis in the search of T and d, evenly taken from all windows.
+    longest_lag_s: float = 60.0  #: Longest lag T that is tried, s.
+    longest_dead_time_s: float = 3.0  #: Longest dead time d that is tried, s.
+    lags: int = 13  #: Lags of the first grid.
+    dead_times: int = 9  #: Dead times of the first grid.
+    #: Horizons among which the linear model's is chosen, s.
+    horizons_s: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
+    #: Singular values of the scaled regression below this part of the largest count as 0, by tries.
+    smallest: tuple[float, float] = (1e-6, 1e-2)
+    most_changes: int = 50_000  #: Of a trial in the regression of the linear model.
+    samples_per_parameter: int = 30  #: Samples per parameter below which the linear model is not fitted.
+    most_windows: int = 60  #: Of a trial that judge a linear model in the choice of its horizon.
+
+
+SETTINGS = BaselineSettings()
+
 
 _Filtered = dict[tuple[str, float, int], Array]
 """Signals behind a lag, by name, lag and trial: every axis tries the same ones."""
@@ -60,7 +73,7 @@ def fit_baselines(
     input: Input | None = None,
     free: str = "XYZKMN",
     measured: str = "",
-    ahead_s: float = _AHEAD_S,
+    ahead_s: float = SETTINGS.ahead_s,
 ) -> Baselines:
     """Baselines fitted to training trials; without any, only "hold last".
 
@@ -122,7 +135,7 @@ def _fit_first_order(
     total = sum(len(part.y) for part in samples)
     if not total:
         return None
-    samples = [part.thinned(max(1, total // _MOST_SAMPLES)) for part in samples]
+    samples = [part.thinned(max(1, total // SETTINGS.most_samples)) for part in samples]
     own = [driven[k] for k in kept]
     names = [
         name
@@ -131,8 +144,8 @@ def _fit_first_order(
         if _varying(name, own)
     ]
     dt = min(record.trial.dt for record in own)
-    lags = np.geomspace(min(dt, 0.5 * _LONGEST_LAG_S), _LONGEST_LAG_S, _LAGS)
-    dead = np.linspace(0.0, _LONGEST_DEAD_TIME_S, _DEAD_TIMES)
+    lags = np.geomspace(min(dt, 0.5 * SETTINGS.longest_lag_s), SETTINGS.longest_lag_s, SETTINGS.lags)
+    dead = np.linspace(0.0, SETTINGS.longest_dead_time_s, SETTINGS.dead_times)
 
     def behind(name: str, lag: float) -> list[Array]:
         for record in own:
@@ -149,7 +162,7 @@ def _fit_first_order(
     ratio, step = lags[1] / lags[0], dead[1]
     for _ in range(3):
         around = refined[3] * ratio ** np.linspace(-1.0, 1.0, 7)
-        near = np.clip(refined[4] + step * np.linspace(-1.0, 1.0, 7), 0.0, _LONGEST_DEAD_TIME_S)
+        near = np.clip(refined[4] + step * np.linspace(-1.0, 1.0, 7), 0.0, SETTINGS.longest_dead_time_s)
         finer = _search(partial(behind, best), samples, around, np.unique(near) if best else dead[:1])
         refined = min(refined, finer)
         ratio, step = ratio ** (1.0 / 3.0), step / 3.0
@@ -266,7 +279,7 @@ def _fit_linear(
     judged = [window for own, of in zip(driven, spans, strict=True) for window in _Judged.of(own, of, states)]
     best: tuple[float, Linear | None] = (np.inf, None)
     for pushing in [inputs for inputs in (forces, commands) if inputs] or [[]]:
-        for dead_time, horizon in itertools.product(sorted(typical), _HORIZONS_S):
+        for dead_time, horizon in itertools.product(sorted(typical), SETTINGS.horizons_s):
             for tried in _regressions(tuple(states), (*replayed, *pushing), driven, dead_time, horizon):
                 best = min(best, (_training_error(tried, judged), tried), key=lambda attempt: attempt[0])
     return best[1]
@@ -284,7 +297,7 @@ def _regressions(
     dead_time_s: float,
     horizon_s: float,
 ) -> list[Linear]:
-    """Least squares of the changes over a horizon, one per `_SMALLEST`; none with too few samples."""
+    """Least squares of the changes over a horizon, one per part of `smallest`; none with too few samples."""
     velocities = [c for c in states if c in VELOCITIES]
     empty = Linear(states, inputs, np.zeros((0, 0)), np.zeros((0, 0)), dead_time_s)
     rows, changes = [], []
@@ -297,7 +310,7 @@ def _regressions(
         bad = ~np.logical_and.reduce(own.trial.valid[:, [CHANNELS.index(c) for c in states]], axis=1)
         masked = np.concatenate([[0], np.cumsum(bad)])
         # Neighbouring changes over a second or more tell alike: long logs are thinned.
-        first = np.arange(0, len(own.trial) - count, max(1, len(own.trial) // _MOST_CHANGES))
+        first = np.arange(0, len(own.trial) - count, max(1, len(own.trial) // SETTINGS.most_changes))
         first = first[masked[first + count + 1] == masked[first]]
         z = np.column_stack(x)
         moved = np.concatenate([np.zeros((1, z.shape[1])), np.cumsum(0.5 * dt * (z[1:] + z[:-1]), axis=0)])
@@ -306,7 +319,7 @@ def _regressions(
         rows.append(np.hstack([*changed, np.full((len(first), 1), count * dt)]))
         changes.append((z[first + count] - z[first])[:, : len(velocities)])
     design = np.concatenate(rows) if rows else np.zeros((0, 1))
-    if len(design) < _PARTS * design.shape[1]:
+    if len(design) < SETTINGS.samples_per_parameter * design.shape[1]:
         return []
     size = np.sqrt(np.mean(design**2, axis=0))
     size[size == 0.0] = 1.0
@@ -315,7 +328,7 @@ def _regressions(
     square, vectors = np.linalg.eigh(design.T @ design)
     right = vectors.T @ (design.T @ np.concatenate(changes))
     n, models = len(states), []
-    for smallest in _SMALLEST:
+    for smallest in SETTINGS.smallest:
         kept = square > max(smallest**2, 1e-12) * square[-1]
         solved = (vectors[:, kept] @ (right[kept] / square[kept, None])).T / size
         a, b = np.zeros((n, n)), np.zeros((n, len(inputs) + 1))
@@ -342,7 +355,7 @@ class _Judged:
     @classmethod
     def of(cls, own: Driven, spans: Sequence[tuple[int, int]], states: Sequence[str]) -> list[_Judged]:
         """Some of a trial's windows, by their length."""
-        chosen = spans[:: max(1, len(spans) // _MOST_WINDOWS)]
+        chosen = spans[:: max(1, len(spans) // SETTINGS.most_windows)]
         columns = [CHANNELS.index(name) for name in states]
         seen, counted = own.trial.observed[:, columns], own.trial.valid[:, columns]
         start = np.column_stack([state for name in states if (state := own.named(name)) is not None])

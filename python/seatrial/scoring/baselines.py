@@ -45,7 +45,20 @@ if TYPE_CHECKING:
 BASELINES = ("hold last", "mean", "first order", "linear")
 """Names of the baselines, the simplest first."""
 
-_BETTER = 0.98  # of a baseline's error variance: a model has to be below it to beat that baseline
+
+@dataclass(frozen=True)
+class PredictorSettings:
+    """What a baseline has to be beaten by, and the past that the linear predictor sees."""
+
+    #: Of a baseline's error variance: a model has to be below it to beat that baseline.
+    better_share: float = 0.98
+    apart_s: float = 0.2  #: Between the past samples of the linear predictor, s.
+    lags: int = 10  #: Past samples: two seconds, as the head says.
+    ridge: float = 1e-4  #: Per sample, of standardised signals.
+    fewest_samples: int = 4  #: Training samples per regressor.
+
+
+SETTINGS = PredictorSettings()
 
 
 @dataclass(frozen=True)
@@ -214,7 +227,7 @@ def not_beaten(r2: Mapping[str, float], baselines: Mapping[str, Mapping[str, flo
         if own != own or not rivals:
             continue
         best = max(rivals, key=rivals.__getitem__)
-        if 1.0 - own >= _BETTER * (1.0 - rivals[best]):
+        if 1.0 - own >= SETTINGS.better_share * (1.0 - rivals[best]):
             beaten.append((channel, own, best, rivals[best]))
     # The worst first; the simulation that diverged before all.
     beaten.sort(key=lambda entry: entry[1] - entry[3])
@@ -357,9 +370,6 @@ def _delayed(f: Array, samples: float) -> Array:
 
 
 _SIGNALS = ("u", "v", "w", "p", "q", "r", "z", "roll", "pitch")
-_APART_S, _LAGS = 0.2, 10  # two seconds of past, as the head says
-_RIDGE = 1e-4  # per sample, of standardised signals
-_FEWEST = 4  # training samples per regressor
 
 
 def predicted_from_past(
@@ -372,18 +382,20 @@ def predicted_from_past(
     """
     names = [c for c in _SIGNALS if all(trial.filled(c) is not None for trial in trials)]
     commands = [name for name in trials[0].commands if all(name in trial.commands for trial in trials)]
-    apart = max(1, round(_APART_S / trials[0].dt))
-    first = ahead + apart * (_LAGS - 1)
+    apart = max(1, round(SETTINGS.apart_s / trials[0].dt))
+    first = ahead + apart * (SETTINGS.lags - 1)
     regressors, known = [], []
     for trial, chosen in zip(trials, training, strict=True):
         signals = [trial.filled(c) for c in names] + [trial.commands[name] for name in commands]
         now = np.column_stack([signal for signal in signals if signal is not None])
-        past = [now[first - ahead - apart * i : len(now) - ahead - apart * i] for i in range(_LAGS)]
-        regressors.append(np.hstack(past) if len(now) > first else np.zeros((0, now.shape[1] * _LAGS)))
+        past = [now[first - ahead - apart * i : len(now) - ahead - apart * i] for i in range(SETTINGS.lags)]
+        regressors.append(
+            np.hstack(past) if len(now) > first else np.zeros((0, now.shape[1] * SETTINGS.lags))
+        )
         known.append(chosen[first:])
     x, usable = np.vstack(regressors), np.concatenate(known)
     predicted = [np.full((len(trial), len(channels)), np.nan) for trial in trials]
-    if usable.sum() < _FEWEST * x.shape[1]:
+    if usable.sum() < SETTINGS.fewest_samples * x.shape[1]:
         return predicted
     mean, spread = x[usable].mean(axis=0), x[usable].std(axis=0)
     moving = spread > 0.0
@@ -394,7 +406,7 @@ def predicted_from_past(
             continue
         y = np.concatenate([values[first:] for values in measured if values is not None])
         centre = float(y[usable].mean())
-        gram = x[usable].T @ x[usable] + _RIDGE * usable.sum() * np.eye(x.shape[1])
+        gram = x[usable].T @ x[usable] + SETTINGS.ridge * usable.sum() * np.eye(x.shape[1])
         weights = np.linalg.solve(gram, x[usable].T @ (y[usable] - centre))
         place = 0
         for row, own in zip(predicted, regressors, strict=True):

@@ -26,7 +26,7 @@ from seatrial.base.report import Report, Reported, Section, Table
 from seatrial.scoring.baseline_fit import fit_baselines
 from seatrial.scoring.baselines import not_beaten
 from seatrial.scoring.noise_limit import limits_of
-from seatrial.scoring.paired_windows import LEAST_WINDOWS, PairedWindows, ratio, typical
+from seatrial.scoring.paired_windows import PAIR_SETTINGS, PairedWindows, ratio, typical
 from seatrial.scoring.score import Score, kind, score
 from seatrial.scoring.windows import Predictions, Window, score_text
 from seatrial.trial.trial import Input, Trial
@@ -454,7 +454,7 @@ def sentence(comparison: Comparison, name: str) -> str:
     if overall.verdict == "too few windows":
         return (
             f"{where}, nothing can be said of {name} and {reference} beyond their scores: an interval takes"
-            f" {LEAST_WINDOWS} windows; restart the simulation more often or add trials."
+            f" {PAIR_SETTINGS.fewest_windows} windows; restart the simulation more often or add trials."
         )
     if all(d.r2_difference == 0.0 and d.error_ratio == 1.0 for d in own.values()):
         return f"{where}, {name} and {reference} predict the same."

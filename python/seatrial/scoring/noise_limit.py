@@ -43,11 +43,18 @@ if TYPE_CHECKING:
 
 _NORMAL = 1.4826  # deviation of a normal distribution over its median absolute value
 
-_ORDERS = (2, 3, 4, 5)  # of the differences
 
-_FEWEST = 10  # samples that tell a noise
+@dataclass(frozen=True)
+class NoiseLimitSettings:
+    """How noise and waves are told apart from motion."""
 
-_BELOW = 1.35  # a wave peak begins at its frequency divided by this, as in `seatrial.inspect.waves`
+    orders: tuple[int, ...] = (2, 3, 4, 5)  #: Of the differences that leave the noise.
+    fewest_samples: int = 10  #: Samples that tell a noise.
+    #: A wave peak begins at its frequency divided by this, as in `seatrial.inspect.waves`.
+    below_peak: float = 1.35
+
+
+SETTINGS = NoiseLimitSettings()
 
 
 @dataclass(frozen=True)
@@ -151,7 +158,7 @@ def bands(
                 continue
             period_s = wavy[window.trial.name].period_s
             assert period_s is not None
-            edge = 1.0 / (_BELOW * period_s)
+            edge = 1.0 / (SETTINGS.below_peak * period_s)
             low = np.arange(len(error)) < 2.0 * edge * len(error) * window.trial.dt
             for row, values in enumerate((error, away)):
                 with np.errstate(invalid="ignore", over="ignore"):  # a simulation that diverged
@@ -168,7 +175,7 @@ def _noise(trial: Trial, channel: str) -> float:
     good = trial.valid[:, CHANNELS.index(channel)]
     # Where a sensor's own samples are not known the time base is taken for its stamps.
     stamps, own = trial.samples.get(channel, (trial.t[good], trial.channel(channel)[good]))
-    if len(own) < _FEWEST or not good.any():
+    if len(own) < SETTINGS.fewest_samples or not good.any():
         return 0.0
     at = trial.t[good]
     after = np.clip(np.searchsorted(stamps, at - 1e-9), 1, len(stamps) - 1)
@@ -180,6 +187,7 @@ def _white(y: Array) -> float:
     """Variance of white noise in samples (n,) of a smooth motion."""
     # Neighbours over a gap are no neighbours, but few beside the others: the median does not see them.
     variances = [
-        float(np.median(np.abs(np.diff(y, order)))) ** 2 / math.comb(2 * order, order) for order in _ORDERS
+        float(np.median(np.abs(np.diff(y, order)))) ** 2 / math.comb(2 * order, order)
+        for order in SETTINGS.orders
     ]
     return _NORMAL**2 * min(variances)

@@ -35,10 +35,16 @@ from seatrial.statistics.blocks import lag_one_correlation, variance_inflation
 
 Interval = tuple[float, float]
 
-LEAST_WINDOWS = 6
-"""Windows below which no interval is given."""
 
-_MOST_ALIKE = 0.9  # autocorrelation of neighbouring windows that is believed at most
+@dataclass(frozen=True)
+class PairSettings:
+    """When windows of two models give an interval."""
+
+    fewest_windows: int = 6  #: Windows below which no interval is given.
+    most_alike: float = 0.9  #: Autocorrelation of neighbouring windows that is believed at most.
+
+
+PAIR_SETTINGS = PairSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +133,8 @@ def _reach(left: Array, trial: NDArray[np.str_], alpha: float) -> float:
     from scipy.stats import t
 
     n = len(left)
-    if n < LEAST_WINDOWS:
+    if n < PAIR_SETTINGS.fewest_windows:
         return math.inf
-    memory = lag_one_correlation(left, most=_MOST_ALIKE, together=trial[1:] == trial[:-1])
+    memory = lag_one_correlation(left, most=PAIR_SETTINGS.most_alike, together=trial[1:] == trial[:-1])
     variance = float(left @ left) / (n * (n - 1)) * variance_inflation(memory)
     return float(t.ppf(1.0 - 0.5 * alpha, n - 1)) * math.sqrt(variance)

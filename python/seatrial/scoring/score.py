@@ -44,8 +44,18 @@ from seatrial.trial.trial import Input, Trial
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_REACHED = 0.8
-"""Share of what a ceiling leaves unexplained: a model that leaves less disproves it."""
+
+@dataclass(frozen=True)
+class ScoreSettings:
+    """What a score is worth remarking."""
+
+    #: Of what a ceiling leaves unexplained: a model that leaves less disproves it.
+    reached_share: float = 0.8
+    nearly_share: float = 0.9  #: Of the time ahead that the longest window lasts at least.
+    poor_r2: float = 0.8  #: R2 below which a channel is worth another identification.
+
+
+SETTINGS = ScoreSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +119,7 @@ class Score(
         return {
             channel: max(limit, self.r2[channel])
             for channel, limit in limits.items()
-            if not 1.0 - self.r2[channel] < _REACHED * (1.0 - limit)
+            if not 1.0 - self.r2[channel] < SETTINGS.reached_share * (1.0 - limit)
         }
 
     @cached_property
@@ -292,10 +302,10 @@ def _verdict(score: Score) -> tuple[str, str, str]:
     longest = max(
         float(window.trial.t[window.stop - 1] - window.trial.t[window.start]) for window in score.windows
     )
-    if np.isfinite(score.ahead_s) and longest < _NEARLY * score.ahead_s:
+    if np.isfinite(score.ahead_s) and longest < SETTINGS.nearly_share * score.ahead_s:
         short = f"no simulation lasts {score.ahead_s:g} s: the longest piece of the log has {longest:.3g} s"
         return good, short, f"score a longer trial, or with --ahead {longest:.2g}"
-    if r2[least] < _POOR:
+    if r2[least] < SETTINGS.poor_r2:
         return good, worst, f"identify with trials that excite {least}, or compare vehicles with --against"
     return good, worst, "compare with another vehicle (--against) or go on to tune the autopilot"
 
@@ -304,10 +314,6 @@ _TELLING = (
     "judge these axes on a trial with preset steps or a dither on top of the autopilot (seatrial plan with"
     " the campaign of this log)"
 )
-
-_NEARLY = 0.9  # share of the time ahead that the longest window lasts at least
-
-_POOR = 0.8  # R2 below which a channel is worth another identification
 
 
 def score(

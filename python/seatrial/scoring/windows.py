@@ -48,9 +48,16 @@ BLIND = "feedback"
 """What a table shows in place of the R2 of a channel on whose axis commands answer waves."""
 
 
-_CONVERGED = 5e-3  # change by halving the step, in standard deviations of the simulated velocity
+@dataclass(frozen=True)
+class WindowSettings:
+    """How exactly windows are simulated, and where predictions have a gap."""
 
-_MOST_SUBSTEPS = 64  # per sample, within which the simulation must have converged
+    converged: float = 5e-3  #: Change by halving the step, in standard deviations of the simulated velocity.
+    most_substeps: int = 64  #: Per sample, within which the simulation must have converged.
+    gap: float = 1.5  #: Times the usual interval between two predictions.
+
+
+SETTINGS = WindowSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +175,7 @@ def predict(
     row = np.array([[(nuisance or {}).get(name, 0.0) for name in nuisance_names()]])
     result: list[Window] = []
     substeps = 1
-    while substeps <= _MOST_SUBSTEPS:
+    while substeps <= SETTINGS.most_substeps:
         tracks = replace(replay, substeps=substeps).simulated(nuisance=row)
         coarser = result
         result = [
@@ -208,7 +215,7 @@ def _converged(coarser: Sequence[Window], finer: Sequence[Window]) -> bool:
         return False
     with np.errstate(over="ignore", invalid="ignore"):  # a simulation that is about to diverge
         change = np.where(known, a - b, 0.0).std(axis=0)
-        return bool(np.all(change <= _CONVERGED * np.where(known, b, 0.0).std(axis=0) + 1e-12))
+        return bool(np.all(change <= SETTINGS.converged * np.where(known, b, 0.0).std(axis=0) + 1e-12))
 
 
 def channel_errors(name: str, simulated: Sequence[Window]) -> tuple[list[Array], list[Array]]:
@@ -243,7 +250,6 @@ def score_text(value: float) -> str:
 
 
 _TIMES = ("t", "time", "timestamp")
-_GAP = 1.5  # times the usual interval
 _TRIAL = "trial"
 _BRACKETS = re.compile(r"\s*(.*?)\s*[\[(]([^\])]*)[\])]\s*$")
 
@@ -378,6 +384,6 @@ def _between(at: Array, t: Array, y: Array, channel: str) -> Array:
     values = np.interp(at, t, path)
     after = np.clip(np.searchsorted(t, at - rounding), 0, len(t) - 1)
     before = np.clip(np.searchsorted(t, at + rounding, side="right") - 1, 0, len(t) - 1)
-    gap = t[after] - t[before] > _GAP * usual_interval(t)
+    gap = t[after] - t[before] > SETTINGS.gap * usual_interval(t)
     outside = (at < t[0] - rounding) | (at > t[-1] + rounding)
     return np.where(gap | outside, np.nan, values)

@@ -17,7 +17,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.file_names import file_name, free_name
-from seatrial.experiment.forecast import START_TILT_DEG, UNEVEN, simulated, uneven
+from seatrial.experiment.forecast import FORECAST_SETTINGS, simulated, uneven
 from seatrial.experiment.plan_result import Plan
 from seatrial.report.plot.style import (
     CYCLE,
@@ -285,7 +285,9 @@ def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: fl
     ranked = plan.sequence[trial - 1]
     manoeuvre = ranked.manoeuvre
     run = simulated(vehicle, manoeuvre, voltage_v=voltage_v)
-    other = simulated(uneven(vehicle), manoeuvre, voltage_v=voltage_v, tilt_deg=START_TILT_DEG)
+    other = simulated(
+        uneven(vehicle), manoeuvre, voltage_v=voltage_v, tilt_deg=FORECAST_SETTINGS.start_tilt_deg
+    )
     with house_style():
         figure = new_figure(max(4.6, 1.3 + _ROW_IN * len(ranked.gains)))
         grid = figure.add_gridspec(3, 2, width_ratios=[1.35, 1.0], height_ratios=[1.0, 1.0, 1.3])
@@ -363,7 +365,7 @@ def _motion(axes: Axes, run: Run, ranked: Ranked) -> None:
 def _track(axes: Axes, run: Run, other: Run) -> None:
     """Track from above, and that of the uneven vehicle."""
     for flown, colour, label in (
-        (other, FAINT, f"thrust {100 * UNEVEN:.0f} % uneven"),
+        (other, FAINT, f"thrust {100 * FORECAST_SETTINGS.uneven:.0f} % uneven"),
         (run, SIMULATED, "as planned"),
     ):
         place = np.asarray(flown.position)
