@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from paper.diagram import ABSENT, bar, block, connect, page, words
 from seatrial.base.arrays import Array
-from seatrial.report.plot.flight_errors import Motor, motors
+from seatrial.report.plot.performance import Motor, motors
 from seatrial.report.plot.style import (
     COLUMN_IN,
     FAINT,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.channels import AXES
-from seatrial.report.plot.flight_errors import motors
+from seatrial.report.plot.performance import motors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array, runs
-from seatrial.base.channels import CHANNELS, DEGREE
+from seatrial.base.channels import ANGLES, CHANNELS, DEGREE
 from seatrial.estimation.segment_model import SegmentModel, StageData, cut
 from seatrial.problem.parameter import Parameter
 from seatrial.report.plot.style import (
@@ -35,7 +35,7 @@ from seatrial.report.plot.style import (
     printed_unit,
     symbol,
 )
-from seatrial.report.plot.trials import ANGLES, IN_DEGREES, NAMES, beside, few_ticks, residual_limits
+from seatrial.report.plot.trials import IN_DEGREES, NAMES, beside, few_ticks, residual_limits
 from seatrial.scoring.windows import Window, predict
 from seatrial.vehicle.actuators import actuator_groups
 

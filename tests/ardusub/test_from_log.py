@@ -20,7 +20,7 @@ from seatrial.ardusub.from_log import LogTuning, by_chance, tune_log
 from seatrial.ardusub.parameters import ParameterFile, changes, in_metres, of_generation
 from seatrial.ardusub.tuning import Missions
 from seatrial.cli import app
-from seatrial.report.plot.ardusub import envelope_figure, steps_figure
+from seatrial.report.plot.mission_log import envelope_figure, steps_figure
 from tests.ardusub import flown_log, text_log
 
 mpl.use("Agg")

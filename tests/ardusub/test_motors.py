@@ -17,7 +17,7 @@ from seatrial.ardusub.log_replay import Replay, replay
 from seatrial.ardusub.parameters import ParameterFile
 from seatrial.base.arrays import Array
 from seatrial.cli import app
-from seatrial.report.plot.ardusub import replay_figure
+from seatrial.report.plot.mission_log import replay_figure
 from tests.ardusub import text_log
 from tests.ardusub.text_log import Topics
 

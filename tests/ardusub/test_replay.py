@@ -16,7 +16,7 @@ from seatrial.ardusub.log_replay import Replay, replay
 from seatrial.ardusub.parameters import ParameterFile
 from seatrial.cli import app
 from seatrial.report.plot import gallery
-from seatrial.report.plot.ardusub import replay_figure
+from seatrial.report.plot.mission_log import replay_figure
 from tests.ardusub import text_log
 
 mpl.use("Agg")

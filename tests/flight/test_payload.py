@@ -12,7 +12,7 @@ import seatrial as st
 from seatrial.base.errors import SimulationError
 from seatrial.flight.payload import UNDER_WAY, Payload
 from seatrial.flight.water import CHANNELS, Plume, conductivity, density, properties
-from seatrial.report.plot.samples import flight_samples
+from seatrial.report.plot.flight_errors import flight_samples
 
 WATER = """
 format = 1

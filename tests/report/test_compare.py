@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 import seatrial as st
 from seatrial.base.report import Report
 from seatrial.cli import app
-from seatrial.report.page.compare import compared, numbers
-from seatrial.report.page.run_folder import RunFolder
+from seatrial.report.page.run_folder import RunFolder, compared, numbers
 
 MISSION = """
 format = 1

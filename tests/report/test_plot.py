@@ -27,9 +27,9 @@ from seatrial.base.work import Step
 from seatrial.estimation.stage import StageResult
 from seatrial.report.plot.identification import convergence
 from seatrial.report.plot.performance import characteristic, thrust
-from seatrial.report.plot.style import DPI, WIDTH_IN, save, side_by_side, tidy
+from seatrial.report.plot.style import DPI, WIDTH_IN, save, tidy
 from seatrial.report.plot.trials import measured_against_simulated
-from seatrial.report.plot.vehicle import three_views
+from seatrial.report.plot.vehicle import side_by_side, three_views
 from seatrial.scoring.score import Score, score
 from seatrial.trial.trial import Trial
 

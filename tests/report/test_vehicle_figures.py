@@ -12,7 +12,7 @@ from paper.actuators import actuator_diagram, rate_limiting, static_transfer
 from paper.model import model_diagram, terms
 from paper.plates import vehicle_plates
 from seatrial._core import Vehicle
-from seatrial.report.plot.flight_errors import motors
+from seatrial.report.plot.performance import motors
 from seatrial.report.plot.style import number, symbol
 from tests.report.figures import CWOLF, MINUS, UNEVENLY, VEHICLES, assert_printable, texts
 

@@ -242,12 +242,12 @@ def reported(
     """Write runs as a page where one was asked for, and say where it is."""
     if page is None:
         return
-    from seatrial.report.page.page import LARGEST_BYTES, write_page
+    from seatrial.report.page.page import PAGE_SETTINGS, write_page
 
     written = write_page(runs, page, title=title)
     size = written.stat().st_size
     if not quiet:
-        large = "" if size <= LARGEST_BYTES else "; give fewer runs for a smaller one"
+        large = "" if size <= PAGE_SETTINGS.largest_bytes else "; give fewer runs for a smaller one"
         say(f"Report: {written} ({size / 1e6:.1f} MB{large})")
 
 

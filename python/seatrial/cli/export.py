@@ -283,8 +283,7 @@ def report(
     Example: seatrial report runs/mine runs/mine-tuned --out mine.html
     """
     from seatrial.cli.console import answer, reported
-    from seatrial.report.page.compare import compared
-    from seatrial.report.page.run_folder import RunFolder
+    from seatrial.report.page.run_folder import RunFolder, compared
 
     if out is not None:
         reported(out, runs, title=title)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -22,8 +23,17 @@ from seatrial.base.run import from_json, sha256
 ELEMENT = "seatrial-files"
 """The id of the script element."""
 
-_LARGEST_PAGE = 64 * 2**20  # bytes; seatrial warns of a page above 8 MB
-_MOST_FILES = 200  # a page of ten runs has some dozens
+
+@dataclass(frozen=True)
+class EmbeddedSettings:
+    """How large a page may be that files are taken out of."""
+
+    largest_page: int = 64 * 2**20  #: Bytes; seatrial warns of a page above 8 MB.
+    most_files: int = 200  #: A page of ten runs has some dozens.
+
+
+SETTINGS = EmbeddedSettings()
+
 _PATH = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_.+-]{0,119}(/[A-Za-z0-9_+-][A-Za-z0-9_.+-]{0,119}){0,3}")
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 
@@ -40,20 +50,14 @@ def as_embedded(files: Mapping[str, str]) -> list[dict[str, str]]:
 
 
 def files_of_page(page: str | Path) -> dict[str, str]:
-    """Files by relative path that a page carries, checked.
-
-    Raises
-    ------
-    SeatrialError
-        The file is no page of seatrial, is broken, or holds a path or a text that is refused.
-    """
+    """Files by relative path that a page carries, each checked, or the page is refused."""
     path = Path(page)
     if wrong := no_file(path):
         raise SeatrialError(f"--from-report {path}: {wrong}; give the HTML file of a report")
     try:
-        if path.stat().st_size > _LARGEST_PAGE:
+        if path.stat().st_size > SETTINGS.largest_page:
             raise SeatrialError(
-                f"{path}: expected at most {_LARGEST_PAGE >> 20} MiB, found"
+                f"{path}: expected at most {SETTINGS.largest_page >> 20} MiB, found"
                 f" {path.stat().st_size / 2**20:.0f} MiB; this is no report"
             )
         text = path.read_text(encoding="utf-8")
@@ -72,9 +76,9 @@ def files_of_page(page: str | Path) -> dict[str, str]:
         raise SeatrialError(
             f"{path}: the files in it are cut off or changed; get the page again from who sent it"
         ) from None
-    if not isinstance(entries, list) or not entries or len(entries) > _MOST_FILES:
+    if not isinstance(entries, list) or not entries or len(entries) > SETTINGS.most_files:
         raise SeatrialError(
-            f"{path}: expected a list of 1 to {_MOST_FILES} files in it, found something else"
+            f"{path}: expected a list of 1 to {SETTINGS.most_files} files in it, found something else"
         )
     files: dict[str, str] = {}
     for entry in entries:
@@ -90,13 +94,7 @@ def files_of_page(page: str | Path) -> dict[str, str]:
 
 
 def unpack(page: str | Path, folder: str | Path) -> list[Path]:
-    """Paths of the files of a page after they were written into a new or empty folder.
-
-    Raises
-    ------
-    SeatrialError
-        The page is refused (`files_of_page`), or the folder holds files or cannot be written.
-    """
+    """Paths of the files of a page after they were written into a new or empty folder."""
     files, target = files_of_page(page), Path(folder)
     if target.is_symlink() or (target.exists() and (not target.is_dir() or any(target.iterdir()))):
         raise SeatrialError(f"{target}: expected an empty or a new folder, found files; choose another name")

@@ -14,7 +14,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.resources import files as resources
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +25,7 @@ from seatrial.base.errors import SeatrialError
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.control_design.tuning_table import Weights
 from seatrial.flight.metrics import in_metric_units
-from seatrial.report.page.evidence import packed
-from seatrial.report.page.flown_run import FIGURE_ROWS, FlownRun, judgement, toml_lines
+from seatrial.report.page.evidence import FIGURE_ROWS, FlownRun, judgement, packed, toml_lines
 from seatrial.report.page.run_folder import RunFolder
 from seatrial.report.results.tuning import gain_unit
 
@@ -41,8 +40,18 @@ _CORE = "core.wasm.gz"
 _SAMPLES = ("cage_survey", "lawnmower", "hover")
 """Missions of the examples that a page offers beside those of its runs."""
 
-_WITHOUT_INTERVAL = 0.2
-"""Share by which a coefficient may be changed where no interval is known."""
+
+@dataclass(frozen=True)
+class FlyingSettings:
+    """What a reader of the page may change, and how responses are packed for it."""
+
+    without_interval: float = 0.2  #: Share by which a coefficient may change where no interval is known.
+    corridor_points: int = 401  #: Of the bounds of a response: more than a panel has pixels.
+    nothing: float = 1e-9  #: A part of a loop that never exceeds this share of its size is left out.
+    least: float = 1e-12  #: Size at which a response counts as zero, where its logarithm would be none.
+
+
+SETTINGS = FlyingSettings()
 
 _MAIN = (
     *(f"{force}_{motion}" for force, motion in zip("XYZKMN", "uvwpqr", strict=True)),
@@ -64,8 +73,6 @@ _TABLES_OF_STEP = {
     "pitch": ("pitch",),
 }
 """Loops of a campaign whose steps these are."""
-
-_CORRIDOR_POINTS = 401  # more than a panel has pixels
 
 _LOOPS_OF_STEP = {
     "heading": ("heading",),
@@ -358,8 +365,9 @@ def _coefficients(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[dict[str,
     if not rows:
         for name in _MAIN:
             if (value := values.get(name, 0.0)) != 0.0:
-                ends = sorted((value * (1.0 - _WITHOUT_INTERVAL), value * (1.0 + _WITHOUT_INTERVAL)))
-                rows.append((name, ends, f"no interval known, ±{_WITHOUT_INTERVAL:.0%}"))
+                share = SETTINGS.without_interval
+                ends = sorted((value * (1.0 - share), value * (1.0 + share)))
+                rows.append((name, ends, f"no interval known, ±{share:.0%}"))
     return [
         {
             "name": name,
@@ -434,7 +442,7 @@ def _tuned_loops(runs: Sequence[RunFolder]) -> Mapping[str, LoopTable]:
 def _corridor(table: CorridorTable) -> dict[str, list[float | None]]:
     """Bounds of a response over the time since its step, as shares of it; none where it is not bound."""
     corridor = table.corridor(Weights())
-    t = np.linspace(0.0, corridor.until_s, _CORRIDOR_POINTS)
+    t = np.linspace(0.0, corridor.until_s, SETTINGS.corridor_points)
     sides = [[float(x) if math.isfinite(x) else None for x in side] for side in corridor.sampled(t)]
     return {"t": t.round(6).tolist(), "lower": sides[0], "upper": sides[1]}
 
@@ -456,12 +464,6 @@ def _note(runs: Sequence[RunFolder], flown: FlownRun | None, voltage_v: float | 
 
 _KEYS = ("K_P", "K_I", "K_D")
 
-_NOTHING = 1e-9
-"""Of the largest size of a loop: a part that never exceeds it is left out."""
-
-_LEAST = 1e-12
-"""Size at which a response counts as zero, where its logarithm would be none."""
-
 
 def open_loops(vehicle: Vehicle, autopilot: Autopilot) -> dict[str, Any]:
     """Open loops of an autopilot at its breakpoints, or why there are none.
@@ -469,13 +471,6 @@ def open_loops(vehicle: Vehicle, autopilot: Autopilot) -> dict[str, Any]:
     ``points`` has per mode and desired speed (m/s) and per loop the parts of L by gain, ``rest`` for what
     no gain scales; ``omega`` is the first and the last of the frequencies in rad/s, even by their logarithm,
     and their count. ``said`` tells why nothing is drawn; else it is empty.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> found = open_loops(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"))
-    >>> sorted(found["points"][0]["loops"][1]["parts"])  # heave
-    ['K_D', 'K_I', 'K_P']
     """
     try:
         constraint = MarginConstraint(vehicle, autopilot)
@@ -500,7 +495,7 @@ def open_loops(vehicle: Vehicle, autopilot: Autopilot) -> dict[str, Any]:
             parts = {key: response - without[loop, key][k][1][0, i] for key in _KEYS}
             # What feed-forward leaves is not scaled by any gain.
             parts["rest"] = response - sum(parts.values())
-            least = _NOTHING * np.abs(response).max()
+            least = SETTINGS.nothing * np.abs(response).max()
             loops.append({
                 "loop": loop,
                 "parts": {key: _polar(part) for key, part in parts.items() if np.abs(part).max() > least},
@@ -517,5 +512,5 @@ def _loops(gains: dict[str, float]) -> list[str]:
 
 def _polar(response: NDArray[np.complex128]) -> list[dict[str, Any]]:
     """Natural logarithm of the size and angle in rad without jumps of a response."""
-    size = np.log(np.maximum(np.abs(response), _LEAST))
+    size = np.log(np.maximum(np.abs(response), SETTINGS.least))
     return [packed(size), packed(np.unwrap(np.angle(response)))]

@@ -12,6 +12,7 @@ import io
 import json
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files as resources
 from pathlib import Path
@@ -25,17 +26,26 @@ from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.file_names import file_name, free_name
 from seatrial.base.report import Column, Table
 from seatrial.base.run import sha256, to_json, version
-from seatrial.report.page.compare import compared, numbers
 from seatrial.report.page.embedded import ELEMENT, as_embedded, script_json
 from seatrial.report.page.evidence import evidence
 from seatrial.report.page.flying import core, setups
-from seatrial.report.page.run_folder import Figure, RunFolder
+from seatrial.report.page.run_folder import Figure, RunFolder, compared, numbers
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-LARGEST_BYTES = 8_000_000
-"""Bytes of a page that mail still takes; a larger one is written all the same and named by the command."""
+
+@dataclass(frozen=True)
+class PageSettings:
+    """How large a page is, and what it names."""
+
+    #: Bytes of a page that mail still takes; a larger one is written all the same and named by the command.
+    largest_bytes: int = 8_000_000
+    strong: float = 0.3  #: Size of a correlation from which on it is named.
+    named: int = 3  #: Correlations of a coefficient, so that a row fits a screen.
+
+
+PAGE_SETTINGS = PageSettings()
 
 _PAGE = Budget(cpu_s=120.0, memory_mb=2_000.0)
 """What a page may cost: a run that others made may hold anything. One of ten runs takes some seconds."""
@@ -80,15 +90,7 @@ _DIGITS = re.compile(r"(?<!\d)(\d+\.\d)\d+")  # from the first digit on: else a 
 
 
 def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
-    """HTML of a page with these runs.
-
-    Parameters
-    ----------
-    runs : sequence of RunFolder
-        In the order in which they are told; at least one.
-    title : str, optional
-        By default the names of the runs.
-    """
+    """HTML of a page with these runs, at least one, in the order in which they are told."""
     series = [evidence(run) for run in runs]
     parts = [
         _part(run, number, shown=bool(own))
@@ -127,21 +129,7 @@ def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
 
 
 def write_page(folders: Sequence[str | Path | RunFolder], out: str | Path, *, title: str = "") -> Path:
-    """Path of the page after it was written, whole or not at all.
-
-    Parameters
-    ----------
-    folders : sequence of str, Path or RunFolder
-        Run directories, or runs that were read.
-    out : str or Path
-        The HTML file; an earlier one is replaced.
-    title : str, optional
-
-    Raises
-    ------
-    SeatrialError
-        A folder is no run directory, or the page cannot be written.
-    """
+    """Path of the page with run directories, or runs that were read, written whole or not at all."""
     target = check_place(out)
     names = ", ".join(str(folder.name if isinstance(folder, RunFolder) else folder) for folder in folders)
     remedy = "the folder holds what seatrial does not write: repeat the run"
@@ -158,13 +146,7 @@ def write_page(folders: Sequence[str | Path | RunFolder], out: str | Path, *, ti
 
 
 def check_place(out: str | Path) -> Path:
-    """Path of a page to be, refused where it cannot be written.
-
-    Raises
-    ------
-    SeatrialError
-        The ending is not that of a page, the folder does not exist, or something else is there.
-    """
+    """Path of a page to be, refused where it cannot be written."""
     target = Path(out)
     if target.suffix.lower() not in (".html", ".htm"):
         raise SeatrialError(f'{target}: expected a page ending in .html, found "{target.suffix}"; rename it')
@@ -279,13 +261,7 @@ def third_parties() -> dict[str, dict[str, list[str]]]:
 
 
 def _spdx(licence: str) -> str:
-    """A choice of licences in one order: crates write it in any, older ones with a stroke.
-
-    Examples
-    --------
-    >>> _spdx("MIT/Apache-2.0")
-    'Apache-2.0 OR MIT'
-    """
+    """A choice of licences in one order: crates write it in any, older ones with a stroke."""
     return " OR ".join(sorted(re.split(r"/| OR ", licence))) if " AND " not in licence else licence
 
 
@@ -377,12 +353,6 @@ def _plain(name: str) -> str:
     return file_name(name.encode("ascii", "replace").decode())
 
 
-_STRONG = 0.3
-"""Size of a correlation from which on it is named."""
-
-_NAMED = 3  # correlations of a coefficient, so that a row fits a screen
-
-
 def baselines(run: RunFolder) -> list[dict[str, Any]]:
     """Per channel R2 on held-out data of the model and of the best simple predictor."""
     try:
@@ -429,7 +399,7 @@ def intervals(run: RunFolder) -> Table | None:
         Column(head, align="right" if head in ("estimate", "95 % from", "to") else "left") for head in heads
     )
     title = "Intervals of the coefficients, and their correlations"
-    note = f"Correlations of a size from {_STRONG:g} on, the {_NAMED} largest."
+    note = f"Correlations of a size from {PAGE_SETTINGS.strong:g} on, the {PAGE_SETTINGS.named} largest."
     return Table(title, columns, tuple(rows), note=note) if rows else None
 
 
@@ -443,7 +413,9 @@ def _correlated(covariance: Any) -> dict[str, str]:
     correlations = matrix / np.outer(scale, scale) - np.eye(len(names))
     strongest = {}
     for name, row in zip(names, correlations, strict=True):
-        order = [k for k in np.argsort(-np.abs(row)) if abs(row[k]) >= _STRONG][:_NAMED]
+        order = [k for k in np.argsort(-np.abs(row)) if abs(row[k]) >= PAGE_SETTINGS.strong][
+            : PAGE_SETTINGS.named
+        ]
         strongest[name] = ", ".join(f"{names[k]} {row[k]:+.2f}".replace("-", "\N{MINUS SIGN}") for k in order)
     return strongest
 

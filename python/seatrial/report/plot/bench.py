@@ -9,8 +9,9 @@ step the dashed line is the input of the lag: the command after limits, rate lim
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -25,12 +26,17 @@ from seatrial.bench_test.result import share
 from seatrial.report.plot.style import (
     CYCLE,
     FAINT,
+    INK,
     MEASURED,
+    ON_WHITE,
     RESIDUAL,
     SECOND,
     SIMULATED,
     WIDTH_IN,
+    Style,
+    band,
     house_style,
+    legend_below,
     new_figure,
     panel_title,
 )
@@ -43,9 +49,19 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_estimate import MotorEstimate
     from seatrial.bench_test.result import BenchTest
 
-_POINTS = 201  # of a curve: smooth in print
 
-_NAMED = 6  # outlying points with a number: more hide one another
+@dataclass(frozen=True)
+class BenchFigureSettings:
+    """What of a bench test is drawn."""
+
+    points: int = 201  #: Of a curve: smooth in print.
+    named: int = 6  #: Outlying points with a number: more hide one another.
+    fine: int = 600  #: Points of a step in time: smooth in print.
+    clear: float = 8.0  #: A step is shown that exceeds so many standard deviations of the noise.
+    usual: float = 0.96  #: Part of the residuals that sets the axis where a few are far beyond.
+
+
+SETTINGS = BenchFigureSettings()
 
 _DASHES = (
     "-",
@@ -69,14 +85,7 @@ def drawings(result: BenchTest) -> dict[str, Callable[[], Figure]]:
 
 
 def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> Figure:
-    """Figure of the fitted characteristics, with the points behind them and their residuals.
-
-    Parameters
-    ----------
-    result : BenchTest
-    groups : sequence of str, optional
-        Groups to show; all that were pulled by default.
-    """
+    """Figure of the fitted characteristics of groups, with the points behind them and their residuals."""
     shown = [result.pulls[name] for name in (groups or result.pulls)]
     with house_style():
         figure = new_figure(4.3, width_in=min(WIDTH_IN, 3.7 * len(shown)))
@@ -88,8 +97,8 @@ def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> F
             else:
                 _curve(upper, lower, fit)
             for axes in (upper, lower):
-                axes.axhline(0.0, color="#262626", linewidth=0.5)
-                axes.axvline(0.0, color="#262626", linewidth=0.5)
+                axes.axhline(0.0, color=INK, linewidth=0.5)
+                axes.axvline(0.0, color=INK, linewidth=0.5)
                 axes.locator_params(nbins=6)
             lower.margins(y=0.15)
             upper.set_ylabel("thrust of one actuator, N")
@@ -106,7 +115,7 @@ def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> F
 def _legend_below(lower: Axes, upper: Axes, **options: Any) -> None:
     """Legend of the upper panel below the lower one, where it hides no point."""
     handles, labels = upper.get_legend_handles_labels()
-    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.5), "ncols": 2}
+    place: Style = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.5), "ncols": 2}
     lower.legend(handles, labels, **place, title_fontsize=7.5, **options)
 
 
@@ -124,44 +133,23 @@ def _curve(upper: Axes, lower: Axes, fit: UnitFit) -> None:
     for number, side in enumerate(fit.sides):
         sign = SIDES[side]
         own = sign * points.signal > 0.0
-        grid = sign * np.linspace(0.0, float(np.abs(points.signal[own]).max()), _POINTS)[1:]
+        grid = sign * np.linspace(0.0, float(np.abs(points.signal[own]).max()), SETTINGS.points)[1:]
         thrust = fit.thrust(grid)
         first = number == 0
         upper.plot(grid, thrust, color=SIMULATED, label="fit" if first else None, zorder=3)
         if side in fit.directions and fit.table is None:
             curve, single = fit.directions[side].fit.bands(np.abs(grid)[:, None])
             for axes, middle in ((upper, thrust), (lower, 0.0 * thrust)):
-                axes.fill_between(
-                    grid,
-                    middle - single,
-                    middle + single,
-                    color=FAINT,
-                    alpha=0.25,
-                    linewidth=0.0,
-                    label="95 %, single points" if first else None,
-                )
-                axes.fill_between(
-                    grid,
-                    middle - curve,
-                    middle + curve,
-                    color=SIMULATED,
-                    alpha=0.3,
-                    linewidth=0.0,
-                    label="95 %, curve" if first else None,
-                )
+                label = "95 %, single points" if first else None
+                band(axes, grid, middle - single, middle + single, FAINT, alpha=0.25, label=label)
+                label = "95 %, curve" if first else None
+                band(axes, grid, middle - curve, middle + curve, SIMULATED, alpha=0.3, label=label)
     residual = points.thrust - fit.thrust(points.signal)
     honest = ~outlying
     size = 9.0 if len(points.signal) <= 60 else 2.0  # many markers shrink
     for axes, values in ((upper, points.thrust), (lower, residual)):
-        axes.scatter(
-            points.signal[honest],
-            values[honest],
-            s=size,
-            color=MEASURED,
-            linewidths=0.0,
-            zorder=4 if size > 5.0 else 2,
-            label="measured",
-        )
+        look: Style = {"s": size, "color": MEASURED, "linewidths": 0.0, "zorder": 4 if size > 5.0 else 2}
+        axes.scatter(points.signal[honest], values[honest], label="measured", **look)
         if outlying.any():
             _ring(axes, points.signal[outlying], values[outlying])
     _name_outliers(upper, fit, np.flatnonzero(outlying))
@@ -177,22 +165,14 @@ def _outlying(fit: UnitFit) -> NDArray[np.bool_]:
 
 
 def _ring(axes: Axes, signal: Array, values: Array) -> None:
-    axes.scatter(
-        signal,
-        values,
-        s=26.0,
-        facecolors="none",
-        edgecolors=RESIDUAL,
-        linewidths=1.0,
-        zorder=5,
-        label="outlier",
-    )
+    ring: Style = {"s": 26.0, "facecolors": "none", "edgecolors": RESIDUAL, "linewidths": 1.0}
+    axes.scatter(signal, values, zorder=5, label="outlier", **ring)
 
 
 def _name_outliers(axes: Axes, fit: UnitFit, outlying: NDArray[np.int_]) -> None:
     """Numbers at the outliers; pull and place of each in the corner below the curve, always empty."""
     listed = []
-    for number, k in enumerate(sorted(outlying, key=lambda k: fit.points.signal[k])[:_NAMED], 1):
+    for number, k in enumerate(sorted(outlying, key=lambda k: fit.points.signal[k])[: SETTINGS.named], 1):
         left = fit.points.signal[k] < 0.0
         axes.annotate(
             str(number),
@@ -205,57 +185,32 @@ def _name_outliers(axes: Axes, fit: UnitFit, outlying: NDArray[np.int_]) -> None
             color=RESIDUAL,
         )
         listed.append(f"{number}  {fit.points.pull[k]}, {fit.points.label[k].split(', ', 1)[-1]}")
-    more = len(outlying) - _NAMED
+    more = len(outlying) - SETTINGS.named
     listed += [f"and {more} more"] if more > 0 else []
-    axes.text(
-        0.98,
-        0.03,
-        "\n".join(listed),
-        transform=axes.transAxes,
-        ha="right",
-        va="bottom",
-        fontsize=6.5,
-        color=RESIDUAL,
-        linespacing=1.4,
-    )
+    corner: Style = {"transform": axes.transAxes, "ha": "right", "va": "bottom", "linespacing": 1.4}
+    axes.text(0.98, 0.03, "\n".join(listed), fontsize=6.5, color=RESIDUAL, **corner)
 
 
 def _voltages(upper: Axes, lower: Axes, fit: UnitFit) -> None:
     table = fit.table
     assert table is not None
-    grid = np.unique(np.concatenate([np.linspace(table.signal[0], table.signal[-1], _POINTS), table.signal]))
+    even = np.linspace(table.signal[0], table.signal[-1], SETTINGS.points)
+    grid = np.unique(np.concatenate([even, table.signal]))
     for row, voltage in enumerate(table.voltage_v):
         colour, dashes = CYCLE[row % len(CYCLE)], _DASHES[row % len(_DASHES)]
         own = table.level == row
-        upper.scatter(
-            fit.points.signal[own], fit.points.thrust[own], s=2.0, color=colour, alpha=0.45, linewidths=0.0
-        )
-        upper.plot(
-            grid,
-            table.at(grid, np.full(len(grid), voltage)),
-            color=colour,
-            linestyle=dashes,
-            linewidth=0.9,
-            label=f"{voltage:.4g} V",
-        )
-        lower.scatter(fit.points.signal[own], table.residual[own], s=2.0, color=colour, linewidths=0.0)
+        signal = fit.points.signal[own]
+        dot: Style = {"s": 2.0, "color": colour, "linewidths": 0.0}
+        upper.scatter(signal, fit.points.thrust[own], alpha=0.45, **dot)
+        curve = table.at(grid, np.full(len(grid), voltage))
+        upper.plot(grid, curve, color=colour, linestyle=dashes, linewidth=0.9, label=f"{voltage:.4g} V")
+        lower.scatter(signal, table.residual[own], **dot)
     outlying = _outlying(fit)
     if outlying.any():
         _ring(upper, fit.points.signal[outlying], fit.points.thrust[outlying])
         _ring(lower, fit.points.signal[outlying], table.residual[outlying])
         _name_outliers(upper, fit, np.flatnonzero(outlying))
     _legend_below(lower, upper, title="supply")
-
-
-_SHARE = 1.0 - np.exp(-1.0)  # of a step that a first-order lag does in its time constant
-
-_CLEAR = 8.0  # standard deviations of the noise that a step must exceed to be shown
-
-_FINE = 600  # points of a step in time: smooth in print
-
-_USUAL = 0.96  # part of the residuals that sets the axis where a few are far beyond
-
-_DARK = "#262626"
 
 
 def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
@@ -271,16 +226,10 @@ def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
         below = figure.add_subplot(grid[1, :], sharex=above)
         end = float(times[-1])
         seen = stamps < end
-        above.step(
-            np.append(stamps[seen], end),
-            np.append(commands[seen], commands[seen][-1]),
-            where="post",
-            color=SECOND,
-            linewidth=0.9,
-            label="commanded",
-        )
+        held = np.append(stamps[seen], end), np.append(commands[seen], commands[seen][-1])
+        above.step(*held, where="post", color=SECOND, linewidth=0.9, label="commanded")
         above.plot(times, measured, ".", color=MEASURED, markersize=1.8, label="measured")
-        fine = np.linspace(times[0], end, max(4 * len(times), _FINE))
+        fine = np.linspace(times[0], end, max(4 * len(times), SETTINGS.fine))
         above.plot(
             fine, estimate.model.response(record, fine), color=SIMULATED, linewidth=0.9, label="modelled"
         )
@@ -296,12 +245,7 @@ def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
             _step(axes, estimate, record, k, name)
             axes.set_ylabel(f"revolutions, {unit}" if place == 0 else "")
         if shown:
-            figure.legend(
-                *figure.axes[-1].get_legend_handles_labels(),
-                loc="outside lower center",
-                ncols=4,
-                columnspacing=1.4,
-            )
+            legend_below(figure, figure.axes[-1].get_legend_handles_labels()[0], 4, columnspacing=1.4)
         figure.align_ylabels()
     return figure
 
@@ -309,9 +253,9 @@ def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
 def _residual(axes: Axes, times: Array, measured: Array, modelled: Array, unit: str) -> None:
     """Residual over time; a few values far beyond the others are counted, not drawn."""
     error = measured - modelled
-    usual = 1.3 * float(np.quantile(np.abs(error), _USUAL))
+    usual = 1.3 * float(np.quantile(np.abs(error), SETTINGS.usual))
     inside = np.abs(error) <= (usual if np.abs(error).max() > 4.0 * usual else np.inf)
-    axes.axhline(0.0, color=_DARK, linewidth=0.5)
+    axes.axhline(0.0, color=INK, linewidth=0.5)
     axes.plot(times[inside], error[inside], color=RESIDUAL, linewidth=0.6)
     axes.set_ylabel(f"residual, {unit}")
     axes.set_xlabel("time, s")
@@ -333,7 +277,7 @@ def _steps(estimate: MotorEstimate, record: StepRecord) -> list[tuple[str, int]]
     lasting = ends - stamps > estimate.model.T_t + 3.0 * estimate.model.T_1
     sizes = np.abs(np.diff(levels, prepend=levels[0]))
     growing = np.abs(levels) > np.abs(np.roll(levels, 1))
-    fit = lasting & (sizes > _CLEAR * estimate.noise.total)
+    fit = lasting & (sizes > SETTINGS.clear * estimate.noise.total)
     fit[0] = False
     places = np.flatnonzero(fit)
     if not len(places):
@@ -355,35 +299,25 @@ def _step(axes: Axes, estimate: MotorEstimate, record: StepRecord, k: int, name:
     at = float(stamps[k])
     until = float(stamps[k + 1]) if k + 1 < len(stamps) else float(times[-1])
     follow = replace(model, T_1=0.0)
-    fine = np.linspace(at, until, 4 * _FINE)
+    fine = np.linspace(at, until, 4 * SETTINGS.fine)
     response, led = model.response(record, fine), follow.response(record, fine)
     before, after = float(response[0]), float(response[-1])
     passed = (response - before) / (after - before)
     settled = fine[int(np.argmax(passed > 0.99))] - at
     first, last = at - 0.45 * settled, min(at + 1.4 * settled, until)
-    fine = np.linspace(first, last, _FINE)
+    fine = np.linspace(first, last, SETTINGS.fine)
     rows = (times >= first) & (times <= last)
-    axes.step(
-        [first - at, 0.0, last - at],
-        [float(commands[k - 1]), float(commands[k]), float(commands[k])],
-        where="post",
-        color=SECOND,
-        label="commanded",
-    )
-    axes.plot(
-        fine - at,
-        follow.response(record, fine),
-        "--",
-        color=FAINT,
-        linewidth=0.9,
-        label="limited and delayed",
-    )
+    levels = [float(commands[k - 1]), float(commands[k]), float(commands[k])]
+    axes.step([first - at, 0.0, last - at], levels, where="post", color=SECOND, label="commanded")
+    limited = follow.response(record, fine)
+    axes.plot(fine - at, limited, "--", color=FAINT, linewidth=0.9, label="limited and delayed")
     axes.plot(fine - at, model.response(record, fine), color=SIMULATED, label="modelled")
     axes.plot(times[rows] - at, measured[rows], "o", color=MEASURED, markersize=2.6, label="measured")
-    inner = np.linspace(at, until, 4 * _FINE) - at
+    inner = np.linspace(at, until, 4 * SETTINGS.fine) - at
     share = (led - before) / (after - before)
-    reached = float(inner[int(np.argmax(share >= _SHARE))])
-    level = before + _SHARE * (after - before)
+    lagged = 1.0 - math.exp(-1.0)  # of a step that a first-order lag does in its time constant
+    reached = float(inner[int(np.argmax(share >= lagged))])
+    level = before + lagged * (after - before)
     low = before + 0.3 * (after - before)
     _span(axes, (0.0, model.T_t), low, f"$T_t$ = {model.T_t:.3f} s", at=0.0)
     _span(axes, (reached, reached + model.T_1), level, f"$T_1$ = {model.T_1:.3f} s", at=reached + model.T_1)
@@ -396,17 +330,8 @@ def _span(axes: Axes, ends: tuple[float, float], level: float, text: str, *, at:
     """A time between two bars, with its name beside one of them, away from the other."""
     left = at == ends[0]
     for x in ends:
-        axes.plot([x], [level], "|", color=_DARK, markersize=7, markeredgewidth=0.9, zorder=5)
-    axes.plot(ends, [level, level], color=_DARK, linewidth=0.9, zorder=5)
-    axes.annotate(
-        text,
-        (at, level),
-        xytext=(-5 if left else 5, 0),
-        textcoords="offset points",
-        ha="right" if left else "left",
-        va="center",
-        fontsize=7.5,
-        color=_DARK,
-        zorder=6,
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6},
-    )
+        axes.plot([x], [level], "|", color=INK, markersize=7, markeredgewidth=0.9, zorder=5)
+    axes.plot(ends, [level, level], color=INK, linewidth=0.9, zorder=5)
+    aside: Style = {"ha": "right" if left else "left", "va": "center", "textcoords": "offset points"}
+    place = (at, level), (-5 if left else 5, 0)
+    axes.annotate(text, *place, fontsize=7.5, color=INK, zorder=6, bbox=ON_WHITE, **aside)

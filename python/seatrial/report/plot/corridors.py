@@ -23,19 +23,27 @@ from seatrial.report.plot.style import (
     COLUMN_IN,
     FAINT,
     MEASURED,
+    REMARK,
     RESIDUAL,
     SECOND,
     SHADE,
     SIMULATED,
     THIRD,
     WIDTH_IN,
+    Style,
+    band,
+    field,
+    grid_of,
     house_style,
+    legend_below,
     new_figure,
     panel_title,
+    stroke,
 )
 from seatrial.tuning.criterion import criterion, time_weighted_error, violations
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -43,32 +51,35 @@ if TYPE_CHECKING:
     from seatrial.control_design.corridor import Corridor
     from seatrial.tuning.control_problem import ControlProblem
 
-_HEIGHT_IN = 2.65  # layout, inches
 
-_MARGIN, _MOST = 0.12, 0.6  # beyond the bounds, as shares of their range: at least, and at most
+@dataclass(frozen=True)
+class CorridorFigureSettings:
+    """Layout of corridors and responses, and the flight of the speed's set points."""
 
-_SMALLEST_S = 0.001  # an area below is told as less than that
+    panel_in: float = 2.65  #: Height of a panel of a corridor, inches.
+    margin: float = 0.12  #: Beyond the bounds of a corridor, at least, as a share of their range.
+    most: float = 0.6  #: Beyond the bounds, at most: a wild response is cut.
+    smallest_s: float = 0.001  #: An area below is given as less than that, s.
+    course_in: float = 2.2  #: Height of a panel of responses, inches.
+    page_in: float = 9.8  #: Height of a figure of responses, at most, inches.
+    course_margin: float = 0.08  #: Around what is shown of responses, as a share of its range.
+    course_most: float = 0.5  #: How far a wild response may widen its panel, as a share of the range.
+    #: Set points of the speed, as shares of the top speed ahead.
+    shares: tuple[float, ...] = (0.0, 0.3, 0.6, 0.9, 0.75, 0.45, 0.15)
+    astern: float = 0.5  #: The first set point astern, as a share of the slowest breakpoint that is reached.
+    depth_m: float = 20.0  #: Away from surface and waves, m.
+    hold_s: tuple[float, float] = (15.0, 40.0)  #: How long a set point is held, at least and at most, s.
+    max_step_s: float = 0.02  #: Of the vehicle, as in the last assessment of a tuning, s.
+
+
+SETTINGS = CorridorFigureSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class InCorridor:
-    """Responses to be drawn in a corridor.
+    """Normalised responses (n,) or (k, n) to be drawn in a corridor, over an even grid since the step, s.
 
-    Parameters
-    ----------
-    name : str
-        Title of the panel: loop, speed, step.
-    corridor : Corridor
-    t : array, shape (n,)
-        Even grid of the control periods, s since the step.
-    responses : array, shape (n,) or (k, n)
-        Normalised responses.
-    remark : str
-        At the right of the title.
-    label : str
-        Of the vertical axis.
-    each : str
-        What one of a bundle is called.
+    `name` is the panel's title with a remark at its right, `each` what a response of a bundle is called.
     """
 
     name: str
@@ -90,34 +101,17 @@ def worst_response(shown: InCorridor) -> int:
 
 
 def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
-    """Figure with a panel per corridor: its bounds, the responses, the areas outside with their sizes.
+    """Figure with a panel per corridor, at least one, two side by side.
 
-    Parameters
-    ----------
-    shown : sequence of InCorridor
-        At least one; two stand side by side.
-
-    Raises
-    ------
-    SimulationError
-        There is nothing to draw, or a grid does not fit its responses.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from seatrial.control_design.corridor import Corridor
-    >>> t = np.arange(0.0, 40.0, 0.1)
-    >>> one = InCorridor("surge", Corridor.from_figures(rise_s=10.0), t, 1.0 - np.exp(-t / 6.0))
-    >>> len(corridor_figure([one]).axes)
-    1
+    Each shows the corridor's bounds, the responses, and the areas outside with their sizes.
     """
     if not shown:
         raise SimulationError("no response to draw in a corridor; give at least one")
     columns = min(len(shown), 2)
     rows = -(-len(shown) // 2)
     with house_style():
-        figure = new_figure(_HEIGHT_IN * rows, width_in=COLUMN_IN if columns == 1 else WIDTH_IN)
-        grid = figure.subplots(rows, columns, squeeze=False)
+        figure = new_figure(SETTINGS.panel_in * rows, width_in=COLUMN_IN if columns == 1 else WIDTH_IN)
+        grid = grid_of(figure, len(shown), columns)
         for row, panels in enumerate(grid):
             beside = shown[2 * row : 2 * row + 2]
             window = _common(beside)
@@ -125,8 +119,6 @@ def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
                 if axes is not panels[0]:
                     axes.sharey(panels[0])  # equal limits alone leave each panel ticks of its own
                 _panel(axes, response, window)
-        for axes in list(grid.flat)[len(shown) :]:
-            axes.set_axis_off()
         # The width of tick labels is known after a first layout: without it a panel's label leaves the page.
         figure.draw_without_rendering()
     return figure
@@ -165,16 +157,9 @@ def _panel(axes: Axes, panel: InCorridor, window: tuple[float, float]) -> None:
     handles, labels = axes.get_legend_handles_labels()
     first = [labels.index(label), labels.index("corridor")]
     order = [*first, *(k for k in range(len(labels)) if k not in first)]
-    axes.legend(
-        [handles[k] for k in order],
-        [labels[k] for k in order],
-        loc="upper center",
-        bbox_to_anchor=(0.48, -0.23),
-        ncols=2,
-        fontsize=7,
-        columnspacing=1.2,
-        borderaxespad=0.0,
-    )
+    place: Style = {"loc": "upper center", "bbox_to_anchor": (0.48, -0.23), "borderaxespad": 0.0}
+    ordered = [handles[k] for k in order], [labels[k] for k in order]
+    axes.legend(*ordered, ncols=2, fontsize=7, columnspacing=1.2, **place)
 
 
 def _excluded(axes: Axes, corridor: Corridor, end: float, low: float, high: float) -> None:
@@ -184,7 +169,7 @@ def _excluded(axes: Axes, corridor: Corridor, end: float, low: float, high: floa
     for bound, edge in zip(corridor.sampled(grid), (low, high), strict=True):
         if np.isfinite(bound).any():
             edges = np.where(np.isfinite(bound), bound, np.nan)
-            axes.fill_between(grid, edges, edge, color=SHADE, alpha=0.75, linewidth=0.0, zorder=0.6)
+            band(axes, grid, edges, edge, SHADE, alpha=0.75, zorder=0.6)
             axes.plot(grid, edges, color=MEASURED, linewidth=0.9, zorder=2.5, label=label)
             label = "_"
 
@@ -202,26 +187,20 @@ def _areas(axes: Axes, panel: InCorridor, response: Array, areas: Array) -> None
         panel.corridor.sampled(grid), weights, sides, strict=True
     ):
         edge = np.where(np.isfinite(bound), bound, np.nan)
-        axes.fill_between(
-            grid,
-            edge,
-            beyond(edge, y),
-            facecolor=colour,
-            edgecolor="white",
-            hatch=hatch,
-            linewidth=0.0,
-            alpha=0.85,
-            zorder=2.0,
-            label=f"{word}: {_size(float(area), weight)}",
-        )
+        look: Style = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "linewidth": 0.0}
+        label = f"{word}: {_size(float(area), weight)}"
+        axes.fill_between(grid, edge, beyond(edge, y), alpha=0.85, zorder=2.0, label=label, **look)
 
 
 def _size(area: float, weight: float) -> str:
     if not math.isfinite(area):
         return "no end (diverged)"
+    if area <= 0.0:
+        return "none"
     times = "" if weight == 1.0 else f"{weight:g} × "
-    size = f"below {_SMALLEST_S:g}" if area < _SMALLEST_S else f"{area:.3g}" if area < 1e3 else f"{area:.0f}"
-    return f"{times}{size} s" if area > 0.0 else "none"
+    if area < SETTINGS.smallest_s:
+        return f"{times}below {SETTINGS.smallest_s:g} s"
+    return f"{times}{area:.3g} s" if area < 1e3 else f"{times}{area:.0f} s"
 
 
 def _beyond(response: Array, low: float, high: float) -> str:
@@ -239,16 +218,15 @@ def _window(corridor: Corridor, response: Array) -> tuple[float, float]:
     ends = np.array([min(values.min(), 0.0), max(values.max(), corridor.target)])
     span = float(ends[1] - ends[0]) or 1.0
     seen = response[np.isfinite(response)] if np.isfinite(response).any() else ends
-    low = min(ends[0] - _MARGIN * span, float(seen.min()) - 0.5 * _MARGIN * span)
-    high = max(ends[1] + _MARGIN * span, float(seen.max()) + 0.5 * _MARGIN * span)
-    return max(low, float(ends[0]) - _MOST * span), min(high, float(ends[1]) + _MOST * span)
+    low = min(ends[0] - SETTINGS.margin * span, float(seen.min()) - 0.5 * SETTINGS.margin * span)
+    high = max(ends[1] + SETTINGS.margin * span, float(seen.max()) + 0.5 * SETTINGS.margin * span)
+    return max(low, float(ends[0]) - SETTINGS.most * span), min(high, float(ends[1]) + SETTINGS.most * span)
 
 
 def _fine(corridor: Corridor, t: Array) -> Array:
     """Grid with the times of all bounds, and just before them, so that jumps are upright."""
-    times = np.array([time for points in (corridor.lower, corridor.upper) for time, _ in points])
-    grid = np.concatenate([t, times, times - 1e-6])  # 1 us before draws the jumps of a bound upright
-    return np.unique(grid[(grid >= t[0]) & (grid <= t[-1])])
+    grid = np.concatenate([t, _jumps(corridor, t[0], t[-1])])
+    return np.unique(grid)
 
 
 def _drawn(response: Array) -> Array:
@@ -256,16 +234,7 @@ def _drawn(response: Array) -> Array:
     return np.where(np.isfinite(response), response, np.nan)
 
 
-_STEP_RESPONSES_HEIGHT_IN, _LEGEND_IN = 2.2, 0.5  # layout, inches
-
-_PAGE_IN = 9.8  # layout, inches
-
 _CORRIDOR = "#DDEBDD"
-
-_STEP_RESPONSES_MARGIN, _MOST_RESPONSES = (
-    0.08,
-    0.5,
-)  # around what is shown, and how far a wild response may widen it
 
 
 @dataclass(frozen=True)
@@ -280,26 +249,10 @@ class SetPointStep:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Time course of one loop.
+    """Time course of one loop, in the unit that is drawn; the axis of a depth points down.
 
-    Parameters
-    ----------
-    name : str
-        Title of the panel.
-    label : str
-        Of the vertical axis, with the unit.
-    t : array, shape (n,)
-        Time, s.
-    set_point : array, shape (n,)
-        In the unit drawn; blank where there is none.
-    before, after : array, shape (n,) or (k, n)
-        Responses with the start gains and with the tuned ones; the first row is the nominal vehicle.
-    steps : sequence of SetPointStep
-        Steps whose corridors are shaded.
-    down : bool
-        Whether the axis points downwards, as of a depth.
-    remark : str
-        At the right of the title.
+    Responses `before` and `after` tuning are (n,) or (k, n), the first row of the nominal vehicle; the set
+    point (n,) is blank where there is none. The corridors of the steps are shaded.
     """
 
     name: str
@@ -314,23 +267,18 @@ class Course:
 
 
 def step_responses(courses: Sequence[Course]) -> Figure:
-    """Figure with a panel per loop: set points, corridors, responses before and after tuning.
-
-    Raises SimulationError where there is nothing to draw.
-    """
+    """Figure with a panel per loop: set points, corridors, responses before and after tuning."""
     if not courses:
         raise SimulationError("no step responses to draw; give at least one time course")
     columns = 1 if len(courses) <= 3 else 2  # more courses stand in two, and all of them on a page
     rows = -(-len(courses) // columns)
     with house_style():
         alone = 0.8 if len(courses) == 1 else 0.0  # inches of more height for the only panel
-        figure = new_figure(min(_STEP_RESPONSES_HEIGHT_IN * rows + _LEGEND_IN + alone, _PAGE_IN))
-        grid = figure.subplots(rows, columns, squeeze=False)
+        figure = new_figure(min(SETTINGS.course_in * rows + 0.5 + alone, SETTINGS.page_in))
+        grid = grid_of(figure, len(courses), columns)
         panels = list(grid.flat)
         for axes, course in zip(panels, courses, strict=False):
             _step_responses_panel(axes, course, narrow=columns > 1)
-        for axes in panels[len(courses) :]:
-            axes.set_axis_off()
         for axes in panels[len(courses) - columns : len(courses)]:
             axes.set_xlabel("time, s")
         for column in grid.T:
@@ -352,7 +300,7 @@ def _step_responses_panel(axes: Axes, course: Course, *, narrow: bool) -> None:
             # A span that is mostly wider than the panel would hide all else and say no more than that; one
             # that is wider for less than two fifths of the time is seen.
             if (ends[1] - ends[0] > high - low).mean() < 0.4:
-                axes.fill_between(course.t, *ends, color=colour, alpha=0.22, linewidth=0.0, zorder=2.2)
+                band(axes, course.t, *ends, colour, alpha=0.22, zorder=2.2)
         line(axes, course.t, bundle[0], color=colour, linewidth=width, linestyle=dashes, zorder=2.4)
     axes.set_xlim(course.t[0], course.t[-1])
     axes.set_ylim(low, high)
@@ -369,7 +317,7 @@ def _step_responses_panel(axes: Axes, course: Course, *, narrow: bool) -> None:
     # Name and remark have no room beside each other.
     axes.set_title(course.name, loc="left", fontweight="bold", pad=14 if remark else None)
     if remark:
-        axes.text(0.0, 1.03, remark, fontsize=7, color="#404040", transform=axes.transAxes)
+        axes.text(0.0, 1.03, remark, fontsize=7, color=REMARK, transform=axes.transAxes)
 
 
 def _corridors(axes: Axes, course: Course) -> list[float]:
@@ -379,12 +327,10 @@ def _corridors(axes: Axes, course: Course) -> list[float]:
     for k, step in enumerate(steps):
         until = steps[k + 1].at_s if k + 1 < len(steps) else float(course.t[-1])
         last = min(step.corridor.until_s, until - step.at_s)
-        times = np.unique(np.concatenate([np.linspace(0.0, last, 240), _jumps(step.corridor, last)]))
+        times = np.unique(np.concatenate([np.linspace(0.0, last, 240), _jumps(step.corridor, 0.0, last)]))
         bounds = [step.before + (step.after - step.before) * side for side in step.corridor.sampled(times)]
         both = np.isfinite(bounds).all(axis=0)
-        axes.fill_between(
-            step.at_s + times, bounds[0], bounds[1], where=both, color=_CORRIDOR, linewidth=0.0, zorder=0.6
-        )
+        band(axes, step.at_s + times, bounds[0], bounds[1], _CORRIDOR, where=both, zorder=0.6)
         for bound in bounds:
             finite = np.where(np.isfinite(bound), bound, np.nan)
             axes.plot(step.at_s + times, finite, color=THIRD, linewidth=0.5, alpha=0.7, zorder=0.7)
@@ -392,10 +338,11 @@ def _corridors(axes: Axes, course: Course) -> list[float]:
     return ends
 
 
-def _jumps(corridor: Corridor, last: float) -> Array:
+def _jumps(corridor: Corridor, first: float, last: float) -> Array:
+    """Times of all bounds within a span, and 1 us before each, which draws a jump upright."""
     times = np.array([time for points in (corridor.lower, corridor.upper) for time, _ in points])
     times = np.concatenate([times, times - 1e-6])
-    return np.asarray(times[(times >= 0.0) & (times <= last)])
+    return np.asarray(times[(times >= first) & (times <= last)])
 
 
 def _step_responses_window(course: Course, edges: Sequence[float]) -> tuple[float, float]:
@@ -405,47 +352,33 @@ def _step_responses_window(course: Course, edges: Sequence[float]) -> tuple[floa
     seen = seen[np.isfinite(seen)]
     kept, seen = (kept if len(kept) else seen), (seen if len(seen) else kept)
     span = float(np.ptp(kept)) or 1.0
-    low = max(min(kept.min(), seen.min()), kept.min() - _MOST_RESPONSES * span)
-    high = min(max(kept.max(), seen.max()), kept.max() + _MOST_RESPONSES * span)
-    return float(low - _STEP_RESPONSES_MARGIN * span), float(high + _STEP_RESPONSES_MARGIN * span)
+    low = max(min(kept.min(), seen.min()), kept.min() - SETTINGS.course_most * span)
+    high = min(max(kept.max(), seen.max()), kept.max() + SETTINGS.course_most * span)
+    return float(low - SETTINGS.course_margin * span), float(high + SETTINGS.course_margin * span)
 
 
 def _legend(figure: Figure, courses: Sequence[Course]) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=SECOND, linewidth=1.8, label="set point"),
-        Line2D([], [], color=MEASURED, linewidth=1.0, linestyle=(0, (3, 1.2)), label="start gains"),
-        Line2D([], [], color=SIMULATED, linewidth=1.3, label="tuned"),
+    handles: list[Artist] = [
+        stroke("set point", SECOND, linewidth=1.8),
+        stroke("start gains", MEASURED, linewidth=1.0, linestyle=(0, (3, 1.2))),
+        stroke("tuned", SIMULATED, linewidth=1.3),
     ]
     if any(np.ndim(course.before) > 1 or np.ndim(course.after) > 1 for course in courses):
-        handles.append(Patch(color=SIMULATED, alpha=0.22, linewidth=0.0, label="span of the samples"))
+        handles.append(field("span of the samples", SIMULATED, alpha=0.22, linewidth=0.0))
     if any(course.steps for course in courses):
-        handles.append(Patch(facecolor=_CORRIDOR, edgecolor=THIRD, linewidth=0.5, label="corridor"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), columnspacing=1.4)
-
-
-_SHARES = (0.0, 0.3, 0.6, 0.9, 0.75, 0.45, 0.15)  # of the top speed, ahead
-
-_ASTERN = 0.5  # of the slowest breakpoint that is reached
-
-_DEPTH_M = 20.0  # away from surface and waves
-
-_HOLD_S = (15.0, 40.0)  # of a set point: at least, and at most
-
-_MAX_STEP_S = 0.02  # of the vehicle, as in the last assessment of a tuning
+        handles.append(field("corridor", _CORRIDOR, edgecolor=THIRD, linewidth=0.5))
+    legend_below(figure, handles, columnspacing=1.4)
 
 
 def course_of_set_points(plan: ControlProblem) -> tuple[Array, Array]:
     """Times (n,), s, from which set points of the speed (n,), m/s, hold, and the time of the end as last."""
     slowest = min(plan.autopilot.speeds_m_s[place] for place in plan.places)
-    ahead = [share * plan.top_m_s for share in _SHARES]
+    ahead = [share * plan.top_m_s for share in SETTINGS.shares]
     if slowest < 0.0:
-        levels = [*ahead, 0.0, _ASTERN * slowest, slowest, 0.0]
+        levels = [*ahead, 0.0, SETTINGS.astern * slowest, slowest, 0.0]
     else:  # a hull steered by fins: from its slowest breakpoint on
         levels = [max(level, slowest) for level in ahead]
-    hold = float(np.clip(plan.trials("surge").until_s, *_HOLD_S))
+    hold = float(np.clip(plan.trials("surge").until_s, *SETTINGS.hold_s))
     times: Array = hold * np.arange(len(levels) + 1.0)
     return times, np.array(levels)
 
@@ -484,8 +417,8 @@ def _flown(plan: ControlProblem, autopilot: Autopilot, times: Array, levels: Arr
         name = "set points"
         speed_m_s = 1.0
         acceptance_radius_m = 10.0
-        start = {{ north_m = 0.0, east_m = 0.0, depth_m = {_DEPTH_M}, heading_deg = 0.0 }}
-        legs = [{{ north_m = 1e6, east_m = 0.0, depth_m = {_DEPTH_M} }}]
+        start = {{ north_m = 0.0, east_m = 0.0, depth_m = {SETTINGS.depth_m}, heading_deg = 0.0 }}
+        legs = [{{ north_m = 1e6, east_m = 0.0, depth_m = {SETTINGS.depth_m} }}]
         """
     )
     sensors = plan.table.sensors
@@ -496,7 +429,7 @@ def _flown(plan: ControlProblem, autopilot: Autopilot, times: Array, levels: Arr
         conditions=Conditions(
             sensors=None if sensors == "perfect" else sensors,
             voltage_v=plan.table.voltage_v,
-            max_step_s=_MAX_STEP_S,
+            max_step_s=SETTINGS.max_step_s,
             max_time_s=float(times[-1]),
         ),
         set_points={"times": times[:-1], "speed": levels, "heading": np.zeros(len(levels))},

@@ -15,20 +15,22 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Array
 from seatrial.report.plot.style import (
     FAINT,
+    ON_WHITE,
     RESIDUAL,
     SECOND,
     SIMULATED,
+    Style,
+    blank,
     house_style,
     new_figure,
     panel_title,
 )
+from seatrial.report.plot.style import heading as figure_heading
 from seatrial.statistics.proportions import share
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_BINS = 40  # bars of the histogram
 
 
 def exceedance(counts: ArrayLike, edges: ArrayLike) -> Array:
@@ -79,27 +81,9 @@ def cross_track(
 ) -> Figure:
     """Figure of the cross-track error on settled legs of all missions together, and of each mission's p95.
 
-    Parameters
-    ----------
-    counts : array_like, shape (k, E + 1) or (E + 1,)
-        Samples of |cross-track error| between the edges, of each mission or of all of them: where the vehicle
-        really was.
-    edges : array_like, shape (E,)
-        Edges of the bins, m.
-    p95_m : array_like, shape (k,)
-        The p95 of each mission, m; not a number of one that diverged.
-    perceived : array_like, optional
-        Samples as ``counts``, of the error that guidance perceived.
-    of : str
-        Which of the two errors ``p95_m`` is of.
-    threshold_m : float, optional
-        What the requirement allows the p95 of a mission, m.
-    heading : str
-
-    Raises
-    ------
-    ValueError
-        The counts do not fit the edges.
+    `counts` and `perceived`, (k, E + 1) or (E + 1,), are samples of |cross-track error| between `edges` (E,),
+    m: where the vehicle really was, and as guidance perceived it. `p95_m` (k,) is of the error that `of`
+    names, not a number of a mission that diverged; a requirement allows `threshold_m`.
     """
     pooled = np.atleast_2d(np.asarray(counts, float)).sum(axis=0)
     perceived_counts = None if perceived is None else np.atleast_2d(np.asarray(perceived, float)).sum(axis=0)
@@ -109,8 +93,7 @@ def cross_track(
         curve, beside = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
         _curve(curve, pooled, edge, threshold_m, perceived_counts)
         _histogram(beside, p95, threshold_m, of)
-        if heading:
-            figure.suptitle(heading, x=0.01, ha="left", fontweight="bold")
+        figure_heading(figure, heading)
     return figure
 
 
@@ -123,13 +106,13 @@ def _curve(
     axes.set_xlabel("cross-track error $|y_e|$, m")
     axes.set_ylabel("share of the samples above, %")
     if not seen.any():
-        axes.text(0.5, 0.5, "no leg settled", ha="center", transform=axes.transAxes, fontsize=7)
+        blank(axes, "no leg settled")
         return
     last = min(int(np.flatnonzero(seen)[-1]) + 1, len(edges) - 1)
     floor = 10.0 ** np.floor(np.log10(100.0 * above[seen].min()))
     x, y = np.append(0.0, edges[seen]), np.append(100.0, 100.0 * above[seen])
     if perceived_counts is not None:
-        _told(axes, perceived_counts, edges)
+        _perceived(axes, perceived_counts, edges)
     axes.plot(x, y, color=SIMULATED, label="true")
     for part in (0.50, 0.95, 0.99):  # shares of the samples whose error is marked
         value = quantile_of_counts(counts, edges, share_below=part)
@@ -138,11 +121,8 @@ def _curve(
         level = 100.0 * (1.0 - part)
         axes.plot([value, value], [floor, level], color=FAINT, linewidth=0.8, linestyle=(0, (2, 1.5)))
         axes.plot(value, level, "o", color=SIMULATED, markersize=4.0)
-        axes.annotate(
-            f"p{100.0 * part:.0f} {value:.2f} m", (value, level), (5, 2), textcoords="offset points",
-            fontsize=6.5, zorder=5,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6},
-        )  # fmt: skip
+        words, small = f"p{100.0 * part:.0f} {value:.2f} m", Style(fontsize=6.5, zorder=5, bbox=ON_WHITE)
+        axes.annotate(words, (value, level), (5, 2), textcoords="offset points", **small)
     axes.set_yscale("log")
     axes.set_ylim(floor, 140.0)
     axes.set_xlim(0.0, 1.15 * max(edges[last], threshold_m or 0.0))
@@ -152,14 +132,12 @@ def _curve(
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.21), ncols=2, borderaxespad=0.0)
 
 
-def _told(axes: Axes, counts: Array, edges: Array) -> None:
+def _perceived(axes: Axes, counts: Array, edges: Array) -> None:
     """The error that guidance perceived, beside the true one."""
     above = exceedance(counts, edges)
     some = above > 0.0
-    axes.plot(
-        np.append(0.0, edges[some]), np.append(100.0, 100.0 * above[some]), color=SECOND, linewidth=1.0,
-        linestyle=(0, (4, 1.5)), label="as guidance perceived it",
-    )  # fmt: skip
+    look = Style(color=SECOND, linewidth=1.0, linestyle=(0, (4, 1.5)), label="as guidance perceived it")
+    axes.plot(np.append(0.0, edges[some]), np.append(100.0, 100.0 * above[some]), **look)
 
 
 def _histogram(axes: Axes, p95: Array, threshold_m: float | None, of: str) -> None:
@@ -169,13 +147,13 @@ def _histogram(axes: Axes, p95: Array, threshold_m: float | None, of: str) -> No
     axes.set_xlabel(f"p95 of $|y_e|$, {of}, m")
     axes.set_ylabel("missions")
     if not len(known):
-        axes.text(0.5, 0.5, "no leg settled", ha="center", transform=axes.transAxes, fontsize=7)
+        blank(axes, "no leg settled")
         return
     reach = 1.02 * max(float(known.max()), 1e-3, 1.08 * (threshold_m or 0.0))
     # A bin ends at the threshold: no bar is partly above it.
-    bins = np.linspace(0.0, reach, _BINS + 1)
+    bins = np.linspace(0.0, reach, 41)
     if threshold_m:
-        width = threshold_m / max(1.0, round(threshold_m / (reach / _BINS)))
+        width = threshold_m / max(1.0, round(threshold_m / (reach / 40)))
         bins = np.arange(0.0, reach + width, width)
     number, _ = np.histogram(known, bins)
     centre = 0.5 * (bins[1:] + bins[:-1])
@@ -199,8 +177,7 @@ def _threshold(axes: Axes, threshold_m: float | None, *, at: float = 1.0) -> Non
     if threshold_m is None:
         return
     axes.axvline(threshold_m, color=RESIDUAL, linewidth=1.1)
-    axes.annotate(
-        "allowed", (threshold_m, at), (3, -2 if at else 2), xycoords=("data", "axes fraction"),
-        textcoords="offset points", fontsize=6.5, va="top" if at else "bottom", color=RESIDUAL, zorder=5,
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.4},
-    )  # fmt: skip
+    look = Style(fontsize=6.5, va="top" if at else "bottom", color=RESIDUAL, zorder=5)
+    place = Style(xycoords=("data", "axes fraction"), textcoords="offset points")
+    box = ON_WHITE | {"pad": 0.4}
+    axes.annotate("allowed", (threshold_m, at), (3, -2 if at else 2), bbox=box, **look, **place)

@@ -7,6 +7,7 @@ The parts that all time courses share come first: thinned lines, legs, events, m
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,18 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask, runs
-from seatrial.report.plot.mission import draw_obstacles, outlines
+from seatrial.report.plot.mission import FENCE_DASHES, draw_obstacles, outlines
 from seatrial.report.plot.style import (
     FAINT,
     FOURTH,
+    INK,
     MEASURED,
     RESIDUAL,
     SECOND,
     SIMULATED,
     THIRD,
+    Style,
+    band,
+    heading,
     house_style,
+    legend_below,
     new_figure,
+    page_heading,
     panel_title,
+    stroke,
 )
 from seatrial.report.plot.track import (
     BOTTOM,
@@ -35,7 +43,6 @@ from seatrial.report.plot.track import (
     mark_size,
     new_plan,
     page_legend,
-    page_title,
     planned_path,
     profile_axes,
     waypoint_label,
@@ -44,17 +51,30 @@ from seatrial.report.plot.track import (
 from seatrial.report.results.watches import cause
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from seatrial.flight.flight import Flight
     from seatrial.report.plot.track import Plan, PlannedPath
 
-_MOST_POINTS, _MOST_EVENTS = 2400, 7  # more points than a panel has dots, and events with a marker each
 
-_MOST_LEGS = 50  # legs that are numbered: more run into one another
+@dataclass(frozen=True)
+class CourseSettings:
+    """How much of a flight its figures show."""
+
+    most_points: int = 2400  #: Points of a line: more than a panel has dots.
+    most_events: int = 7  #: Events with a marker each.
+    most_legs: int = 50  #: Legs that are numbered: more run into one another.
+    letter_in: float = 0.056  #: Width of a letter of a remark, inches.
+    grid: int = 201  #: Places a side at which the distance to obstacles is promised.
+
+
+SETTINGS = CourseSettings()
 
 _EVENT_MARKS = "XPD*v^<>"
+
+_EVENT: Style = {"color": RESIDUAL, "markeredgecolor": "white", "linestyle": "none", "zorder": 6}
 
 _MODES: tuple[tuple[str, float, Any], ...] = (
     (THIRD, 2.2, "-"),
@@ -81,7 +101,7 @@ def mode_style(mode: int, count: int) -> dict[str, Any]:
 
 def thinned(t: Array, y: Array) -> tuple[Array, Array]:
     """A curve with so few points as a page can show: the least and the largest of every short while."""
-    size = math.ceil(2 * len(t) / _MOST_POINTS)
+    size = math.ceil(2 * len(t) / SETTINGS.most_points)
     if size < 4:
         return t, y
     full = len(t) // size * size
@@ -132,7 +152,7 @@ def settled(flight: Flight) -> Mask:
 def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False, room: float = 0.028) -> None:
     """Where legs begin, with their numbers above the panel no closer than `room`, a share of its width."""
     rows = np.flatnonzero(np.diff(flight.leg) != 0) + 1
-    few = len(rows) <= _MOST_LEGS
+    few = len(rows) <= SETTINGS.most_legs
     if few:
         for row in rows:
             axes.axvline(float(flight.t[row]), color=FAINT, linewidth=0.5, zorder=0.9)
@@ -153,16 +173,8 @@ def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False, room: float 
 
 def _above(axes: Axes, t: float, text: str) -> None:
     """Small print above a panel."""
-    axes.annotate(
-        text,
-        (t, 1.0),
-        xycoords=axes.get_xaxis_transform(),
-        xytext=(0, 1.5),
-        textcoords="offset points",
-        ha="center",
-        fontsize=5.5,
-        color="#595959",
-    )
+    place: Style = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
+    axes.annotate(text, (t, 1.0), (0, 1.5), ha="center", fontsize=5.5, color="#595959", **place)
 
 
 def events(flight: Flight) -> list[Event]:
@@ -173,26 +185,30 @@ def events(flight: Flight) -> list[Event]:
     timed += [
         (alert.t_s, f"{alert.reaction} at {alert.t_s:.0f} s: {cause(alert.cause)}") for alert in flight.alerts
     ]
-    timed = sorted(entry for entry in timed if entry[0] <= flight.t[-1])[:_MOST_EVENTS]
+    timed = sorted(entry for entry in timed if entry[0] <= flight.t[-1])[: SETTINGS.most_events]
     return [Event(t, words, mark) for (t, words), mark in zip(timed, _EVENT_MARKS, strict=False)]
+
+
+def flight_heading(figure: Figure, flight: Flight) -> None:
+    """Vehicle and mission above a figure."""
+    heading(figure, f"{flight.vehicle.name}: {flight.mission.name}")
+
+
+def flight_legend(figure: Figure, flight: Flight, handles: Sequence[Artist], columns: int) -> None:
+    """Legend below a figure, which says what happened."""
+    marks = [
+        stroke(event.words, RESIDUAL, marker=event.mark, linestyle="none", markersize=4)
+        for event in events(flight)
+    ]
+    legend_below(figure, [*handles, *marks], columns, fontsize=6.5, columnspacing=1.4)
 
 
 def event_lines(axes: Axes, flight: Flight) -> None:
     """Times of the events, with their markers at the panel's upper edge."""
     for event in events(flight):
         axes.axvline(event.t_s, color=RESIDUAL, linewidth=0.7, linestyle=(0, (2, 1.5)), zorder=1.2)
-        axes.plot(
-            event.t_s,
-            0.97,
-            event.mark,
-            color=RESIDUAL,
-            markersize=4.0,
-            markeredgecolor="white",
-            markeredgewidth=0.4,
-            transform=axes.get_xaxis_transform(),
-            zorder=6,
-            clip_on=False,
-        )
+        place: Style = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+        axes.plot(event.t_s, 0.97, marker=event.mark, markersize=4.0, markeredgewidth=0.4, **_EVENT, **place)
 
 
 def strip_rows(flight: Flight) -> list[tuple[str, Mask, str]]:
@@ -229,13 +245,6 @@ def mode_strip(axes: Axes, flight: Flight) -> None:
     axes.set_xlabel("time, s")
 
 
-_INK = "#262626"
-
-_LETTER_IN = 0.056  # width of a letter of a remark
-
-_GRID = 201  # of the promised distance, places a side
-
-
 def flight_track(flight: Flight) -> Figure:
     """Figure of a flight's track: from above with plan, modes and events, and the depth over time."""
     what = flight.circumstances
@@ -252,10 +261,12 @@ def flight_track(flight: Flight) -> Figure:
         waypoints(plan, path, acceptance, flown)
         _obstacles(plan, flight, farms)
         _flown(plan, flight)
-        panel_title(plan.axes, "track", _remark(flight, int(page.plan[2] / _LETTER_IN) - len("track   ")))
+        panel_title(
+            plan.axes, "track", _remark(flight, int(page.plan[2] / SETTINGS.letter_in) - len("track   "))
+        )
         profile = profile_axes(figure, page)
         _depth(profile, flight, path)
-        page_title(figure, page, f"{flight.vehicle.name}: {flight.mission.name}")
+        page_heading(figure, f"{flight.vehicle.name}: {flight.mission.name}", below_in=0.13)
         current_arrow(figure, page, what.current)
         page_legend(figure, (plan.axes, profile), page)
     return figure
@@ -266,18 +277,9 @@ def _labels(flight: Flight, path: PlannedPath) -> list[str]:
     flown = [f"flown: {flight.modes[k]}" for k in np.unique(flight.mode)]
     beside = ["net or obstacle", "promised distance", "closest: hull 10.0 m away"]
     shown = beside if math.isfinite(flight.metrics["clearance_m"]) else []
-    plain = [
-        *shown,
-        "planned path",
-        waypoint_label(path),
-        "sphere of acceptance",
-        "start",
-        "end",
-        "station kept",
-    ]
-    return [*plain, "desired depth", "flown depth", "depth limit", "bottom", *flown] + [
-        event.words for event in events(flight)
-    ]
+    plan = ["planned path", waypoint_label(path), "sphere of acceptance", "start", "end", "station kept"]
+    depth = ["desired depth", "flown depth", "depth limit", "bottom"]
+    return [*shown, *plan, *depth, *flown, *(event.words for event in events(flight))]
 
 
 def _deep(outline: Array) -> Array:
@@ -291,32 +293,19 @@ def _obstacles(plan: Plan, flight: Flight, farms: list[Array]) -> None:
     axes, mission = plan.axes, flight.mission
     if mission.promised_m > 0.0:
         (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
-        easts, norths = np.meshgrid(np.linspace(west, east, _GRID), np.linspace(south, north, _GRID))
+        easts, norths = np.meshgrid(
+            np.linspace(west, east, SETTINGS.grid), np.linspace(south, north, SETTINGS.grid)
+        )
         places = np.column_stack([norths.ravel(), easts.ravel(), np.zeros(easts.size)])
         reserve = mission.core.clearance(None, places, np.zeros_like(places))[:, 1].reshape(easts.shape)
-        axes.contour(
-            easts,
-            norths,
-            reserve,
-            levels=[0.0],
-            colors=RESIDUAL,
-            linewidths=0.8,
-            linestyles="dotted",
-            zorder=1.6,
-        )
+        dotted: Style = {"colors": RESIDUAL, "linewidths": 0.8, "linestyles": "dotted"}
+        axes.contour(easts, norths, reserve, levels=[0.0], zorder=1.6, **dotted)
         axes.plot([], [], ":", color=RESIDUAL, linewidth=0.8, label="promised distance")
     if math.isfinite(clear := flight.metrics["clearance_m"]):
         row = int(np.argmin(np.abs(flight.t - flight.metrics["clearance_time_s"])))
-        axes.plot(
-            *flight.position[row, [1, 0]],
-            "D",
-            color="white",
-            markeredgecolor=RESIDUAL,
-            markersize=5.0,
-            label=f"closest: hull {clear:.1f} m away",
-            linestyle="none",
-            zorder=5.5,
-        )
+        mark: Style = {"marker": "D", "color": "white", "markeredgecolor": RESIDUAL, "markersize": 5.0}
+        label = f"closest: hull {clear:.1f} m away"
+        axes.plot(*flight.position[row, [1, 0]], label=label, linestyle="none", zorder=5.5, **mark)
 
 
 def _remark(flight: Flight, most: int) -> str:
@@ -345,35 +334,17 @@ def _flown(plan: Plan, flight: Flight) -> None:
         axes.plot(east, north, label=f"flown: {name}", zorder=3.0 + 0.1 * k, **style)
     held = [round(t / flight.period_s) for t, _ in spans(flight.t, flight.holding & ~flight.done)]
     if held:
-        axes.plot(
-            place[held, 1],
-            place[held, 0],
-            "o",
-            color="white",
-            markeredgecolor=_INK,
-            markersize=4.5,
-            markeredgewidth=0.9,
-            label="station kept",
-            zorder=4.5,
-        )
+        ring: Style = {"color": "white", "markeredgecolor": INK, "markersize": 4.5, "markeredgewidth": 0.9}
+        axes.plot(place[held, 1], place[held, 0], "o", label="station kept", zorder=4.5, **ring)
     finite = np.flatnonzero(np.isfinite(place).all(axis=1))
     ends = ((0, "o", "start"), (int(finite[-1]), "s", "end"))
     for row, mark, label in ends:
-        axes.plot(place[row, 1], place[row, 0], mark, color=_INK, markersize=4.5, label=label, zorder=5)
+        axes.plot(place[row, 1], place[row, 0], mark, color=INK, markersize=4.5, label=label, zorder=5)
     for event in events(flight):
         row = min(round(event.t_s / flight.period_s), int(finite[-1]))
-        axes.plot(
-            place[row, 1],
-            place[row, 0],
-            event.mark,
-            color=RESIDUAL,
-            markersize=6.0,
-            markeredgecolor="white",
-            markeredgewidth=0.5,
-            label=event.words,
-            linestyle="none",
-            zorder=6,
-        )
+        size: Style = {"markersize": 6.0, "markeredgewidth": 0.5}
+        east, north = place[row, 1], place[row, 0]
+        axes.plot(east, north, marker=event.mark, label=event.words, **size, **_EVENT)
 
 
 def _depth(axes: Axes, flight: Flight, path: PlannedPath) -> None:
@@ -382,14 +353,8 @@ def _depth(axes: Axes, flight: Flight, path: PlannedPath) -> None:
     leg_lines(axes, flight, numbers=True, room=0.045)
     rows = np.flatnonzero((np.diff(flight.leg) != 0) | (np.diff(flight.done.astype(int)) > 0)) + 1
     planned = path.places[flight.leg[rows - 1] + 1, 2]
-    axes.plot(
-        np.concatenate([[t[0]], t[rows]]),
-        np.concatenate([[path.places[0, 2]], planned]),
-        "s",
-        color=MEASURED,
-        markersize=mark_size(len(rows)),
-        zorder=4,
-    )
+    begins, depths = np.append(t[0], t[rows]), np.append(path.places[0, 2], planned)
+    axes.plot(begins, depths, "s", color=MEASURED, markersize=mark_size(len(rows)), zorder=4)
     wanted = np.where(flight.done | (flight.alert >= 3), np.nan, flight.desired["depth"])
     line(axes, t, wanted, color=SECOND, linewidth=1.9, label="desired depth")
     line(axes, t, depth, color=SIMULATED, linewidth=1.0, label="flown depth")
@@ -401,15 +366,11 @@ def _depth(axes: Axes, flight: Flight, path: PlannedPath) -> None:
     limit = flight.mission.limits["max_depth_m"]
     air = max(0.06 * lowest, 0.3)
     if np.isfinite(limit) and limit < 1.5 * lowest + 1.0:
-        axes.axhline(
-            limit, color=RESIDUAL, linewidth=0.9, linestyle=(0, (6, 1.5, 1, 1.5)), label="depth limit"
-        )
+        axes.axhline(limit, color=RESIDUAL, linewidth=0.9, linestyle=FENCE_DASHES, label="depth limit")
         lowest = max(lowest, limit)
     axes.set_ylim(lowest + 1.6 * air, min(float(finite.min()), float(np.nanmin(path.places[:, 2]))) - air)
     if np.isfinite(bottom).any():
-        axes.fill_between(
-            t, bottom, lowest + 1.6 * air, color=BOTTOM, linewidth=0, label="bottom", zorder=0.8
-        )
+        band(axes, t, bottom, lowest + 1.6 * air, BOTTOM, label="bottom", zorder=0.8)
     event_lines(axes, flight)
     axes.set_xlim(t[0], t[-1])
     axes.set_xlabel("time, s")

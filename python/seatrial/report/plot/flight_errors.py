@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.errors import SimulationError
 from seatrial.flight.metrics import saturated
+from seatrial.flight.payload import Phase
+from seatrial.flight.water import CHANNELS, properties
 from seatrial.report.plot.flight import (
     event_lines,
-    events,
+    flight_heading,
+    flight_legend,
     flight_track,
     leg_lines,
     line,
@@ -28,34 +32,166 @@ from seatrial.report.plot.flight import (
     shade,
     strip_rows,
 )
-from seatrial.report.plot.samples import flight_samples
+from seatrial.report.plot.performance import Motor, motors
 from seatrial.report.plot.style import (
+    ABOVE,
     CYCLE,
+    FAINT,
+    FORBIDDEN,
     MEASURED,
+    ON_WHITE,
+    REMARK,
     RESIDUAL,
     SECOND,
     SHADE,
     SIMULATED,
+    Style,
+    band,
+    blank,
+    field,
     house_style,
     new_figure,
     panel_title,
+    stroke,
 )
+from seatrial.report.plot.track import extent
+from seatrial.report.results.flight_tables import value_text
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from seatrial._core import Vehicle
     from seatrial.flight.flight import Flight
+    from seatrial.flight.payload import Samples, StopSamples
+
+_WATER = {
+    "nitrate_mg_l": "nitrate",
+    "density_kg_m3": "density",
+    "conductivity_s_m": "conductivity",
+    "salinity_pss": "salinity",
+}
+
+
+def flight_samples(flight: Flight) -> Figure:
+    """Figure of the samples of a flight: a map of the nitrate with its stops, and every channel over time.
+
+    The map shows what was logged: positions as the vehicle was told, a circle of two standard deviations of
+    the navigation around every stop, its mean and deviation beside it; faint lines are the true plumes.
+    """
+    samples = flight.samples
+    if samples is None:
+        raise SimulationError("expected a flight with a payload, found none; fly it with payload=FILE")
+    stops = [stop for stop in samples.stops if stop.label in set(samples.stop)]
+    with house_style():
+        figure = new_figure(4.6)
+        grid = figure.add_gridspec(len(CHANNELS), 2, width_ratios=(1.25, 1.0))
+        plan = figure.add_subplot(grid[:, 0])
+        _map(plan, flight, samples, stops)
+        first: Axes | None = None
+        for k, (name, unit) in enumerate(CHANNELS.items()):
+            axes = figure.add_subplot(grid[k, 1], sharex=first)
+            first = first or axes
+            _course(axes, samples, stops, k)
+            axes.set_ylabel(f"{_WATER[name]},\n{unit}")
+            axes.tick_params(labelbottom=k == len(CHANNELS) - 1)
+        axes.set_xlabel("time, s; shaded: samples of a stop")
+        flight_heading(figure, flight)
+    return figure
+
+
+def _map(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples]) -> None:
+    from matplotlib.patches import Circle
+
+    low, high = extent(samples.position, *([[p.north_m, p.east_m]] for p in samples.payload.plumes))
+    room = 0.14 * float((high - low).max())  # for the labels of stops at the edge
+    low, high = low - 0.5 * room, high + room
+    _plumes(axes, flight, samples, low, high)
+    north, east = samples.position[:, 0], samples.position[:, 1]
+    shown = axes.scatter(east, north, c=samples.values[:, 0], s=7.0, cmap="viridis", zorder=3)
+    places: list[list[StopSamples]] = []  # stops above one another share a label
+    for stop in stops:
+        if stop.count:
+            near = [place for place in places if _apart(place[0], stop) < _radius(stop)]
+            if near:
+                near[0].append(stop)
+            else:
+                places.append([stop])
+    for place in places:
+        x, y, radius = place[0].position[1].mean, place[0].position[0].mean, _radius(place[0])
+        axes.add_patch(Circle((x, y), radius, fill=False, color=MEASURED, zorder=4))
+        words = "\n".join(f"{stop.label}: {value_text(stop.values['nitrate_mg_l'], 2)}" for stop in place)
+        look: Style = {"ha": "center", "va": "bottom", "fontsize": 7.0, "bbox": ON_WHITE | {"alpha": 0.75}}
+        axes.annotate(words, (x, y + radius), (0.0, 3.0), textcoords="offset points", zorder=5, **look)
+    for plume in samples.payload.plumes:
+        axes.plot(plume.east_m, plume.north_m, "v", color=RESIDUAL, markersize=5.0, zorder=5)
+        small: Style = {"textcoords": "offset points", "va": "top", "fontsize": 7.0, "color": RESIDUAL}
+        axes.annotate("source", (plume.east_m, plume.north_m), (5.0, -3.0), **small)
+    axes.set_xlim(low[1], high[1])
+    axes.set_ylim(low[0], high[0])
+    axes.set_aspect("equal", adjustable="box")
+    depth = float(samples.position[:, 2].mean())
+    lines = f"; lines: true nitrate at {depth:.1f} m" if samples.payload.plumes else ""
+    axes.set_xlabel(f"east, m\ncircles: two deviations of the navigation{lines}")
+    axes.set_ylabel("north, m")
+    axes.figure.colorbar(shown, ax=axes, location="top", shrink=0.8, label="nitrate as measured, mg/L")
+
+
+def _radius(stop: StopSamples) -> float:
+    """Two deviations of the navigation at a stop, m."""
+    return 2.0 * max(stop.position[0].deviation, stop.position[1].deviation)
+
+
+def _apart(stop: StopSamples, other: StopSamples) -> float:
+    """Horizontal distance of two stops, m."""
+    (north, east), (there, aside) = ([axis.mean for axis in stop.position[:2]] for stop in (stop, other))
+    return math.hypot(there - north, aside - east)
+
+
+def _plumes(axes: Axes, flight: Flight, samples: Samples, low: np.ndarray, high: np.ndarray) -> None:
+    """Lines of equal true nitrate at the mean depth of the samples."""
+    if not samples.payload.plumes:
+        return
+    air = 0.5 * float((high - low).max())
+    count, colours = 120, 6  # points of the map each way, and lines of equal nitrate
+    east = np.linspace(low[1] - air, high[1] + air, count)
+    north = np.linspace(low[0] - air, high[0] + air, count)
+    places = np.array(np.meshgrid(north, east, indexing="ij")).reshape(2, -1).T
+    depth = np.full((len(places), 1), float(samples.position[:, 2].mean()))
+    payload = samples.payload
+    water = properties(
+        payload.water, payload.plumes, np.hstack([places, depth]), flight.circumstances.current
+    )
+    nitrate = water[:, 0].reshape(count, count)
+    background, most = float(nitrate.min()), float(max(samples.true[:, 0].max(), np.median(nitrate)))
+    if most > background:
+        levels = np.linspace(background, most, colours + 1)[1:]
+        axes.contour(east, north, nitrate, levels=levels, colors=FAINT, linewidths=0.7, zorder=1)
+
+
+def _course(axes: Axes, samples: Samples, stops: list[StopSamples], k: int) -> None:
+    """A channel over time: measured, its two deviations, and the true water."""
+    labels = np.array(samples.stop)
+    for stop in stops:
+        at = samples.t[(labels == stop.label) & (samples.phase == Phase.SETTLED)]
+        if not len(at):
+            continue
+        axes.axvspan(float(at[0]), float(at[-1]), color=SHADE, linewidth=0.0, zorder=0)
+    deviation = 2.0 * float(np.hypot(samples.payload.noise[k], samples.payload.bias[k]))
+    y = samples.values[:, k]
+    band(axes, samples.t, y - deviation, y + deviation, SIMULATED, alpha=0.25)
+    axes.plot(samples.t, y, color=SIMULATED, linewidth=0.7, label="measured, ± two deviations")
+    axes.plot(samples.t, samples.true[:, k], color=MEASURED, linewidth=0.9, label="water at the vehicle")
+    axes.ticklabel_format(useOffset=False)
+    axes.margins(x=0.0)
+    if k == 0:
+        axes.legend(**ABOVE, ncols=2, fontsize=6.5, frameon=False)
+
 
 _ERRORS = (
     ("cross_track", "cross-track error", "$y_e$, m", "positive: to starboard of the path"),
     ("vertical", "vertical error", "$z_e$, m", "positive: below the path"),
 )
-
-_BINS = 41  # bars of the histogram, odd: one about zero
-
-_SHARE = 95.0  # percent of the samples between the marked ends
 
 
 def drawings(flight: Flight) -> dict[str, Callable[[], Figure]]:
@@ -89,10 +225,10 @@ def flight_errors(flight: Flight) -> Figure:
             axes.set_ylabel(label)
             axes.set_xlim(flight.t[0], flight.t[-1])
             axes.set_title(name, loc="left", fontweight="bold", pad=9)
-            axes.set_title(sign, loc="right", fontsize=7.5, color="#404040", pad=9)
+            axes.set_title(sign, loc="right", fontsize=7.5, color=REMARK, pad=9)
             _distribution(beside, error[counts & np.isfinite(error)], label)
         panels[1, 0].set_xlabel("time, s; shaded: settled, the second half of a straight leg")
-        figure.suptitle(f"{flight.vehicle.name}: {flight.mission.name}", x=0.01, ha="left", fontweight="bold")
+        flight_heading(figure, flight)
     return figure
 
 
@@ -102,25 +238,18 @@ def _distribution(axes: Axes, error: Array, label: str) -> None:
     axes.set_ylabel("share, %")
     if not len(error):
         panel_title(axes, "settled")
-        axes.text(0.5, 0.5, "no leg settled", ha="center", transform=axes.transAxes, fontsize=7)
+        blank(axes, "no leg settled")
         return
     reach = max(float(np.abs(error).max()), 1e-3)
-    axes.hist(
-        error,
-        bins=list(np.linspace(-reach, reach, _BINS)),
-        weights=np.full(len(error), 100.0 / len(error)),
-        color=SIMULATED,
-        alpha=0.75,
-        linewidth=0,
-    )
-    tail = 0.5 * (100.0 - _SHARE)
-    low, high = np.percentile(error, (tail, 100.0 - tail))
+    bins, weights = np.linspace(-reach, reach, 41), np.full(len(error), 100.0 / len(error))
+    axes.hist(error, bins=list(bins), weights=weights, color=SIMULATED, alpha=0.75, linewidth=0)
+    low, high = np.percentile(error, (2.5, 97.5))
     mean = float(error.mean())
     for at, dashes in ((low, (0, (2, 1.5))), (high, (0, (2, 1.5))), (mean, "-")):
         axes.axvline(at, color=RESIDUAL, linewidth=0.9, linestyle=dashes)
     axes.set_xlim(-reach, reach)
     axes.set_title("settled", loc="left", fontweight="bold", pad=9)
-    axes.set_xlabel(f"{label}\n{_SHARE:.0f} %: {_metres(low)} to {_metres(high)}")
+    axes.set_xlabel(f"{label}\n95 %: {_metres(low)} to {_metres(high)}")
 
 
 def _metres(value: float) -> str:
@@ -128,97 +257,9 @@ def _metres(value: float) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-Pair = tuple[float, float]
-
-_USUAL = {"rad": 0.5}
-
-
-@dataclass(frozen=True)
-class Motor:
-    """A motor and the actuators that have it; pairs are (ahead, astern), magnitudes from neutral.
-
-    ``unit`` is the command's; limits that are absent are infinite or zero, rates are per second.
-    """
-
-    group: str
-    actuators: tuple[str, ...]
-    unit: str
-    neutral: float
-    maximum: Pair
-    minimum: Pair
-    lifts: bool
-    n_acc: float
-    n_dec: float
-    K_V: float
-    T_1: float
-    T_t: float
-    characteristic: str
-
-    @property
-    def letter(self) -> str:
-        """Letter of the signal: n for revolutions, F for a force, delta for a fin, s for any other."""
-        return {"rpm": "n", "N": "F", "rad": r"\delta"}.get(self.unit, "s")
-
-    @property
-    def printed_unit(self) -> str:
-        """Unit as it is printed."""
-        return {"us": "\N{MICRO SIGN}s"}.get(self.unit, self.unit)
-
-    @property
-    def limited(self) -> bool:
-        """Whether it has a static limit."""
-        return math.isfinite(min(self.maximum)) or max(self.minimum) > 0.0
-
-    @property
-    def delayed(self) -> bool:
-        """Whether it has a rate limit, a lag or a dead time."""
-        return math.isfinite(min(self.n_acc, self.n_dec)) or max(self.T_1, self.T_t) > 0.0
-
-    @property
-    def largest(self) -> float:
-        """Largest command from neutral, either way; a round number where it is not limited."""
-        known = [limit for limit in self.maximum if math.isfinite(limit)]
-        return max(known) if known else _USUAL.get(self.unit, 2.0 * max(*self.minimum, 50.0))
-
-
-def motors(vehicle: Vehicle) -> list[Motor]:
-    """A `Motor` per group of actuators with equal numbers, in the vehicle's order."""
-    facts, values = vehicle.actuator_info(), vehicle.coefficients()
-    tables = vehicle.motors()
-    members_of: dict[Motor, list[str]] = {}
-    for name in vehicle.actuators:
-        facts_of, table = facts[name], tables[name]
-        n_acc = values.get(f"{name}.n_acc", float(table.get("n_acc_per_s", math.inf)))
-        key = Motor(
-            group=str(facts_of["group"]) or name,
-            actuators=(),
-            unit=str(facts_of["unit"]),
-            neutral=float(facts_of["neutral"]),
-            maximum=(_limit(facts_of["maximum_ahead"]), _limit(facts_of["maximum_astern"])),
-            minimum=(float(facts_of["minimum_ahead"] or 0.0), float(facts_of["minimum_astern"] or 0.0)),
-            lifts=table.get("below_minimum", "lift") == "lift",
-            n_acc=n_acc,
-            n_dec=values.get(f"{name}.n_dec", float(table.get("n_dec_per_s", n_acc))),
-            K_V=values.get(f"{name}.K_V", float(table.get("K_V", 1.0))),
-            T_1=values.get(f"{name}.T_1", float(table.get("T_1_s", 0.0))),
-            T_t=values.get(f"{name}.T_t", float(table.get("T_t_s", 0.0))),
-            characteristic="fin" if facts_of["kind"] == "fin" else str(facts_of["characteristic"]),
-        )
-        members_of.setdefault(key, []).append(name)
-    return [replace(key, actuators=tuple(members)) for key, members in members_of.items()]
-
-
-def _limit(value: float | None) -> float:
-    return math.inf if value is None else float(value)
-
-
-_ROW_IN = 1.35  # layout, inches
-
 _BAND = "#E4E4E4"
 
 _DASHES = ("-", (0, (4, 1.2)), (0, (1.4, 1.2)), (0, (4, 1.2, 1.2, 1.2)))
-
-_NEAR = 0.6  # a limit is drawn once a command comes so near to it
 
 
 def flight_actuators(flight: Flight) -> Figure:
@@ -227,7 +268,7 @@ def flight_actuators(flight: Flight) -> Figure:
     powered = bool(np.nanmax(np.asarray(flight.power)) > 0.0)  # a vehicle file may tell nothing of it
     rows = len(groups) + int(powered)
     with house_style():
-        figure = new_figure(_ROW_IN * rows + 0.75)
+        figure = new_figure(1.35 * rows + 0.75)
         panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
         for k, (motor, axes) in enumerate(zip(groups, panels, strict=False)):
             _group(axes, flight, motor, numbers=k == 0)
@@ -235,8 +276,8 @@ def flight_actuators(flight: Flight) -> Figure:
             _power(panels[-1], flight)
         panels[-1].set_xlabel("time, s")
         panels[-1].set_xlim(flight.t[0], flight.t[-1])
-        _legend(figure, flight, groups)
-        figure.suptitle(f"{flight.vehicle.name}: {flight.mission.name}", x=0.01, ha="left", fontweight="bold")
+        _actuator_legend(figure, flight, groups)
+        flight_heading(figure, flight)
     return figure
 
 
@@ -259,23 +300,16 @@ def _group(axes: Axes, flight: Flight, motor: Motor, *, numbers: bool) -> None:
         away = np.nanmax(np.abs(np.stack([command, signal]) - scale * motor.neutral))
         reached = max(reached, float(away) / scale)
     for sign, limit in zip((1.0, -1.0), motor.maximum, strict=True):
-        if math.isfinite(limit) and reached > _NEAR * limit:
+        if math.isfinite(limit) and reached > 0.6 * limit:  # else it would flatten the commands
             at = scale * (motor.neutral + sign * limit)
             axes.axhline(at, color=MEASURED, linewidth=0.8, linestyle=(0, (6, 2)), zorder=1)
     event_lines(axes, flight)
     axes.set_ylabel(f"{'signal' if motor.unit == 'us' else _quantity(motor)}, {unit}")
     axes.locator_params(axis="y", nbins=6)
     axes.set_title(motor.group, loc="left", fontweight="bold", pad=9 if numbers else 4)
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.06 if numbers else 1.0),
-        ncols=min(len(motor.actuators), 6),
-        fontsize=6.5,
-        handlelength=2.0,
-        columnspacing=1.2,
-        labelspacing=0.2,
-        borderaxespad=0.1,
-    )
+    place = ABOVE | {"bbox_to_anchor": (1.0, 1.06 if numbers else 1.0), "borderaxespad": 0.1}
+    tight: Style = {"fontsize": 6.5, "handlelength": 2.0, "columnspacing": 1.2, "labelspacing": 0.2}
+    axes.legend(ncols=min(len(motor.actuators), 6), **place, **tight)
 
 
 def _quantity(motor: Motor) -> str:
@@ -291,36 +325,22 @@ def _power(axes: Axes, flight: Flight) -> None:
     axes.locator_params(axis="y", nbins=6)
     energy = float(flight.energy_wh[-1])
     mean = 3600.0 * energy / max(float(flight.t[-1] - flight.t[0]), 1e-9)
-    axes.set_title("power", loc="left", fontweight="bold")
-    if math.isfinite(energy):
-        axes.set_title(
-            f"{energy:.3g} Wh, {mean:.3g} W on average", loc="right", fontsize=7.5, color="#404040"
-        )
+    known = f"{energy:.3g} Wh, {mean:.3g} W on average" if math.isfinite(energy) else ""
+    panel_title(axes, "power", known)
 
 
-def _legend(figure: Figure, flight: Flight, groups: list[Motor]) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=SIMULATED, linewidth=2.2, alpha=0.35, label="command (broad, pale)"),
-        Line2D([], [], color=SIMULATED, linewidth=0.9, label="signal of the actuator"),
-        Line2D([], [], color=MEASURED, linewidth=0.8, linestyle=(0, (6, 2)), label="largest"),
+def _actuator_legend(figure: Figure, flight: Flight, groups: list[Motor]) -> None:
+    handles: list[Artist] = [
+        stroke("command (broad, pale)", SIMULATED, linewidth=2.2, alpha=0.35),
+        stroke("signal of the actuator", SIMULATED, linewidth=0.9),
+        stroke("largest", MEASURED, linewidth=0.8, linestyle=(0, (6, 2))),
     ]
     if any(max(motor.minimum) > 0.0 for motor in groups):
-        handles.append(Patch(color=_BAND, label="below the least that turns"))
-    handles += [
-        Line2D([], [], color=RESIDUAL, marker=event.mark, linestyle="none", markersize=4, label=event.words)
-        for event in events(flight)
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=6.5, columnspacing=1.4)
+        handles.append(field("below the least that turns", _BAND))
+    flight_legend(figure, flight, handles, 4)
 
 
-_LOOP_ROW_IN, _STRIP_IN = 1.02, 0.135  # layout, inches
-_SATURATED = "#F3C9B5"
 _FORCES = ("X, N", "Y, N", "Z, N", "K, N m", "M, N m", "N, N m")
-# Intervals of ticks on axes of angles, degrees.
-_ANGLES = (0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
 _NAMES = ("speed", "sway speed", "depth", "roll", "pitch", "heading")
 
 
@@ -364,10 +384,10 @@ def shown_loops(flight: Flight) -> list[Shown]:
 def flight_loops(flight: Flight) -> Figure:
     """Figure of the loops at work: desired and done, beside it demanded and reached, below it the modes."""
     rows = shown_loops(flight)
-    strip = _STRIP_IN * len(strip_rows(flight)) + 0.12
+    row, strip = 1.02, 0.135 * len(strip_rows(flight)) + 0.12  # heights, inches
     with house_style():
-        figure = new_figure(_LOOP_ROW_IN * len(rows) + strip + 1.0)
-        heights = [_LOOP_ROW_IN] * len(rows) + [strip]
+        figure = new_figure(row * len(rows) + strip + 1.0)
+        heights = [row] * len(rows) + [strip]
         panels = figure.subplots(
             len(rows) + 1, 2, sharex=True, width_ratios=(1.25, 1.0), height_ratios=heights, squeeze=False
         )
@@ -381,7 +401,7 @@ def flight_loops(flight: Flight) -> Figure:
         for column in panels.T:
             figure.align_ylabels(list(column[:-1]))
         _loop_legend(figure, flight)
-        figure.suptitle(f"{flight.vehicle.name}: {flight.mission.name}", x=0.01, ha="left", fontweight="bold")
+        flight_heading(figure, flight)
     return figure
 
 
@@ -398,7 +418,8 @@ def _followed(axes: Axes, flight: Flight, shown: Shown, *, numbers: bool) -> Non
         axes.invert_yaxis()
     if shown.index == 5:
         span = abs(float(np.subtract(*axes.get_ylim())))
-        axes.yaxis.set_major_locator(MultipleLocator(next((x for x in _ANGLES if span <= 4 * x), 720.0)))
+        steps = (0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)  # between ticks, degrees
+        axes.yaxis.set_major_locator(MultipleLocator(next((x for x in steps if span <= 4 * x), 720.0)))
     else:
         axes.locator_params(axis="y", nbins=5)
     _least(axes, 0.2 if shown.index < 3 else 2.0)
@@ -409,23 +430,18 @@ def _demand(axes: Axes, flight: Flight, index: int, *, numbers: bool) -> None:
     rows = flight.active[:, index] & ~flight.done
     if not rows.any():
         axes.set_axis_off()
-        axes.text(0.5, 0.5, "depth by pitch: no force demanded", ha="center", transform=axes.transAxes)
+        blank(axes, "depth by pitch: no force demanded", fontsize=8)
         return
     short = saturated(flight, index) & rows
-    shade(axes, flight.t, short, _SATURATED)
+    shade(axes, flight.t, short, FORBIDDEN)
     leg_lines(axes, flight)
     line(axes, flight.t, np.where(rows, flight.demanded[:, index], np.nan), color=SECOND, linewidth=1.9)
     line(axes, flight.t, np.where(rows, flight.achieved[:, index], np.nan), color=SIMULATED, linewidth=1.0)
     event_lines(axes, flight)
     axes.set_ylabel(_FORCES[index])
     share = 100.0 * float(short.sum()) / max(int(rows.sum()), 1)
-    axes.set_title(
-        f"saturated {share:.0f} % of its time",
-        loc="right",
-        fontsize=7,
-        color="#404040",
-        pad=9 if numbers else 4,
-    )
+    remark = f"saturated {share:.0f} % of its time"
+    axes.set_title(remark, loc="right", fontsize=7, color=REMARK, pad=9 if numbers else 4)
     axes.locator_params(axis="y", nbins=5)
     _least(axes, 1.0)
 
@@ -440,16 +456,9 @@ def _least(axes: Axes, span: float) -> None:
 
 
 def _loop_legend(figure: Figure, flight: Flight) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     handles = [
-        Line2D([], [], color=SECOND, linewidth=1.9, label="desired, demanded"),
-        Line2D([], [], color=SIMULATED, linewidth=1.0, label="done, reached by the allocation"),
-        Patch(color=_SATURATED, label="saturated"),
+        stroke("desired, demanded", SECOND, linewidth=1.9),
+        stroke("done, reached by the allocation", SIMULATED, linewidth=1.0),
+        field("saturated", FORBIDDEN),
     ]
-    handles += [
-        Line2D([], [], color=RESIDUAL, marker=event.mark, linestyle="none", markersize=4, label=event.words)
-        for event in events(flight)
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=6.5, columnspacing=1.4)
+    flight_legend(figure, flight, handles, 3)

@@ -9,6 +9,7 @@ Q* the stage's lowest cost, over the candidates tried; colour and dashes tell th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -20,15 +21,20 @@ from seatrial.base.file_names import file_name, free_name
 from seatrial.report.plot.performance import characteristic
 from seatrial.report.plot.style import (
     FAINT,
+    INK,
     RESIDUAL,
     SECOND,
     SHADE,
     SIMULATED,
     THIRD,
+    Style,
+    grid_of,
     house_style,
+    legend_below,
     new_figure,
     number,
     panel_title,
+    stroke,
     symbol,
     tidy,
 )
@@ -50,9 +56,22 @@ if TYPE_CHECKING:
 
 _COLOURS = {"identifiable": SIMULATED, "weak": SECOND, "not identifiable": RESIDUAL}
 
-_ROW_IN = 0.14  # layout, inches
 
-_LARGEST = 1e3  # per cent: what is less certain stands at the edge
+@dataclass(frozen=True)
+class IdentificationFigureSettings:
+    """Layout of the figures of an identification, and what of them is coloured."""
+
+    coefficient_in: float = 0.14  #: Height of a coefficient's row, inches.
+    largest: float = 1e3  #: Standard deviations beyond stand at the edge, per cent.
+    columns: int = 3  #: Panels side by side.
+    channel_in: float = 1.15  #: Height of a channel's autocorrelation, inches.
+    bar_in: float = 0.24  #: Height of the bar of a term or signal, inches.
+    stage_in: float = 1.75  #: Height of a stage's convergence, inches.
+    weak: float = 0.1  #: An autocorrelation below is not coloured.
+    letters: int = 24  #: Of names beside a bar.
+
+
+SETTINGS = IdentificationFigureSettings()
 
 
 def intervals(assessment: Assessment) -> Figure:
@@ -60,17 +79,12 @@ def intervals(assessment: Assessment) -> Figure:
 
     Left, per coefficient: its standard deviation in per cent of the estimate, coloured by the verdict, beside
     the naive one of independent samples (grey). Right: the correlation matrix of the same coefficients.
-
-    Parameters
-    ----------
-    assessment : Assessment
-        Of an identification.
     """
     uncertainty, names = assessment.uncertainty, list(assessment.verdicts)
     places = [uncertainty.names.index(name) for name in names]
     size = np.maximum(np.abs(uncertainty.estimate[places]), 1e-12)
     with house_style():
-        figure = new_figure(max(3.2, 1.1 + _ROW_IN * len(names)))
+        figure = new_figure(max(3.2, 1.1 + SETTINGS.coefficient_in * len(names)))
         left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.15])
         relative = [100.0 * part[places] / size for part in (uncertainty.sigma, uncertainty.naive)]
         _deviations(left, names, *relative, verdicts=assessment.verdicts)
@@ -86,7 +100,8 @@ def _deviations(
     axes: Axes, names: list[str], sigma: np.ndarray, naive: np.ndarray, *, verdicts: dict[str, str]
 ) -> None:
     rows = np.arange(len(names))[::-1]
-    shown, plain = (np.minimum(np.nan_to_num(part, posinf=_LARGEST), _LARGEST) for part in (sigma, naive))
+    most = SETTINGS.largest
+    shown, plain = (np.minimum(np.nan_to_num(part, posinf=most), most) for part in (sigma, naive))
     axes.hlines(rows, plain, shown, color=FAINT, linewidth=1.0)
     axes.plot(plain, rows, "o", color=FAINT, markersize=3.0, label="if samples were independent")
     for verdict, colour in _COLOURS.items():
@@ -108,13 +123,6 @@ def _correlations(figure: Figure, axes: Axes, names: list[str], matrix: np.ndarr
     bar.outline.set_visible(False)
 
 
-_COLUMNS, _ANALYSIS_ROW_IN, _BAR_IN = 3, 1.15, 0.24  # layout, inches
-
-_WEAK = 0.1  # autocorrelation below which nothing is coloured
-
-_LABEL = 24  # letters of names beside a bar
-
-
 def residual_figure(analysis: ResidualAnalysis) -> Figure:
     """Figure of the autocorrelation of every channel's residual, and of what would explain it, ranked.
 
@@ -122,22 +130,21 @@ def residual_figure(analysis: ResidualAnalysis) -> Figure:
     a coefficient is freed, or the share of a channel's residual, in percent, that a signal explains.
     """
     shown = analysis.autocorrelations
-    rows = -(-max(len(shown), 1) // _COLUMNS)
+    rows = -(-max(len(shown), 1) // SETTINGS.columns)
     bars = len(analysis.suggestions) + len(analysis.signals)
-    lower = 0.55 + _BAR_IN * max(bars, 1)
+    lower = 0.55 + SETTINGS.bar_in * max(bars, 1)
     with house_style():
-        figure = new_figure(0.35 + _ANALYSIS_ROW_IN * rows + lower)
-        parts = np.asarray(figure.subfigures(2, 1, height_ratios=[_ANALYSIS_ROW_IN * rows + 0.3, lower]))
+        figure = new_figure(0.35 + SETTINGS.channel_in * rows + lower)
+        parts = np.asarray(figure.subfigures(2, 1, height_ratios=[SETTINGS.channel_in * rows + 0.3, lower]))
         upper_part, lower_part = parts[0], parts[1]
-        grid = upper_part.subplots(rows, _COLUMNS, squeeze=False, sharex=True, sharey=True)
+        grid = grid_of(upper_part, len(shown), SETTINGS.columns, sharex=True, sharey=True)
         for axes, channel in zip(grid.flat, shown, strict=False):
             _autocorrelation(axes, channel)
-        for axes in list(grid.flat)[len(shown) :]:
-            axes.set_axis_off()
         for axes in grid[:, 0]:
             axes.set_ylabel("autocorrelation")
-        for column in range(_COLUMNS):
-            used = [axes for k, axes in enumerate(grid[:, column]) if k * _COLUMNS + column < len(shown)]
+        columns = SETTINGS.columns
+        for column in range(columns):
+            used = [axes for k, axes in enumerate(grid[:, column]) if k * columns + column < len(shown)]
             if used:
                 used[-1].set_xlabel("lag, s")
                 used[-1].tick_params(labelbottom=True)
@@ -148,7 +155,7 @@ def residual_figure(analysis: ResidualAnalysis) -> Figure:
 def _autocorrelation(axes: Axes, channel: Autocorrelation) -> None:
     axes.axhspan(-channel.band, channel.band, color=SHADE, linewidth=0.0)
     axes.axhline(0.0, color=FAINT, linewidth=0.6)
-    coloured = bool((np.abs(channel.rho) > max(_WEAK, 2.0 * channel.band)).any())
+    coloured = bool((np.abs(channel.rho) > max(SETTINGS.weak, 2.0 * channel.band)).any())
     axes.plot(channel.lag_s, channel.rho, color=RESIDUAL if coloured else SIMULATED)
     axes.set_ylim(-0.4, 1.0)
     axes.set_xlim(0.0, float(channel.lag_s[-1]))
@@ -180,9 +187,8 @@ def _ranked(axes: Axes, analysis: ResidualAnalysis) -> None:
     places = np.arange(len(entries))
     axes.barh(places, [value for _, value in entries], color=colours, height=0.62)
     for place, (_, value) in zip(places, entries, strict=True):
-        axes.annotate(
-            f"{value:.2g} %", (value, place), (3, 0), textcoords="offset points", va="center", fontsize=7
-        )
+        beside: Style = {"textcoords": "offset points", "va": "center", "fontsize": 7}
+        axes.annotate(f"{value:.2g} %", (value, place), (3, 0), **beside)
     axes.set_yticks(places, [name for name, _ in entries])
     axes.set_ylim(len(entries) - 0.5, -0.5)
     axes.set_xlim(0.0, 1.12 * max(value for _, value in entries))
@@ -200,7 +206,8 @@ def _ranked(axes: Axes, analysis: ResidualAnalysis) -> None:
 
 def _names(names: list[str]) -> str:
     """Up to three names, as many as leave room for the bars."""
-    shown = [name for k, name in enumerate(names[:3]) if len(" or ".join(names[: k + 1])) <= _LABEL or k == 0]
+    most = SETTINGS.letters
+    shown = [name for k, name in enumerate(names[:3]) if not k or len(" or ".join(names[: k + 1])) <= most]
     return " or ".join(shown) + (" …" if len(shown) < len(names) else "")
 
 
@@ -216,8 +223,6 @@ _PHASES = {
     "simplex": ("simplex", RESIDUAL, (0, (3, 1))),
 }
 
-_CONVERGENCE_ROW_IN = 1.75  # layout, inches
-
 
 def convergence(stages: Sequence[StageResult]) -> Figure:
     """Figure of the best cost that each phase found over the candidates tried, stage by stage.
@@ -226,24 +231,21 @@ def convergence(stages: Sequence[StageResult]) -> Figure:
     sample in standard deviations of the channels; a panel's remark gives it at the start values and at the
     optimum.
     """
-    columns = min(_COLUMNS, max(len(stages), 1))
+    columns = min(SETTINGS.columns, max(len(stages), 1))
     rows = -(-max(len(stages), 1) // columns)
     with house_style():
-        figure = new_figure(0.45 + _CONVERGENCE_ROW_IN * rows)
-        grid = figure.subplots(rows, columns, squeeze=False)
+        figure = new_figure(0.45 + SETTINGS.stage_in * rows)
+        grid = grid_of(figure, len(stages), columns)
         for axes, stage in zip(grid.flat, stages, strict=False):
             _panel(axes, stage)
         for axes in grid[:, 0]:
             axes.set_ylabel("cost, sd")
-        for axes in list(grid.flat)[len(stages) :]:
-            axes.set_axis_off()
         handles = [
-            figure.axes[0].plot([], [], color=colour, linestyle=dashes, label=label)[0]
+            stroke(label, colour, linestyle=dashes)
             for phase, (label, colour, dashes) in _PHASES.items()
             if any(step.phase == phase for stage in stages for step in stage.history)
         ]
-        handles.append(figure.axes[0].plot([], [], "o", color="#262626", markersize=3, label="optimum")[0])
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        legend_below(figure, [*handles, stroke("optimum", INK, marker="o", linestyle="", markersize=3)])
     return figure
 
 
@@ -277,9 +279,9 @@ def _panel(axes: Axes, stage: StageResult) -> None:
         if number_:
             axes.axvline(tried[0], 0.0, 0.84, color=FAINT, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
     if starts:
-        axes.plot(0.0, starts[0], "+", color="#262626", markersize=4, clip_on=False, zorder=6)
+        axes.plot(0.0, starts[0], "+", color=INK, markersize=4, clip_on=False, zorder=6)
     if phases:
-        axes.plot(phases[-1][1][-1], stage.cost, "o", color="#262626", markersize=3, clip_on=False, zorder=6)
+        axes.plot(phases[-1][1][-1], stage.cost, "o", color=INK, markersize=3, clip_on=False, zorder=6)
     axes.set_yscale("log")
     axes.set_ylim(low, high)
     axes.yaxis.set_major_locator(FixedLocator(np.geomspace(low, high, 5)[1:-1].tolist()))
@@ -289,15 +291,8 @@ def _panel(axes: Axes, stage: StageResult) -> None:
     axes.locator_params(axis="x", nbins=4)
     axes.set_xlabel("evaluations")
     panel_title(axes, stage.name)
-    axes.text(
-        0.98,
-        0.98,
-        f"$Q$ {number(stage.start_cost)} \N{RIGHTWARDS ARROW} {number(stage.cost)}",
-        transform=axes.transAxes,
-        ha="right",
-        va="top",
-        fontsize=7.5,
-    )
+    change = f"$Q$ {number(stage.start_cost)} \N{RIGHTWARDS ARROW} {number(stage.cost)}"
+    axes.text(0.98, 0.98, change, transform=axes.transAxes, ha="right", va="top", fontsize=7.5)
 
 
 def drawings(fit: Identification) -> dict[str, Callable[[], Figure]]:
@@ -321,11 +316,6 @@ def trial_figure(fit: Identification, name: str) -> Figure:
 
     The channels are the velocities (and those that a stage weighs) of the axes that were freed on this
     trial, or of all that any stage freed where the trial is held out as a whole.
-
-    Raises
-    ------
-    TrialError
-        No window can start, or an input is missing.
     """
     problem = fit.problem
     trial, windows, channels = predicted(fit, name)
@@ -344,13 +334,7 @@ def trial_figure(fit: Identification, name: str) -> Figure:
 
 
 def predicted(fit: Identification, name: str) -> tuple[Trial, Sequence[Window], list[str]]:
-    """A trial, what the vehicle predicts of it ten seconds ahead again and again, and the channels to show.
-
-    Raises
-    ------
-    TrialError
-        No window can start, or an input is missing.
-    """
+    """A trial, what the vehicle predicts of it some seconds ahead, again and again, and its channels."""
     problem = fit.problem
     trial = fit.restarts.trials.get(name, problem.trials[name])
     free = "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in problem.stages))

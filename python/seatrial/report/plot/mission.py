@@ -14,11 +14,15 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.report.plot.style import (
     CYCLE,
+    INK,
     MEASURED,
     RESIDUAL,
     SIMULATED,
+    Style,
+    band,
     house_style,
     new_figure,
+    page_heading,
     panel_title,
 )
 from seatrial.report.plot.track import (
@@ -29,7 +33,6 @@ from seatrial.report.plot.track import (
     mark_size,
     new_plan,
     page_legend,
-    page_title,
     patterns,
     planned_path,
     profile_axes,
@@ -44,16 +47,13 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.report.plot.track import Plan, PlannedPath, Seabed
 
-_INK = "#262626"
-
 _FARM, _UNKNOWN = "#D9CFE3", "#E9E4D4"
 
-_FENCE_DASHES = (0, (6, 1.5, 1, 1.5))  # offset, then lengths of line and gap in points
+FENCE_DASHES: Any = (0, (6, 1.5, 1, 1.5))
+"""Offset, then lengths of line and gap in points, as matplotlib takes them."""
 
-# One of each pattern: offset, then lengths of line and gap in points.
-_PATTERN_DASHES = ((0, (4, 1.2)), (0, (1.4, 1.2)), (0, (4, 1.2, 1.2, 1.2)))
-
-_START_IN, _ARROW_IN = 0.24, 0.5  # length of the start's arrow, distance of the others, inches
+_PATTERN_DASHES: tuple[Any, ...] = ((0, (4, 1.2)), (0, (1.4, 1.2)), (0, (4, 1.2, 1.2, 1.2)))
+"""Of each pattern its own."""
 
 
 def mission_plan(mission: Mission, *, seabed: Seabed | None = None) -> Figure:
@@ -69,14 +69,8 @@ def mission_plan(mission: Mission, *, seabed: Seabed | None = None) -> Figure:
     around = [path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]]
     fence = [mission.fence] if len(mission.fence) else []
     corners = extent(path.points, *around, *fence, *farms)
-    labels = [
-        "start and heading",
-        "sphere of acceptance",
-        "planned path",
-        waypoint_label(path),
-        *_extra(mission, farms),
-    ]
-    page = layout(corners, [*labels, *(name for name, _, _ in runs)])
+    labels = ["start and heading", "sphere of acceptance", "planned path", waypoint_label(path)]
+    page = layout(corners, [*labels, *_extra(mission, farms), *(name for name, _, _ in runs)])
     with house_style():
         figure = new_figure(page.height, constrained=False)
         plan = new_plan(figure, page.plan, corners)
@@ -90,7 +84,7 @@ def mission_plan(mission: Mission, *, seabed: Seabed | None = None) -> Figure:
         panel_title(plan.axes, "plan", _remark(mission))
         profile = profile_axes(figure, page)
         _profile(profile, mission, path, seabed)
-        page_title(figure, page, f"mission {mission.name}")
+        page_heading(figure, f"mission {mission.name}", below_in=0.13)
         page_legend(figure, (plan.axes, profile), page)
     return figure
 
@@ -131,17 +125,9 @@ def outlines(mission: Mission, cylinders: Sequence[tuple[float, float, float]] =
 def draw_obstacles(plan: Plan, farms: list[Array]) -> None:
     """What stands in the water, from above."""
     for k, outline in enumerate(farms):
-        plan.axes.fill(
-            outline[:, 1],
-            outline[:, 0],
-            facecolor=_FARM,
-            edgecolor=MEASURED,
-            linewidth=0.7,
-            hatch="////",
-            alpha=0.8,
-            label=None if k else "net or obstacle",
-            zorder=1.5,
-        )
+        look: Style = {"facecolor": _FARM, "edgecolor": MEASURED, "linewidth": 0.7, "hatch": "////"}
+        label = None if k else "net or obstacle"
+        plan.axes.fill(outline[:, 1], outline[:, 0], alpha=0.8, label=label, zorder=1.5, **look)
 
 
 def _surroundings(plan: Plan, mission: Mission, farms: list[Array]) -> None:
@@ -149,9 +135,8 @@ def _surroundings(plan: Plan, mission: Mission, farms: list[Array]) -> None:
     draw_obstacles(plan, farms)
     if len(mission.fence):
         closed = np.concatenate([mission.fence, mission.fence[:1]])
-        plan.axes.plot(
-            closed[:, 1], closed[:, 0], color=RESIDUAL, linewidth=1.1, linestyle=_FENCE_DASHES, label="fence"
-        )
+        look: Style = {"color": RESIDUAL, "linewidth": 1.1, "linestyle": FENCE_DASHES}
+        plan.axes.plot(closed[:, 1], closed[:, 0], label="fence", **look)
 
 
 def _patterns(axes: Axes, path: PlannedPath, runs: list[tuple[str, int, int]]) -> None:
@@ -159,15 +144,9 @@ def _patterns(axes: Axes, path: PlannedPath, runs: list[tuple[str, int, int]]) -
     for k, (name, first, last) in enumerate(runs):
         rows = np.flatnonzero((path.leg >= first) & (path.leg <= last))
         rows = rows[1:] if first == 0 else rows
-        axes.plot(
-            path.points[rows, 1],
-            path.points[rows, 0],
-            color=CYCLE[k % len(CYCLE)],
-            linewidth=1.3,
-            linestyle="-" if k == 0 else _PATTERN_DASHES[(k - 1) % len(_PATTERN_DASHES)],
-            label=name,
-            zorder=2.3,
-        )
+        dashes: Any = "-" if k == 0 else _PATTERN_DASHES[(k - 1) % len(_PATTERN_DASHES)]
+        look: Style = {"color": CYCLE[k % len(CYCLE)], "linewidth": 1.3, "linestyle": dashes}
+        axes.plot(path.points[rows, 1], path.points[rows, 0], label=name, zorder=2.3, **look)
 
 
 def _directions(plan: Plan, path: PlannedPath) -> None:
@@ -175,7 +154,7 @@ def _directions(plan: Plan, path: PlannedPath) -> None:
     page = plan.page(path.points)
     steps = np.hypot(*np.diff(page, axis=0).T)
     way = np.concatenate([[0.0], np.cumsum(steps)])
-    spacing = max(_ARROW_IN, float(way[-1]) / 60.0)
+    spacing = max(0.5, float(way[-1]) / 60.0)  # inches: at most 60 arrows
     for at in np.arange(0.5 * spacing, way[-1], spacing):
         k = min(int(np.searchsorted(way, at)), len(way) - 1)
         if steps[k - 1] < 0.02:
@@ -183,33 +162,24 @@ def _directions(plan: Plan, path: PlannedPath) -> None:
         share = (at - way[k - 1]) / steps[k - 1]
         place = path.points[k - 1, :2] + share * (path.points[k, :2] - path.points[k - 1, :2])
         toward = place + 0.02 * plan.m_per_in * (page[k] - page[k - 1])[::-1] / steps[k - 1]
-        plan.axes.annotate(
-            "",
-            xy=tuple(toward[::-1]),
-            xytext=tuple(place[::-1]),
-            arrowprops={"arrowstyle": "-|>", "color": MEASURED, "linewidth": 0.1, "mutation_scale": 6},
-            zorder=2.5,
-        )
+        arrow = {"arrowstyle": "-|>", "color": MEASURED, "linewidth": 0.1, "mutation_scale": 6}
+        plan.axes.annotate("", toward[::-1], place[::-1], arrowprops=arrow, zorder=2.5)
 
 
 def _heading(plan: Plan, path: PlannedPath, heading: float) -> Array:
     """Both ends (2, 2) of the arrow of the start's heading, north and east in m."""
     place = path.places[0, :2]
-    way = _START_IN * plan.m_per_in * np.array([math.cos(heading), math.sin(heading)])
+    length = 0.24 * plan.m_per_in  # 0.24 inches on the page
+    way = length * np.array([math.cos(heading), math.sin(heading)])
     return np.stack([place, place + way])
 
 
 def _start(plan: Plan, heading: Array) -> None:
     """Start with an arrow along the heading."""
     place, ahead = heading[:, ::-1]
-    plan.axes.plot(*place, "o", color=_INK, markersize=4.5, label="start and heading", zorder=5)
-    plan.axes.annotate(
-        "",
-        xy=tuple(ahead),
-        xytext=tuple(place),
-        arrowprops={"arrowstyle": "-|>", "color": _INK, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0},
-        zorder=5,
-    )
+    plan.axes.plot(*place, "o", color=INK, markersize=4.5, label="start and heading", zorder=5)
+    arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
+    plan.axes.annotate("", ahead, place, arrowprops=arrow, zorder=5)
 
 
 def _stops(axes: Axes, path: PlannedPath, columns: dict[str, Any]) -> None:
@@ -219,17 +189,14 @@ def _stops(axes: Axes, path: PlannedPath, columns: dict[str, Any]) -> None:
         return
     longest, least = np.max(columns["hold_s"]), np.min(np.asarray(columns["hold_s"])[rows - 1])
     seconds = f"{least:g} s" if least == longest else f"{least:g} to {longest:g} s"
-    axes.plot(
-        path.places[rows, 1],
-        path.places[rows, 0],
-        "o",
-        color="none",
-        markeredgecolor=_INK,
-        markersize=6.5,
-        markeredgewidth=1.0,
-        label=f"station kept, {seconds}",
-        zorder=4.5,
-    )
+    ring: dict[str, Any] = {
+        "color": "none",
+        "markeredgecolor": INK,
+        "markersize": 6.5,
+        "markeredgewidth": 1.0,
+    }
+    label = f"station kept, {seconds}"
+    axes.plot(path.places[rows, 1], path.places[rows, 0], "o", label=label, zorder=4.5, **ring)
 
 
 def _profile(axes: Axes, mission: Mission, path: PlannedPath, seabed: Seabed | None) -> None:
@@ -240,10 +207,10 @@ def _profile(axes: Axes, mission: Mission, path: PlannedPath, seabed: Seabed | N
     axes.set_xlabel("way along the path, m")
     if seabed is None and np.isfinite(above).all():
         axes.plot(np.repeat(at, 2)[1:-1], np.repeat(above, 2), color=SIMULATED)
-        axes.fill_between([0.0, at[-1]], -0.15 * above.max(), 0.0, color=BOTTOM, linewidth=0, label="bottom")
+        band(axes, at[[0, -1]], -0.15 * above.max(), 0.0, BOTTOM, label="bottom")
         least = mission.limits["min_altitude_m"]
         if least > 0.0:
-            axes.axhline(least, color=RESIDUAL, linestyle=_FENCE_DASHES, label="altitude limit")
+            axes.axhline(least, color=RESIDUAL, linestyle=FENCE_DASHES, label="altitude limit")
         axes.set_ylim(-0.15 * above.max(), 1.15 * above.max())
         axes.set_ylabel("altitude, m")
         axes.set_title("altitude above the bottom", loc="left", fontweight="bold")
@@ -259,11 +226,11 @@ def _profile(axes: Axes, mission: Mission, path: PlannedPath, seabed: Seabed | N
     limit = mission.limits["max_depth_m"]
     if np.isfinite(limit):
         deepest = max(deepest, float(limit))
-        axes.axhline(limit, color=RESIDUAL, linewidth=0.9, linestyle=_FENCE_DASHES, label="depth limit")
+        axes.axhline(limit, color=RESIDUAL, linewidth=0.9, linestyle=FENCE_DASHES, label="depth limit")
     low = 1.08 * deepest + 0.3
     axes.set_ylim(low, min(float(np.nanmin(path.places[:, 2])), 0.0) - 0.05 * deepest)
     if seabed is not None:
-        axes.fill_between(along, bottom, low, color=BOTTOM, linewidth=0, label="bottom", zorder=0.8)
+        band(axes, along, bottom, low, BOTTOM, label="bottom", zorder=0.8)
     unknown = np.isnan(path.places[1:, 2]) | np.isnan(path.places[:-1, 2])
     for k in np.flatnonzero(unknown):
         axes.axvspan(at[k], at[k + 1], color=_UNKNOWN, linewidth=0, zorder=0.6)

@@ -7,15 +7,30 @@ plane; thrust over command at rest and under way has a panel per group of like a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import cycle
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
-from seatrial.report.plot.style import COLUMN_IN, CYCLE, FAINT, WIDTH_IN, house_style, new_figure, panel_title
+from seatrial.report.plot.style import (
+    ABOVE,
+    COLUMN_IN,
+    CYCLE,
+    FAINT,
+    INK,
+    WIDTH_IN,
+    Style,
+    grid_of,
+    house_style,
+    new_figure,
+    page_heading,
+    panel_title,
+)
 from seatrial.vehicle.actuators import NOMINAL_V, largest, settling_s, voltage_for
 from seatrial.vehicle.steady_state import (
     KNOT_M_S,
@@ -34,18 +49,100 @@ from seatrial.vehicle.steady_state import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     from seatrial._core import Vehicle
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor and the actuators that have it; pairs are (ahead, astern), magnitudes from neutral.
+
+    ``unit`` is the command's; limits that are absent are infinite or zero, rates are per second.
+    """
+
+    group: str
+    actuators: tuple[str, ...]
+    unit: str
+    neutral: float
+    maximum: Pair
+    minimum: Pair
+    lifts: bool
+    n_acc: float
+    n_dec: float
+    K_V: float
+    T_1: float
+    T_t: float
+    characteristic: str
+
+    @property
+    def letter(self) -> str:
+        """Letter of the signal: n for revolutions, F for a force, delta for a fin, s for any other."""
+        return {"rpm": "n", "N": "F", "rad": r"\delta"}.get(self.unit, "s")
+
+    @property
+    def printed_unit(self) -> str:
+        """Unit as it is printed."""
+        return {"us": "\N{MICRO SIGN}s"}.get(self.unit, self.unit)
+
+    @property
+    def limited(self) -> bool:
+        """Whether it has a static limit."""
+        return math.isfinite(min(self.maximum)) or max(self.minimum) > 0.0
+
+    @property
+    def delayed(self) -> bool:
+        """Whether it has a rate limit, a lag or a dead time."""
+        return math.isfinite(min(self.n_acc, self.n_dec)) or max(self.T_1, self.T_t) > 0.0
+
+    @property
+    def largest(self) -> float:
+        """Largest command from neutral, either way; a round number where it is not limited."""
+        known = [limit for limit in self.maximum if math.isfinite(limit)]
+        return max(known) if known else 0.5 if self.unit == "rad" else 2.0 * max(*self.minimum, 50.0)
+
+
+def motors(vehicle: Vehicle) -> list[Motor]:
+    """A `Motor` per group of actuators with equal numbers, in the vehicle's order."""
+    facts, values = vehicle.actuator_info(), vehicle.coefficients()
+    tables = vehicle.motors()
+    members_of: dict[Motor, list[str]] = {}
+    for name in vehicle.actuators:
+        facts_of, table = facts[name], tables[name]
+        n_acc = values.get(f"{name}.n_acc", float(table.get("n_acc_per_s", math.inf)))
+        key = Motor(
+            group=str(facts_of["group"]) or name,
+            actuators=(),
+            unit=str(facts_of["unit"]),
+            neutral=float(facts_of["neutral"]),
+            maximum=(_limit(facts_of["maximum_ahead"]), _limit(facts_of["maximum_astern"])),
+            minimum=(float(facts_of["minimum_ahead"] or 0.0), float(facts_of["minimum_astern"] or 0.0)),
+            lifts=table.get("below_minimum", "lift") == "lift",
+            n_acc=n_acc,
+            n_dec=values.get(f"{name}.n_dec", float(table.get("n_dec_per_s", n_acc))),
+            K_V=values.get(f"{name}.K_V", float(table.get("K_V", 1.0))),
+            T_1=values.get(f"{name}.T_1", float(table.get("T_1_s", 0.0))),
+            T_t=values.get(f"{name}.T_t", float(table.get("T_t_s", 0.0))),
+            characteristic="fin" if facts_of["kind"] == "fin" else str(facts_of["characteristic"]),
+        )
+        members_of.setdefault(key, []).append(name)
+    return [replace(key, actuators=tuple(members)) for key, members in members_of.items()]
+
+
+def _limit(value: float | None) -> float:
+    return math.inf if value is None else float(value)
+
 
 _HEIGHT_IN, _TOP_IN, _BOTTOM_IN, _GAP_IN = 4.9, 0.62, 0.5, 0.36  # layout, inches
 
 _LEFT_IN, _WIDE_IN, _AXIS_IN, _LEGEND_IN = 0.55, 2.55, 0.5, 0.9  # _AXIS_IN: room for an axis at the right
 
-_ABOVE = (1.0, 1.0)  # right end of a panel's top: where a legend hides no curve
+_TURN_SHARE = 0.5
+"""Of the largest command, at which turns are drawn."""
 
-_CURVE = tuple(0.05 * k for k in range(1, 21))  # shares of the largest command
-
-_TURN_SHARE = 0.5  # of the largest command, at which turns are drawn
+_ABOVE: Style = {**ABOVE, "ncols": 2, "borderaxespad": 0.0, "fontsize": 6.5}
 
 _DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)))
 
@@ -107,14 +204,7 @@ def performance(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Figure | N
                 title="inner side from the dot on: steady radius and rate",
                 title_fontsize=7.5,
             )
-        figure.text(
-            0.12 / wide,
-            1.0 - 0.16 / _HEIGHT_IN,
-            f"{vehicle.name}: speed and turning" if turning else f"{vehicle.name}: speed",
-            fontweight="bold",
-            fontsize=10,
-            va="center",
-        )
+        page_heading(figure, f"{vehicle.name}: speed and turning" if turning else f"{vehicle.name}: speed")
     return figure
 
 
@@ -123,19 +213,14 @@ def _shares(vehicle: Vehicle) -> list[float]:
     first, sense = next(iter(drivers(vehicle).items()))
     facts = vehicle.actuator_info()[first]
     least = float(facts["minimum_ahead" if sense > 0.0 else "minimum_astern"]) / largest(facts, sense)
-    return [*([least] if least > _CURVE[0] else []), *(share for share in _CURVE if share > least)]
+    shares = [0.05 * k for k in range(1, 21)]
+    return [*([least] if least > shares[0] else []), *(share for share in shares if share > least)]
 
 
 def track(vehicle: Vehicle, turn: Turn, *, voltage_v: float = NOMINAL_V) -> Array:
     """Track (n, 2) in m, advance and transfer, from straight running into a turn of 540 degrees.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    turn : Turn
-        A steady turn of this vehicle; at [0, 0] its inner side leaves the outer one's command for its own.
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
+    At [0, 0] the inner side leaves the outer one's command for its own.
     """
     from seatrial._core import State
 
@@ -166,12 +251,23 @@ def _from_kn(speed: ArrayLike) -> Array:
     return np.asarray(speed, dtype=float) * KNOT_M_S
 
 
-def _speed(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
-    axes.plot([r.command for r in rows], [r.speed_m_s for r in rows], color=CYCLE[0])
-    axes.plot([r.command for r in held], [r.speed_m_s for r in held], "o", color=CYCLE[0], markersize=3)
-    axes.set_ylabel("speed, m/s")
+def _over_command(axes: Axes, rows: Sequence[Speed], values: ArrayLike, **look: Any) -> Line2D:
+    """Curve of a quantity over the command of the actuators that drive ahead."""
+    (curve,) = axes.plot([row.command for row in rows], values, **{"color": CYCLE[0], **look})
+    return curve
+
+
+def _from_zero(axes: Axes, label: str) -> None:
+    """Vertical axis from zero on, with its label."""
+    axes.set_ylabel(label)
     axes.set_ylim(bottom=0.0)
     axes.locator_params(axis="y", nbins=5)
+
+
+def _speed(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
+    _over_command(axes, rows, [row.speed_m_s for row in rows])
+    _over_command(axes, held, [row.speed_m_s for row in held], marker="o", linestyle="none", markersize=3)
+    _from_zero(axes, "speed, m/s")
     knots = axes.secondary_yaxis("right", functions=(_to_kn, _from_kn))
     knots.set_ylabel("kn")
     # At the heights of the ticks at the left: one grid for both.
@@ -183,65 +279,36 @@ def _speed(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehi
 
 
 def _thrust(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
-    axes.plot([r.command for r in rows], [r.thrust_n for r in rows], color=CYCLE[0])
-    axes.plot([r.command for r in held], [r.thrust_n for r in held], "o", color=CYCLE[0], markersize=3)
-    axes.set_ylabel("thrust, N")
-    axes.set_ylim(bottom=0.0)
-    axes.locator_params(axis="y", nbins=5)
+    _over_command(axes, rows, [row.thrust_n for row in rows])
+    _over_command(axes, held, [row.thrust_n for row in held], marker="o", linestyle="none", markersize=3)
+    _from_zero(axes, "thrust, N")
     panel_title(axes, "thrust at that speed")
 
 
 def _power(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
     hotel = vehicle.power().get("hotel_w", 0.0)
-    for label, load, dashes in (
-        ("propulsion", 0.0, "-"),
-        (f"with {hotel:g} W hotel load", hotel, (0, (5, 1.5))),
-    ):
-        if load or label == "propulsion":
-            axes.plot(
-                [r.command for r in rows],
-                [(r.power_w or 0.0) + load for r in rows],
-                color=CYCLE[0],
-                linestyle=dashes,
-                label=label,
-            )
-    axes.set_ylabel("power, W")
-    axes.set_ylim(bottom=0.0)
-    axes.locator_params(axis="y", nbins=5)
+    power = np.array([row.power_w or 0.0 for row in rows])
+    _over_command(axes, rows, power, label="propulsion")
     if hotel:
-        axes.legend(loc="lower right", bbox_to_anchor=_ABOVE, ncols=2, borderaxespad=0.0, fontsize=6.5)
+        _over_command(axes, rows, power + hotel, linestyle=_DASHES[1], label=f"with {hotel:g} W hotel load")
+        axes.legend(**_ABOVE)
+    _from_zero(axes, "power, W")
     panel_title(axes, "power")
 
 
 def _range(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
-    command, battery = [r.command for r in rows], vehicle.power()["battery_wh"]
-    (far,) = axes.plot(
-        command, [r.range_km or 0.0 for r in rows], color=CYCLE[0], label=f"range with {battery:g} Wh"
-    )
-    axes.set_ylabel("range, km")
-    axes.set_ylim(bottom=0.0)
-    axes.locator_params(axis="y", nbins=5)
+    battery = vehicle.power()["battery_wh"]
+    far = _over_command(axes, rows, [row.range_km or 0.0 for row in rows], label=f"range with {battery:g} Wh")
+    _from_zero(axes, "range, km")
     hours = axes.twinx()
-    (long,) = hours.plot(
-        command,
-        [r.endurance_h or 0.0 for r in rows],
-        color=CYCLE[5],
-        linestyle=(0, (5, 1.5)),
-        label="endurance",
-    )
+    look: Style = {"color": CYCLE[5], "linestyle": _DASHES[1]}
+    long = _over_command(hours, rows, [row.endurance_h or 0.0 for row in rows], label="endurance", **look)
     hours.set_ylabel("endurance, h")
     hours.set_ylim(bottom=0.0)
     hours.grid(visible=False)
     hours.spines["right"].set_visible(True)
     _as_left(axes, hours)
-    axes.legend(
-        handles=[far, long],
-        loc="lower right",
-        bbox_to_anchor=_ABOVE,
-        ncols=2,
-        borderaxespad=0.0,
-        fontsize=6.5,
-    )
+    axes.legend(handles=[far, long], **_ABOVE)
     panel_title(axes, "range")
 
 
@@ -258,20 +325,13 @@ def _as_left(axes: Axes, right: Axes) -> None:
 
 def _circles(axes: Axes, vehicle: Vehicle, turning: tuple[Turn, ...], voltage_v: float) -> None:
     widest = max(turn.radius_m for turn in turning)
-    for turn, colour, dashes in zip(
-        turning, (CYCLE[0], CYCLE[5], CYCLE[2], "#262626"), _DASHES, strict=False
-    ):
+    for turn, colour, dashes in zip(turning, (CYCLE[0], CYCLE[5], CYCLE[2], INK), _DASHES, strict=False):
         path = track(vehicle, turn, voltage_v=voltage_v)
         digits = 2 if turn.radius_m < 10.0 else 1
-        axes.plot(
-            path[:, 1],
-            path[:, 0],
-            color=colour,
-            linestyle=dashes,
-            label=f"{_LABELS[turn.kind]}: {turn.radius_m:.{digits}f} m, {abs(turn.rate_deg_s):.1f}°/s",
-        )
+        label = f"{_LABELS[turn.kind]}: {turn.radius_m:.{digits}f} m, {abs(turn.rate_deg_s):.1f}°/s"
+        axes.plot(path[:, 1], path[:, 0], color=colour, linestyle=dashes, label=label)
     axes.plot([0.0, 0.0], [-0.6 * widest, 0.0], color=FAINT, linewidth=1.6, zorder=1)
-    axes.plot(0.0, 0.0, "o", color="#262626", markersize=3.5, zorder=5)
+    axes.plot(0.0, 0.0, "o", color=INK, markersize=3.5, zorder=5)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("transfer to starboard, m")
     axes.set_ylabel("advance, m")
@@ -279,11 +339,6 @@ def _circles(axes: Axes, vehicle: Vehicle, turning: tuple[Turn, ...], voltage_v:
     first, sense = next(iter(drivers(vehicle).items()))
     outer = _TURN_SHARE * largest(facts[first], sense)
     panel_title(axes, "turning circles", f"outer side at {outer:.4g} {facts[first]['unit']}")
-
-
-_POINTS, _COLUMNS = 161, 3  # of a curve, smooth at this size; panels in a row
-
-_CURVE_DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), "-", (0, (5, 1.5)))
 
 
 def characteristic(
@@ -294,59 +349,65 @@ def characteristic(
 ) -> Figure:
     """Figure of the thrust or fin force of each group's first actuator over its command.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    speeds_m_s : sequence of float
-        Speeds ahead at which thrust falls with inflow; of groups whose thrust does not depend on it only
-        the first is drawn.
-    voltages_v : sequence of float
-        Supply voltages, where thrust depends on them.
+    At speeds ahead where thrust falls with inflow, and at supply voltages where it depends on them.
     """
-    facts = vehicle.actuator_info()
-    groups: dict[str, str] = {}
-    for name in vehicle.actuators:
-        groups.setdefault(str(facts[name]["group"]) or name, name)
+    panels = _characteristics(vehicle, speeds_m_s, voltages_v)
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    labels = dict.fromkeys(label for panel in panels for label, _ in panel.curves)
+    looks = dict(zip(labels, zip(cycle(CYCLE), cycle((*_DASHES, *_DASHES[:2])), strict=False), strict=False))
     with house_style():
-        panels: dict[str, tuple[list[str], Array, list[tuple[str, Array]]]] = {}
-        for group, name in groups.items():
-            ahead = largest(facts[name], 1.0)
-            astern = largest(facts[name], -1.0) if facts[name]["maximum_astern"] else 0.1 * ahead
-            steps = np.linspace(-astern, ahead, _POINTS)
-            curves = _curves(vehicle, name, steps, speeds_m_s, voltages_v)
-            like = next((other for other, panel in panels.items() if _equal(panel[2], curves)), None)
-            if like is None:
-                panels[name] = ([group], steps, curves)
-            else:
-                panels[like][0].append(group)
-        columns = min(len(panels), _COLUMNS)
-        rows = -(-len(panels) // columns)
         figure = new_figure(0.3 + 2.5 * rows, width_in=COLUMN_IN if columns == 1 else WIDTH_IN)
-        grid = figure.subplots(rows, columns, squeeze=False)
-        labels = dict.fromkeys(label for _, _, curves in panels.values() for label, _ in curves)
-        styles = dict(zip(labels, zip(cycle(CYCLE), cycle(_CURVE_DASHES), strict=False), strict=False))
         drawn = {}
-        for axes in grid.flat[len(panels) :]:
-            axes.set_axis_off()
-        for axes, (name, (alike, steps, curves)) in zip(grid.flat, panels.items(), strict=False):
-            unit = str(facts[name]["unit"]).replace("us", "\N{MICRO SIGN}s")
-            fin = facts[name]["kind"] == "fin"
-            shown = np.degrees(steps) if unit == "rad" else steps
-            unit = "deg" if unit == "rad" else unit
-            for label, force in curves:
-                colour, dashes = styles[label]
+        for axes, panel in zip(grid_of(figure, len(panels), columns).flat, panels, strict=False):
+            facts = vehicle.actuator_info()[panel.name]
+            fin, neutral = facts["kind"] == "fin", float(facts["neutral"])
+            unit = {"us": "\N{MICRO SIGN}s", "rad": "deg"}.get(str(facts["unit"]), str(facts["unit"]))
+            shown = np.degrees(panel.steps) if facts["unit"] == "rad" else panel.steps
+            for label, force in panel.curves:
+                colour, dashes = looks[label]
                 (drawn[label],) = axes.plot(shown, force, color=colour, linestyle=dashes)
-            axes.axhline(0.0, color="#262626", linewidth=0.5)
-            axes.axvline(0.0, color="#262626", linewidth=0.5)
-            neutral = float(facts[name]["neutral"])
-            axes.set_xlabel(
-                f"command from neutral ({neutral:g} {unit}), {unit}" if neutral else f"command, {unit}"
-            )
+            axes.axhline(0.0, color=INK, linewidth=0.5)
+            axes.axvline(0.0, color=INK, linewidth=0.5)
+            from_neutral = f" from neutral ({neutral:g} {unit})" if neutral else ""
+            axes.set_xlabel(f"command{from_neutral}, {unit}")
             axes.set_ylabel("fin force, N" if fin else "thrust, N")
-            axes.locator_params(nbins=6 if columns < _COLUMNS else 5)
-            panel_title(axes, ", ".join(alike), f"as {name}")
+            axes.locator_params(nbins=6 if columns < 3 else 5)
+            panel_title(axes, ", ".join(panel.groups), f"as {panel.name}")
         figure.legend(drawn.values(), drawn, loc="outside lower center", ncols=3)
     return figure
+
+
+@dataclass(frozen=True, eq=False)
+class _Characteristic:
+    """Force (n,), N, per label over commands from neutral (n,), of groups that have the same one."""
+
+    name: str
+    groups: list[str]
+    steps: Array
+    curves: list[tuple[str, Array]]
+
+
+def _characteristics(
+    vehicle: Vehicle, speeds_m_s: Sequence[float], voltages_v: Sequence[float]
+) -> list[_Characteristic]:
+    """What every group does over its command; groups that do the same share a panel."""
+    facts = vehicle.actuator_info()
+    first_of: dict[str, str] = {}
+    for name in vehicle.actuators:
+        first_of.setdefault(str(facts[name]["group"]) or name, name)
+    panels: list[_Characteristic] = []
+    for group, name in first_of.items():
+        ahead = largest(facts[name], 1.0)
+        astern = largest(facts[name], -1.0) if facts[name]["maximum_astern"] else 0.1 * ahead
+        steps = np.linspace(-astern, ahead, 161)  # points that print as a smooth curve
+        curves = _curves(vehicle, name, steps, speeds_m_s, voltages_v)
+        like = next((panel for panel in panels if _equal(panel.curves, curves)), None)
+        if like is None:
+            panels.append(_Characteristic(name, [group], steps, curves))
+        else:
+            like.groups.append(group)
+    return panels
 
 
 def _equal(curves: list[tuple[str, Array]], other: list[tuple[str, Array]]) -> bool:

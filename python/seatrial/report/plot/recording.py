@@ -1,9 +1,8 @@
 """A recording before anything is fitted, and a planned trial: channels over time, commands below.
 
-Masked samples are left out of the lines, so that gaps show as gaps. Changes of mode are dashed and named at
-the top. A planned trial has its track from above
-and what it tells beside them. Held by ``tests/intake/test_import_figure.py`` and
-``tests/experiment/test_plan.py``.
+Masked samples are left out of the lines, so that gaps show as gaps; changes of mode are named at the top. A
+planned trial has its track from above and what it tells beside them. Held by
+``tests/intake/test_import_figure.py`` and ``tests/experiment/test_plan.py``.
 """
 
 from __future__ import annotations
@@ -15,27 +14,37 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import CHANNELS, DEGREE
+from seatrial.base.channels import CHANNELS, DEGREE, readable
 from seatrial.base.file_names import file_name, free_name
 from seatrial.experiment.forecast import FORECAST_SETTINGS, simulated, uneven
 from seatrial.experiment.plan_result import Plan
+from seatrial.report.plot.flight import line
 from seatrial.report.plot.style import (
+    ABOVE,
     CYCLE,
     FAINT,
     FOURTH,
     HULL,
+    INK,
+    REMARK,
     SECOND,
     SHADE,
     SIMULATED,
     THIRD,
+    Style,
+    field,
     house_style,
     joined,
+    legend_below,
     new_figure,
     panel_title,
+    stroke,
 )
+from seatrial.report.plot.style import heading as figure_heading
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, largest
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -53,12 +62,6 @@ _PANELS = (
     ("roll and pitch", "deg", ("roll", "pitch")),
     ("yaw", "deg", ("yaw",)),
 )
-
-_DEGREES = ("p", "q", "r", "roll", "pitch", "yaw")
-
-_PANEL_IN, _EDGES_IN = 1.05, 0.95  # layout, inches
-
-_MOST_POINTS = 4000  # per line: more are thinner than a pixel
 
 _UNITS = {"us": "\N{MICRO SIGN}s", "rpm": "rpm"}
 
@@ -92,19 +95,8 @@ def recording(
 ) -> Figure:
     """Figure of the channels and commands of a trial over time.
 
-    Parameters
-    ----------
-    trial
-    held_out
-        Parts (start, stop) in s that judge the result, shaded.
-    windows
-        Parts (start, stop) in s that are used, shaded faintly.
-    marks
-        Times in s and names, as changes of mode; very many are left out.
-    units
-        Unit by actuator, ``us`` or ``rpm``, where the log states it; by size otherwise.
-    heading
-        Title of the whole figure.
+    Parts (start, stop) in s that judge the result are shaded, those that are used faintly. Marks are times
+    in s and names, as changes of mode; `units` are ``us`` or ``rpm`` by actuator where the log states them.
     """
     shown = [(title, unit, [c for c in channels if c in trial.channels]) for title, unit, channels in _PANELS]
     shown = [(title, unit, channels) for title, unit, channels in shown if channels]
@@ -112,26 +104,17 @@ def recording(
     marks = marks if len(marks) <= 60 else ()  # more lines would cover each other
     with house_style():
         count = len(shown) + len(kinds)
-        figure = new_figure(_EDGES_IN + _PANEL_IN * max(count, 1))
+        figure = new_figure(0.95 + 1.05 * max(count, 1))
         grid = figure.subplots(max(count, 1), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (title, unit, channels) in zip(grid, shown, strict=False):
             for k, channel in enumerate(channels):
-                t, y = _thinned(trial.t, _values(trial, channel))
-                axes.plot(t, y, color=CYCLE[k], linewidth=0.8, label=channel)
+                line(axes, trial.t, _values(trial, channel), color=CYCLE[k], linewidth=0.8, label=channel)
             _finish(axes, title, unit, len(channels) > 1)
         for axes, (title, unit, values) in zip(grid[len(shown) :], kinds, strict=True):
             for k, (name, y) in enumerate(values.items()):
-                dashes = "-" if k < len(CYCLE) else (0, (4, 1.5))
-                t, thin = _thinned(trial.t, y)
-                axes.plot(
-                    t,
-                    thin,
-                    color=CYCLE[k % len(CYCLE)],
-                    linewidth=0.7,
-                    linestyle=dashes,
-                    label=name,
-                    drawstyle="steps-post",
-                )
+                look: Style = {"color": CYCLE[k % len(CYCLE)], "drawstyle": "steps-post"}
+                look["linestyle"] = "-" if k < len(CYCLE) else (0, (4, 1.5))
+                line(axes, trial.t, y, linewidth=0.7, label=name, **look)
             _finish(axes, title, unit, 1 < len(values) <= 2 * len(CYCLE))
         named = len(marks) <= 8  # more names would cover each other
         for axes in grid:
@@ -145,8 +128,7 @@ def recording(
         grid[-1].set_xlim(trial.t[0], trial.t[-1])
         figure.align_ylabels(list(grid))
         _legend(figure, held_out, windows, marks)
-        if heading:
-            figure.suptitle(f"Recording {heading}", x=0.01, ha="left", fontweight="bold", fontsize=9)
+        figure_heading(figure, f"Recording {heading}" if heading else "", fontsize=9)
     return figure
 
 
@@ -156,21 +138,7 @@ def _values(trial: Trial, channel: str) -> Array:
     known = np.isfinite(y)
     if channel == "yaw":
         y[known] = np.unwrap(y[known])
-    return y / DEGREE if channel in _DEGREES else y
-
-
-def _thinned(t: Array, y: Array) -> tuple[Array, Array]:
-    """Least and most of each stretch of samples, so that a long record keeps its spikes."""
-    if len(t) <= _MOST_POINTS:
-        return t, y
-    width = -(-len(t) // (_MOST_POINTS // 2))
-    count = len(t) // width
-    parts = y[: count * width].reshape(count, width)
-    lost = np.logical_and.reduce(np.isnan(parts), axis=1)
-    filled = np.where(lost[:, None], 0.0, parts)
-    pair = np.stack([np.nanmin(filled, axis=1), np.nanmax(filled, axis=1)], axis=1)
-    pair[lost] = np.nan
-    return np.repeat(t[: count * width : width], 2), pair.reshape(-1)
+    return readable(channel)[0] * y
 
 
 def _command_panels(trial: Trial, units: Mapping[str, str]) -> list[tuple[str, str, dict[str, Array]]]:
@@ -207,16 +175,8 @@ def _finish(axes: Axes, title: str, unit: str, several: bool) -> None:
         if len(labels) > 3:
             prefix = joined(labels).partition(",")[0].rpartition("_")[0]
             labels = [label.removeprefix(f"{prefix}_") for label in labels]
-        axes.legend(
-            handles,
-            labels,
-            loc="lower right",
-            bbox_to_anchor=(1.0, 0.97),
-            ncols=len(labels),
-            handlelength=1.2,
-            columnspacing=0.8,
-            borderaxespad=0.0,
-        )
+        place: Style = {**ABOVE, "bbox_to_anchor": (1.0, 0.97), "borderaxespad": 0.0}
+        axes.legend(handles, labels, ncols=len(labels), handlelength=1.2, columnspacing=0.8, **place)
 
 
 def _shade(axes: Axes, parts: Sequence[tuple[float, float]], colour: str) -> None:
@@ -234,16 +194,8 @@ def _names(axes: Axes, marks: Sequence[tuple[float, str]], trial: Trial) -> None
         if at - last < room or at > trial.t[-1]:
             continue
         last = at
-        axes.annotate(
-            name,
-            (at, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(2.0, -1.0),
-            textcoords="offset points",
-            fontsize=6,
-            color="#404040",
-            va="top",
-        )
+        small: Style = {"fontsize": 6, "color": REMARK, "va": "top", "textcoords": "offset points"}
+        axes.annotate(name, (at, 1.0), (2.0, -1.0), xycoords=("data", "axes fraction"), **small)
 
 
 def _legend(
@@ -252,29 +204,11 @@ def _legend(
     windows: Sequence[tuple[float, float]],
     marks: Sequence[tuple[float, str]],
 ) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Line2D | Patch] = []
-    if held_out:
-        handles.append(Patch(color=SHADE, label="proposed to be held out"))
-    if windows:
-        handles.append(Patch(color=HULL, label="proposed to be used"))
-    if marks:
-        handles.append(
-            Line2D([], [], color=FAINT, linewidth=0.9, linestyle=(0, (3, 2)), label="change of mode")
-        )
+    handles: list[Artist] = [field("proposed to be held out", SHADE)] if held_out else []
+    handles += [field("proposed to be used", HULL)] if windows else []
+    handles += [stroke("change of mode", FAINT, linewidth=0.9, linestyle=(0, (3, 2)))] if marks else []
     if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-
-
-_ROW_IN = 0.135  # layout, inches
-
-_TITLE_ROW, _HANDLE = 42, 4  # characters beside a panel's title, and those that a line of a legend takes
-
-_DOT = 3.2  # size of a marker, points
-
-_LEAST_M = 1.0  # the track's panel shows no less to either side of the start
+        legend_below(figure, handles)
 
 
 def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: float = NOMINAL_V) -> Figure:
@@ -289,7 +223,7 @@ def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: fl
         uneven(vehicle), manoeuvre, voltage_v=voltage_v, tilt_deg=FORECAST_SETTINGS.start_tilt_deg
     )
     with house_style():
-        figure = new_figure(max(4.6, 1.3 + _ROW_IN * len(ranked.gains)))
+        figure = new_figure(max(4.6, 1.3 + 0.135 * len(ranked.gains)))
         grid = figure.add_gridspec(3, 2, width_ratios=[1.35, 1.0], height_ratios=[1.0, 1.0, 1.3])
         commands = figure.add_subplot(grid[0, 0])
         motion = figure.add_subplot(grid[1, 0], sharex=commands)
@@ -297,15 +231,10 @@ def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: fl
         _commands(commands, vehicle, manoeuvre)
         _motion(motion, run, ranked)
         _track(track, run, other)
-        _told(figure.add_subplot(grid[:, 1]), ranked)
+        _gains(figure.add_subplot(grid[:, 1]), ranked)
         repeats = f", {ranked.repeats} times" if ranked.repeats > 1 else ""
-        figure.suptitle(
-            f"Trial {trial}: {manoeuvre.name}, {manoeuvre.duration_s:.0f} s{repeats}",
-            x=0.01,
-            ha="left",
-            fontweight="bold",
-            fontsize=9,
-        )
+        title = f"Trial {trial}: {manoeuvre.name}, {manoeuvre.duration_s:.0f} s{repeats}"
+        figure_heading(figure, title, fontsize=9)
     return figure
 
 
@@ -328,15 +257,9 @@ def _commands(axes: Axes, vehicle: Vehicle, manoeuvre: Manoeuvre) -> None:
     for name, values in manoeuvre.commands.items():
         alike.setdefault((str(facts[name]["unit"]), np.asarray(values).tobytes()), []).append(name)
     for k, names in enumerate(alike.values()):
-        axes.step(
-            manoeuvre.t,
-            shown(names[0]),
-            where="post",
-            color=CYCLE[k % len(CYCLE)],
-            linestyle="-" if k < len(CYCLE) else "--",
-            linewidth=0.9,
-            label=groups.get(tuple(names), ", ".join(names)),
-        )
+        label = groups.get(tuple(names), ", ".join(names))
+        look: Style = {"color": CYCLE[k % len(CYCLE)], "linestyle": "-" if k < len(CYCLE) else "--"}
+        axes.step(manoeuvre.t, shown(names[0]), where="post", linewidth=0.9, label=label, **look)
     axes.set_ylabel(f"command, {min(units)}" if len(units) == 1 else "% of the largest")
     axes.set_xlim(manoeuvre.t[0], manoeuvre.t[-1])
     panel_title(axes, "Commands")
@@ -370,8 +293,8 @@ def _track(axes: Axes, run: Run, other: Run) -> None:
     ):
         place = np.asarray(flown.position)
         axes.plot(place[:, 1], place[:, 0], color=colour, label=label)
-    axes.plot(0.0, 0.0, "o", color="#262626", markersize=_DOT)
-    axes.plot([-_LEAST_M, _LEAST_M], [-_LEAST_M, _LEAST_M], alpha=0.0)
+    axes.plot(0.0, 0.0, "o", color=INK, markersize=3.2)
+    axes.plot([-1.0, 1.0], [-1.0, 1.0], alpha=0.0)  # no less than 1 m to either side of the start
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("across the course at the start, m")
     axes.set_ylabel("along it, m")
@@ -379,7 +302,7 @@ def _track(axes: Axes, run: Run, other: Run) -> None:
     panel_title(axes, "Track")
 
 
-def _told(axes: Axes, ranked: Ranked) -> None:
+def _gains(axes: Axes, ranked: Ranked) -> None:
     """Standard deviations before and after, the greatest gain on top."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
@@ -387,8 +310,8 @@ def _told(axes: Axes, ranked: Ranked) -> None:
     before = np.array([100.0 * change.before / change.whole for change in ranked.gains])
     after = np.array([100.0 * change.after / change.whole for change in ranked.gains])
     axes.hlines(rows, after, before, color=FAINT, linewidth=0.8)
-    axes.plot(before, rows, "o", color=FOURTH, markersize=_DOT, label="before")
-    axes.plot(after, rows, "o", color=SIMULATED, markersize=_DOT, label="after this trial")
+    axes.plot(before, rows, "o", color=FOURTH, markersize=3.2, label="before")
+    axes.plot(after, rows, "o", color=SIMULATED, markersize=3.2, label="after this trial")
     axes.set_xscale("log")
     narrow = before.max() < 100.0 * after.min()
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
@@ -406,16 +329,8 @@ def _told(axes: Axes, ranked: Ranked) -> None:
 
 def _panel_legend(axes: Axes, handles: Sequence[Any], labels: Sequence[str], *, columns: int = 3) -> None:
     """Legend in the line of the panel's title, at its right end, in rows that leave the title its room."""
-    columns = max(1, min(columns, _TITLE_ROW // (max(map(len, labels)) + _HANDLE)))
-    axes.legend(
-        handles,
-        labels,
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=min(len(labels), columns),
-        fontsize=6 if len(labels) <= columns else 5,
-        handlelength=1.2,
-        columnspacing=1.0,
-        labelspacing=0.2,
-        borderaxespad=0.1,
-    )
+    # 42 characters beside the title, of which a line takes four.
+    columns = max(1, min(columns, 42 // (max(map(len, labels)) + 4)))
+    size = 6 if len(labels) <= columns else 5
+    tight: Style = {"handlelength": 1.2, "columnspacing": 1.0, "labelspacing": 0.2, "borderaxespad": 0.1}
+    axes.legend(handles, labels, ncols=min(len(labels), columns), fontsize=size, **tight, **ABOVE)

@@ -1,4 +1,4 @@
-"""House style of all figures: sizes, palette, saving, symbols of coefficients, labels that do not overlap.
+"""House style of all figures: sizes, palette, saving, symbols, headings, legends.
 
 The palette is that of Okabe and Ito (2008), which the common colour-vision deficiencies keep apart; measured
 and simulated differ in weight too, so that a grey print shows the difference. Widths are those of a page of
@@ -10,12 +10,13 @@ from __future__ import annotations
 import errno
 import io
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import write_atomic
@@ -23,8 +24,11 @@ from seatrial.base.errors import SeatrialError
 from seatrial.base.run import belongs_to_run
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
 MEASURED = "#4d4d4d"
 
@@ -42,15 +46,24 @@ HULL, HULL_EDGE = "#EEF2F5", "#7A8791"
 
 FAINT = "#9AA3AA"
 
-COLUMN_IN = 88.0 / 25.4  # layout, inches
+INK, REMARK = "#262626", "#404040"
 
-WIDTH_IN = 180.0 / 25.4  # layout, inches
+FORBIDDEN = "#F3C9B5"
 
-DPI = 200  # of PNG, for screens
+Style = dict[str, Any]
+"""Keywords of matplotlib: colour, width, dashes and the like."""
 
-PRINT_DPI = 300  # of PNG, for print
+ON_WHITE: Style = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6}
+"""Box behind small print on top of lines."""
 
-_STYLE: dict[str, Any] = {
+ABOVE: Style = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
+"""Place of a legend beside a panel's title, where it hides no curve."""
+
+COLUMN_IN, WIDTH_IN = 88.0 / 25.4, 180.0 / 25.4  # of a column and of a page with two of them
+
+DPI, PRINT_DPI = 200, 300  # of PNG, for screens and for print
+
+_STYLE: Style = {
     "axes.axisbelow": True,
     "axes.edgecolor": "#595959",
     "axes.grid": True,
@@ -118,7 +131,59 @@ def panel_title(axes: Axes, name: str, text: str = "") -> None:
     """Title of a panel: a bold name at the left, a remark beside it at the right."""
     axes.set_title(name, loc="left", fontweight="bold")
     if text:
-        axes.set_title(text, loc="right", fontsize=7.5, color="#404040")
+        axes.set_title(text, loc="right", fontsize=7.5, color=REMARK)
+
+
+def heading(figure: Figure, text: str, **style: Any) -> None:
+    """Title of a whole figure, bold at its upper left."""
+    if text:
+        figure.suptitle(text, x=0.01, ha="left", fontweight="bold", **style)
+
+
+def page_heading(figure: Figure, text: str, *, left_in: float = 0.12, below_in: float = 0.16) -> None:
+    """Title of a figure without automatic layout, so far from its left edge and below its upper one."""
+    width, height = figure.get_size_inches()
+    place = (left_in / width, 1.0 - below_in / height)
+    figure.text(*place, text, fontweight="bold", fontsize=10, va="center")
+
+
+def blank(axes: Axes, words: str, **style: Any) -> None:
+    """Say in the middle of a panel why it is empty."""
+    axes.text(0.5, 0.5, words, ha="center", transform=axes.transAxes, **{"fontsize": 7, **style})
+
+
+def stroke(label: str, color: str, **style: Any) -> Line2D:
+    """Entry of a legend: a line, or a marker with ``linestyle=""``."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=color, label=label, **style)
+
+
+def field(label: str, colour: str, **style: Any) -> Patch:
+    """Entry of a legend: a coloured field, with an edge of its own colour unless one is given."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=colour, label=label, **{"edgecolor": colour, **style})
+
+
+def legend_below(figure: Figure, handles: Sequence[Artist], columns: int | None = None, **style: Any) -> None:
+    """Legend of a whole figure below its panels, in one row unless columns are given."""
+    columns = columns or len(handles)
+    figure.legend(handles=list(handles), loc="outside lower center", ncols=columns, **style)
+
+
+def band(axes: Axes, x: Array, lower: ArrayLike, upper: ArrayLike, colour: str, **style: Any) -> None:
+    """Field between two curves, without an edge."""
+    axes.fill_between(x, lower, upper, color=colour, linewidth=0.0, **style)
+
+
+def grid_of(figure: Figure | SubFigure, count: int, columns: int, **options: Any) -> NDArray[Any]:
+    """Panels (rows, columns) for so many drawings; those that are left over are not shown."""
+    rows = -(-max(count, 1) // columns)
+    grid = np.asarray(figure.subplots(rows, columns, squeeze=False, **options))
+    for axes in list(grid.flat)[count:]:
+        axes.set_axis_off()
+    return grid
 
 
 def tidy(number: float) -> str:
@@ -219,74 +284,6 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-_SIZE_PT, _SMALLEST_PT = 6.5, 4.0  # of a legend: usual, and where it must shrink
-
-_AIR_IN, _ROW_IN = 0.09, 0.10  # layout, inches
-
-
-def label_rows(
-    axes: Axes,
-    names: Sequence[str],
-    page: Array,
-    arrows: Array,
-    *,
-    signs: Array,
-    window: tuple[float, float],
-    inch: float,
-) -> None:
-    """Label the points of a drawing, one label for those at one place.
-
-    Parameters
-    ----------
-    axes : Axes
-        Its data are the page's numbers times `signs`.
-    names : sequence of str
-    page, arrows : array, shape (n, 2)
-        Places and arrows on the page, to the right and up, in the drawing's unit.
-    signs : array, shape (2,)
-        +1 or -1 per direction of the page.
-    window : tuple of float
-        Half width and half height of the axes; the rows stand at its upper and lower edge.
-    inch : float
-        Inches per unit.
-    """
-    across, upright = window
-    rows: dict[float, list[tuple[float, float, str]]] = {1.0: [], -1.0: []}
-    for members in _together(page, 0.06 / inch):  # inches
-        x, y = page[members].mean(axis=0)
-        # On the centre line a label stands where the arrow does not point.
-        side = y if abs(y) > 1e-3 else -arrows[members, 1].sum()
-        rows[-1.0 if side < -1e-3 else 1.0].append((x, y, joined([names[k] for k in members])))
-
-    def width(row: Sequence[tuple[float, float, str]]) -> float:
-        return sum(_width_in(axes, text) for _, _, text in row) / inch
-
-    for side in (1.0, -1.0):
-        _relieve(rows[side], rows[-side], width, room=2.0 * across)
-    for side, row in rows.items():
-        row.sort()
-        widths = [width([entry]) for entry in row]
-        shrink = min(1.0, 2.0 * across / sum(widths)) if widths else 1.0
-        centres = side_by_side([x for x, _, _ in row], [shrink * width for width in widths], across)
-        for (x, y, text), centre in zip(row, centres, strict=True):
-            axes.annotate(
-                text,
-                (signs[0] * x, signs[1] * y),
-                (signs[0] * centre, signs[1] * side * (upright - _ROW_IN / inch)),
-                fontsize=max(shrink * _SIZE_PT, _SMALLEST_PT),
-                ha="center",
-                va="center",
-                zorder=3,
-                arrowprops={
-                    "arrowstyle": "-",
-                    "color": FAINT,
-                    "linewidth": 0.5,
-                    "shrinkA": 1.0,
-                    "shrinkB": 3.0,
-                },
-            )
-
-
 def joined(names: Sequence[str]) -> str:
     """Names with commas; what they share up to an underscore stands once.
 
@@ -299,68 +296,3 @@ def joined(names: Sequence[str]) -> str:
     if len(names) < 2 or len(prefix) < 2 or not all(name.startswith(prefix) for name in names):
         return ", ".join(names)
     return ", ".join([names[0], *(name.removeprefix(prefix) for name in names[1:])])
-
-
-def _relieve(
-    full: list[tuple[float, float, str]],
-    other: list[tuple[float, float, str]],
-    width: Callable[[Sequence[tuple[float, float, str]]], float],
-    *,
-    room: float,
-) -> None:
-    """Move labels out of a row that is too full, those nearest the centre line first, while it helps."""
-    while width(full) > room:
-        moved = min(full, key=lambda entry: (abs(entry[1]), entry[0]))
-        if width([*other, moved]) >= width(full):
-            return
-        full.remove(moved)
-        other.append(moved)
-
-
-def side_by_side(wanted: Sequence[float], widths: Sequence[float], limit: float) -> list[float]:
-    """Centres near those wanted (sorted), such that intervals of these widths do not overlap.
-
-    They stay within plus and minus the limit where there is room.
-
-    Examples
-    --------
-    >>> side_by_side([0.0, 0.1], [1.0, 1.0], 5.0)
-    [-0.45, 0.55]
-    """
-    if not wanted:
-        return []
-    size = np.asarray(widths, dtype=float)
-    # Intervals that touch move as one block, placed where its members want to be on average.
-    blocks: list[list[int]] = []
-    offsets = np.concatenate([[0.0], np.cumsum(0.5 * (size[:-1] + size[1:]))])
-    free = np.asarray(wanted, dtype=float) - offsets
-    for k in range(len(free)):
-        blocks.append([k])
-        while len(blocks) > 1 and free[blocks[-2]].mean() > free[blocks[-1]].mean():
-            last = blocks.pop()
-            blocks[-1] += last
-    centres = np.concatenate([np.full(len(block), free[block].mean()) for block in blocks]) + offsets
-    centres += max(0.0, float(-limit - (centres[0] - 0.5 * size[0])))
-    centres -= max(0.0, float(centres[-1] + 0.5 * size[-1] - limit))
-    return [round(float(x), 9) for x in centres]
-
-
-def _together(page: Array, distance: float) -> list[list[int]]:
-    """Points grouped with the first one that is nearer than the distance."""
-    groups: list[list[int]] = []
-    for k in range(len(page)):
-        near = next((group for group in groups if np.abs(page[group[0]] - page[k]).max() < distance), None)
-        if near is None:
-            groups.append([k])
-        else:
-            near.append(k)
-    return groups
-
-
-def _width_in(axes: Axes, text: str) -> float:
-    """Width of a label in inches, with some air."""
-    figure = axes.figure
-    sample = figure.text(0.0, 0.0, text, fontsize=_SIZE_PT)
-    width = sample.get_window_extent().width / figure.dpi
-    sample.remove()
-    return float(width) + _AIR_IN

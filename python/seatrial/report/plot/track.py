@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.report.plot.style import HULL_EDGE, MEASURED, THIRD, WIDTH_IN
+from seatrial.report.plot.style import HULL_EDGE, INK, MEASURED, THIRD, WIDTH_IN, Style
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -29,13 +29,27 @@ if TYPE_CHECKING:
 
 Box = tuple[float, float, float, float]
 
-_INK = "#262626"
 
-_AIR = 0.07  # of the track's extent, at its edge
+@dataclass(frozen=True)
+class PlanSettings:
+    """Layout of a plan with its profile, inches where nothing else is said."""
 
-_LETTER_IN, _LINE_IN = 0.062, 0.12  # layout, inches
+    air: float = 0.07  #: At the edge of a track, as a share of its extent.
+    most_circles: int = 60  #: Waypoints that are drawn with their sphere of acceptance.
+    letter: float = 0.062  #: Width of a letter of a waypoint's name.
+    line: float = 0.12  #: Height of a waypoint's name.
+    away: tuple[float, ...] = (0.07, 0.14, 0.22)  #: From a waypoint to its name: the nearest that is clear.
+    left: float = 0.55
+    right: float = 0.2
+    top: float = 0.56
+    axis: float = 0.42  #: Below a panel: its ticks and label.
+    profile: float = 1.45  #: Height of the profile below a plan.
+    legend_row: float = 0.15
+    tall: float = 0.85  #: A track higher than this share of its width stands beside its profile.
+    arrow: float = 0.3  #: Length of the arrow of the current.
 
-_MOST_CIRCLES = 60  # waypoints that are drawn with their sphere of acceptance
+
+SETTINGS = PlanSettings()
 
 
 @dataclass(frozen=True)
@@ -58,7 +72,7 @@ def extent(*places: ArrayLike) -> tuple[Array, Array]:
     rows = np.concatenate([np.asarray(points, dtype=float)[:, :2] for points in places])
     rows = rows[np.isfinite(rows).all(axis=1)]
     low, high = rows.min(axis=0), rows.max(axis=0)
-    air = np.maximum(_AIR * float((high - low).max()), 0.5)
+    air = np.maximum(SETTINGS.air * float((high - low).max()), 0.5)
     return low - air, high + air
 
 
@@ -80,7 +94,7 @@ def new_plan(figure: Figure, box_in: Box, corners: tuple[Array, Array]) -> Plan:
 
 def mark_size(count: int) -> float:
     """Size of so many waypoints' squares, points."""
-    return 3.0 if count <= _MOST_CIRCLES else 1.6 if count <= 2 * _MOST_CIRCLES else 0.9
+    return 3.0 if count <= SETTINGS.most_circles else 1.6 if count <= 2 * SETTINGS.most_circles else 0.9
 
 
 def waypoint_label(path: PlannedPath) -> str:
@@ -94,22 +108,15 @@ def waypoints(plan: Plan, path: PlannedPath, acceptance: ArrayLike, *avoid: Arra
     `acceptance` (n,) are radii, m; names keep clear of the lines `avoid` (m, 2+), m, if it can be.
     """
     axes = plan.axes
-    axes.plot(
-        path.points[:, 1],
-        path.points[:, 0],
-        color=MEASURED,
-        linewidth=0.9,
-        linestyle=(0, (5, 2.5)),
-        label="planned path",
-        zorder=2.2,
-    )
+    look = Style(color=MEASURED, linewidth=0.9, linestyle=(0, (5, 2.5)), label="planned path")
+    axes.plot(path.points[:, 1], path.points[:, 0], zorder=2.2, **look)
     places = path.places[1:]
     size = mark_size(len(places))
     label = waypoint_label(path)
     axes.plot(places[:, 1], places[:, 0], "s", color=MEASURED, markersize=size, zorder=2.4, label=label)
     _spheres(plan, places, np.asarray(acceptance, dtype=float))
     rims = []
-    if len(places) <= _MOST_CIRCLES:
+    if len(places) <= SETTINGS.most_circles:
         rims = [_rim(*place) for place in zip(places, np.asarray(acceptance, dtype=float), strict=True)]
     _names(plan, path, [path.points, *avoid, *rims])
 
@@ -125,30 +132,19 @@ def _spheres(plan: Plan, places: Array, acceptance: Array) -> None:
     from matplotlib.collections import EllipseCollection
 
     seen = acceptance / plan.m_per_in >= 0.03  # inches: smaller ones are dots
-    if not seen.any() or len(places) > _MOST_CIRCLES:
+    if not seen.any() or len(places) > SETTINGS.most_circles:
         return
-    circles = EllipseCollection(
-        2.0 * acceptance[seen],
-        2.0 * acceptance[seen],
-        np.zeros(int(seen.sum())),
-        units="xy",
-        offsets=places[seen, 1::-1],
-        offset_transform=plan.axes.transData,
-        facecolors="none",
-        edgecolors=HULL_EDGE,
-        linewidths=0.7,
-        zorder=2.1,
-    )
+    size = 2.0 * acceptance[seen]
+    place = Style(units="xy", offsets=places[seen, 1::-1], offset_transform=plan.axes.transData)
+    look = Style(facecolors="none", edgecolors=HULL_EDGE, linewidths=0.7, zorder=2.1)
+    circles = EllipseCollection(size, size, np.zeros(len(size)), **place, **look)
     plan.axes.add_collection(circles, autolim=False)
-    plan.axes.plot(
-        [], [], "o", color="none", markeredgecolor=HULL_EDGE, markersize=5.0, label="sphere of acceptance"
-    )
+    ring = Style(color="none", markeredgecolor=HULL_EDGE, markersize=5.0)
+    plan.axes.plot([], [], "o", label="sphere of acceptance", **ring)
 
 
 # Right and up of a place, in the order in which a name tries them.
 _SIDES = ((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))
-
-_AWAY_IN = (0.07, 0.14, 0.22)  # from a waypoint to its name: the nearest place that is clear
 
 
 def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
@@ -163,15 +159,15 @@ def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
         if not path.names[k]:
             continue
         x, y = page[k]
-        length = _LETTER_IN * len(path.names[k]) + 0.02
+        length = SETTINGS.letter * len(path.names[k]) + 0.02
         best: tuple[int, Box, int] | None = None
-        for away, (right, up) in product(_AWAY_IN, _SIDES):
+        for away, (right, up) in product(SETTINGS.away, _SIDES):
             aside, above = (away, 0.7 * away) if right and up else (away, away)
             corner = (
                 x + (aside if right > 0 else -aside - length if right < 0 else -0.5 * length),
-                y + (above if up > 0 else -above - _LINE_IN if up < 0 else -0.5 * _LINE_IN),
+                y + (above if up > 0 else -above - SETTINGS.line if up < 0 else -0.5 * SETTINGS.line),
             )
-            box = (*corner, corner[0] + length, corner[1] + _LINE_IN)
+            box = (*corner, corner[0] + length, corner[1] + SETTINGS.line)
             if box[0] < 0.0 or box[1] < 0.0 or box[2] > wide or box[3] > high:
                 continue
             if any(_meet(box, other) for other in taken) or _inside(box, page):
@@ -188,7 +184,7 @@ def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
         east, north = low + plan.m_per_in * np.array([edge, 0.5 * (box[1] + box[3])])
         ha: Any = {1: "left", 0: "center", -1: "right"}[side]
         text = plan.axes.text(
-            east, north, path.names[k], fontsize=6.5, color=_INK, ha=ha, va="center_baseline", zorder=6
+            east, north, path.names[k], fontsize=6.5, color=INK, ha=ha, va="center_baseline", zorder=6
         )
         # A name may have to stand on a line: it stays readable on a white edge.
         text.set_path_effects([withStroke(linewidth=1.8, foreground="white")])
@@ -217,13 +213,6 @@ def _meet(box: Box, other: Box) -> bool:
 
 BOTTOM = "#C8B99A"
 
-_LEFT_IN, _RIGHT_IN, _TOP_IN, _AXIS_IN = 0.55, 0.2, 0.56, 0.42  # layout, inches
-
-# Layout, inches; a track higher than 0.85 of its width stands beside its profile.
-_PROFILE_IN, _ROW_IN, _TALL = 1.45, 0.15, 0.85
-
-_ARROW_IN = 0.3  # layout, inches
-
 
 @dataclass(frozen=True)
 class Layout:
@@ -241,26 +230,27 @@ class Layout:
 
 def layout(corners: tuple[Array, Array], labels: Sequence[str]) -> Layout:
     """Plan above its profile and the legend where it is wide; beside both where it is tall."""
+    left_in, axis_in = SETTINGS.left, SETTINGS.axis
     north, east = corners[1] - corners[0]
-    wide = WIDTH_IN - _LEFT_IN - _RIGHT_IN
+    wide = WIDTH_IN - left_in - SETTINGS.right
     longest = max(len(label) for label in labels)
-    if north < _TALL * east:
+    if north < SETTINGS.tall * east:
         columns = 4 if longest < 26 else 3 if longest < 40 else 2
-        below = _ROW_IN * math.ceil(len(labels) / columns) + 0.12 + _AXIS_IN
+        below = SETTINGS.legend_row * math.ceil(len(labels) / columns) + 0.12 + axis_in
         high = float(np.clip(wide * north / east, 1.5, 4.4))
-        plan = (_LEFT_IN, below + _PROFILE_IN + 0.3 + _AXIS_IN, wide, high)
-        profile = (_LEFT_IN, below, wide, _PROFILE_IN)
-        return Layout(plan, profile, plan[1] + high + _TOP_IN, (0.5 * WIDTH_IN, 0.04), columns)
-    half = 0.5 * (WIDTH_IN - 2.0 * _LEFT_IN - _RIGHT_IN)
+        plan = (left_in, below + SETTINGS.profile + 0.3 + axis_in, wide, high)
+        profile = (left_in, below, wide, SETTINGS.profile)
+        return Layout(plan, profile, plan[1] + high + SETTINGS.top, (0.5 * WIDTH_IN, 0.04), columns)
+    half = 0.5 * (WIDTH_IN - 2.0 * left_in - SETTINGS.right)
     columns = 2 if longest < 26 else 1
-    legend = _ROW_IN * math.ceil(len(labels) / columns) + 0.2
-    high = float(np.clip(half * north / east, _PROFILE_IN + _AXIS_IN + legend, 5.6))
-    left, deep = 2.0 * _LEFT_IN + half, min(high - legend - _AXIS_IN + 0.3, 2.7)
+    legend = SETTINGS.legend_row * math.ceil(len(labels) / columns) + 0.2
+    high = float(np.clip(half * north / east, SETTINGS.profile + axis_in + legend, 5.6))
+    left, deep = 2.0 * left_in + half, min(high - legend - axis_in + 0.3, 2.7)
     return Layout(
-        (_LEFT_IN, _AXIS_IN, half, high),
-        (left, _AXIS_IN + high - deep, half, deep),
-        _AXIS_IN + high + _TOP_IN,
-        (left + 0.5 * half - 0.15, _AXIS_IN + high - deep - _AXIS_IN - legend + 0.1),
+        (left_in, axis_in, half, high),
+        (left, axis_in + high - deep, half, deep),
+        axis_in + high + SETTINGS.top,
+        (left + 0.5 * half - 0.15, axis_in + high - deep - axis_in - legend + 0.1),
         columns,
     )
 
@@ -269,11 +259,6 @@ def profile_axes(figure: Figure, page: Layout) -> Axes:
     """Axes of the profile."""
     left, bottom, wide, high = page.profile
     return figure.add_axes((left / WIDTH_IN, bottom / page.height, wide / WIDTH_IN, high / page.height))
-
-
-def page_title(figure: Figure, page: Layout, title: str) -> None:
-    """Title of the whole page at its upper left."""
-    figure.text(0.12 / WIDTH_IN, 1.0 - 0.13 / page.height, title, fontweight="bold", fontsize=10, va="center")
 
 
 def current_arrow(figure: Figure, page: Layout, current: Sequence[float]) -> None:
@@ -285,22 +270,13 @@ def current_arrow(figure: Figure, page: Layout, current: Sequence[float]) -> Non
     if speed == 0.0:
         return
     inches = np.array([WIDTH_IN, page.height])
-    middle = np.array([WIDTH_IN - _RIGHT_IN - 0.5 * _ARROW_IN, page.height - 0.19])
-    half = 0.5 * _ARROW_IN * np.array([east, north]) / speed
-    figure.add_artist(
-        FancyArrowPatch(
-            tuple((middle - half) / inches),
-            tuple((middle + half) / inches),
-            transform=figure.transFigure,
-            arrowstyle="-|>,head_width=0.22,head_length=0.45",
-            mutation_scale=8.0,
-            color=THIRD,
-            linewidth=1.6,
-            shrinkA=0.0,
-            shrinkB=0.0,
-        )
-    )
-    x, y = (middle - np.array([0.5 * _ARROW_IN + 0.08, 0.0])) / inches
+    middle = np.array([WIDTH_IN - SETTINGS.right - 0.5 * SETTINGS.arrow, page.height - 0.19])
+    half = 0.5 * SETTINGS.arrow * np.array([east, north]) / speed
+    head = Style(arrowstyle="-|>,head_width=0.22,head_length=0.45", mutation_scale=8.0)
+    look = Style(color=THIRD, linewidth=1.6, shrinkA=0.0, shrinkB=0.0, transform=figure.transFigure)
+    tail, tip = tuple((middle - half) / inches), tuple((middle + half) / inches)
+    figure.add_artist(FancyArrowPatch(tail, tip, **head, **look))
+    x, y = (middle - np.array([0.5 * SETTINGS.arrow + 0.08, 0.0])) / inches
     figure.text(x, y, f"current {speed:.2g} m/s", fontsize=7, ha="right", va="center")
 
 
@@ -310,18 +286,10 @@ def page_legend(figure: Figure, panels: tuple[Axes, Axes], page: Layout) -> None
     for axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             known.setdefault(label, handle)
-    figure.legend(
-        list(known.values()),
-        list(known),
-        loc="lower center",
-        bbox_to_anchor=(page.legend[0] / WIDTH_IN, page.legend[1] / page.height),
-        ncols=page.columns,
-        fontsize=6.5,
-        handlelength=1.8,
-        columnspacing=1.4,
-        labelspacing=0.25,
-        borderaxespad=0.0,
-    )
+    foot = (page.legend[0] / WIDTH_IN, page.legend[1] / page.height)
+    place = Style(loc="lower center", bbox_to_anchor=foot, borderaxespad=0.0, ncols=page.columns)
+    tight = Style(fontsize=6.5, handlelength=1.8, columnspacing=1.4, labelspacing=0.25)
+    figure.legend(list(known.values()), list(known), **place, **tight)
 
 
 Seabed = tuple[float, float, float]

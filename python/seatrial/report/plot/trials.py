@@ -8,30 +8,37 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seatrial.base.arrays import Array, runs
-from seatrial.base.channels import AXES, CHANNELS, DEGREE
+from seatrial.base.arrays import Array, Mask, runs
+from seatrial.base.channels import ANGLES, AXES, CHANNELS, readable
 from seatrial.base.file_names import file_name, free_name
 from seatrial.report.plot.style import (
     FOURTH,
+    INK,
     MEASURED,
     RESIDUAL,
     SHADE,
     SIMULATED,
     THIRD,
+    Style,
+    field,
     house_style,
+    legend_below,
     new_figure,
     panel_title,
+    stroke,
     tidy,
 )
+from seatrial.report.plot.style import heading as figure_heading
 from seatrial.scoring.comparison import Comparison
 from seatrial.scoring.score import Score
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.ticker import Locator
@@ -50,11 +57,11 @@ NAMES = dict(
     )
 )
 
-_PANEL_IN, _EDGES_IN = 1.35, 0.85  # layout, inches
-
-ANGLES = ("roll", "pitch", "yaw")
-
 IN_DEGREES = ("p", "q", "r", *ANGLES)
+
+_RECORDED: Style = {"color": MEASURED, "linewidth": 2.2, "alpha": 0.4}
+
+_MEASURED: Style = {"color": MEASURED, "linewidth": 1.6, "alpha": 0.55}
 
 
 def measured_against_simulated(
@@ -63,56 +70,71 @@ def measured_against_simulated(
     *,
     channels: Sequence[str],
     titles: Mapping[str, str] | None = None,
-    held_out: NDArray[np.bool_] | None = None,
+    held_out: Mask | None = None,
     heading: str = "",
 ) -> Figure:
     """Figure of a trial's channels, measured and simulated, with residuals.
 
-    Parameters
-    ----------
-    trial : Trial
-    windows : sequence of Window
-        What was simulated, for example `seatrial.scoring.score.Score.windows`; each restarts from the
-        measurement.
-    channels : sequence of str
-        Those to show, from top to bottom.
-    titles : mapping of str to str, optional
-        Remark in the title of a channel's panel: its scores.
-    held_out : array of bool, shape (n,), optional
-        Samples to shade.
-    heading : str
-        Title of the whole figure.
+    Each of the windows (as of `seatrial.scoring.score.Score`) restarts from the measurement; samples that are
+    held out, (n,), are shaded, and a channel's scores stand in the title of its panel.
     """
     with house_style():
-        figure = new_figure(_EDGES_IN + _PANEL_IN * len(channels))
-        heights = [3.0, 1.0] * len(channels)
-        grid = figure.subplots(2 * len(channels), 1, sharex=True, squeeze=False, height_ratios=heights)
-        for row, channel in enumerate(channels):
-            upper, lower = grid[2 * row, 0], grid[2 * row + 1, 0]
+        figure, panels = _panels(trial, channels, panel_in=1.35, lower=1.0)
+        for channel, (upper, lower) in zip(channels, panels, strict=True):
             _channel(upper, lower, trial, windows, channel)
             panel_title(upper, NAMES[channel], (titles or {}).get(channel, ""))
             for axes in (upper, lower):
                 _shade(axes, trial.t, held_out)
-                axes.tick_params(axis="x", bottom=axes is grid[-1, 0])
-        grid[-1, 0].set_xlabel("time, s")
-        grid[-1, 0].set_xlim(trial.t[0], trial.t[-1])
-        figure.align_ylabels(list(grid[:, 0]))
-        figure.get_layout_engine().set(h_pad=0.03, hspace=0.0)  # type: ignore[union-attr, call-arg]
-        _legend(figure, held_out)
-        if heading:
-            figure.suptitle(heading, x=0.01, ha="left", fontweight="bold", fontsize=9)
+        handles: list[Artist] = [
+            stroke("measured", **_MEASURED),
+            stroke("simulated", SIMULATED, linewidth=0.9),
+            stroke("measured \N{MINUS SIGN} simulated", RESIDUAL, linewidth=0.7),
+        ]
+        if held_out is not None and held_out.any():
+            handles.append(field("held out of the fit", SHADE))
+        legend_below(figure, handles)
+        figure_heading(figure, heading, fontsize=9)
     return figure
 
 
-def _channel(upper: Axes, lower: Axes, trial: Trial, windows: Sequence[Window], channel: str) -> None:
+def _panels(
+    trial: Trial, channels: Sequence[str], *, panel_in: float, lower: float
+) -> tuple[Figure, list[tuple[Axes, Axes]]]:
+    """A figure over a trial's time, with a panel per channel and a lower one for its errors."""
+    figure = new_figure(0.85 + panel_in * len(channels))  # 0.85 inches of edges
+    heights = [3.0, lower] * len(channels)
+    grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    for axes in grid:
+        axes.tick_params(axis="x", bottom=axes is grid[-1])
+    grid[-1].set_xlabel("time, s")
+    grid[-1].set_xlim(trial.t[0], trial.t[-1])
+    for channel, upper, errors in zip(channels, grid[::2], grid[1::2], strict=True):
+        upper.set_ylabel(readable(channel)[1])
+        errors.set_ylabel("error", fontsize=7)
+        errors.yaxis.set_major_locator(few_ticks())
+    figure.align_ylabels(list(grid))
+    figure.get_layout_engine().set(h_pad=0.03, hspace=0.0)  # type: ignore[union-attr, call-arg]
+    return figure, list(zip(grid[::2], grid[1::2], strict=True))
+
+
+def _measured(axes: Axes, trial: Trial, channel: str, look: Style) -> Array:
+    """Draw a measured channel, in the unit that people read; the values (n,), SI, an angle unwrapped."""
     k = CHANNELS.index(channel)
-    scale = 1.0 / DEGREE if channel in IN_DEGREES else 1.0
-    unit = ("deg" if channel in IN_DEGREES else "m") + ("/s" if k < 6 else "")
     measured = np.where(trial.valid[:, k], trial.observed[:, k], np.nan)
+    known = np.isfinite(measured)
     if channel in ANGLES:
-        known = np.isfinite(measured)
         measured[known] = np.unwrap(measured[known])
-    upper.plot(trial.t, scale * measured, color=MEASURED, linewidth=1.6, alpha=0.55)
+    shown = readable(channel)[0] * measured
+    axes.plot(trial.t, shown, **look)
+    if known.any():
+        margin = 0.15 * max(float(np.ptp(shown[known])), 1e-6)
+        axes.set_ylim(shown[known].min() - margin, shown[known].max() + margin)
+    return measured
+
+
+def _channel(upper: Axes, lower: Axes, trial: Trial, windows: Sequence[Window], channel: str) -> None:
+    k, (scale, _) = CHANNELS.index(channel), readable(channel)
+    measured = _measured(upper, trial, channel, _MEASURED)
     for window in windows:
         t = trial.t[window.start : window.stop]
         simulated = window.simulated[:, k].copy()
@@ -121,15 +143,8 @@ def _channel(upper: Axes, lower: Axes, trial: Trial, windows: Sequence[Window], 
             simulated = beside(np.unwrap(simulated), observed)
         upper.plot(t, scale * simulated, color=SIMULATED, linewidth=0.9)
         lower.plot(t, scale * (observed - simulated), color=RESIDUAL, linewidth=0.7)
-    shown = scale * measured[np.isfinite(measured)]
-    if len(shown):
-        margin = 0.15 * max(np.ptp(shown), 1e-6)
-        upper.set_ylim(shown.min() - margin, shown.max() + margin)
     residual_limits(lower)
-    upper.set_ylabel(unit)
-    lower.set_ylabel("error", fontsize=7)
-    lower.axhline(0.0, color="#262626", linewidth=0.4)
-    lower.yaxis.set_major_locator(few_ticks())
+    lower.axhline(0.0, color=INK, linewidth=0.4)
 
 
 def residual_limits(axes: Axes) -> None:
@@ -149,7 +164,7 @@ def beside(simulated: Array, observed: Array) -> Array:
     return np.asarray(simulated + 2.0 * np.pi * turns)
 
 
-def _shade(axes: Axes, t: Array, mask: NDArray[np.bool_] | None) -> None:
+def _shade(axes: Axes, t: Array, mask: Mask | None) -> None:
     if mask is None or not mask.any():
         return
     for first, end in runs(mask):
@@ -163,20 +178,6 @@ def few_ticks() -> Locator:
     return MaxNLocator(nbins=2, symmetric=True)
 
 
-def _legend(figure: Figure, held_out: NDArray[np.bool_] | None) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=MEASURED, linewidth=1.6, alpha=0.55, label="measured"),
-        Line2D([], [], color=SIMULATED, linewidth=0.9, label="simulated"),
-        Line2D([], [], color=RESIDUAL, linewidth=0.7, label="measured \N{MINUS SIGN} simulated"),
-    ]
-    if held_out is not None and held_out.any():
-        handles.append(Patch(color=SHADE, label="held out of the fit"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-
-
 _LOOKS: tuple[tuple[str, Any], ...] = (
     (SIMULATED, "-"),
     (RESIDUAL, (0, (4, 1.5))),
@@ -184,22 +185,14 @@ _LOOKS: tuple[tuple[str, Any], ...] = (
     (FOURTH, (0, (5, 1, 1, 1))),
 )
 
-_ANGLES = ("roll", "pitch", "yaw")
-
-_DEGREES = ("p", "q", "r", *_ANGLES)
-
 
 def drawings(
     result: Score | Comparison | Mapping[str, Score], *, free: str = AXES
 ) -> dict[str, Callable[[], Figure]]:
     """A figure per trial, of the velocities of the free axes, or of all channels without any.
 
-    Parameters
-    ----------
-    result
-        Scores by name of the vehicle, all of the same trials, or one score.
-    free : str
-        Letters of the axes that were simulated.
+    Of scores by name of the vehicle, all of the same trials, or of one; `free` are letters of the axes that
+    were simulated.
     """
     if isinstance(result, Score):
         result = {"model": result}
@@ -220,28 +213,21 @@ def drawings(
 
 def variants(trial: Trial, scores: Mapping[str, Score], *, channels: Sequence[str]) -> Figure:
     """Figure of a trial with what every vehicle predicts, per channel, and the errors below."""
-    first = next(iter(scores.values()))
-    looks = {name: _LOOKS[i % len(_LOOKS)] for i, name in enumerate(scores)}
+    ahead_s = next(iter(scores.values())).ahead_s
+    looks: dict[str, Style] = {
+        name: {"color": colour, "linestyle": dashes}
+        for name, (colour, dashes) in zip(scores, cycle(_LOOKS), strict=False)
+    }
     with house_style():
-        figure = new_figure(0.85 + 1.45 * len(channels))  # inches of the edges, and of each panel
-        grid = figure.subplots(
-            2 * len(channels), 1, sharex=True, squeeze=False, height_ratios=[3.0, 1.4] * len(channels)
-        )
-        for row, channel in enumerate(channels):
-            upper, lower = grid[2 * row, 0], grid[2 * row + 1, 0]
+        figure, panels = _panels(trial, channels, panel_in=1.45, lower=1.4)
+        for channel, (upper, lower) in zip(channels, panels, strict=True):
             _variants_panel(upper, lower, trial, scores, looks, channel)
             panel_title(upper, NAMES[channel], _remark(scores, channel))
-            for axes in (upper, lower):
-                axes.tick_params(axis="x", bottom=axes is grid[-1, 0])
-        grid[-1, 0].set_xlabel("time, s")
-        grid[-1, 0].set_xlim(trial.t[0], trial.t[-1])
-        figure.align_ylabels(list(grid[:, 0]))
-        figure.get_layout_engine().set(h_pad=0.03, hspace=0.0)  # type: ignore[union-attr, call-arg]
-        _variants_legend(figure, looks)
-        kind = (
-            f"{first.ahead_s:g} s ahead from the measured state" if np.isfinite(first.ahead_s) else "free run"
-        )
-        figure.suptitle(f"Trial {trial.name}: {kind}", x=0.01, ha="left", fontweight="bold", fontsize=9)
+        handles = [stroke("recorded", **_RECORDED)]
+        handles += [stroke(name, linewidth=1.1, **look) for name, look in looks.items()]
+        legend_below(figure, handles, min(len(handles), 5))
+        kind = f"{ahead_s:g} s ahead from the measured state" if np.isfinite(ahead_s) else "free run"
+        figure_heading(figure, f"Trial {trial.name}: {kind}", fontsize=9)
     return figure
 
 
@@ -250,34 +236,21 @@ def _variants_panel(
     lower: Axes,
     trial: Trial,
     scores: Mapping[str, Score],
-    looks: Mapping[str, tuple[str, Any]],
+    looks: Mapping[str, Style],
     channel: str,
 ) -> None:
-    k = CHANNELS.index(channel)
-    scale = 1.0 / DEGREE if channel in _DEGREES else 1.0
-    measured = np.where(trial.valid[:, k], trial.observed[:, k], np.nan)
-    if channel in _ANGLES:
-        known = np.isfinite(measured)
-        measured[known] = np.unwrap(measured[known])
-    upper.plot(trial.t, scale * measured, color=MEASURED, linewidth=2.2, alpha=0.4)
-    errors: list[Array] = []
+    k, (scale, _) = CHANNELS.index(channel), readable(channel)
+    measured = _measured(upper, trial, channel, _RECORDED)
+    reach = 0.0
     for name, score in scores.items():
-        colour, dashes = looks[name]
-        t, simulated, error = _joined(trial, score.windows, measured, k, angle=channel in _ANGLES)
-        upper.plot(t, scale * simulated, color=colour, linestyle=dashes, linewidth=0.9)
-        lower.plot(t, scale * error, color=colour, linestyle=dashes, linewidth=0.7)
-        errors.append(np.abs(scale * error[np.isfinite(error)]))
-    shown = scale * measured[np.isfinite(measured)]
-    if len(shown):
-        margin = 0.15 * max(float(np.ptp(shown)), 1e-6)
-        upper.set_ylim(shown.min() - margin, shown.max() + margin)
-    reach = max((float(np.quantile(e, 0.995)) for e in errors if len(e)), default=0.0)
+        t, simulated, error = _joined(trial, score.windows, measured, k, angle=channel in ANGLES)
+        upper.plot(t, scale * simulated, linewidth=0.9, **looks[name])
+        lower.plot(t, scale * error, linewidth=0.7, **looks[name])
+        sizes = np.abs(scale * error[np.isfinite(error)])
+        reach = max(reach, float(np.quantile(sizes, 0.995)) if len(sizes) else 0.0)
     if reach > 0.0:
         lower.set_ylim(-1.25 * reach, 1.25 * reach)
-    upper.set_ylabel(("deg" if channel in _DEGREES else "m") + ("/s" if k < 6 else ""))
-    lower.set_ylabel("error", fontsize=7)
-    lower.axhline(0.0, color="#262626", linewidth=0.4)
-    lower.yaxis.set_major_locator(_few_ticks())
+    lower.axhline(0.0, color=INK, linewidth=0.4)
 
 
 def _joined(
@@ -305,7 +278,7 @@ def _remark(scores: Mapping[str, Score], channel: str) -> str:
     """Mean error and R2 of every vehicle, in the order of the legend."""
     if any(score[channel].blind for score in scores.values()):
         return "not scored, commands react to waves"
-    scale = 1.0 / DEGREE if channel in _DEGREES else 1.0
+    scale, _ = readable(channel)
     errors = [scale * score[channel].mae for score in scores.values()]
     words = " | ".join(f"{error:#.2g}" if error < 10.0 else f"{error:.0f}" for error in errors)
     return (
@@ -316,20 +289,3 @@ def _remark(scores: Mapping[str, Score], channel: str) -> str:
 def _r2(value: float) -> str:
     """R2 in three decimals; what is far below zero in short."""
     return f"{value:.3f}" if abs(value) < 10.0 else tidy(value)
-
-
-def _few_ticks() -> Any:
-    from matplotlib.ticker import MaxNLocator
-
-    return MaxNLocator(nbins=2, symmetric=True)
-
-
-def _variants_legend(figure: Figure, looks: Mapping[str, tuple[str, Any]]) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([], [], color=MEASURED, linewidth=2.2, alpha=0.4, label="recorded")]
-    handles += [
-        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.1, label=name)
-        for name, (colour, dashes) in looks.items()
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5))

@@ -32,18 +32,26 @@ from seatrial.report.plot.corridors import (
 )
 from seatrial.report.plot.style import (
     FAINT,
+    FORBIDDEN,
     MEASURED,
     RESIDUAL,
     SIMULATED,
+    WIDTH_IN,
+    Style,
+    band,
+    field,
     house_style,
     new_figure,
+    page_heading,
     panel_title,
+    stroke,
 )
 from seatrial.vehicle.authority import LOOPS as LOOP_NAMES
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -63,11 +71,22 @@ _LABELS = {
     "cross_track": "cross-track position",
 }
 
-_PANELS = 6  # speeds of a figure of responses
 
-_SPEEDS_ON_A_PAGE = 3  # in the figure of corridors
+@dataclass(frozen=True)
+class TuningFigureSettings:
+    """Which trials and margins are drawn."""
 
-_MINUS = "\N{MINUS SIGN}"
+    panels: int = 6  #: Speeds of a figure of responses.
+    speeds_on_a_page: int = 3  #: In the figure of corridors.
+    settling_s: float = 5.0  #: Of the settling, drawn before the first step, s.
+    #: Largest sensitivity; the upper end of what is usual (Åström and Hägglund, 2006).
+    sensitivity: float = 2.0
+    largest_db: float = 45.0  #: A larger gain margin is drawn here, dB.
+    least_s: float = 0.03  #: A smaller delay margin is drawn here, s.
+    largest_s: float = 60.0  #: A larger delay margin is drawn here, s.
+
+
+SETTINGS = TuningFigureSettings()
 
 
 def drawings(tuning: Tuning) -> dict[str, Callable[[], Figure]]:
@@ -78,7 +97,8 @@ def drawings(tuning: Tuning) -> dict[str, Callable[[], Figure]]:
     drawn: dict[str, Callable[[], Figure]] = {}
     for loop in tuned.responses:
         for page, trials in enumerate(_pages(start, tuned, loop), 1):
-            drawn[_paged(f"corridor_{loop}", page)] = partial(_corridors, start, tuned, loop, trials)
+            name = f"corridor_{loop}" if page == 1 else f"corridor_{loop}_{page}"
+            drawn[name] = partial(_corridors, start, tuned, loop, trials)
         drawn[f"responses_{loop}"] = partial(responses, start, tuned, loop)
     if "surge" in tuned.responses:
         drawn["speeds"] = partial(speed_steps, tuning.plan, tuning.start, tuning.autopilot)
@@ -92,11 +112,6 @@ def drawings(tuning: Tuning) -> dict[str, Callable[[], Figure]]:
     return drawn
 
 
-def _paged(name: str, page: int) -> str:
-    """Name of a figure that may need several pages."""
-    return name if page == 1 else f"{name}_{page}"
-
-
 def corridors(start: Performance, tuned: Performance, loop: str) -> Iterator[Figure]:
     """Figures of a loop's steps in their corridor, there and back: start gains beside tuned ones.
 
@@ -107,8 +122,8 @@ def corridors(start: Performance, tuned: Performance, loop: str) -> Iterator[Fig
 
 
 def _pages(start: Performance, tuned: Performance, loop: str) -> list[list[int]]:
-    trials = _one_per_speed(tuned, start, loop)
-    return [trials[k : k + _SPEEDS_ON_A_PAGE] for k in range(0, len(trials), _SPEEDS_ON_A_PAGE)]
+    trials, most = _one_per_speed(tuned, start, loop), SETTINGS.speeds_on_a_page
+    return [trials[k : k + most] for k in range(0, len(trials), most)]
 
 
 def _corridors(start: Performance, tuned: Performance, loop: str, trials: list[int]) -> Figure:
@@ -140,7 +155,7 @@ def responses(start: Performance, tuned: Performance, loop: str) -> Figure:
         first = trials.settle_s
         set_point = np.where((own.t >= first) & (own.t < first + trials.until_s), high, low)
         scale = 1.0 / entry.to_si
-        shown = own.t > first - 5.0  # s of the settling that are drawn before the first step
+        shown = own.t > first - SETTINGS.settling_s
         courses.append(
             Course(
                 name=_step(own, trial, loop),
@@ -164,7 +179,7 @@ def _step(of: Responses, trial: int, loop: str) -> str:
     """Loop, speed and step of a trial, for a title."""
     entry = LOOPS[loop]
     size = of.trials.sizes[trial] / entry.to_si
-    numbers = f"{of.trials.speeds[trial]:.3g} m/s, {size:+.3g} {entry.unit}".replace("-", _MINUS)
+    numbers = f"{of.trials.speeds[trial]:.3g} m/s, {size:+.3g} {entry.unit}".replace("-", "\N{MINUS SIGN}")
     return f"{loop.replace('_', '-')} at {numbers}"
 
 
@@ -192,28 +207,14 @@ def _one_per_speed(tuned: Performance, start: Performance, loop: str) -> list[in
     worst: dict[float, int] = {}
     for trial in sorted(range(len(violated)), key=violated.__getitem__):
         worst.setdefault(own[0][trial].speed_m_s, trial)
-    return [worst[speed] for speed in sorted(worst)][:_PANELS]
+    return [worst[speed] for speed in sorted(worst)][: SETTINGS.panels]
 
 
 Complex = NDArray[np.complex128]
 
-_ROW_IN, _HEAD_IN = 1.5, 0.55  # layout, inches
-
-_SENSITIVITY = 2.0  # the upper end of what is usual (Åström and Hägglund, 2006)
-
-_FORBIDDEN = "#F3C9B5"
-
 _LOOK = {"start gains": (MEASURED, 0.7, 2.6), "tuned": (SIMULATED, 1.7, 3.8)}  # colour, width, marker
 
 _MARKERS = "os^D"  # per mode
-
-_LARGEST_DB, _LEAST_S, _LARGEST_S = 45.0, 0.03, 60.0  # margins beyond are drawn there
-
-_LETTERS, _HANDLE = 126, 6  # that a line of the legend holds, and the room of a handle in letters
-
-_WINDOW = (-2.2, 0.9, -1.25, 1.25)  # of the Nyquist plot: about -1 and the unit circle
-
-_FAR_M_S = 100.0  # a limit is drawn to the edge of its panel
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,24 +234,10 @@ def tuning_margins(
     limits: Margins | None = None,
     sensors: Mapping[str, Sensor] | str | Path | None = None,
 ) -> Figure:
-    """Figure of the margins of an autopilot before and after its tuning.
+    """Figure of the margins of an autopilot of PID loops before and after its tuning.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    autopilots : tuple of Autopilot
-        Before and after, of PID loops.
-    speeds_m_s : sequence of float, optional
-        Desired speeds, m/s; of each its supporting points that the vehicle reaches when missing.
-    limits : Margins, optional
-        Least margins; those of a campaign that gives none when missing.
-    sensors : mapping of str to Sensor, str or Path, optional
-        Their latency and interval count as dead time; perfect ones when missing.
-
-    Raises
-    ------
-    CampaignError
-        An autopilot with a regulator in place of PID loops, or without a speed.
+    At desired speeds, m/s, else at the supporting points that the vehicle reaches; latency and interval of
+    the sensors count as dead time. Limits are those of a campaign that gives none where they are missing.
     """
     sides = []
     for name, autopilot in zip(_LOOK, autopilots, strict=True):
@@ -268,9 +255,10 @@ def tuning_margins(
         ("delay margin", "s", "delay_s", _delay),
     )
     with house_style():
-        height = _ROW_IN * len(used) + _HEAD_IN
+        head_in = 0.55  # title and legend
+        height = 1.5 * len(used) + head_in
         figure = new_figure(height)
-        figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - _HEAD_IN / height))  # type: ignore[union-attr, call-arg]
+        figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - head_in / height))  # type: ignore[union-attr, call-arg]
         grid = figure.subplots(len(used), 4, squeeze=False, width_ratios=(1.0, 1.0, 1.0, 1.25))
         for index, (row, loop) in enumerate(zip(grid, used, strict=True)):
             for axes, (title, unit, key, value) in zip(row, columns, strict=False):
@@ -288,14 +276,8 @@ def tuning_margins(
             axes.set_xlabel("speed ahead, m/s")
         grid[-1, 3].set_xlabel("real part")
         _legend(figure, sides, modes)
-        figure.text(
-            0.01,
-            1.0 - 0.14 / height,
-            f"{vehicle.name}: margins of the linear loops, each opened alone",
-            fontweight="bold",
-            fontsize=10,
-            va="center",
-        )
+        title = f"{vehicle.name}: margins of the linear loops, each opened alone"
+        page_heading(figure, title, left_in=0.01 * WIDTH_IN, below_in=0.14)
     return figure
 
 
@@ -305,11 +287,11 @@ def _phase(point: PointMargins, k: int) -> tuple[float, ...]:
 
 def _gain(point: PointMargins, k: int) -> tuple[float, ...]:
     up, down = (float(decibel(side[0, k])) for side in (point.of.gain, point.of.reduction))
-    return min(up, _LARGEST_DB), down if down < _LARGEST_DB else np.nan
+    return min(up, SETTINGS.largest_db), down if down < SETTINGS.largest_db else np.nan
 
 
 def _delay(point: PointMargins, k: int) -> tuple[float, ...]:
-    return (float(np.clip(point.of.delay_s[0, k], _LEAST_S, _LARGEST_S)),)
+    return (float(np.clip(point.of.delay_s[0, k], SETTINGS.least_s, SETTINGS.largest_s)),)
 
 
 def _margin(
@@ -329,52 +311,40 @@ def _margin(
         stable = np.array([point.growth_per_s[0] == 0.0 for point in points])
         values = np.array([value(point, point.loops.index(loop)) for point in points])
         for column, dashes in zip(values.T, ("-", (0, (3, 2))), strict=False):
-            axes.plot(
-                speed,
-                np.where(stable, column, np.nan),
-                color=colour,
-                linewidth=width,
-                linestyle=dashes,
-                marker=_MARKERS[modes.index(mode) % len(_MARKERS)],
-                markersize=size,
-                markerfacecolor=colour if dashes == "-" else "white",
-                clip_on=False,
-            )
-        axes.plot(
-            speed[~stable],
-            np.full((~stable).sum(), 0.06),
-            "x",
-            color=colour,
-            markersize=4.5,
-            transform=axes.get_xaxis_transform(),
-        )
+            look: Style = {"color": colour, "linewidth": width, "linestyle": dashes, "markersize": size}
+            look["marker"] = _MARKERS[modes.index(mode) % len(_MARKERS)]
+            look["markerfacecolor"] = colour if dashes == "-" else "white"
+            axes.plot(speed, np.where(stable, column, np.nan), clip_on=False, **look)
+        foot: Style = {"color": colour, "markersize": 4.5, "transform": axes.get_xaxis_transform()}
+        axes.plot(speed[~stable], np.full((~stable).sum(), 0.06), "x", **foot)
 
 
 def _limit(axes: Axes, limits: tuple[float, float], unit: str) -> None:
     """Axis of a margin in a unit, and what is short of its limit: astern and ahead."""
     if unit == "s":
         axes.set_yscale("log")
-        axes.set_ylim(_LEAST_S, _LARGEST_S)
-        axes.set_yticks([_LEAST_S, 0.1, 1.0, 10.0, _LARGEST_S], ["", "0.1", "1", "10", "≥60"])
+        axes.set_ylim(SETTINGS.least_s, SETTINGS.largest_s)
+        axes.set_yticks([SETTINGS.least_s, 0.1, 1.0, 10.0, SETTINGS.largest_s], ["", "0.1", "1", "10", "≥60"])
         axes.minorticks_off()
     elif unit == "dB":
-        axes.set_ylim(0.0, _LARGEST_DB)
+        axes.set_ylim(0.0, SETTINGS.largest_db)
         axes.set_yticks([0.0, 15.0, 30.0, 45.0], ["0", "15", "30", "≥45"])
     else:
         axes.set_ylim(0.0, 180.0)
         axes.set_yticks([0.0, 45.0, 90.0, 135.0, 180.0])
-    bottom = axes.get_ylim()[0]
-    for limit, (begin, end) in zip(limits, ((-_FAR_M_S, 0.0), (0.0, _FAR_M_S)), strict=True):
+    bottom, far_m_s = axes.get_ylim()[0], 100.0  # a limit is drawn to the edge of its panel
+    for limit, ends in zip(limits, (np.array([-far_m_s, 0.0]), np.array([0.0, far_m_s])), strict=True):
         if limit > 0.0:
-            axes.fill_between([begin, end], bottom, limit, color=_FORBIDDEN, linewidth=0.0, zorder=0.5)
-            axes.plot([begin, end], [limit, limit], color=RESIDUAL, linewidth=0.9)
+            band(axes, ends, bottom, limit, FORBIDDEN, zorder=0.5)
+            axes.plot(ends, [limit, limit], color=RESIDUAL, linewidth=0.9)
 
 
 def _nyquist(axes: Axes, sides: Sequence[_Side], loop: str) -> None:
     """The open loops of all points about -1."""
     from matplotlib.patches import Circle
 
-    axes.add_patch(Circle((-1.0, 0.0), 1.0 / _SENSITIVITY, color=_FORBIDDEN, linewidth=0.0, zorder=0.5))
+    radius = 1.0 / SETTINGS.sensitivity  # radius of the disk that the response keeps out of
+    axes.add_patch(Circle((-1.0, 0.0), radius, color=FORBIDDEN, linewidth=0.0, zorder=0.5))
     axes.add_patch(Circle((0.0, 0.0), 1.0, fill=False, color=FAINT, linewidth=0.7, linestyle=":"))
     axes.plot(-1.0, 0.0, "+", color=RESIDUAL, markersize=5)
     for side in sides:
@@ -384,8 +354,9 @@ def _nyquist(axes: Axes, sides: Sequence[_Side], loop: str) -> None:
                 response = loops[0, point.loops.index(loop)]
                 dashes = "-" if point.growth_per_s[0] == 0.0 else ":"
                 axes.plot(response.real, response.imag, color=colour, linewidth=0.7 * width, linestyle=dashes)
-    axes.set_xlim(_WINDOW[:2])
-    axes.set_ylim(_WINDOW[2:])
+    # About -1 and the unit circle.
+    axes.set_xlim(-2.2, 0.9)
+    axes.set_ylim(-1.25, 1.25)
     axes.set_aspect("equal")
     axes.set_xticks([-2.0, -1.0, 0.0])
     axes.set_yticks([-1.0, 0.0, 1.0])
@@ -393,42 +364,20 @@ def _nyquist(axes: Axes, sides: Sequence[_Side], loop: str) -> None:
 
 
 def _legend(figure: Figure, sides: Sequence[_Side], modes: Sequence[str]) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=_LOOK[side.name][0], linewidth=_LOOK[side.name][1], label=side.name)
-        for side in sides
+    handles: list[Artist] = [
+        stroke(side.name, _LOOK[side.name][0], linewidth=_LOOK[side.name][1]) for side in sides
     ]
     handles += [
-        Line2D(
-            [], [], color=FAINT, linestyle="", marker=_MARKERS[k % len(_MARKERS)], markersize=4, label=mode
-        )
+        stroke(mode, FAINT, linestyle="", marker=_MARKERS[k % len(_MARKERS)], markersize=4)
         for k, mode in enumerate(modes)
     ]
-    handles.append(
-        Line2D(
-            [],
-            [],
-            color=FAINT,
-            linestyle=(0, (3, 2)),
-            marker="o",
-            markerfacecolor="white",
-            label="gain downwards",
-        )
-    )
+    hollow: Style = {"linestyle": (0, (3, 2)), "marker": "o", "markerfacecolor": "white"}
+    handles.append(stroke("gain downwards", FAINT, **hollow))
     if any(point.growth_per_s[0] > 0.0 for side in sides for point in side.points):
-        handles.append(Line2D([], [], color=FAINT, linestyle="", marker="x", label="unstable (dotted)"))
-    handles.append(Patch(color=_FORBIDDEN, label=f"below its limit, $|S|$ > {_SENSITIVITY:g}"))
-    # Two lines where the page is too narrow for one.
-    wide = sum(len(str(handle.get_label())) + _HANDLE for handle in handles) > _LETTERS
-    figure.legend(
-        handles=handles,
-        loc="upper left",
-        bbox_to_anchor=(0.0, 1.0 - 0.24 / figure.get_figheight()),
-        ncols=-(-len(handles) // 2) if wide else len(handles),
-        labelspacing=0.2,
-        columnspacing=1.1,
-        handletextpad=0.5,
-        borderaxespad=0.0,
-    )
+        handles.append(stroke("unstable (dotted)", FAINT, linestyle="", marker="x"))
+    handles.append(field(f"below its limit, $|S|$ > {SETTINGS.sensitivity:g}", FORBIDDEN))
+    # Two lines where the page is too narrow: one holds 126 letters, a handle takes the room of six.
+    wide = sum(len(str(handle.get_label())) + 6 for handle in handles) > 126
+    place: Style = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.0 - 0.24 / figure.get_figheight())}
+    tight: Style = {"labelspacing": 0.2, "columnspacing": 1.1, "handletextpad": 0.5, "borderaxespad": 0.0}
+    figure.legend(handles=handles, ncols=-(-len(handles) // 2) if wide else len(handles), **place, **tight)

@@ -8,6 +8,7 @@ positions by thin lines; the legend stands where there is room. Held by
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,14 +17,20 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.report.plot.style import (
     CYCLE,
+    FAINT,
     HULL,
     HULL_EDGE,
+    INK,
+    REMARK,
     RESIDUAL,
     WIDTH_IN,
+    Style,
     house_style,
-    label_rows,
+    joined,
     new_figure,
+    page_heading,
     panel_title,
+    stroke,
 )
 
 if TYPE_CHECKING:
@@ -31,8 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial._core import Vehicle
-
-_ALONG = 0.15  # a direction with less than this share in the page is drawn as a point or a cross
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,7 @@ def hull(axes: Axes, view: View, size: list[float], *, box_shaped: bool) -> None
 def centres(axes: Axes, view: View, vehicle: Vehicle) -> None:
     """Marks of the centres of gravity and of buoyancy."""
     values = vehicle.coefficients()
-    for letter, marker, colour in (("g", "o", "#262626"), ("b", "^", CYCLE[0])):
+    for letter, marker, colour in (("g", "o", INK), ("b", "^", CYCLE[0])):
         place = [values.get(f"{axis}_{letter}", 0.0) for axis in "xyz"]
         axes.plot(
             place[view.across],
@@ -98,12 +103,8 @@ def fins(axes: Axes, view: View, vehicle: Vehicle) -> None:
         chord, force = np.array(facts["chord"], float), np.array(facts["direction"], float)
         half = 0.5 * np.sqrt(float(facts["area"]))
         ahead, out = half * chord, half * np.cross(chord, force)
-        corners = np.array(facts["position"], float) + np.array([
-            ahead + out,
-            ahead - out,
-            -ahead - out,
-            -ahead + out,
-        ])
+        square = np.array([ahead + out, ahead - out, -ahead - out, -ahead + out])
+        corners = np.array(facts["position"], float) + square
         across, upright = corners[:, view.across], corners[:, view.upright]
         axes.fill(across, upright, facecolor=HULL, edgecolor=HULL_EDGE, linewidth=1.1, zorder=2)
 
@@ -111,10 +112,12 @@ def fins(axes: Axes, view: View, vehicle: Vehicle) -> None:
 def thrust(axes: Axes, view: View, places: Array, directions: Array, arrow: float, inch: float) -> None:
     """Arrows of positive thrust from the actuators' places; a circle where it points along the view."""
     radius = 0.045 / inch
+    head = "-|>,head_width=0.14,head_length=0.28"
+    pointed = {"arrowstyle": head, "color": RESIDUAL, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0}
     for place, direction in zip(places, directions, strict=True):
         x, y = place[view.across], place[view.upright]
         dx, dy = direction[view.across], direction[view.upright]
-        if np.hypot(dx, dy) < _ALONG:
+        if np.hypot(dx, dy) < SETTINGS.along:
             from matplotlib.patches import Circle
 
             facing = direction[view.viewer] * view.towards > 0.0
@@ -126,90 +129,50 @@ def thrust(axes: Axes, view: View, places: Array, directions: Array, arrow: floa
             )
             continue
         axes.plot(x, y, "o", color=RESIDUAL, markersize=2.6, zorder=5)
-        axes.annotate(
-            "",
-            (x + arrow * dx, y + arrow * dy),
-            (x, y),
-            zorder=5,
-            arrowprops={
-                "arrowstyle": "-|>,head_width=0.14,head_length=0.28",
-                "color": RESIDUAL,
-                "linewidth": 0.9,
-                "shrinkA": 0.0,
-                "shrinkB": 0.0,
-            },
-        )
+        axes.annotate("", (x + arrow * dx, y + arrow * dy), (x, y), zorder=5, arrowprops=pointed)
 
 
 def legend(figure: Figure, corner: tuple[float, float] | None, *, fins: bool) -> None:
     """Legend with its upper left corner at a place in the figure, or in a row at the foot."""
-    from matplotlib.lines import Line2D
-
+    viewed: Style = {"linestyle": "", "markersize": 7, "markeredgewidth": 0.2}
+    positive = "positive thrust, fin force" if fins else "positive thrust"
     handles = [
-        Line2D(
-            [],
-            [],
-            marker="o",
-            linestyle="",
-            color="#262626",
-            markerfacecolor="none",
-            label="centre of gravity",
-        ),
-        Line2D([], [], marker="^", linestyle="", color=CYCLE[0], label="centre of buoyancy"),
-        Line2D(
-            [],
-            [],
-            marker=r"$\rightarrow$",
-            linestyle="",
-            color=RESIDUAL,
-            markersize=9,
-            label="positive thrust, fin force" if fins else "positive thrust",
-        ),
-        Line2D(
-            [],
-            [],
-            marker=r"$\odot$",
-            linestyle="",
-            color=RESIDUAL,
-            markersize=7,
-            markeredgewidth=0.2,
-            label="towards the viewer",
-        ),
-        Line2D(
-            [],
-            [],
-            marker=r"$\otimes$",
-            linestyle="",
-            color=RESIDUAL,
-            markersize=7,
-            markeredgewidth=0.2,
-            label="away",
-        ),
+        stroke("centre of gravity", INK, marker="o", linestyle="", markerfacecolor="none"),
+        stroke("centre of buoyancy", CYCLE[0], marker="^", linestyle=""),
+        stroke(positive, RESIDUAL, marker=r"$\rightarrow$", linestyle="", markersize=9),
+        stroke("towards the viewer", RESIDUAL, marker=r"$\odot$", **viewed),
+        stroke("away", RESIDUAL, marker=r"$\otimes$", **viewed),
     ]
-    if corner is None:
-        figure.legend(
-            handles=handles, loc="lower center", ncols=len(handles), handletextpad=0.3, columnspacing=1.4
-        )
-    else:
-        figure.legend(
-            handles=handles, loc="upper left", bbox_to_anchor=corner, borderaxespad=0.0, borderpad=0.0
-        )
+    place: Style = {"loc": "lower center", "ncols": 5, "handletextpad": 0.3, "columnspacing": 1.4}
+    if corner is not None:
+        place = {"loc": "upper left", "bbox_to_anchor": corner, "borderaxespad": 0.0, "borderpad": 0.0}
+    figure.legend(handles=handles, **place)
 
 
-_LEFT_IN, _GAP_IN, _BOTTOM_IN, _FOOT_IN, _TOP_IN, _RIGHT_IN = (
-    0.62,
-    0.68,
-    0.62,
-    0.46,
-    0.62,
-    0.1,
-)  # layout, inches
+@dataclass(frozen=True)
+class ViewsSettings:
+    """Layout of the page with the three views, inches where nothing else is said."""
 
-_LABELS_IN = 0.28  # height of a row of labels
+    #: A direction with less than this share in the page is drawn as a point or a cross.
+    along: float = 0.15
+    left: float = 0.62
+    right: float = 0.1
+    top: float = 0.62
+    gap: float = 0.68  #: Between side and front.
+    bottom: float = 0.62  #: Below each view: ticks and label.
+    foot: float = 0.46  #: Below the lowest view.
+    tallest: float = 3.1  #: Height of a view at most.
+    labels: float = 0.28  #: Height of a row of labels.
+    label_row: float = 0.10  #: From the middle of a row of labels to the edge of the view.
+    label_air: float = 0.09  #: Between two labels of a row.
+    label_pt: float = 6.5  #: Usual size of a label.
+    smallest_label_pt: float = 4.0  #: Where a row must shrink.
+    legend: float = 1.05  #: Height of the legend as a column.
+    legend_row: float = 0.2  #: Height of the legend as a row.
 
-_LEGEND_IN, _LEGEND_ROW_IN = 1.05, 0.2  # as a column, as a row
 
-_TALLEST_IN = 3.1  # of a view
+SETTINGS = ViewsSettings()
+
 
 _SIDE = View("side", 0, 1.0, 2, -1.0, 1, 1.0, ("x forward, m", "z down, m"))
 
@@ -252,39 +215,22 @@ def three_views(vehicle: Vehicle) -> Figure:
         figure = new_figure(total, constrained=False)
         for view, box, inch in zip((_SIDE, _TOP, _FRONT), boxes, scales, strict=True):
             axes = figure.add_axes((box[0] / WIDTH_IN, box[1] / total, box[2] / WIDTH_IN, box[3] / total))
-            _axes(axes, view, layout.window(view, _LABELS_IN / inch))
+            _axes(axes, view, layout.window(view, SETTINGS.labels / inch))
             if measures:
                 hull(axes, view, size, box_shaped=vehicle.hull_shape in ("box", "frame"))
             fins(axes, view, vehicle)
             centres(axes, view, vehicle)
             thrust(axes, view, places, directions, layout.arrow, inch)
-            signs = np.array([view.right, view.up])
             page, arrows = view.page(places), view.page(directions)
-            label_rows(
-                axes,
-                names,
-                page,
-                arrows,
-                signs=signs,
-                window=layout.window(view, _LABELS_IN / inch),
-                inch=inch,
-            )
+            label_rows(axes, view, names, page, arrows, layout.window(view, SETTINGS.labels / inch), inch)
         front = boxes[2]
-        corner = (front[0] / WIDTH_IN, (front[1] - _BOTTOM_IN) / total)
+        corner = (front[0] / WIDTH_IN, (front[1] - SETTINGS.bottom) / total)
         steered = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
         legend(figure, corner if below else None, fins=steered)
-        figure.text(
-            _LEFT_IN / WIDTH_IN, 1.0 - 0.16 / total, vehicle.name, fontweight="bold", fontsize=10, va="center"
-        )
-        figure.text(
-            1.0 - _RIGHT_IN / WIDTH_IN,
-            1.0 - 0.16 / total,
-            _remark(vehicle, names),
-            fontsize=7.5,
-            ha="right",
-            va="center",
-            color="#404040",
-        )
+        page_heading(figure, vehicle.name, left_in=SETTINGS.left)
+        upper_right = (1.0 - SETTINGS.right / WIDTH_IN, 1.0 - 0.16 / total)
+        remark = _remark(vehicle, names)
+        figure.text(*upper_right, remark, fontsize=7.5, ha="right", va="center", color=REMARK)
     return figure
 
 
@@ -295,27 +241,27 @@ def _boxes(layout: _Layout) -> tuple[list[tuple[float, float, float, float]], tu
     """
     long_m, deep_m = layout.window(_SIDE, 0.0)
     broad_m = layout.window(_TOP, 0.0)[1]
-    fixed = 2.0 * _LABELS_IN
-    free_in = WIDTH_IN - _LEFT_IN - _GAP_IN - _RIGHT_IN
+    fixed = 2.0 * SETTINGS.labels
+    free_in = WIDTH_IN - SETTINGS.left - SETTINGS.gap - SETTINGS.right
     share = float(np.clip(long_m / (long_m + broad_m), 0.5, 0.68))
-    scale = min(share * free_in / (2.0 * long_m), (_TALLEST_IN - fixed) / (2.0 * max(deep_m, broad_m)))
+    scale = min(share * free_in / (2.0 * long_m), (SETTINGS.tallest - fixed) / (2.0 * max(deep_m, broad_m)))
     wide = 2.0 * long_m * scale
     side, top = 2.0 * deep_m * scale + fixed, 2.0 * broad_m * scale + fixed
-    left = _LEFT_IN + wide + _GAP_IN
-    front_wide = WIDTH_IN - left - _RIGHT_IN
-    room = side + top + _BOTTOM_IN
+    left = SETTINGS.left + wide + SETTINGS.gap
+    front_wide = WIDTH_IN - left - SETTINGS.right
+    room = side + top + SETTINGS.bottom
     front_scale = min(front_wide / (2.0 * broad_m), (room - fixed) / (2.0 * deep_m))
     if long_m < 2.0 * broad_m:
         front_scale = min(front_scale, scale)
     front_wide = 2.0 * broad_m * front_scale
     front = 2.0 * deep_m * front_scale + fixed
-    below = room - front > _LEGEND_IN + _BOTTOM_IN
-    bottom = _FOOT_IN + (0.0 if below else _LEGEND_ROW_IN)
-    total = bottom + top + _BOTTOM_IN + side + _TOP_IN
+    below = room - front > SETTINGS.legend + SETTINGS.bottom
+    bottom = SETTINGS.foot + (0.0 if below else SETTINGS.legend_row)
+    total = bottom + top + SETTINGS.bottom + side + SETTINGS.top
     boxes = [
-        (_LEFT_IN, bottom + top + _BOTTOM_IN, wide, side),
-        (_LEFT_IN, bottom, wide, top),
-        (left, total - _TOP_IN - front, front_wide, front),
+        (SETTINGS.left, bottom + top + SETTINGS.bottom, wide, side),
+        (SETTINGS.left, bottom, wide, top),
+        (left, total - SETTINGS.top - front, front_wide, front),
     ]
     return boxes, (scale, scale, front_scale), total, below
 
@@ -349,3 +295,105 @@ def _axes(axes: Axes, view: View, window: tuple[float, float]) -> None:
     axes.locator_params(nbins=5)
     axes.grid(color="#F0F0F0")
     panel_title(axes, view.title)
+
+
+def label_rows(
+    axes: Axes,
+    view: View,
+    names: Sequence[str],
+    page: Array,
+    arrows: Array,
+    window: tuple[float, float],
+    inch: float,
+) -> None:
+    """Label points in rows at the upper and lower edge of a view, one label for those at one place.
+
+    `page` and `arrows` (n, 2) run to the right and up, in m; `window` is half of the view's width and height,
+    m, and `inch` inches per metre.
+    """
+    across, upright = window
+    tie = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.5, "shrinkA": 1.0, "shrinkB": 3.0}
+    rows: dict[float, list[tuple[float, float, str]]] = {1.0: [], -1.0: []}
+    for members in _together(page, 0.06 / inch):  # inches
+        x, y = page[members].mean(axis=0)
+        # On the centre line a label stands where the arrow does not point.
+        side = y if abs(y) > 1e-3 else -arrows[members, 1].sum()
+        rows[-1.0 if side < -1e-3 else 1.0].append((x, y, joined([names[k] for k in members])))
+
+    def width(row: Sequence[tuple[float, float, str]]) -> float:
+        return sum(_width_in(axes, text) for _, _, text in row) / inch
+
+    for side in (1.0, -1.0):
+        _relieve(rows[side], rows[-side], width, room=2.0 * across)
+    for side, row in rows.items():
+        row.sort()
+        widths = [width([entry]) for entry in row]
+        shrink = min(1.0, 2.0 * across / sum(widths)) if widths else 1.0
+        centres = side_by_side([x for x, _, _ in row], [shrink * width for width in widths], across)
+        for (x, y, text), centre in zip(row, centres, strict=True):
+            place = (view.right * x, view.up * y)
+            label = (view.right * centre, view.up * side * (upright - SETTINGS.label_row / inch))
+            size = max(shrink * SETTINGS.label_pt, SETTINGS.smallest_label_pt)
+            axes.annotate(
+                text, place, label, fontsize=size, ha="center", va="center", zorder=3, arrowprops=tie
+            )
+
+
+def _relieve(
+    full: list[tuple[float, float, str]],
+    other: list[tuple[float, float, str]],
+    width: Callable[[Sequence[tuple[float, float, str]]], float],
+    *,
+    room: float,
+) -> None:
+    """Move labels out of a row that is too full, those nearest the centre line first, while it helps."""
+    while width(full) > room:
+        moved = min(full, key=lambda entry: (abs(entry[1]), entry[0]))
+        if width([*other, moved]) >= width(full):
+            return
+        full.remove(moved)
+        other.append(moved)
+
+
+def side_by_side(wanted: Sequence[float], widths: Sequence[float], limit: float) -> list[float]:
+    """Centres near those wanted (sorted), such that intervals of these widths do not overlap.
+
+    They stay within plus and minus the limit where there is room.
+    """
+    if not wanted:
+        return []
+    size = np.asarray(widths, dtype=float)
+    # Intervals that touch move as one block, placed where its members want to be on average.
+    blocks: list[list[int]] = []
+    offsets = np.concatenate([[0.0], np.cumsum(0.5 * (size[:-1] + size[1:]))])
+    free = np.asarray(wanted, dtype=float) - offsets
+    for k in range(len(free)):
+        blocks.append([k])
+        while len(blocks) > 1 and free[blocks[-2]].mean() > free[blocks[-1]].mean():
+            last = blocks.pop()
+            blocks[-1] += last
+    centres = np.concatenate([np.full(len(block), free[block].mean()) for block in blocks]) + offsets
+    centres += max(0.0, float(-limit - (centres[0] - 0.5 * size[0])))
+    centres -= max(0.0, float(centres[-1] + 0.5 * size[-1] - limit))
+    return [round(float(x), 9) for x in centres]
+
+
+def _together(page: Array, distance: float) -> list[list[int]]:
+    """Points grouped with the first one that is nearer than the distance."""
+    groups: list[list[int]] = []
+    for k in range(len(page)):
+        near = next((group for group in groups if np.abs(page[group[0]] - page[k]).max() < distance), None)
+        if near is None:
+            groups.append([k])
+        else:
+            near.append(k)
+    return groups
+
+
+def _width_in(axes: Axes, text: str) -> float:
+    """Width of a label in inches, with some air."""
+    figure = axes.figure
+    sample = figure.text(0.0, 0.0, text, fontsize=SETTINGS.label_pt)
+    width = sample.get_window_extent().width / figure.dpi
+    sample.remove()
+    return float(width) + SETTINGS.label_air

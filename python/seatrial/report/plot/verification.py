@@ -23,22 +23,28 @@ from seatrial.report.plot.style import (
     CYCLE,
     FAINT,
     HULL_EDGE,
+    INK,
     MEASURED,
     RESIDUAL,
     SECOND,
     SHADE,
     SIMULATED,
     THIRD,
+    Style,
+    band,
+    field,
     house_style,
     new_figure,
+    page_heading,
     panel_title,
+    stroke,
 )
+from seatrial.report.plot.style import heading as figure_heading
 from seatrial.report.plot.track import (
     extent,
     layout,
     new_plan,
     page_legend,
-    page_title,
     planned_path,
     profile_axes,
     waypoint_label,
@@ -50,6 +56,7 @@ from seatrial.verification.boundary import FailureBoundary
 from seatrial.verification.causes import odds
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -60,12 +67,6 @@ if TYPE_CHECKING:
     from seatrial.verification.verification import Verification
 
 _COLOUR = {"held": THIRD, "failed": RESIDUAL, "undecided": SECOND}
-
-_ROW_IN = 0.36  # layout, inches
-
-_LONGEST = 34  # letters of a name beside a panel
-
-_DECADE = 0.5  # of a decade, from the smallest number to the edge
 
 
 @dataclass(frozen=True)
@@ -84,11 +85,11 @@ def verified_requirements(rows: Sequence[Verified], *, heading: str = "") -> Fig
     bar ends at the bound on one side. The tick is what is allowed, the field beyond it shaded.
     """
     with house_style():
-        figure = new_figure(0.95 + _ROW_IN * len(rows))
+        figure = new_figure(0.95 + 0.36 * len(rows))
         axes = figure.subplots()
         numbers = [value for row in rows for value in (*_span(row.probability), row.allowed) if value > 0.0]
-        left = 10.0 ** (np.floor(np.log10(min(numbers)) / _DECADE) * _DECADE - _DECADE)
-        right = 1.0
+        # The edge is half a decade to a whole one below the smallest number.
+        left, right = 10.0 ** (0.5 * np.floor(np.log10(min(numbers)) / 0.5) - 0.5), 1.0
         for place, row in enumerate(rows):
             _requirement(axes, row, place, (left, right))
         axes.set_xscale("log")
@@ -128,23 +129,16 @@ def cause_bars(causes: Sequence[Influence], *, heading: str = "", most: int = 6)
             highest = max(axes.get_ylim()[1] for axes in panels[1:])
             for axes in panels[1:]:  # the eye compares their heights
                 axes.set_ylim(0.0, highest)
-        goes = (
-            "what its failures go with"
-            if all(cause.by_failures for cause in shown)
-            else "what its reserve goes with"
-        )
-        figure.suptitle(
-            f"{_short(heading, 56)}: {goes}" if heading else goes, x=0.01, ha="left", fontweight="bold"
-        )
+        failures = all(cause.by_failures for cause in shown)
+        goes = f"what its {'failures go' if failures else 'reserve goes'} with"
+        figure_heading(figure, f"{_short(heading, 56)}: {goes}" if heading else goes)
     return figure
 
 
 def _requirement(axes: Axes, row: Verified, place: int, span: tuple[float, float]) -> None:
     colour = _COLOUR[row.probability.verdict(row.allowed)]
     low, high = _span(row.probability)
-    axes.fill_between(
-        [row.allowed, span[1]], place - 0.42, place + 0.42, color=RESIDUAL, alpha=0.08, linewidth=0.0
-    )
+    band(axes, np.array([row.allowed, span[1]]), place - 0.42, place + 0.42, RESIDUAL, alpha=0.08)
     axes.plot([max(low, span[0]), high], [place, place], color=colour, linewidth=3.2, solid_capstyle="butt")
     if row.probability.failures:
         axes.plot(row.probability.estimate, place, "o", color=colour, markersize=6.0, markeredgecolor="white")
@@ -166,11 +160,10 @@ def _strengths(axes: Axes, causes: Sequence[Influence]) -> None:
     by_failures = all(cause.by_failures for cause in causes)
     for place, cause in enumerate(causes):
         axes.barh(place, cause.strength, height=0.62, color=SIMULATED if cause.named else FAINT)
-        inside = cause.strength > 0.6
-        axes.text(
-            cause.strength + (-0.02 if inside else 0.02), place, _size(cause), va="center", fontsize=6.5,
-            ha="right" if inside else "left", color="white" if inside and cause.named else "#262626",
-        )  # fmt: skip
+        x, look = cause.strength + 0.02, Style(ha="left", color=INK)
+        if cause.strength > 0.6:
+            x, look = cause.strength - 0.02, Style(ha="right", color="white" if cause.named else INK)
+        axes.text(x, place, _size(cause), va="center", fontsize=6.5, **look)
     axes.set_yticks(range(len(causes)), [_two_lines(entry.label, 24) for entry in causes], fontsize=6.5)
     axes.set_ylim(max(len(causes), 1) - 0.4, -0.6)
     axes.set_xlim(0.0, 1.0)
@@ -199,22 +192,18 @@ def _rates(axes: Axes, cause: Influence) -> None:
     axes.set_ylim(bottom=0.0)
     axes.grid(visible=False, axis="x")
     axes.set_title(_two_lines(cause.name, 19), loc="left", fontweight="bold", fontsize=7)
+    aslant: Style = {"rotation": 30, "ha": "right", "rotation_mode": "anchor", "fontsize": 6.0}
     if groups.edges:
         first = [label.split(" to ")[0] for label in groups.labels]
         words = [*first, groups.labels[-1].split(" to ")[1]]
         words = [word.replace("-", "\N{MINUS SIGN}") for word in words]
-        axes.set_xticks(
-            np.arange(len(words)) - 0.5, words, rotation=30, ha="right", rotation_mode="anchor", fontsize=6.0
-        )
+        axes.set_xticks(np.arange(len(words)) - 0.5, words, **aslant)
         axes.set_xlabel(f"fifths, {cause.unit}" if cause.unit and cause.unit != "1" else "fifths")
     elif cause.kind == "direction":
         axes.set_xticks(range(len(runs)), groups.labels, fontsize=6.0)
         axes.set_xlabel("towards")
     else:
-        axes.set_xticks(
-            range(len(runs)), [_short(label, 12) for label in groups.labels], rotation=30, ha="right",
-            rotation_mode="anchor", fontsize=6.0,
-        )  # fmt: skip
+        axes.set_xticks(range(len(runs)), [_short(label, 12) for label in groups.labels], **aslant)
 
 
 def _two_lines(name: str, width: int) -> str:
@@ -222,7 +211,7 @@ def _two_lines(name: str, width: int) -> str:
     return "\n".join(wrap(name, width, max_lines=2, placeholder="\N{HORIZONTAL ELLIPSIS}"))
 
 
-def _short(name: str, longest: int = _LONGEST) -> str:
+def _short(name: str, longest: int = 34) -> str:
     return name if len(name) <= longest else f"{name[: longest - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
@@ -256,11 +245,7 @@ def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figu
         profile = profile_axes(figure, page)
         for number, (worst, track) in enumerate(zip(flights, tracks, strict=True)):
             colour = CYCLE[number % len(CYCLE)]
-            style: dict[str, Any] = {
-                "color": colour,
-                "linewidth": 1.2 if number == 0 else 0.9,
-                "zorder": 4.0 - 0.1 * number,
-            }
+            style = Style(color=colour, linewidth=1.2 if number == 0 else 0.9, zorder=4.0 - 0.1 * number)
             plan.axes.plot(track[:, 1], track[:, 0], label=worst.label, **style)
             plan.axes.plot(track[-1, 1], track[-1, 0], "s", color=colour, markersize=4.0, zorder=5.0)
             profile.plot(worst.flight.t[: len(track)], track[:, 2], **style)
@@ -271,7 +256,7 @@ def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figu
         profile.ticklabel_format(useOffset=False)
         profile.set_xlim(0.0, max(float(worst.flight.t[-1]) for worst in flights))
         panel_title(profile, "depth")
-        page_title(figure, page, heading or f"worst missions of {first.mission.name}")
+        page_heading(figure, heading or f"worst missions of {first.mission.name}", below_in=0.13)
         page_legend(figure, (plan.axes, profile), page)
     return figure
 
@@ -286,13 +271,10 @@ def _within(obstacle: tuple[float, float, float], corners: tuple[Array, Array]) 
 def _obstacles(axes: Axes, obstacles: Sequence[tuple[float, float, float]]) -> None:
     from matplotlib.patches import Circle
 
+    look = Style(facecolor=SHADE, edgecolor=HULL_EDGE, linewidth=0.8, zorder=1.5)
     for number, (north, east, radius) in enumerate(obstacles):
-        axes.add_patch(
-            Circle(
-                (east, north), radius, facecolor=SHADE, edgecolor=HULL_EDGE, linewidth=0.8, zorder=1.5,
-                label=_OBSTACLE if number == 0 else None,
-            )
-        )  # fmt: skip
+        label = None if number else _OBSTACLE
+        axes.add_patch(Circle((east, north), radius, label=label, **look))
 
 
 _LIMIT = re.compile(r"\b((?:true_)?cross_track_p95_m) <=? ([0-9.]+)")
@@ -337,22 +319,21 @@ def _cross_track(verification: Verification) -> Figure:
         limit for judged in verification.requirements for limit in _LIMIT.findall(judged.requirement.holds)
     ]
     # Where requirements ask for both, the true error is what matters.
-    figure, limit = max(asked, key=lambda limit_of: limit_of[0] == _TRUE, default=(_TRUE, ""))
+    metric, limit = max(asked, key=lambda limit_of: limit_of[0] == _TRUE, default=(_TRUE, ""))
     return cross_track(
         verification.flown.true_counts,
         error_edges(),
         perceived=verification.flown.perceived_counts,
-        p95_m=verification.flown.metrics[figure],
-        of="true" if figure == _TRUE else "as guidance perceived it",
+        p95_m=verification.flown.metrics[metric],
+        of="true" if metric == _TRUE else "as guidance perceived it",
         threshold_m=float(limit) if limit else None,
     )
 
 
 def _worst(verification: Verification, judged: JudgedRequirement) -> Figure:
     """Tracks of the worst missions, as far as they fly the same mission as the worst of all."""
-    same = [run for run in judged.worst if run.mission == judged.worst[0].mission][
-        :4
-    ]  # more hide one another
+    same = [run for run in judged.worst if run.mission == judged.worst[0].mission]
+    same = same[:4]  # more hide one another
     flights = [
         WorstFlight(
             f"mission {run.number}: {reserve(run.reserve, judged.judgement.unit)}",
@@ -360,9 +341,8 @@ def _worst(verification: Verification, judged: JudgedRequirement) -> Figure:
         )
         for run in same
     ]
-    return worst_missions(
-        flights, heading=f"{same[0].mission}, {judged.requirement.name}: smallest robustness"
-    )
+    title = f"{same[0].mission}, {judged.requirement.name}: smallest robustness"
+    return worst_missions(flights, heading=title)
 
 
 _SAFE, _UNSAFE = "#CFE3F2", "#F4D3BE"
@@ -385,7 +365,7 @@ def _curve(axes: Axes, boundaries: FailureBoundary, boundary: RequirementBoundar
     x = np.array([boundaries.value(0, at) for at in surface.axis])
     low, high = (ndtr(surface.mean + sign * surface.quantile * surface.sd) for sign in (-1.0, 1.0))
     sure = f"{100.0 * boundaries.scenario.flights.table.confidence:g} %"
-    axes.fill_between(x, low, high, color=SIMULATED, alpha=0.2, linewidth=0.0, label=f"{sure} band")
+    band(axes, x, low, high, SIMULATED, alpha=0.2, label=f"{sure} band")
     axes.plot(x, surface.probability, color=SIMULATED, label="failure probability")
     allowed = boundary.requirement.allowed
     axes.axhline(allowed, color=RESIDUAL, linewidth=0.9, label=f"allowed, {share(allowed)}")
@@ -393,9 +373,8 @@ def _curve(axes: Axes, boundaries: FailureBoundary, boundary: RequirementBoundar
         label = f"boundary and its {sure} interval" if k == 0 else None
         axes.axvspan(start, stop, color=SHADE, linewidth=0.0, zorder=0.5, label=label)
         axes.axvline(value, color=MEASURED, linewidth=0.9, linestyle="--", zorder=1.0)
-    axes.plot(
-        boundaries.places[:, 0], np.zeros(len(boundaries.places)), "|", color=FAINT, label="places flown"
-    )
+    flown = boundaries.places[:, 0]
+    axes.plot(flown, np.zeros(len(flown)), "|", color=FAINT, label="places flown")
     axes.set_xlim(x[0], x[-1])
     top = float(np.max(surface.probability))
     axes.set_ylim(-0.02 * max(top, 3.0 * allowed), max(1.1 * top, 3.0 * allowed))
@@ -406,8 +385,6 @@ def _curve(axes: Axes, boundaries: FailureBoundary, boundary: RequirementBoundar
 
 def _map(axes: Axes, boundaries: FailureBoundary, boundary: RequirementBoundary) -> None:
     from matplotlib.colors import ListedColormap
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     surface = boundary.surface
     first, second = ([boundaries.value(k, at) for at in surface.axis] for k in (0, 1))
@@ -417,19 +394,17 @@ def _map(axes: Axes, boundaries: FailureBoundary, boundary: RequirementBoundary)
     axes.contourf(first, second, np.clip(off, -1e6, 1e6).T, levels=np.clip(edges, -1e7, 1e7), colors=colours)
     over = (surface.mean - surface.level).T
     sure = f"{100.0 * boundaries.scenario.flights.table.confidence:g} %"
-    handles: list[Any] = [
-        Patch(color=_SAFE, label=f"holds, {sure} sure"),
-        Patch(facecolor="white", edgecolor=FAINT, label="not known"),
-        Patch(color=_UNSAFE, label=f"fails, {sure} sure"),
+    handles: list[Artist] = [
+        field(f"holds, {sure} sure", _SAFE),
+        field("not known", "white", edgecolor=FAINT),
+        field(f"fails, {sure} sure", _UNSAFE),
     ]
     if over.min() < 0.0 < over.max():
         axes.contour(first, second, over, levels=[0.0], colors=[MEASURED], linewidths=1.2)
         allowed = share(boundary.requirement.allowed)
-        handles.append(Line2D([], [], color=MEASURED, label=f"failure probability {allowed}"))
-    axes.plot(
-        boundaries.places[:, 0], boundaries.places[:, 1], ".", color=FAINT, markersize=3.0, clip_on=False
-    )
-    handles.append(Line2D([], [], marker=".", color=FAINT, linestyle="", label="places flown"))
+        handles.append(stroke(f"failure probability {allowed}", MEASURED))
+    axes.plot(*boundaries.places[:, :2].T, ".", color=FAINT, markersize=3.0, clip_on=False)
+    handles.append(stroke("places flown", FAINT, marker=".", linestyle=""))
     axes.grid(visible=False)
     axes.set_xlabel(_label(next(iter(boundaries.variables))))
     axes.set_ylabel(_label(list(boundaries.variables)[1]))
