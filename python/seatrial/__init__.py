@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from seatrial.flight.fly import fly_batch as fly_batch
     from seatrial.flight.mission import Mission as Mission
     from seatrial.flight.navigation import NavigationFilter as NavigationFilter
+    from seatrial.flight.navigation import ProcessNoise as ProcessNoise
+    from seatrial.flight.navigation import SampleGate as SampleGate
     from seatrial.flight.sea import SeaState as SeaState
     from seatrial.identification.fitted import Fitted as Fitted
     from seatrial.identification.identification import Identification as Identification
@@ -110,6 +112,8 @@ _HOME = {
     "Mission": "seatrial.flight.mission",
     "MissionLog": "seatrial.verification.mission_log.log",
     "NavigationFilter": "seatrial.flight.navigation",
+    "ProcessNoise": "seatrial.flight.navigation",
+    "SampleGate": "seatrial.flight.navigation",
     "Outage": "seatrial.flight.failures",
     "Plan": "seatrial.experiment.plan_result",
     "Problem": "seatrial.problem.problem",

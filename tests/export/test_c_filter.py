@@ -287,8 +287,7 @@ def everything(vehicle: str = "cwolf", *, late: float = 0.0, gate: float = 5.0) 
         landmarks=MARKS,
         seabed=(40.0, 0.01, -0.02),
         tilt={"dvl": (0.05, -0.02, 0.3), "gyro": (0.0, 0.02, 0.0), "attitude": (0.01, 0.0, 0.05)},
-        longest_age_s=late,
-        gate=gate,
+        gate=st.SampleGate(deviations=gate, longest_age_s=late),
     )
 
 
@@ -310,7 +309,7 @@ def test_a_late_sample_in_c_is_the_cores(tmp_path: Path) -> None:
         "dvl": Sensor(noise=0.006, latency_s=0.14),
         "gyro": Sensor(noise=0.05),
     }
-    filter = st.NavigationFilter("remus100", sensors, longest_age_s=0.3)
+    filter = st.NavigationFilter("remus100", sensors, gate=st.SampleGate(longest_age_s=0.3))
     ours, theirs, _ = compared(tmp_path, filter, "remus100", {}, periods=200, compiler="clang", late=True)
     print(f"largest relative difference {apart(ours, theirs):.2g}")
     assert apart(ours, theirs) < 1e-9
@@ -412,7 +411,9 @@ def test_a_cortex_m7_flies_by_the_filter_in_qemu(toured: tuple[st.CExport, Array
 def test_what_of_a_filter_is_not_exported_is_refused(tmp_path: Path) -> None:
     sea = SeaState(0.5, 4.0)
     with pytest.raises(SimulationError, match="told of waves is not exported"):
-        st.export_c("cwolf", out=tmp_path, navigation=st.NavigationFilter("cwolf", waves=sea))
+        st.export_c(
+            "cwolf", out=tmp_path, navigation=st.NavigationFilter("cwolf", noise=st.ProcessNoise(waves=sea))
+        )
     blind = st.NavigationFilter("cwolf", {"depth": Sensor(noise=0.01)})
     with pytest.raises(SimulationError, match="expected a sensor of the attitude"):
         st.export_c("cwolf", out=tmp_path, navigation=blind)

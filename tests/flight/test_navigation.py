@@ -35,6 +35,9 @@ depth_m = 5.0
 """
 
 
+EXACT = st.ProcessNoise(exact_model=True)
+
+
 def settled(**settings: Any) -> st.NavigationFilter:
     """A filter that has stood still for three seconds."""
     navigation = st.NavigationFilter("cwolf", **settings)
@@ -59,12 +62,14 @@ def test_a_filter_takes_the_model_error_of_the_vehicle_file_unless_told_otherwis
             navigation.step(HERE if k < 30 else LEVEL)
         return np.sqrt(np.diag(navigation.covariance))
 
-    by_file, by_hand = deviations(vehicle), deviations(cwolf, **noise)
+    by_file, by_hand = deviations(vehicle), deviations(cwolf, noise=st.ProcessNoise(**noise))
     assert by_file.tolist() == by_hand.tolist()
-    assert deviations(vehicle, force=[30.0] * 6)[12:15].min() > 2.0 * by_file[12:15].max()
+    assert (
+        deviations(vehicle, noise=st.ProcessNoise(force=[30.0] * 6))[12:15].min() > 2.0 * by_file[12:15].max()
+    )
     # Told that the vehicle moves as the model does, a filter leaves the table aside.
-    exact = deviations(cwolf, exact_model=True)
-    assert deviations(vehicle, exact_model=True).tolist() == exact.tolist()
+    exact = deviations(cwolf, noise=EXACT)
+    assert deviations(vehicle, noise=EXACT).tolist() == exact.tolist()
     assert deviations(vehicle.without_model_error()).tolist() == deviations(cwolf).tolist()
 
 
@@ -148,7 +153,7 @@ def test_law_errors_are_as_large_as_the_covariance_says_in_the_documented_order(
     }
 
     def normalised(shift: int) -> float:
-        navigation = st.NavigationFilter(vehicle, sensors, exact_model=True, start_deviation_m=0.1)
+        navigation = st.NavigationFilter(vehicle, sensors, noise=EXACT, start_deviation_m=0.1)
         squares = []
         for k in range(1, len(t) - 1):
             truth = dict(zip("uvwpqr", run.nu[k], strict=True)) | {"z": run.position[k, 2]}
@@ -169,7 +174,7 @@ def test_law_errors_are_as_large_as_the_covariance_says_in_the_documented_order(
 
 def test_a_lost_lock_is_noticed_and_begun_again_where_the_vehicle_is() -> None:
     """The vehicle is turned and carried off between two samples: two instruments contradict the estimate."""
-    navigation = settled(exact_model=True)
+    navigation = settled(noise=EXACT)
     carried = HERE | {"roll": 0.0, "yaw": 2.0, "u": 1.5, "v": 0.4, "w": 0.0, "p": 0.0, "q": 0.0, "r": 0.0}
     carried = {name: value for name, value in carried.items() if name not in "xy"}
     for _ in range(60):
@@ -186,7 +191,7 @@ def test_a_lost_lock_is_noticed_and_begun_again_where_the_vehicle_is() -> None:
 
 
 def test_one_instrument_that_contradicts_the_rest_does_not_begin_the_filter_anew() -> None:
-    navigation = settled(exact_model=True)
+    navigation = settled(noise=EXACT)
     still = HERE | {"u": 0.0, "v": 0.0, "w": 0.0, "p": 0.0, "q": 0.0, "r": 0.0}
     for k in range(200):
         navigation.step(still | ({"z": 3.0} if k > 60 else {}))
@@ -260,15 +265,22 @@ def test_acoustics_find_the_place_of_a_vehicle_that_starts_in_doubt() -> None:
         ({"start": [1.0, 2.0]}, "start: expected three finite numbers, north, east, down in m, found"),
         ({"tilt": {"dvl": [1.0]}}, "tilt: dvl: expected three finite numbers, roll, pitch, yaw in rad"),
         ({"seabed": "a"}, "seabed: expected its depth in m"),
-        ({"force": [1.0, 2.0]}, "force: expected 6"),
+        ({"noise": st.ProcessNoise(force=[1.0, 2.0])}, "force: expected 6"),
         ({"tilt": {"sonar": [0.0, 0.0, 0.0]}}, 'no sensor "sonar"'),
         ({"landmarks": {"a": (1.0, 2.0)}}, "expected a Beacon, Wall or Pen"),
-        ({"gate": float("nan")}, "gate"),
+        ({"gate": st.SampleGate(deviations=float("nan"))}, "gate"),
     ],
 )
 def test_settings_that_mean_nothing_are_refused(settings: dict[str, Any], message: str) -> None:
     with pytest.raises((SimulationError, st.TrialError), match=message):
         st.NavigationFilter("cwolf", **settings)
+
+
+def test_a_setting_that_has_a_group_names_it() -> None:
+    with pytest.raises(
+        TypeError, match=r"NavigationFilter: patience_s is a field of st\.SampleGate; give gate="
+    ):
+        st.NavigationFilter("cwolf", patience_s=1.0)  # type: ignore[call-arg]
 
 
 def test_a_flight_lives_on_the_estimate_through_fifty_seconds_without_a_doppler_log() -> None:
@@ -351,14 +363,14 @@ def test_innovations_are_as_large_as_sensors_and_sea_make_them() -> None:
 def test_a_filter_that_is_told_of_waves_believes_its_doppler_log_in_them() -> None:
     refused = []
     for waves in (None, st.SeaState(1.0, 8.0, toward_deg=90.0)):
-        navigation = st.NavigationFilter("cwolf", waves=waves, exact_model=True)
+        navigation = st.NavigationFilter("cwolf", noise=st.ProcessNoise(waves=waves, exact_model=True))
         for k in range(300):
             navigation.step(LEVEL | {"z": 0.0, "v": 0.2 * np.sin(0.08 * k)})
         refused.append(navigation.refused.get("v", (0, ""))[0])
     assert refused[0] > 100
     assert refused[1] == 0
     with pytest.raises(SimulationError, match=r"waves: expected st\.SeaState"):
-        st.NavigationFilter("cwolf", waves=0.5)  # type: ignore[arg-type]
+        st.NavigationFilter("cwolf", noise=st.ProcessNoise(waves=0.5))  # type: ignore[arg-type]
 
 
 def test_measured_revolutions_are_those_of_now() -> None:

@@ -55,7 +55,7 @@ def test_an_unlogged_force_is_found_with_its_memory() -> None:
     assert found["force"][pushed] == pytest.approx(drawn[pushed], rel=0.15)
     assert found["force_time_s"] == pytest.approx(TIME_S, rel=0.3)  # 150 memories
     assert np.all(found["force"] > 0.0)
-    assert st.NavigationFilter(vehicle, "typical", **found).waiting_for
+    assert st.NavigationFilter(vehicle, "typical", noise=st.ProcessNoise(**found)).waiting_for
 
 
 def test_samples_that_do_not_count_do_not_change_it() -> None:

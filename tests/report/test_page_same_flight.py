@@ -130,7 +130,11 @@ def test_the_page_takes_every_input_from_the_record(opened: Opened, tmp_path: Pa
         "initial": st.State([1.0, -2.0, 2.0], [0.05, -0.02, 0.3], [0.4, 0.0, 0.0, 0.0, 0.0, 0.01]),
         "sensors": "typical",
         "navigation": st.NavigationFilter(
-            vehicle, "typical", period_s=0.1, gate=4.0, waves=st.SeaState(0.4, 5.0), longest_age_s=0.0
+            vehicle,
+            "typical",
+            period_s=0.1,
+            noise=st.ProcessNoise(waves=st.SeaState(0.4, 5.0)),
+            gate=st.SampleGate(deviations=4.0, longest_age_s=0.0),
         ),
         "waves": st.SeaState(0.3, 6.0, toward_deg=40.0, spreading_deg=10.0),
         "current_trend": [0.2, 0.0, 0.0],

@@ -331,6 +331,7 @@ def takes(**kinds: type[Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        called = function.__qualname__.removesuffix(".__init__").rpartition(".")[2]
         names = set(function.__annotations__)
         homes = {
             field.name: (parameter, kind)
@@ -345,13 +346,13 @@ def takes(**kinds: type[Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 if keyword in homes:
                     parameter, kind = homes[keyword]
                     raise TypeError(
-                        f"{function.__name__}: {keyword} is a field of st.{kind.__name__}; give"
+                        f"{called}: {keyword} is a field of st.{kind.__name__}; give"
                         f" {parameter}=st.{kind.__name__}({keyword}=...)"
                     )
                 if keyword in kinds and not isinstance(value, kinds[keyword]):
                     name = kinds[keyword].__name__
                     raise TypeError(
-                        f"{function.__name__}: {keyword}: expected an st.{name}, found {value!r}; give"
+                        f"{called}: {keyword}: expected an st.{name}, found {value!r}; give"
                         f" {keyword}=st.{name}(...)"
                     )
             return function(*args, **kwargs)

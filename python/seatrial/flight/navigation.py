@@ -20,6 +20,7 @@ from seatrial._core import Filter, Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError, nearest
 from seatrial.base.toml_file import loaded
+from seatrial.base.work import takes
 from seatrial.flight.checks import (
     FLIGHT_LIMITS,
     checked_bottom,
@@ -99,6 +100,121 @@ class Pen:
     radius: float
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ProcessNoise:
+    """What moves a vehicle beside its model, as a navigation filter expects it.
+
+    Attributes
+    ----------
+    force : (6,) array_like, optional
+        Standard deviation of the force that the model does not know, N and N m; by default what the vehicle
+        file has under ``[model_error]``, as `seatrial.identify` wrote it, else that of 0.03 m/s2 and 0.03
+        rad/s2.
+    force_time_s : float, optional
+        Its time constant; by default that of the file, else 10 s.
+    acceleration : (6,) array_like, optional
+        Standard deviation of velocity that white noise of acceleration makes in a second, m/s and rad/s;
+        by default that of the file, else 0.005.
+    current : (3,) array_like, optional
+        Standard deviation of the current, north, east, down, m/s.
+    current_time_s : float, optional
+        Its time constant; 1000 s when omitted.
+    turbulence_m_s : float or (3,) array_like
+        Standard deviations of its gusts, north, east, down; one number is that of both horizontal ones.
+    turbulence_times_s : (float, float)
+        Their time constant and that of their second lag, as of `fly`.
+    waves : SeaState, optional
+        The sea that is expected. Its orbital motion is noise of what is measured against the ground: the
+        estimate is that of the motion without it.
+    exact_model : bool
+        Whether the vehicle is simulated by the model itself. Then the model explains nearly all, and the
+        defaults of force, acceleration and current follow from the noise of the sensors.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.ProcessNoise(waves=st.SeaState(0.5, 6.0)).exact_model
+    False
+    """
+
+    force: ArrayLike | None = None
+    force_time_s: float | None = None
+    acceleration: ArrayLike | None = None
+    current: ArrayLike | None = None
+    current_time_s: float | None = None
+    turbulence_m_s: ArrayLike = 0.0
+    turbulence_times_s: tuple[float, float] = FLIGHT_LIMITS.turbulence_times_s
+    waves: SeaState | None = None
+    exact_model: bool = False
+
+    def numbers(self) -> dict[str, Any]:
+        """The same as the core takes it, checked; without the waves."""
+        if self.force_time_s is not None:
+            within("force_time_s", self.force_time_s, (0.1, 1e5), "s")
+        usual = 3e4 if self.exact_model else 1e3
+        slow_time = usual if self.current_time_s is None else self.current_time_s
+        within("current_time_s", slow_time, (1.0, 1e6), "s")
+        gusts = checked_turbulence(self.turbulence_m_s, "turbulence_m_s")
+        if not (self.waves is None or isinstance(self.waves, SeaState)):
+            raise SimulationError(
+                f"waves: expected st.SeaState(height_m, period_s, toward_deg=...), found {self.waves!r}"
+            )
+        current = _positive("current", self.current, 3)
+        return {
+            "force": _positive("force", self.force, 6),
+            "force_time_s": self.force_time_s,
+            "acceleration": _positive("acceleration", self.acceleration, 6),
+            "current": np.array([0.2, 0.2, 0.02]) if current is None else current,
+            "current_time_s": slow_time,
+            "gusts": (*gusts, *checked_times(self.turbulence_times_s)),
+            "gyro_walk": 1e-6,
+            "exact_model": self.exact_model,
+        }
+
+
+USUAL_NOISE = ProcessNoise()
+"""The model error of the vehicle file, a slow current, no gusts and no waves."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampleGate:
+    """Which samples a navigation filter believes.
+
+    Attributes
+    ----------
+    deviations : float
+        Of an innovation, beyond which a sample is refused.
+    patience_s : float
+        Time of refusals without a break after which a sensor is believed again.
+    longest_age_s : float
+        How much later than its latency a sample may be; with the largest latency it says what is kept.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.SampleGate(patience_s=10.0).deviations
+    5.0
+    """
+
+    deviations: float = 5.0
+    patience_s: float = 5.0
+    longest_age_s: float = 0.5
+
+    def numbers(self) -> dict[str, Any]:
+        """The same as the core takes it, checked."""
+        within("gate", self.deviations, (1.0, 1000.0), "standard deviations")
+        within("patience_s", self.patience_s, (0.1, 3600.0), "s")
+        within("longest_age_s", self.longest_age_s, (0.0, 60.0), "s")
+        return {
+            "gate": (float(self.deviations), float(self.patience_s)),
+            "longest_age_s": float(self.longest_age_s),
+        }
+
+
+USUAL_GATE = SampleGate()
+"""Five deviations, five seconds, half a second."""
+
+
 class NavigationFilter:
     """Navigation filter of a vehicle, one step at a time: a measurement in, an estimate out.
 
@@ -121,35 +237,10 @@ class NavigationFilter:
         Where the vehicle begins unless a sensor says it: north, east, down, m.
     start_deviation_m : float, optional
         Standard deviation of that.
-    force : (6,) array_like, optional
-        Standard deviation of the force that the model does not know, N and N m; by default what the vehicle
-        file has under ``[model_error]``, as `seatrial.identify` wrote it, else that of 0.03 m/s2 and 0.03
-        rad/s2.
-    force_time_s : float, optional
-        Its time constant; by default that of the file, else 10 s.
-    acceleration : (6,) array_like, optional
-        Standard deviation of velocity that white noise of acceleration makes in a second, m/s and rad/s;
-        by default that of the file, else 0.005.
-    current : (3,) array_like, optional
-        Standard deviation of the current, north, east, down, m/s.
-    current_time_s : float, optional
-        Its time constant; 1000 s when omitted.
-    turbulence_m_s : float or (3,) array_like, optional
-        Standard deviations of its gusts, north, east, down; one number is that of both horizontal ones.
-    turbulence_times_s : (float, float), optional
-        Their time constant and that of their second lag, as of `fly`.
-    waves : SeaState, optional
-        The sea that is expected. Its orbital motion is noise of what is measured against the ground: the
-        estimate is that of the motion without it.
-    exact_model : bool, optional
-        Whether the vehicle is simulated by the model itself. Then the model explains nearly all, and the
-        defaults of force, acceleration and current follow from the noise of the sensors.
-    gate : float, optional
-        Deviations of an innovation beyond which a sample is refused.
-    patience_s : float, optional
-        Time of refusals without a break after which a sensor is believed again.
-    longest_age_s : float, optional
-        How much later than its latency a sample may be; with the largest latency it says what is kept.
+    noise : ProcessNoise, optional
+        What moves the vehicle beside its model.
+    gate : SampleGate, optional
+        Which samples are believed.
 
     Raises
     ------
@@ -167,6 +258,7 @@ class NavigationFilter:
     (5.0, [])
     """
 
+    @takes(noise=ProcessNoise, gate=SampleGate)
     def __init__(
         self,
         vehicle: Vehicle | str | Path,
@@ -178,58 +270,23 @@ class NavigationFilter:
         tilt: Mapping[str, ArrayLike] | None = None,
         start: ArrayLike = (0.0, 0.0, 0.0),
         start_deviation_m: float = 1.0,
-        force: ArrayLike | None = None,
-        force_time_s: float | None = None,
-        acceleration: ArrayLike | None = None,
-        current: ArrayLike | None = None,
-        current_time_s: float | None = None,
-        turbulence_m_s: ArrayLike = 0.0,
-        turbulence_times_s: tuple[float, float] = FLIGHT_LIMITS.turbulence_times_s,
-        waves: SeaState | None = None,
-        exact_model: bool = False,
-        gate: float = 5.0,
-        patience_s: float = 5.0,
-        longest_age_s: float = 0.5,
+        noise: ProcessNoise = USUAL_NOISE,
+        gate: SampleGate = USUAL_GATE,
     ) -> None:
-        model: Vehicle = loaded(Vehicle, vehicle)
+        self._vehicle: Vehicle = loaded(Vehicle, vehicle)
         within("period_s", period_s, (1e-3, 10.0), "s")
         within("start_deviation_m", start_deviation_m, (1e-3, 1e5), "m")
-        if force_time_s is not None:
-            within("force_time_s", force_time_s, (0.1, 1e5), "s")
-        slow_time = (3e4 if exact_model else 1e3) if current_time_s is None else current_time_s
-        within("current_time_s", slow_time, (1.0, 1e6), "s")
-        gusts = checked_turbulence(turbulence_m_s, "turbulence_m_s")
-        times = checked_times(turbulence_times_s)
-        within("gate", gate, (1.0, 1000.0), "standard deviations")
-        within("patience_s", patience_s, (0.1, 3600.0), "s")
-        within("longest_age_s", longest_age_s, (0.0, 60.0), "s")
-        instruments = _instruments(sensors, model, tilt or {})
-        if not (waves is None or isinstance(waves, SeaState)):
-            raise SimulationError(
-                f"waves: expected st.SeaState(height_m, period_s, toward_deg=...), found {waves!r}"
-            )
-        given = _positive("current", current, 3)
-        slow = np.array([0.2, 0.2, 0.02]) if given is None else given
-        self._vehicle = model
         self._period_s = float(period_s)
+        numbers = noise.numbers() | gate.numbers()
         self._stated: dict[str, Any] = {
-            "instruments": instruments,
+            "instruments": _instruments(sensors, self._vehicle, tilt or {}),
             "landmarks": _landmarks(landmarks or {}),
             "bottom": None if seabed is None else _bottom(seabed),
-            "force": _positive("force", force, 6),
-            "force_time_s": force_time_s,
-            "acceleration": _positive("acceleration", acceleration, 6),
-            "current": slow,
-            "current_time_s": slow_time,
-            "gusts": (*gusts, *times),
-            "gyro_walk": 1e-6,
-            "gate": (float(gate), float(patience_s)),
             "start": (*checked_triple("start", start, "north, east, down in m"), float(start_deviation_m)),
-            "longest_age_s": float(longest_age_s),
-            "exact_model": exact_model,
+            **numbers,
         }
-        self._waves = None if waves is None else waves.row
-        self._core = Filter(model, period_s=float(period_s), waves=self._waves, **self._stated)
+        self._waves = None if noise.waves is None else noise.waves.row
+        self._core = Filter(self._vehicle, period_s=self._period_s, waves=self._waves, **self._stated)
 
     @property
     def core(self) -> Filter:
@@ -437,11 +494,10 @@ def filter_of(
         return None
     shared: dict[str, Any] = {
         "period_s": period_s,
-        "longest_age_s": 0.0,
-        "waves": waves,
-        "turbulence_m_s": gusts[0],
-        "turbulence_times_s": gusts[1],
-        "exact_model": exact,
+        "noise": ProcessNoise(
+            turbulence_m_s=gusts[0], turbulence_times_s=gusts[1], waves=waves, exact_model=exact
+        ),
+        "gate": SampleGate(longest_age_s=0.0),
         "landmarks": {str(mark["name"]): _landmark(mark) for mark in landmarks},
     }
     # Perfect sensors know where the flight begins.
