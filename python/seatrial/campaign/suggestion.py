@@ -36,15 +36,9 @@ _HEADER = re.compile(r"\s*\[{1,2}([^\[\],]+)\]{1,2}\s*(#.*)?")
 class HoldOutChange(Plain):
     """Scores of two identifications of one campaign on what both held out, ten seconds ahead.
 
-    Attributes
-    ----------
-    r2
-        R2 per channel, (before, after).
-    verdict
-        "keep" (better in a channel, worse in none), "drop" (worse in a channel, better in none), "mixed", or
-        "no difference". Changes below 0.02 do not count.
-    sentence
-        The same in words.
+    `r2`: R2 per channel, (before, after). `verdict`: "keep" (better in a channel, worse in none), "drop"
+    (worse in a channel, better in none), "mixed", or "no difference". Changes below 0.02 do not count.
+    `sentence`: the same in words.
     """
 
     r2: Mapping[str, tuple[float, float]]

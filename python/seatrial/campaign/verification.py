@@ -152,20 +152,9 @@ def _positive(runs: Any) -> int:
 class CampaignLog:
     """A log, and what is known of it.
 
-    Attributes
-    ----------
-    log
-        What was recorded.
-    trial
-        Its name where it is a trial of the campaign, else empty.
-    span
-        First and last moment that is judged, s; None all of it.
-    input
-        What drives the model there.
-    place
-        File or folder of the log.
-    autopilot, mission
-        Files of what was flown, where they lie beside the log.
+    `log`: what was recorded. `trial`: its name where it is a trial of the campaign, else empty. `span`: first
+    and last moment that is judged, s; None all of it. `input`: what drives the model there. `place`: file or
+    folder of the log. `autopilot`, `mission`: files of what was flown, where they lie beside the log.
     """
 
     log: MissionLog

@@ -106,18 +106,9 @@ def broken_in(
 class Excess:
     """Flights of many that did what every user calls a failure, whatever is required of them.
 
-    Attributes
-    ----------
-    kind
-        Key of `KINDS`.
-    count, of
-        Flights that did, and flights in all.
-    worst
-        Place of the one that went farthest.
-    value, limit
-        What it came to, and the limit that it broke, in the unit of the kind; NaN where there is none.
-    at_s
-        When, s; NaN where it is not known.
+    `kind`: key of `KINDS`. `count`, `of`: flights that did, and flights in all. `worst`: place of the one
+    that went farthest. `value`, `limit`: what it came to, and the limit that it broke, in the unit of the
+    kind; NaN where there is none. `at_s`: when, s; NaN where it is not known.
     """
 
     kind: str
@@ -147,14 +138,8 @@ class Excess:
 class Kind:
     """A kind of excess.
 
-    Attributes
-    ----------
-    unit
-        Of value and limit.
-    metrics
-        Metrics of which any is asked for where a requirement decides on this kind by itself.
-    time
-        Metric with the time at which it happened; empty where none is kept.
+    `unit`: of value and limit. `metrics`: metrics of which any is asked for where a requirement decides on
+    this kind by itself. `time`: metric with the time at which it happened; empty where none is kept.
     """
 
     unit: str

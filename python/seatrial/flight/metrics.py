@@ -371,18 +371,10 @@ _UNITS = (("m/s", "N"), ("m/s", "N"), ("m", "N"), ("deg", "N m"), ("deg", "N m")
 class Loop(Plain):
     """A control loop over the time in which it was at work.
 
-    Attributes
-    ----------
-    name, time_s
-        Its name and for how long it was at work.
-    error_unit, error_rms, error_largest
-        Desired less true.
-    demand_unit, demand_rms, demand_largest
-        What it asked of the actuators.
-    saturated
-        Share of its time in which the demand was limited, or not met with an actuator at its limit.
-    unmet
-        Share of its time in which the actuators reached something else than the demand.
+    `name`, `time_s`: its name and for how long it was at work. `error_unit`, `error_rms`, `error_largest`:
+    desired less true. `demand_unit`, `demand_rms`, `demand_largest`: what it asked of the actuators.
+    `saturated`: share of its time in which the demand was limited, or not met with an actuator at its limit.
+    `unmet`: share of its time in which the actuators reached something else than the demand.
     """
 
     name: str
@@ -401,16 +393,9 @@ class Loop(Plain):
 class ActuatorUse(Plain):
     """What was asked of an actuator.
 
-    Attributes
-    ----------
-    name, unit
-        Its name and the unit of its command.
-    rms, largest
-        Of the command from neutral.
-    at_limit, running
-        Share of the time at its largest command, and away from neutral.
-    switches_per_minute
-        Starts and stops: how often the command went to or from neutral.
+    `name`, `unit`: its name and the unit of its command. `rms`, `largest`: of the command from neutral.
+    `at_limit`, `running`: share of the time at its largest command, and away from neutral.
+    `switches_per_minute`: starts and stops: how often the command went to or from neutral.
     """
 
     name: str

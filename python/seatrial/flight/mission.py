@@ -325,20 +325,9 @@ def _metres(frame: LocalFrame, values: list[Any], at: str) -> list[float]:
 class Stop:
     """A waypoint and the leg that ends there.
 
-    Attributes
-    ----------
-    label
-        Its name.
-    position
-        North, east, and depth or altitude in m, (3,).
-    vertical
-        "depth" or "altitude": what the third coordinate is.
-    speed, acceptance
-        On the leg, m/s; radius of its sphere, m.
-    task
-        "pass", "hold" or "circle".
-    radius
-        Of the circle, m; 0 for none.
+    `label`: its name. `position`: north, east, and depth or altitude in m, (3,). `vertical`: "depth" or
+    "altitude": what the third coordinate is. `speed`, `acceptance`: on the leg, m/s; radius of its sphere, m.
+    `task`: "pass", "hold" or "circle". `radius`: of the circle, m; 0 for none.
     """
 
     label: str
@@ -354,20 +343,9 @@ class Stop:
 class Route:
     """Start, heading there, waypoints and times of a mission.
 
-    Attributes
-    ----------
-    name
-        Of the mission.
-    start
-        North, east, depth, m, (3,).
-    heading
-        With which it begins, rad.
-    stops
-        Waypoints in order.
-    planned_time
-        By the plan, s.
-    longest
-        Time that the mission allows, s; infinite without a limit.
+    `name`: of the mission. `start`: north, east, depth, m, (3,). `heading`: with which it begins, rad.
+    `stops`: waypoints in order. `planned_time`: by the plan, s. `longest`: time that the mission allows, s;
+    infinite without a limit.
     """
 
     name: str

@@ -55,10 +55,7 @@ _PERFECT = {
 class Beacon:
     """A transponder at a known place: channels ``range.NAME`` in m and ``bearing.NAME`` in rad.
 
-    Attributes
-    ----------
-    north, east, down
-        Its place, m.
+    `north`, `east`, `down`: its place, m.
     """
 
     north: float
@@ -70,12 +67,7 @@ class Beacon:
 class Wall:
     """A known plane, of which a sonar gives ``range.NAME`` in m at ``bearing.NAME`` in rad.
 
-    Attributes
-    ----------
-    north, east
-        A point of it, m.
-    facing
-        Direction from north over east of its normal, rad.
+    `north`, `east`: a point of it, m. `facing`: direction from north over east of its normal, rad.
     """
 
     north: float
@@ -87,12 +79,7 @@ class Wall:
 class Pen:
     """A known vertical cylinder, a round net or a pile; channels as of a `Wall`.
 
-    Attributes
-    ----------
-    north, east
-        Its axis, m.
-    radius
-        m.
+    `north`, `east`: its axis, m. `radius`: m.
     """
 
     north: float

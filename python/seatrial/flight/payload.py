@@ -60,17 +60,9 @@ class _File(Section):
 class Payload:
     """Water and sensors of a payload file.
 
-    Attributes
-    ----------
-    text
-        The file.
-    rate_hz
-        Samples a second, of all sensors.
-    water, plumes
-        Background and sources.
-    response_s, noise, bias
-        By `CHANNELS`, (4,): time constant in s, and in the unit of the channel the standard deviation and the
-        offset.
+    `text`: the file. `rate_hz`: samples a second, of all sensors. `water`, `plumes`: background and sources.
+    `response_s`, `noise`, `bias`: by `CHANNELS`, (4,): time constant in s, and in the unit of the channel the
+    standard deviation and the offset.
 
     Examples
     --------
@@ -147,21 +139,13 @@ class Value:
 class StopSamples(Plain, without="position values"):
     """Samples of one stop: those taken in the water that the stop is to sample.
 
-    Attributes
-    ----------
-    label
-        Of the stop; "under way" for all samples between stops.
-    begin_s, end_s, count
-        Of the samples; NaN, NaN and 0 where none counts.
-    on_the_way, unsettled
-        Samples that are left out: taken while the vehicle kept station but had not reached the stop, in three
-        dimensions, and after that before its depth and, where the stop is long enough, its sensors settled.
-    sensors_settled
-        Whether those that count begin three response times of the slowest sensor after the vehicle settled.
-    position
-        North, east, depth as the vehicle was told, m; the deviation is that of its navigation.
-    values
-        By `CHANNELS`; the deviation is that of the samples.
+    `label`: of the stop; "under way" for all samples between stops. `begin_s`, `end_s`, `count`: of the
+    samples; NaN, NaN and 0 where none counts. `on_the_way`, `unsettled`: samples that are left out: taken
+    while the vehicle kept station but had not reached the stop, in three dimensions, and after that before
+    its depth and, where the stop is long enough, its sensors settled. `sensors_settled`: whether those that
+    count begin three response times of the slowest sensor after the vehicle settled. `position`: north, east,
+    depth as the vehicle was told, m; the deviation is that of its navigation. `values`: by `CHANNELS`; the
+    deviation is that of the samples.
     """
 
     label: str

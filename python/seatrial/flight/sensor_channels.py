@@ -67,19 +67,11 @@ _MOST_LATE = 10_000  # control periods that the core keeps
 class SensorChannels:
     """Sensors as the closed loop takes them.
 
-    Attributes
-    ----------
-    errors
-        Per channel noise, offset, random walk after one second and digit, (16, 4), SI and rad.
-    timing
-        Per group whether it is there, its interval and latency in control periods, mean time between
-        drop-outs and their mean duration in s, (7, 5).
-    sentences
-        What differs from the sensors as described.
-    acoustics
-        Per kind that only a navigation filter reads, a GPS among them, its numbers (17,), SI and rad.
-    transceiver
-        Where that of the acoustic positioning is, north, east, down, m.
+    `errors`: per channel noise, offset, random walk after one second and digit, (16, 4), SI and rad.
+    `timing`: per group whether it is there, its interval and latency in control periods, mean time between
+    drop-outs and their mean duration in s, (7, 5). `sentences`: what differs from the sensors as described.
+    `acoustics`: per kind that only a navigation filter reads, a GPS among them, its numbers (17,), SI and
+    rad. `transceiver`: where that of the acoustic positioning is, north, east, down, m.
     """
 
     errors: Array

@@ -60,18 +60,10 @@ class Profile(Section):
 class Plume(Section):
     """A source of effluent.
 
-    Attributes
-    ----------
-    north_m, east_m, depth_m
-        Where it is.
-    discharge_m3_s
-        Effluent let out, m3/s.
-    nitrate_mg_l, salinity, temperature_c
-        Of the effluent.
-    width_m, height_m
-        Standard deviation of the plume at the source, across the current and in depth, m.
-    horizontal_m2_s, vertical_m2_s
-        Turbulent diffusivities, m2/s.
+    `north_m`, `east_m`, `depth_m`: where it is. `discharge_m3_s`: effluent let out, m3/s. `nitrate_mg_l`,
+    `salinity`, `temperature_c`: of the effluent. `width_m`, `height_m`: standard deviation of the plume at
+    the source, across the current and in depth, m. `horizontal_m2_s`, `vertical_m2_s`: turbulent
+    diffusivities, m2/s.
     """
 
     north_m: Number

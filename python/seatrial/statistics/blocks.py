@@ -80,16 +80,9 @@ SETTINGS = BlockSettings()
 class BlockLength:
     """Length of a block for all channels, and each channel's memory.
 
-    Attributes
-    ----------
-    samples, seconds
-        Length of a block.
-    memory
-        Integrated autocorrelation time (C,) ``1 + 2 sum rho_k`` in samples, at least one.
-    wanted
-        Politis and White's length (C,) in samples.
-    effective
-        Equivalent number (C,) of independent samples: those that count over ``memory``.
+    `samples`, `seconds`: length of a block. `memory`: integrated autocorrelation time (C,) ``1 + 2 sum
+    rho_k`` in samples, at least one. `wanted`: Politis and White's length (C,) in samples. `effective`:
+    equivalent number (C,) of independent samples: those that count over ``memory``.
     """
 
     samples: int
@@ -103,15 +96,9 @@ class BlockLength:
 class Blocks:
     """Scores and information of the data in blocks of consecutive samples, all channels together.
 
-    Attributes
-    ----------
-    score
-        Downhill gradient (B, m) of half the cost.
-    information
-        Second derivative (B, m, m) of half the cost; the priors are not in it.
-    coloured
-        Covariance (m, m) of the sum of the scores if each channel's errors had its mean square and memory
-        throughout and all derivatives were slow against that memory.
+    `score`: downhill gradient (B, m) of half the cost. `information`: second derivative (B, m, m) of half the
+    cost; the priors are not in it. `coloured`: covariance (m, m) of the sum of the scores if each channel's
+    errors had its mean square and memory throughout and all derivatives were slow against that memory.
     """
 
     score: Array

@@ -62,14 +62,8 @@ class Place:
 class Crossing:
     """A value, from 0 to 1 along an axis, at which the failure probability crosses what is allowed.
 
-    Attributes
-    ----------
-    at
-        Best value.
-    interval
-        Between which values it lies with the confidence; an end at 0 or 1 may be the end of the range.
-    rising
-        Whether the values below it are the safe ones.
+    `at`: best value. `interval`: between which values it lies with the confidence; an end at 0 or 1 may be
+    the end of the range. `rising`: whether the values below it are the safe ones.
     """
 
     at: float
@@ -81,16 +75,9 @@ class Crossing:
 class BoundarySurface:
     """Failure probability over the unit cube.
 
-    Attributes
-    ----------
-    axis
-        Values along an axis, (m,), the same on each.
-    mean, sd
-        Of f = Phi^-1(failure probability), (m,) or (m, m), the first variable along rows.
-    level
-        Phi^-1 of the failure probability that is allowed.
-    quantile
-        Normal quantile of the confidence.
+    `axis`: values along an axis, (m,), the same on each. `mean`, `sd`: of f = Phi^-1(failure probability),
+    (m,) or (m, m), the first variable along rows. `level`: Phi^-1 of the failure probability that is allowed.
+    `quantile`: normal quantile of the confidence.
     """
 
     axis: Array

@@ -47,18 +47,9 @@ SETTINGS = ScoreTestSettings()
 class SingleTests:
     """Sums over all blocks (row 0) and without each block, after the fitted columns are projected out.
 
-    Attributes
-    ----------
-    squares, aims
-        Products (1 + B, k) of each of the k candidates with itself and with the residual.
-    own
-        Squares (k,) of the candidates before the projection.
-    left
-        Weighted sum of squares of the residual after the projection.
-    cost
-        The same before it.
-    samples
-        Sum of the weights.
+    `squares`, `aims`: products (1 + B, k) of each of the k candidates with itself and with the residual.
+    `own`: squares (k,) of the candidates before the projection. `left`: weighted sum of squares of the
+    residual after the projection. `cost`: the same before it. `samples`: sum of the weights.
     """
 
     squares: Array
@@ -104,12 +95,8 @@ class SingleTests:
 class ScoreTests:
     """Tests that know the candidates' products with each other: what one is beside another.
 
-    Attributes
-    ----------
-    reduced
-        Products (1 + B, k + 1, k + 1) of the k candidates and, last, the residual, as of `SingleTests`.
-    own, cost, samples
-        Of `SingleTests`.
+    `reduced`: products (1 + B, k + 1, k + 1) of the k candidates and, last, the residual, as of
+    `SingleTests`. `own`, `cost`, `samples`: of `SingleTests`.
     """
 
     reduced: Array

@@ -42,14 +42,8 @@ EFFECTS = RandomEffectsSettings()
 class RandomEffects:
     """Scatter of coefficients between parts.
 
-    Attributes
-    ----------
-    sd
-        Standard deviation (m,) between parts; zero for nuisance parameters.
-    telling
-        How many parts tell of it (m,), between none and all.
-    information
-        Of each part (G, m, m).
+    `sd`: standard deviation (m,) between parts; zero for nuisance parameters. `telling`: how many parts tell
+    of it (m,), between none and all. `information`: of each part (G, m, m).
     """
 
     sd: Array

@@ -293,13 +293,8 @@ Side = Literal["boundary", "safe", "fails", "probably safe", "probably fails"]
 class RequirementBoundary:
     """Where a requirement fails more often than it allows.
 
-    Attributes
-    ----------
-    requirement
-    surface
-        Failure probability over the ranges; None before anything was flown.
-    failures
-        Missions that failed, of all that were flown.
+    `surface`: failure probability over the ranges; None before anything was flown. `failures`: missions that
+    failed, of all that were flown.
     """
 
     requirement: Requirement

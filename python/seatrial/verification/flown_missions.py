@@ -45,23 +45,13 @@ WORDS = "U24"
 class FlownMissions:
     """Missions that were flown (k), in the order of their numbers.
 
-    Attributes
-    ----------
-    numbers, mission, seeds
-        Number in the campaign, index of the mission and seed of its noise, (k,).
-    metrics
-        Numbers, words (``ending``, ``alert``) and truths (``abort``) by name, (k,).
-    causes
-        What was drawn, by readable names with units, (k,).
-    perceived_counts, true_counts
-        Samples of the cross-track error on settled legs between the edges of `seatrial._core.error_edges`,
-        (n, edges + 1): as guidance perceived it, and of where the vehicle really was. Of the first n missions
-        only, `COUNTED` at most.
-    wall_s
-        Time that they took, s.
-    stored
-        The same as columns of files, as of `to_frame`, where metrics and causes are read from there
-        (`seatrial.verification.missions`); None where all is in memory.
+    `numbers`, `mission`, `seeds`: number in the campaign, index of the mission and seed of its noise, (k,).
+    `metrics`: numbers, words (``ending``, ``alert``) and truths (``abort``) by name, (k,). `causes`: what was
+    drawn, by readable names with units, (k,). `perceived_counts`, `true_counts`: samples of the cross-track
+    error on settled legs between the edges of `seatrial._core.error_edges`, (n, edges + 1): as guidance
+    perceived it, and of where the vehicle really was. Of the first n missions only, `COUNTED` at most.
+    `wall_s`: time that they took, s. `stored`: the same as columns of files, as of `to_frame`, where metrics
+    and causes are read from there (`seatrial.verification.missions`); None where all is in memory.
     """
 
     numbers: NDArray[np.int_]

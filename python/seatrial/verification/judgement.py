@@ -55,16 +55,9 @@ if TYPE_CHECKING:
 class WorstMission(Plain):
     """A mission that held a requirement least: how to find it again, and what it met.
 
-    Attributes
-    ----------
-    number
-        With which it is flown again.
-    mission, seed
-        Its name, and the seed of its noise.
-    held, reserve
-        Whether the requirement was held, and by how much.
-    metrics, drawn
-        All its metrics, and everything that was drawn, by name.
+    `number`: with which it is flown again. `mission`, `seed`: its name, and the seed of its noise. `held`,
+    `reserve`: whether the requirement was held, and by how much. `metrics`, `drawn`: all its metrics, and
+    everything that was drawn, by name.
     """
 
     number: int
@@ -86,19 +79,10 @@ class JudgedRequirement(
 ):
     """What the missions say of a requirement.
 
-    Attributes
-    ----------
-    requirement, judgement
-        What was asked, and which mission held it with which reserve.
-    found
-        Failures, runs, interval.
-    by_mission
-        The same of each mission, by name.
-    causes
-        Influences of what was drawn, those that are shown to matter first; with regard to all requirements of
-        the verification.
-    worst
-        Missions with the least reserve, the worst first.
+    `requirement`, `judgement`: what was asked, and which mission held it with which reserve. `found`:
+    failures, runs, interval. `by_mission`: the same of each mission, by name. `causes`: influences of what
+    was drawn, those that are shown to matter first; with regard to all requirements of the verification.
+    `worst`: missions with the least reserve, the worst first.
     """
 
     requirement: Requirement

@@ -35,10 +35,7 @@ _BATCH = 512  # missions in memory at once
 class MissionSpace:
     """Missions of a campaign by standard normal numbers (d) and the seed of their noise.
 
-    Attributes
-    ----------
-    flights
-        Of the campaign.
+    `flights`: what the campaign flies.
     """
 
     flights: CampaignFlights

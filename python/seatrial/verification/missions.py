@@ -415,16 +415,8 @@ class Series:
 class Flyer:
     """Where missions are flown and kept.
 
-    Attributes
-    ----------
-    run
-        Where finished chunks are kept and found again.
-    progress
-        Called after each chunk; it may raise KeyboardInterrupt.
-    threads
-        Per chunk.
-    fleet
-        Where chunks are flown; None: in this process.
+    `run`: where finished chunks are kept and found again. `progress`: called after each chunk; it may raise
+    KeyboardInterrupt. `threads`: per chunk. `fleet`: where chunks are flown; None: in this process.
     """
 
     run: RunDirectory

@@ -31,12 +31,8 @@ if TYPE_CHECKING:
 class FlownCase(Plain, also="held"):
     """A regression case that was flown.
 
-    Attributes
-    ----------
-    name, mission
-        Of the case and of its mission.
-    robustness
-        By requirement; positive where it was held.
+    `name`, `mission`: of the case and of its mission. `robustness`: by requirement; positive where it was
+    held.
     """
 
     name: str

@@ -52,14 +52,9 @@ class PairedRequirement(
 ):
     """A requirement for the verified autopilot and another one on the same missions.
 
-    Attributes
-    ----------
-    requirement, other
-        Names of the requirement and of the other autopilot.
-    only_verified, only_other
-        Missions that only the verified one failed, and only the other one.
-    p_value, corrected
-        Of McNemar's exact test, alone and with regard to all that were asked.
+    `requirement`, `other`: names of the requirement and of the other autopilot. `only_verified`,
+    `only_other`: missions that only the verified one failed, and only the other one. `p_value`, `corrected`:
+    of McNemar's exact test, alone and with regard to all that were asked.
     """
 
     requirement: str
@@ -86,14 +81,8 @@ class PairedRequirement(
 class FlownAutopilot:
     """How one autopilot did on the missions of a comparison.
 
-    Attributes
-    ----------
-    name
-        "verified", "start", or as it was given.
-    failures
-        Failures by requirement.
-    metrics
-        Median over the missions of some metrics.
+    `name`: "verified", "start", or as it was given. `failures`: failures by requirement. `metrics`: median
+    over the missions of some metrics.
     """
 
     name: str
@@ -105,14 +94,8 @@ class FlownAutopilot:
 class AutopilotComparison:
     """Several autopilots on the same missions.
 
-    Attributes
-    ----------
-    runs
-        Number of missions.
-    autopilots
-        The verified one first.
-    pairs
-        Each requirement, the verified one against each other one.
+    `runs`: number of missions. `autopilots`: the verified one first. `pairs`: each requirement, the verified
+    one against each other one.
     """
 
     runs: int

@@ -305,16 +305,8 @@ def changed(kind: str, subject: str = "", **values: Any) -> Finding:
 class Whitening:
     """Residuals and derivatives of a log in units of the spread, without what a start explains.
 
-    Attributes
-    ----------
-    residual, counted
-        Per window (n, C): residuals, and which of them count.
-    weight
-        Of every window.
-    cost
-        Sum of squares.
-    places
-        Channels that count, as places in `CHANNELS`.
+    `residual`, `counted`: per window (n, C): residuals, and which of them count. `weight`: of every window.
+    `cost`: sum of squares. `places`: channels that count, as places in `CHANNELS`.
     """
 
     def __init__(self, log: PredictedLog, spread: Spread, slopes: Sequence[Slopes]) -> None:

@@ -335,16 +335,9 @@ class Band:
 class Envelope:
     """Envelope of a mission with the log in it.
 
-    Attributes
-    ----------
-    t
-        Times since the start of the log, (n,), s.
-    bands
-        A `Band` by the name of the quantity, see `QUANTITIES`.
-    flights
-        How many flights it rests on.
-    metrics
-        Metrics of the flights, (k,) each, by the names of `Flight.metrics`.
+    `t`: times since the start of the log, (n,), s. `bands`: a `Band` by the name of the quantity, see
+    `QUANTITIES`. `flights`: how many flights it rests on. `metrics`: metrics of the flights, (k,) each, by
+    the names of `Flight.metrics`.
     """
 
     t: Array

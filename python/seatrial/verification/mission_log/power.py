@@ -171,20 +171,10 @@ class GroupTest(
 ):
     """What a log says of a group.
 
-    Attributes
-    ----------
-    group
-        Its coefficients.
-    factor, sigma
-        Factor on them that this log asks for beyond the stated intervals, and its standard deviation.
-    p
-        Of no change, adjusted over the groups (Holm).
-    refuted
-        Whether the factor is material and no chance.
-    by_channel
-        Smallest change that each channel alone would have shown.
-    against
-        Channels whose own estimate is as far off, where it is refuted.
+    `group`: its coefficients. `factor`, `sigma`: factor on them that this log asks for beyond the stated
+    intervals, and its standard deviation. `p`: of no change, adjusted over the groups (Holm). `refuted`:
+    whether the factor is material and no chance. `by_channel`: smallest change that each channel alone would
+    have shown. `against`: channels whose own estimate is as far off, where it is refuted.
     """
 
     group: CoefficientGroup
@@ -211,18 +201,9 @@ class GroupTest(
 class Power(Plain, only="controlled_axes unjudged_axes windows left grown groups=tests"):
     """What a log could have refuted, and what it refutes.
 
-    Attributes
-    ----------
-    tests
-        A test per group.
-    controlled
-        Letters of the axes that the vehicle controls.
-    windows
-        How many restarts it rests on.
-    left
-        Error of each channel over what noise, start and stated intervals explain: about one.
-    grown
-        The same in whole windows over that in their pieces: about one.
+    `tests`: a test per group. `controlled`: letters of the axes that the vehicle controls. `windows`: how
+    many restarts it rests on. `left`: error of each channel over what noise, start and stated intervals
+    explain: about one. `grown`: the same in whole windows over that in their pieces: about one.
     """
 
     tests: tuple[GroupTest, ...]

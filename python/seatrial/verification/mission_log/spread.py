@@ -73,12 +73,8 @@ class Slopes:
 class PredictedLog:
     """A log cut into windows, and what a vehicle predicts in them.
 
-    Attributes
-    ----------
-    replay
-        The log's windows as the model replays them.
-    predicted, residual
-        Per window (n, 12), SI: what the vehicle shows, and measured minus that, zero where it does not count.
+    `replay`: the log's windows as the model replays them. `predicted`, `residual`: per window (n, 12), SI:
+    what the vehicle shows, and measured minus that, zero where it does not count.
     """
 
     replay: Replay
@@ -342,18 +338,10 @@ class Spread:
     A model predicts no better than it did where it was known to hold: sensors err, the state at a restart
     errs with them, the water moves, and every model leaves something out.
 
-    Attributes
-    ----------
-    since_s, sigma
-        Times (b,) in s, and the spread of each of `CHANNELS` there, (b, 12), SI; infinite where unknown.
-    noise
-        The same in the first moments after a restart, (12,), SI.
-    windows
-        How many windows it rests on.
-    basis
-        Where it comes from.
-    effective
-        How many independent samples each channel rests on, (12,); infinite where it is taken for known.
+    `since_s`, `sigma`: times (b,) in s, and the spread of each of `CHANNELS` there, (b, 12), SI; infinite
+    where unknown. `noise`: the same in the first moments after a restart, (12,), SI. `windows`: how many
+    windows it rests on. `basis`: where it comes from. `effective`: how many independent samples each channel
+    rests on, (12,); infinite where it is taken for known.
     """
 
     since_s: Array

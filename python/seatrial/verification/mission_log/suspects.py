@@ -70,18 +70,10 @@ SETTINGS = SuspectSettings()
 class UnloggedThrust:
     """What a thrust of one actuator beyond its commands explains.
 
-    Attributes
-    ----------
-    actuator
-        Its name.
-    thrust
-        Steady thrust of each window beyond the modelled one, (w,), N; at full lift of a fin likewise.
-    gain
-        Fall of the sum of squares.
-    p
-        Of no such thrust: F-test with an observation per channel and window, times the actuators tried.
-    alike
-        Actuators that explain nearly as much.
+    `actuator`: its name. `thrust`: steady thrust of each window beyond the modelled one, (w,), N; at full
+    lift of a fin likewise. `gain`: fall of the sum of squares. `p`: of no such thrust: F-test with an
+    observation per channel and window, times the actuators tried. `alike`: actuators that explain nearly as
+    much.
     """
 
     actuator: str

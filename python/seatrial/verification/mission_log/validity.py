@@ -104,20 +104,10 @@ class ChannelValidity:
 class Validity:
     """Whether a model holds on a log.
 
-    Attributes
-    ----------
-    channels
-        A `ChannelValidity` per channel, by name.
-    log
-        The windows.
-    half_width
-        Half-width of the band per window, (n, 12), SI.
-    spread
-        The spread of a valid model's errors.
-    expected
-        Share outside that is to be expected, by channel.
-    draws
-        Number of draws of the coefficients; zero without a covariance.
+    `channels`: a `ChannelValidity` per channel, by name. `log`: the windows. `half_width`: half-width of the
+    band per window, (n, 12), SI. `spread`: the spread of a valid model's errors. `expected`: share outside
+    that is to be expected, by channel. `draws`: number of draws of the coefficients; zero without a
+    covariance.
     """
 
     channels: Mapping[str, ChannelValidity]
@@ -328,16 +318,9 @@ CONTRADICTION = ContradictionSettings()
 class Contradiction:
     """A channel and those whose integral it is tell of two motions.
 
-    Attributes
-    ----------
-    channel, against
-        Their names.
-    from_s, to_s
-        First and last stretch in which they do, s of the log.
-    slope
-        Change of the channel per change that the others imply there: 1 where they agree.
-    evidence
-        Changes of the one that moves over the least that counts.
+    `channel`, `against`: their names. `from_s`, `to_s`: first and last stretch in which they do, s of the
+    log. `slope`: change of the channel per change that the others imply there: 1 where they agree.
+    `evidence`: changes of the one that moves over the least that counts.
     """
 
     channel: str
