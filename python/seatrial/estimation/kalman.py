@@ -42,7 +42,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.estimation.method import NoiseModel
+from seatrial.estimation.method import FilterLayout, NoiseModel
 from seatrial.estimation.one_step import Motion, Span
 from seatrial.inspect.waves import BROAD, peak, spectra
 
@@ -133,18 +133,16 @@ def begin(spans: Sequence[Span], velocities: int, dt: float) -> NoiseModel:
     states = spans[0].transition.shape[1]
     missed = np.concatenate([span.missed for span in spans])
     size = np.maximum(missed.std(axis=0)[:velocities] / dt, 1e-6)
-    process = np.zeros(states + velocities + 2 * (len(waved) + len(water)) + 2)
-    process[:velocities] = (0.3 * size * dt) ** 2
-    process[velocities:states] = (SETTINGS.slip * dt) ** 2
-    process[states : states + velocities] = (0.3 * size) ** 2 * 2.0 * dt / SETTINGS.slow_s
-    for k, axis in enumerate(waved):
-        omega = 2.0 * math.pi * (wave_hz or 0.0)
-        process[states + velocities + 2 * k + 1] = (
-            (0.5 * size[axis]) ** 2 * 4.0 * SETTINGS.damping * omega * dt
-        )
-    for k in range(len(water)):
-        process[states + velocities + 2 * (len(waved) + k) + 1] = _orbit(wave_hz or 0.0, SETTINGS.damping, dt)
-    process[-2:] = SETTINGS.walk**2
+    at = FilterLayout(states, velocities, len(waved), len(water))
+    process = np.zeros(at.width)
+    process[at.speeds] = (0.3 * size * dt) ** 2
+    process[at.poses] = (SETTINGS.slip * dt) ** 2
+    process[at.slow] = (0.3 * size) ** 2 * 2.0 * dt / SETTINGS.slow_s
+    omega = 2.0 * math.pi * (wave_hz or 0.0)
+    for push, axis in zip(at.pushes, waved, strict=True):
+        process[push + 1] = (0.5 * size[axis]) ** 2 * 4.0 * SETTINGS.damping * omega * dt
+    process[at.orbit_rates] = _orbit(wave_hz or 0.0, SETTINGS.damping, dt)
+    process[at.current] = SETTINGS.walk**2
     sensors = np.full(spans[0].measured.shape[1], 1e-4)
     for column in range(len(sensors)):
         jumps = np.concatenate([np.diff(span.measured[span.valid[:, column], column]) for span in spans])
@@ -236,8 +234,8 @@ class _Step(NamedTuple):
 def _otherwise(noise: NoiseModel, dt: float) -> NoiseModel:
     """The same waves, whose water flows past the vehicle in place of carrying it, or the other way round."""
     assert noise.wave_hz is not None
-    process, last = noise.process.copy(), len(noise.process) - 2
-    process[last - 2 * len(noise.water) + 1 : last : 2] = _orbit(noise.wave_hz, noise.damping, dt)
+    process = noise.process.copy()
+    process[noise.layout(0).orbit_rates] = _orbit(noise.wave_hz, noise.damping, dt)
     return replace(noise, process=process, carried=not noise.carried)
 
 
@@ -350,11 +348,12 @@ class Filters:
 
     def _judged(self, noise: NoiseModel) -> tuple[float, Array, Array, list[Motion]]:
         """Likelihood of a noise model, its slopes by the process and sensor variances, and the motion."""
-        width, start = len(noise.process), self._start(noise)
-        kept = [*range(self.states), width - 2, width - 1]
+        start, current = self._start(noise), noise.layout(self.states).current
+        # The core gives the states of the model and the current; what lies between them is no motion.
+        kept = [*range(self.states), *range(current.start, current.stop)]
         judged = self._each(lambda model: model.judge(noise.process, noise.sensors, start, kept))
         motion = [
-            Motion(smoothed[:, :-2], smoothed[:, -2:], known[:, :-2], known[:, -2:])
+            Motion(*np.split(smoothed, [self.states], axis=1), *np.split(known, [self.states], axis=1))
             for *_, smoothed, known in judged
         ]
         return (
@@ -366,16 +365,14 @@ class Filters:
 
     def _start(self, noise: NoiseModel) -> Array:
         """Variances (N,) of the first state of a span."""
-        start = np.zeros(len(noise.process))
+        at, start = noise.layout(self.states), np.zeros(len(noise.process))
         start[: self.states] = SETTINGS.start_sd**2
-        start[self.states : -2] = np.maximum(
-            noise.process[self.states : -2] * SETTINGS.slow_s / (2.0 * self.dt), 0.0
-        )
-        for at in _pairs(noise, self.states):  # displacement and rate of a wave
+        start[at.slow] = np.maximum(noise.process[at.slow] * SETTINGS.slow_s / (2.0 * self.dt), 0.0)
+        for wave in (*at.pushes, *at.orbits):  # displacement, and the rate behind it
             omega = 2.0 * math.pi * (noise.wave_hz or 0.0)
-            start[at + 1] = noise.process[at + 1] / (4.0 * noise.damping * omega * self.dt)
-            start[at] = start[at + 1] / omega**2
-        start[-2:] = SETTINGS.current_sd**2
+            start[wave + 1] = noise.process[wave + 1] / (4.0 * noise.damping * omega * self.dt)
+            start[wave] = start[wave + 1] / omega**2
+        start[at.current] = SETTINGS.current_sd**2
         return start
 
     def _each(self, work: Callable[[LinearModel], _T]) -> list[_T]:
@@ -384,12 +381,6 @@ class Filters:
             return [work(model) for model in self._models]
         with ThreadPoolExecutor(count) as pool:
             return list(pool.map(work, self._models))
-
-
-def _pairs(noise: NoiseModel, states: int) -> range:
-    """Places of the shaping filters' first states: those of the axes, then those of the water."""
-    last = len(noise.process) - 2
-    return range(last - 2 * (len(noise.waved) + len(noise.water)), last, 2)
 
 
 def _sizes(spans: Sequence[Span], noise: NoiseModel) -> list[Array]:
@@ -410,13 +401,12 @@ def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int],
     from seatrial._core import LinearModel
 
     steps, states = span.missed.shape
-    width, pairs = len(noise.process), _pairs(noise, states)
-    velocities = pairs.start - states
-    transition = np.zeros((steps, states, width))
+    at = noise.layout(states)
+    transition = np.zeros((steps, states, at.width))
     transition[:, :, :states] = span.transition
-    transition[:, :, -2:] = span.current[:, :, :2]
+    transition[:, :, at.current] = span.current[:, :, :2]
     # An acceleration acts throughout the step, on the angles too: the mean of what it does at both ends.
-    push = 0.5 * dt * (np.eye(states) + span.transition)[:, :, :velocities]
+    push = 0.5 * dt * (np.eye(states) + span.transition)[:, :, : at.velocities]
     slow = math.exp(-dt / SETTINGS.slow_s)
     turn = _turns(span, noise, dt)
     mean = (0.5 * size[:-1, None] * (turn[:, 1] + np.array([0.0, 1.0])))[:, None]
@@ -427,14 +417,14 @@ def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int],
         places.append((row - states, column))
         driven.append(np.broadcast_to(values, steps))
 
-    for axis in range(velocities):
-        drive(states + axis, states + axis, slow)
-        transition[:, :, states + axis] = 0.5 * (1.0 + slow) * push[:, :, axis]
-    for at in pairs:
+    for place in range(at.slow.start, at.slow.stop):
+        drive(place, place, slow)
+    transition[:, :, at.slow] = 0.5 * (1.0 + slow) * push
+    for wave in (*at.pushes, *at.orbits):
         for row, column in np.ndindex(2, 2):
-            drive(at + row, at + column, turn[:, row, column])
-    for at in (width - 2, width - 1):
-        drive(at, at, 1.0)
+            drive(wave + row, wave + column, turn[:, row, column])
+    for place in range(at.current.start, at.current.stop):
+        drive(place, place, 1.0)
     # What a channel shows: its own state and, of a velocity, the water of the waves.
     seen: list[tuple[int, int]] = []
     shown: list[Array] = []
@@ -443,26 +433,26 @@ def _model(span: Span, noise: NoiseModel, dt: float, places_seen: Sequence[int],
         seen.append((channel, column))
         shown.append(np.broadcast_to(values, steps + 1))
 
-    water = list(zip(pairs[len(noise.waved) :], noise.water, strict=True))
+    water = list(zip(at.orbits, noise.water, strict=True))
     for channel, state in enumerate(places_seen):
         show(channel, state, 1.0)
-        if state < velocities and noise.carried:
+        if state < at.velocities and noise.carried:
             # The state's velocity is that beside the water of the waves, the measured one that over ground.
-            for at, direction in water:
-                show(channel, at + 1, size * span.afloat[:, state, direction])
-    for at, axis in zip(pairs, noise.waved, strict=False):
-        transition[:, :, at : at + 2] = push[:, :, axis, None] * mean
-    for at, direction in water:
+            for orbit, direction in water:
+                show(channel, orbit + 1, size * span.afloat[:, state, direction])
+    for wave, axis in zip(at.pushes, noise.waved, strict=True):
+        transition[:, :, wave : wave + 2] = push[:, :, axis, None] * mean
+    for orbit, direction in water:
         if noise.carried:  # places move with the water too
-            moving = span.afloat[:-1, velocities:, direction, None]
-            transition[:, velocities:states, at : at + 2] = moving * (dt * mean)
+            moving = span.afloat[:-1, at.velocities :, direction, None]
+            transition[:, at.poses, orbit : orbit + 2] = moving * (dt * mean)
         else:
-            transition[:, :, at : at + 2] = span.current[:, :, direction, None] * mean
-    drift = np.zeros((steps, width))
+            transition[:, :, orbit : orbit + 2] = span.current[:, :, direction, None] * mean
+    drift = np.zeros((steps, at.width))
     drift[:, :states] = span.missed
-    drift[:, -2:] = -np.diff(span.water, axis=0)  # the state is the water beside that
-    start = np.zeros(width)
-    start[-2:] = -span.water[0]
+    drift[:, at.current] = -np.diff(span.water, axis=0)  # the state is the water beside that
+    start = np.zeros(at.width)
+    start[at.current] = -span.water[0]
     return LinearModel(
         transition=transition,
         places=places,

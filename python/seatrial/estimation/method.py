@@ -114,6 +114,71 @@ def _remedy(asked: JointSettings) -> str:
 
 
 @dataclass(frozen=True)
+class FilterLayout:
+    """Where what stands in the state of a filter.
+
+    First the ``states`` of the model, of which the first are ``velocities``; then a slow acceleration per
+    velocity; then displacement and rate of a shaping filter per axis that waves push (``waved``) and per
+    direction in which they carry the water (``water``); last the slow velocity of the water, north and east.
+    """
+
+    states: int
+    velocities: int
+    waved: int
+    water: int
+
+    @property
+    def width(self) -> int:
+        """States of the filter."""
+        return self.current.stop
+
+    @property
+    def speeds(self) -> slice:
+        """The model's velocities."""
+        return slice(0, self.velocities)
+
+    @property
+    def poses(self) -> slice:
+        """The model's angles and places."""
+        return slice(self.velocities, self.states)
+
+    @property
+    def slow(self) -> slice:
+        """Slow accelerations."""
+        return slice(self.states, self.states + self.velocities)
+
+    @property
+    def waves(self) -> slice:
+        """Shaping filters."""
+        return slice(self.slow.stop, self.slow.stop + 2 * (self.waved + self.water))
+
+    @property
+    def pushes(self) -> range:
+        """Displacement of the shaping filter of each axis that waves push; its rate follows."""
+        return range(self.waves.start, self.waves.start + 2 * self.waved, 2)
+
+    @property
+    def orbits(self) -> range:
+        """Displacement of the shaping filter of each direction of the water in waves; its rate follows."""
+        return range(self.pushes.stop, self.waves.stop, 2)
+
+    @property
+    def push_rates(self) -> slice:
+        """Rates of the shaping filters of the axes."""
+        return slice(self.pushes.start + 1, self.pushes.stop, 2)
+
+    @property
+    def orbit_rates(self) -> slice:
+        """Rates of the shaping filters of the water."""
+        return slice(self.orbits.start + 1, self.orbits.stop, 2)
+
+    @property
+    def current(self) -> slice:
+        """Slow velocity of the water, north and east."""
+        return slice(self.waves.stop, self.waves.stop + 2)
+
+
+@dataclass(frozen=True)
 class NoiseModel:
     """Intensities of the noises.
 
@@ -135,12 +200,17 @@ class NoiseModel:
     toward: float | None = None
     carried: bool = True
 
+    def layout(self, states: int) -> FilterLayout:
+        """Places of the filter's states, beside so many of the model."""
+        waved, water = len(self.waved), len(self.water)
+        return FilterLayout(states, len(self.process) - states - 2 * (waved + water) - 2, waved, water)
+
     def shaped(self, wave_hz: float, damping: float) -> NoiseModel:
         """The same waves with another frequency and damping ratio, their rates' variances as they were."""
         assert self.wave_hz is not None
-        first, last = len(self.process) - 2 - 2 * (len(self.waved) + len(self.water)), len(self.process) - 2
         process = self.process.copy()
-        process[first:last] *= damping * wave_hz / (self.damping * self.wave_hz)
+        # Where the waves stand does not depend on how many of the states before are the model's.
+        process[self.layout(0).waves] *= damping * wave_hz / (self.damping * self.wave_hz)
         return replace(self, process=process, wave_hz=wave_hz, damping=damping)
 
     def waves(self) -> dict[str, float | bool | None] | None:
