@@ -32,9 +32,10 @@ from seatrial.base.arrays import Array
 from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS, judge
 from seatrial.diagnosis.residual_analysis import analyse_joint
+from seatrial.estimation.estimator import Polished
 from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import Polished, linearise, polish
+from seatrial.estimation.joint_estimate import linearise, polish
 from seatrial.problem.problem import Problem
 from seatrial.scoring.score import score
 from seatrial.sensors.log import biases

@@ -16,12 +16,11 @@ from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.assessment import ContradictedBounds, assess
 from seatrial.estimation import joint as joint_estimate_setup
+from seatrial.estimation.estimator import ByItself, Horizon, LogAlone, Polished
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import Polished, polish
-from seatrial.estimation.method import ByItself
+from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.one_step import Motion, OneStep
-from seatrial.estimation.specification import Horizon, LogAlone
 from seatrial.identification import choice
 from seatrial.identification.choice import quadratic_or_strips
 from seatrial.report.results import diagnosis as words

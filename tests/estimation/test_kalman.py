@@ -11,8 +11,8 @@ import pytest
 from seatrial._core import LinearModel
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
+from seatrial.estimation.estimator import NoiseModel
 from seatrial.estimation.kalman import Filters, shaped
-from seatrial.estimation.method import NoiseModel
 from seatrial.estimation.one_step import Motion, Span
 
 N, S, Y, M, SAMPLES = 6, 3, 2, 2, 40

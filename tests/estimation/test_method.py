@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from seatrial.campaign.campaign import Campaign
+from seatrial.estimation.estimator import method_of
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
-from seatrial.estimation.method import method_of
 from seatrial.identification.choice import choose
 from tests.inspect.test_verdict import sailed
 

@@ -31,10 +31,10 @@ from seatrial.base.report import words_about
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
 from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint, tried_terms
 from seatrial.diagnosis.roles import Manoeuvre, manoeuvre, role
-from seatrial.estimation.gauss_newton import ran_away
+from seatrial.estimation.estimator import Horizon, LogAlone, Polished
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import Polished, linearise, with_horizons
-from seatrial.estimation.specification import Horizon, LogAlone, matters
+from seatrial.estimation.joint_estimate import estimator, linearise
+from seatrial.estimation.specification import matters
 from seatrial.problem.parameter import Parameter
 from seatrial.statistics.information import InformationCriteria, information_criteria
 from seatrial.statistics.linearisation import Linearisation, Unknown
@@ -310,14 +310,6 @@ def _named(names: Sequence[str], other: Horizon | LogAlone) -> _Named:
     return _Named(values, away, other.refused)
 
 
-def _runs_away(joint: Joint, polished: Polished) -> bool:
-    """Whether the simulation diverges on every segment; a filter follows the log."""
-    if joint.method == "innovations":
-        return False
-    residuals = joint.residuals(polished.values, polished.initial)
-    return all(ran_away(joint, error) for error in residuals)
-
-
 def assess(joint: Joint, polished: Polished) -> Assessment:
     """Assessment of the coefficients of a joint estimate, or of a start that no round was taken from.
 
@@ -332,11 +324,11 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
     CampaignError
         The model diverges on every segment.
     """
-    if _runs_away(joint, polished):
+    if estimator(joint).diverges(polished):
         raise CampaignError(
             f"{joint.problem.source}: polish: the model diverges on every segment; check the bounds"
         )
-    polished = with_horizons(joint, polished)
+    polished = estimator(joint).otherwise(polished)
     # One linearisation for all: behind the derivatives by the unknowns stand those by what might be missing.
     tried = tried_terms(joint, polished.values, initial=polished.initial, noise=polished.noise)
     lin = tried.lin.of_first(len(joint.unknowns))

@@ -200,7 +200,7 @@ def strongest(
 
     if len(tried) <= (fits := _fits(joint)):
         return tried
-    if joint.method == "output":
+    if joint.comparison.simulates:
         # A part of the segments tells which are to be looked at on all of them.
         each = joint.data.samples * len(joint.channels) * (len(joint.unknowns) + len(tried))
         joint, places = joint.thinned(

@@ -26,8 +26,9 @@ from seatrial.diagnosis.missing_terms import (
     missing_terms,
 )
 from seatrial.diagnosis.roles import role
+from seatrial.estimation.estimator import Polished
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import Polished, linearise, polish
+from seatrial.estimation.joint_estimate import linearise, polish
 from seatrial.problem.settings import Coefficient, JointSettings, Nuisance, Tie
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import score_tests

@@ -250,7 +250,7 @@ def tried_terms(
     `seatrial.estimation.joint_estimate.linearise`.
     """
     tried = candidates(joint.vehicle, coefficient_names(joint.parameters), free=joint.stage.axes.free)
-    if joint.method == "output":
+    if joint.comparison.simulates:
         estimated = [unknown.name for unknown in joint.unknowns]
         tried += trial_forces(joint.data.names, estimated, free=joint.stage.axes.free)
     held = strongest(joint, values, tried, initial=initial, noise=noise)

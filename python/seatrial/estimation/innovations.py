@@ -33,9 +33,9 @@ from seatrial.base.errors import NumericalError
 from seatrial.base.finding import is_numerical
 from seatrial.base.work import Step
 from seatrial.estimation import kalman
+from seatrial.estimation.estimator import NoiseModel
 from seatrial.estimation.instruments import Answers, answers, driven, drivers, instrumented, lag_s
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.method import NoiseModel
 from seatrial.estimation.one_step import (
     ONE_STEP_SETTINGS,
     Errors,

@@ -24,7 +24,7 @@ from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.estimation.descent import velocity_noise
-from seatrial.estimation.method import ByItself, Method, NoiseModel, method_of
+from seatrial.estimation.estimator import COMPARISONS, ByItself, Comparison, Method, NoiseModel, method_of
 from seatrial.estimation.segment_model import SegmentModel, cut, unfit_trials
 from seatrial.estimation.step import stage_step
 from seatrial.problem.parameter import Parameter, coefficients, parameters
@@ -215,7 +215,7 @@ class Joint:
         Threads of the core; results do not depend on it.
     method : "output" or "innovations", optional
         What is compared: a free simulation of segments, or the predictions of a filter; by default what the
-        campaign says, or what its trials call for (`seatrial.estimation.method`).
+        campaign says, or what its trials call for (`seatrial.estimation.estimator`).
     hidden : collection of str
         Coefficients that feedback hides, by their names in the campaign. They are nuisance parameters around
         the vehicle's values, estimated lest they bend the rest; the identified vehicle keeps its own.
@@ -320,6 +320,11 @@ class Joint:
         )
         self.coarser = tuple(replace(self.model, substeps=n) for n in (step.search, step.slopes))
 
+    @property
+    def comparison(self) -> Comparison:
+        """What its way of comparing with the log can do."""
+        return COMPARISONS[self.method]
+
     def sentences(self) -> list[str]:
         """Which trials are left out and which coefficients have no standard deviation for it."""
         names = {p.name for p in self.parameters}
@@ -375,7 +380,7 @@ class Joint:
 
     def _filtered(self) -> bool:
         """Whether the method has the measurements that it needs."""
-        return self.method == "output" or bool(self.steps()[0])
+        return not self.comparison.models_noise or bool(self.steps()[0])
 
     def _blind(self, trial: Trial) -> Mask:
         """Samples (n,) in gaps longer than `longest_gap_s`, in which no simulated axis is measured.
@@ -415,7 +420,7 @@ class Joint:
     def presumes(self) -> bool:
         """Whether a coefficient is known beforehand, and simulations have to be weighed against that."""
         known = any(u.kind == "coefficient" and math.isfinite(u.prior_sd) for u in self.unknowns)
-        return known and self.method == "output"
+        return known and self.comparison.simulates
 
     def coefficients(self, values: Array) -> dict[str, float]:
         """Coefficients that the values (m,) of the unknowns set."""

@@ -22,9 +22,8 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -32,11 +31,10 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.finding import is_numerical
 from seatrial.base.work import Step
-from seatrial.estimation.gauss_newton import INITIALS, GaussNewton
-from seatrial.estimation.innovations import Innovations
+from seatrial.estimation.estimator import Estimator, Method, Polished
+from seatrial.estimation.gauss_newton import INITIALS, GaussNewton, ran_away
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.method import Method
-from seatrial.estimation.specification import Horizon, LogAlone, OtherDamping, horizons, log_alone
+from seatrial.estimation.specification import PredictionError
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.uncertainty import tempering
 
@@ -63,69 +61,6 @@ class JointEstimateSettings:
 
 
 SETTINGS = JointEstimateSettings()
-
-
-@dataclass(frozen=True)
-class Polished:
-    """What the joint estimate found.
-
-    ``values`` (m,) of the unknowns, ``initial`` (segments, 12) initial conditions, ``noise`` (C,) standard
-    deviation of each channel's residual, ``cost`` half the robust sum of squares and priors in these units
-    over the ``samples`` that count in all channels. ``start_cost`` is that of the start in the same noise, or
-    by how much its negative log-likelihood lies above where that is more: it never lies below ``cost``.
-    ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
-    ``method_reason`` says why the method is what it is, "" where nothing speaks against output error.
-    With the method "innovations" ``horizons`` are what predictions over other horizons say, once they were
-    made (`with_horizons`), ``log_alone`` what the log says without commands that answer more than it holds,
-    where there are such, ``others`` what other models of the damping say that are as likely, and ``waves``
-    the waves of its noise model (`NoiseModel.waves`). ``stopped`` says why a round had no result, mostly "":
-    the values are then those of the round before.
-    """
-
-    values: Array
-    initial: Array
-    noise: Array
-    cost: float
-    start_cost: float
-    samples: int
-    rounds: int
-    evaluations: int
-    converged: bool
-    interrupted: bool
-    wall_s: float
-    spread: Array
-    costs: Array
-    method: Method = "output"
-    method_reason: str = ""
-    horizons: tuple[Horizon, ...] = ()
-    log_alone: LogAlone | None = None
-    others: tuple[OtherDamping, ...] = ()
-    waves: Mapping[str, float | bool | None] | None = None
-    stopped: str = ""
-
-    def rms(self, cost: float) -> float:
-        """Root mean square residual in its standard deviation, outliers bounded, that a cost stands for."""
-        return float(np.sqrt(2.0 * cost / max(self.samples, 1)))
-
-    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
-        """The polish as plain numbers, values by the unknowns' names."""
-        costs = ("cost", "start_cost", "samples")
-        kept = (*costs, "rounds", "evaluations", "converged", "interrupted", "wall_s")
-        return {key: getattr(self, key) for key in kept} | {
-            "method": self.method,
-            "method_reason": self.method_reason,
-            "stopped": self.stopped,
-            "horizons": [horizon.to_dict(names) for horizon in self.horizons],
-            "log_alone": None if self.log_alone is None else self.log_alone.to_dict(names),
-            "others": [other.to_dict() for other in self.others],
-            "waves": None if self.waves is None else dict(self.waves),
-            "values": dict(zip(names, self.values.tolist(), strict=True)),
-            "noise": self.noise.tolist(),
-            "starts": [
-                {"cost": cost, "values": dict(zip(names, row, strict=True))}
-                for cost, row in zip(self.costs.tolist(), self.spread.tolist(), strict=True)
-            ],
-        }
 
 
 def polish(
@@ -157,63 +92,8 @@ def polish(
     watch : callable, optional
         Called after every round; it may raise KeyboardInterrupt.
     """
-    began = time.monotonic()
-    first = joint.start if start is None else np.asarray(start, dtype=float)
     limit = joint.polish.rounds if rounds is None else rounds
-    if joint.method == "innovations":
-        return _with_noise_model(joint, first, limit, fixed, watch)
-    # What is known beforehand meets samples that resemble their neighbours: these count as fewer.
-    if joint.presumes and np.all(joint.tempering == 1.0):
-        joint.tempering = _tempered(joint, first)
-    # Many segments: a part of them, with coarser steps, leads to the optimum; all of them end it.
-    whole = near or len(joint.data.segments) < SETTINGS.many_times * SETTINGS.way_segments
-    searched = joint if whole or not limit else joint.thinned(SETTINGS.way_segments)[0].at_search_step()
-    search = _Descent(searched, frozenset(fixed), limit, watch)
-    search.rounds.near = near
-    searches = [search.run(first)]
-    if near:
-        ended = joint.on_bounds(searches[0].values)
-        return replace(searches[0], values=ended, wall_s=time.monotonic() - began)
-    # What no stage has freed starts far off: a second search begins where all others ended without it.
-    if start is None and not fixed and limit and joint.unstaged and not searches[-1].interrupted:
-        smaller = _Descent(searched, frozenset(joint.unstaged), limit, watch).run(first)
-        if not smaller.interrupted:
-            searches.append(search.run(smaller.values))
-    for other in also:
-        if not searches[-1].interrupted:
-            searches.append(search.run(np.asarray(other, dtype=float)))
-    # Further starts that the campaign asks for, scattered about the first.
-    generator = np.random.default_rng(joint.problem.seed)
-    for _ in range(joint.polish.starts - 1):
-        if searches[-1].interrupted:
-            break
-        searches.append(search.run(search.scattered(first, generator)))
-    # The lowest cost wins.
-    costs = np.array([float(attempt.costs[0]) for attempt in searches])
-    best, interrupted = searches[int(costs.argmin())], searches[-1].interrupted
-    start_cost = searches[0].start_cost + float(costs[0] - costs.min())
-    evaluations = sum(attempt.evaluations for attempt in searches)
-    weighed = joint.presumes and limit > 0 and not interrupted
-    if weighed:
-        joint.tempering = _tempered(joint, best.values)
-    if searched is not joint or weighed:
-        last = _Descent(joint, frozenset(fixed), 0 if interrupted else limit, watch).run(first, best.values)
-        # Costs of the other searches are of a part of the segments; they are brought to all of them.
-        more = len(joint.data.segments) / len(searched.data.segments)
-        costs = float(last.costs[0]) + more * (costs - costs.min())
-        start_cost, evaluations = last.start_cost, evaluations + last.evaluations
-        interrupted = interrupted or last.interrupted
-        best = replace(last, rounds=best.rounds + last.rounds)
-    return replace(
-        best,
-        values=joint.on_bounds(best.values),
-        start_cost=start_cost,
-        evaluations=evaluations,
-        interrupted=interrupted,
-        wall_s=time.monotonic() - began,
-        spread=np.array([attempt.values for attempt in searches]),
-        costs=costs,
-    )
+    return estimator(joint).estimate(start, rounds=limit, fixed=fixed, also=also, near=near, watch=watch)
 
 
 def _tempered(joint: Joint, values: Array) -> Array:
@@ -221,15 +101,6 @@ def _tempered(joint: Joint, values: Array) -> Array:
     with contextlib.suppress(CampaignError):
         return tempering(linearise(joint, values))
     return joint.tempering
-
-
-def with_horizons(joint: Joint, polished: Polished) -> Polished:
-    """The joint estimate with what predictions over other horizons say, where it has a noise model."""
-    if joint.method == "output" or not polished.rounds or polished.interrupted:
-        return polished
-    innovations, values = Innovations(joint), polished.values
-    judged = horizons(innovations, values)
-    return replace(polished, horizons=judged, log_alone=log_alone(innovations, values))
 
 
 def linearise(
@@ -253,51 +124,118 @@ def linearise(
     extra : sequence of str
         Coefficients that are not estimated but differentiated too, appended to the unknowns.
     """
-    if joint.method == "innovations":
-        return Innovations(joint).linearisation(values, extra)
-    search = GaussNewton(joint)
-    if noise is not None:
-        search.noise = noise
-    if initial is None:
-        initial = np.zeros((len(joint.data.segments), 12))
-        for _ in range(SETTINGS.settling_rounds if joint.initials else 1):
-            if noise is None:
-                search.estimate_noise(search.residuals(values, initial))
-            initial = initial + search.settled(values, initial)
-    return search.linearisation(values, initial, extra)
+    return estimator(joint).linearised(values, initial=initial, noise=noise, extra=extra)
 
 
-def _with_noise_model(
-    joint: Joint, start: Array, rounds: int, fixed: Sequence[int], watch: Callable[[Step], None] | None
-) -> Polished:
-    """The joint estimate by the prediction errors of a filter (`seatrial.estimation.innovations`)."""
-    began = time.monotonic()
-    innovations = Innovations(joint)
-    own = start.copy()
-    open_ = [i for i in range(len(joint.estimated)) if i not in set(fixed)]
-    own[open_] = [joint.parameters[i].start for i in open_]
-    if rounds and joint.noise_model is None and not np.array_equal(own, start):
-        start = innovations.likelier([start, own])
-    estimate = innovations.estimate(start, rounds, fixed, watch)
-    return Polished(
-        values=joint.on_bounds(estimate.values),
-        initial=innovations.initial(),
-        noise=estimate.noise,
-        cost=estimate.cost,
-        start_cost=estimate.start_cost,
-        samples=estimate.samples,
-        rounds=estimate.rounds,
-        evaluations=estimate.rounds + 1,
-        converged=estimate.converged,
-        interrupted=estimate.interrupted,
-        wall_s=time.monotonic() - began,
-        spread=estimate.values[None],
-        costs=np.array([estimate.cost]),
-        method="innovations",
-        method_reason=joint.method_reason,
-        waves=None if joint.noise_model is None else joint.noise_model.waves(),
-        stopped=estimate.stopped,
-    )
+class OutputError:
+    """Joint estimate by the errors of free simulations of segments."""
+
+    def __init__(self, joint: Joint) -> None:
+        self.joint = joint
+
+    def estimate(
+        self,
+        start: Array | None,
+        *,
+        rounds: int,
+        fixed: Sequence[int],
+        also: Sequence[Array],
+        near: bool,
+        watch: Callable[[Step], None] | None,
+    ) -> Polished:
+        """The lowest end of descents from a start and from others, on all segments."""
+        began, joint, limit = time.monotonic(), self.joint, rounds
+        first = joint.start if start is None else np.asarray(start, dtype=float)
+        # What is known beforehand meets samples that resemble their neighbours: these count as fewer.
+        if joint.presumes and np.all(joint.tempering == 1.0):
+            joint.tempering = _tempered(joint, first)
+        # Many segments: a part of them, with coarser steps, leads to the optimum; all of them end it.
+        whole = near or len(joint.data.segments) < SETTINGS.many_times * SETTINGS.way_segments
+        searched = joint if whole or not limit else joint.thinned(SETTINGS.way_segments)[0].at_search_step()
+        search = _Descent(searched, frozenset(fixed), limit, watch)
+        search.rounds.near = near
+        searches = [search.run(first)]
+        if near:
+            ended = joint.on_bounds(searches[0].values)
+            return replace(searches[0], values=ended, wall_s=time.monotonic() - began)
+        # What no stage has freed starts far off: a second search begins where all others ended without it.
+        if start is None and not fixed and limit and joint.unstaged and not searches[-1].interrupted:
+            smaller = _Descent(searched, frozenset(joint.unstaged), limit, watch).run(first)
+            if not smaller.interrupted:
+                searches.append(search.run(smaller.values))
+        for other in also:
+            if not searches[-1].interrupted:
+                searches.append(search.run(np.asarray(other, dtype=float)))
+        # Further starts that the campaign asks for, scattered about the first.
+        generator = np.random.default_rng(joint.problem.seed)
+        for _ in range(joint.polish.starts - 1):
+            if searches[-1].interrupted:
+                break
+            searches.append(search.run(search.scattered(first, generator)))
+        # The lowest cost wins.
+        costs = np.array([float(attempt.costs[0]) for attempt in searches])
+        best, interrupted = searches[int(costs.argmin())], searches[-1].interrupted
+        start_cost = searches[0].start_cost + float(costs[0] - costs.min())
+        evaluations = sum(attempt.evaluations for attempt in searches)
+        weighed = joint.presumes and limit > 0 and not interrupted
+        if weighed:
+            joint.tempering = _tempered(joint, best.values)
+        if searched is not joint or weighed:
+            last = _Descent(joint, frozenset(fixed), 0 if interrupted else limit, watch).run(
+                first, best.values
+            )
+            # Costs of the other searches are of a part of the segments; they are brought to all of them.
+            more = len(joint.data.segments) / len(searched.data.segments)
+            costs = float(last.costs[0]) + more * (costs - costs.min())
+            start_cost, evaluations = last.start_cost, evaluations + last.evaluations
+            interrupted = interrupted or last.interrupted
+            best = replace(last, rounds=best.rounds + last.rounds)
+        return replace(
+            best,
+            values=joint.on_bounds(best.values),
+            start_cost=start_cost,
+            evaluations=evaluations,
+            interrupted=interrupted,
+            wall_s=time.monotonic() - began,
+            spread=np.array([attempt.values for attempt in searches]),
+            costs=costs,
+        )
+
+    def linearised(
+        self, values: Array, *, initial: Array | None, noise: Array | None, extra: Sequence[str]
+    ) -> Linearisation:
+        """Residuals and derivatives, initial conditions and noise at their best where they are not given."""
+        joint = self.joint
+        search = GaussNewton(joint)
+        if noise is not None:
+            search.noise = noise
+        if initial is None:
+            initial = np.zeros((len(joint.data.segments), 12))
+            for _ in range(SETTINGS.settling_rounds if joint.initials else 1):
+                if noise is None:
+                    search.estimate_noise(search.residuals(values, initial))
+                initial = initial + search.settled(values, initial)
+        return search.linearisation(values, initial, extra)
+
+    def otherwise(self, polished: Polished) -> Polished:
+        """As it is: a simulation assumes nothing of the noise."""
+        return polished
+
+    def diverges(self, polished: Polished) -> bool:
+        """Whether the simulation leaves the log on every segment."""
+        residuals = self.joint.residuals(polished.values, polished.initial)
+        return all(ran_away(self.joint, error) for error in residuals)
+
+
+_ESTIMATORS: dict[Method, Callable[[Joint], Estimator]] = {
+    "output": OutputError,
+    "innovations": PredictionError,
+}
+
+
+def estimator(joint: Joint) -> Estimator:
+    """The estimator of a joint estimate, by its method."""
+    return _ESTIMATORS[joint.method](joint)
 
 
 @dataclass(frozen=True)

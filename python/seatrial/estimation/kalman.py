@@ -42,7 +42,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.estimation.method import FilterLayout, NoiseModel
+from seatrial.estimation.estimator import FilterLayout, NoiseModel
 from seatrial.estimation.one_step import Motion, Span
 from seatrial.inspect.waves import BROAD, peak, spectra
 

@@ -1,4 +1,4 @@
-"""Estimates of the same coefficients under other assumptions: whether the model is right enough for them.
+"""The estimate by prediction errors, and under other assumptions: whether its model is right enough.
 
 A noise model may be wrong, and the estimate then depends on how far ahead is predicted. The unknowns are
 therefore estimated again from predictions over other horizons, with what was known at the start of each as
@@ -16,17 +16,19 @@ Held by ``tests/estimation/test_innovations.py``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.plain import Plain
+from seatrial.base.work import Step
+from seatrial.estimation.estimator import Horizon, LogAlone, OtherDamping, Polished
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import Errors, Span
+from seatrial.statistics.linearisation import Linearisation
 
 
 @dataclass(frozen=True)
@@ -48,95 +50,6 @@ class SpecificationSettings:
 
 
 SETTINGS = SpecificationSettings()
-
-
-@dataclass(frozen=True)
-class Horizon:
-    """Estimates (m,) from predictions ``ahead_s`` ahead, and how far from those of the fit.
-
-    ``away`` (m,) is the difference in its own standard deviations; ``refused`` names the coefficients that
-    are not identified because of it.
-    """
-
-    ahead_s: float
-    values: Array
-    away: Array
-    refused: tuple[str, ...]
-
-    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
-        """The same by the unknowns' names."""
-        return {
-            "ahead_s": self.ahead_s,
-            "values": dict(zip(names, self.values.tolist(), strict=True)),
-            "away": dict(zip(names, self.away.tolist(), strict=True)),
-            "refused": list(self.refused),
-        }
-
-
-@dataclass(frozen=True)
-class OtherDamping(Plain, only="strips damping own values away refused"):
-    """Estimates with another model of the damping, which the log cannot tell from that of the fit.
-
-    ``strips`` names the drag coefficient that stands against quadratic damping, which ``replaced`` names;
-    ``by_strips`` says whether this model, and not that of the fit, is the one with strips. ``values`` and
-    ``away`` are those of the coefficients that both have; ``refused`` names those that are not identified
-    because of it.
-    """
-
-    strips: str
-    replaced: tuple[str, ...]
-    by_strips: bool
-    values: Mapping[str, float]
-    away: Mapping[str, float]
-    refused: tuple[str, ...]
-
-    @property
-    def damping(self) -> str:
-        """Name of the other model."""
-        return damping_model(self.strips, self.replaced, by_strips=self.by_strips)
-
-    @property
-    def own(self) -> str:
-        """Name of that of the fit."""
-        return damping_model(self.strips, self.replaced, by_strips=not self.by_strips)
-
-    @property
-    def short(self) -> str:
-        """Coefficients of the other model."""
-        return self.strips if self.by_strips else " and ".join(self.replaced)
-
-
-def damping_model(strips: str, replaced: Sequence[str], *, by_strips: bool) -> str:
-    """Name of a model of the damping, with its coefficients."""
-    return (
-        f"cross-flow drag by strips ({strips})"
-        if by_strips
-        else f"quadratic damping ({' and '.join(replaced)})"
-    )
-
-
-@dataclass(frozen=True)
-class LogAlone:
-    """Estimates (m,) free of what commands answer beyond the log, and how far from those of the fit.
-
-    ``commands`` names the actuators whose commands do, ``sure`` by how many of its deviations chi squared of
-    the prediction errors on the innovations of each says so. ``away`` and ``refused`` as of a `Horizon`.
-    """
-
-    commands: tuple[str, ...]
-    sure: tuple[float, ...]
-    values: Array
-    away: Array
-    refused: tuple[str, ...]
-
-    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
-        """The same by the names of actuators and unknowns."""
-        return {
-            "commands": dict(zip(self.commands, self.sure, strict=True)),
-            "values": dict(zip(names, self.values.tolist(), strict=True)),
-            "away": dict(zip(names, self.away.tolist(), strict=True)),
-            "refused": list(self.refused),
-        }
 
 
 def log_alone(innovations: Innovations, values: Array) -> LogAlone | None:
@@ -267,3 +180,68 @@ def matters(value: float, other: float, scale: float, part: float = 1.0) -> bool
     return bool(
         abs(other - value) > part * SETTINGS.matters_share * max(abs(value), SETTINGS.nothing_share * scale)
     )
+
+
+class PredictionError:
+    """Joint estimate by the prediction errors of a filter (`seatrial.estimation.innovations`)."""
+
+    def __init__(self, joint: Joint) -> None:
+        self.joint = joint
+
+    def estimate(
+        self,
+        start: Array | None,
+        *,
+        rounds: int,
+        fixed: Sequence[int],
+        also: Sequence[Array],
+        near: bool,
+        watch: Callable[[Step], None] | None,
+    ) -> Polished:
+        """The estimate from the likelier of a start and the campaign's own; it seeks no others."""
+        began, joint = time.monotonic(), self.joint
+        first = joint.start if start is None else np.asarray(start, dtype=float)
+        innovations = Innovations(joint)
+        own = first.copy()
+        open_ = [i for i in range(len(joint.estimated)) if i not in set(fixed)]
+        own[open_] = [joint.parameters[i].start for i in open_]
+        if rounds and joint.noise_model is None and not np.array_equal(own, first):
+            first = innovations.likelier([first, own])
+        ended = innovations.estimate(first, rounds, fixed, watch)
+        return Polished(
+            values=joint.on_bounds(ended.values),
+            initial=innovations.initial(),
+            noise=ended.noise,
+            cost=ended.cost,
+            start_cost=ended.start_cost,
+            samples=ended.samples,
+            rounds=ended.rounds,
+            evaluations=ended.rounds + 1,
+            converged=ended.converged,
+            interrupted=ended.interrupted,
+            wall_s=time.monotonic() - began,
+            spread=ended.values[None],
+            costs=np.array([ended.cost]),
+            method="innovations",
+            method_reason=joint.method_reason,
+            waves=None if joint.noise_model is None else joint.noise_model.waves(),
+            stopped=ended.stopped,
+        )
+
+    def linearised(
+        self, values: Array, *, initial: Array | None, noise: Array | None, extra: Sequence[str]
+    ) -> Linearisation:
+        """Prediction errors and their derivatives; the filter has initial conditions and noise of its own."""
+        return Innovations(self.joint).linearisation(values, extra)
+
+    def otherwise(self, polished: Polished) -> Polished:
+        """With what predictions over other horizons say, and the log without commands that know more."""
+        if not polished.rounds or polished.interrupted:
+            return polished
+        innovations, values = Innovations(self.joint), polished.values
+        judged = horizons(innovations, values)
+        return replace(polished, horizons=judged, log_alone=log_alone(innovations, values))
+
+    def diverges(self, polished: Polished) -> bool:
+        """Never: a filter follows the log."""
+        return False

@@ -34,10 +34,10 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import SeatrialError
 from seatrial.base.work import Step
+from seatrial.estimation.estimator import NoiseModel, Polished
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import Polished, polish
-from seatrial.estimation.method import NoiseModel
+from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.specification import other_damping
 from seatrial.estimation.stage import StageResult, plan, refitted_stage
 from seatrial.identification.hold_out import AHEAD_S, POOLED, part_scores
@@ -181,7 +181,7 @@ def choose(
     core; the choice does not depend on it.
     """
     words, first, second, rivals = _outside(problem, joint, polished, begun)
-    if joint.method == "innovations" and not first:
+    if joint.comparison.models_noise and not first:
         why = (
             "not compared with the stages, because nothing is held out (set hold_out_s); replaying commands"
             " that react to waves, without the waves, cannot test a model"
@@ -209,7 +209,7 @@ def choose(
         {c: 1.0 - second[c] for c in judged},
         likelihood,
         polished,
-        AHEAD_S if joint.method == "output" else _horizon(joint),
+        AHEAD_S if joint.comparison.simulates else _horizon(joint),
         {name: {c: 1.0 - row[c] for c in judged if c in row} for name, row in rivals.items()},
     )
 
@@ -276,7 +276,7 @@ def _outside(
     problem: Problem, joint: Joint, polished: Polished, begun: Joint | None = None
 ) -> tuple[str, dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
     """What the campaign holds out, in words; errors of stages, joint estimate and rivals on it."""
-    if joint.method == "output":
+    if joint.comparison.simulates:
         start, end = joint.identified(joint.start), joint.identified(polished.values)
         return (
             "held-out data",
@@ -420,7 +420,7 @@ def quadratic_or_strips(
     what makes a campaign one of its kind, and a sentence for each plane that was compared.
     """
     kind: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
-    if joint.method != "innovations" or polished.interrupted or not slender(joint.vehicle):
+    if not joint.comparison.models_noise or polished.interrupted or not slender(joint.vehicle):
         return joint, polished, kind, ()
     notes: list[str] = []
     for name, made in STRIPS.items():

@@ -20,7 +20,8 @@ import numpy as np
 from seatrial.base.errors import NumericalError
 from seatrial.base.finding import Fallback, Fallbacks
 from seatrial.diagnosis.assessment import Assessment, assess
-from seatrial.estimation.joint_estimate import Polished, polish
+from seatrial.estimation.estimator import Polished
+from seatrial.estimation.joint_estimate import polish
 from seatrial.identification.choice import Choice, choose, quadratic_or_strips, with_or_without_presumed
 from seatrial.identification.held import Conditional, conditional, joint_estimate_of
 from seatrial.identification.hold_out import PartScores, Restarts, part_scores
@@ -228,7 +229,7 @@ def _assessed(
         return None
     estimate, sure = both
     # Where these data identify nothing, no deviation counts.
-    if spoilt and joint.method == "innovations":
+    if spoilt and joint.comparison.models_noise:
         sure = replace(sure, spoilt=spoilt)
     rests: tuple[Conditional, ...] = fallbacks.attempt(
         "dependence on held coefficients",

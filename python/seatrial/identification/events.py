@@ -28,8 +28,8 @@ from seatrial.base.channels import AXES, MOTIONS
 from seatrial.base.plain import Plain
 from seatrial.diagnosis.assessment import ASSESSMENT_SETTINGS
 from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS
+from seatrial.estimation.estimator import method_of
 from seatrial.estimation.event_fit import ANGLE_OF, SETTINGS, EventFit, EventWindows, estimate_on_events
-from seatrial.estimation.method import method_of
 from seatrial.identification.choice import slender
 from seatrial.inspect.events import EVENT_LIMITS, Event, events
 from seatrial.problem.parameter import STRIPS, Parameter, coefficients
@@ -227,7 +227,7 @@ def _closed(problem: Problem, trials: Sequence[str]) -> set[str]:
     """Axes whose commands answer the motion in all of these trials, in waves that bias a simulation."""
     if any(problem.input_of(name) != "commands" for name in trials):
         return set()
-    if method_of(problem, trials).method != "innovations":
+    if not method_of(problem, trials).comparison.models_noise:
         return set()
     verdicts = [problem.verdicts(name) for name in trials]
     return {axis for axis in AXES if all(axis in own and own[axis].kind != "open" for own in verdicts)}

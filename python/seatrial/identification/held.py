@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.estimation.estimator import Polished
 from seatrial.estimation.joint import Joint, joint_stage
-from seatrial.estimation.joint_estimate import Polished, linearise
+from seatrial.estimation.joint_estimate import linearise
 from seatrial.inspect.verdict import Verdict, best, untold
 from seatrial.problem.parameter import Parameter, parameters
 
@@ -143,7 +144,7 @@ def joint_estimate_of(
     values.
     """
     joint = Joint(problem, vehicle, threads=threads)
-    if not held or joint.method == "output":
+    if not held or not joint.comparison.models_noise:
         return joint
     return Joint(whole, vehicle, threads=threads, hidden={row.parameter for row in held})
 

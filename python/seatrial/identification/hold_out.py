@@ -73,7 +73,7 @@ class Restarts:
 
         ``values``: of the joint estimate's unknowns (m,). ``vehicle``: the result.
         """
-        if joint.method == "output" or joint.noise_model is None:
+        if joint.noise_model is None:
             return cls()
         begun, free = problem.vehicle, joint.stage.axes.free
         ahead_s = judged_s((begun, vehicle), joint.data.trials, free, AHEAD_S)

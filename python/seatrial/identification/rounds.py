@@ -44,9 +44,10 @@ from seatrial.diagnosis.assessment import contradicted_bounds
 from seatrial.diagnosis.missing_terms import Suggestion, independent_blocks, missing_terms
 from seatrial.diagnosis.refitting import campaign_line, freed
 from seatrial.diagnosis.residual_analysis import Tried, tried_terms
+from seatrial.estimation.estimator import Polished
 from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import Polished, polish
+from seatrial.estimation.joint_estimate import polish
 from seatrial.problem.parameter import STRIPS
 from seatrial.problem.settings import JointSettings
 from seatrial.statistics.blocks import block_length
@@ -168,7 +169,7 @@ def in_rounds(
     a problem one of its kind, and all proposals in the order of their trial.
     """
     same: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
-    if joint.method != "output" or polished.interrupted or not rounds:
+    if not joint.comparison.simulates or polished.interrupted or not rounds:
         return joint, polished, same, ()
     sparse, places = _sparse(joint)
     here = replace(polished, initial=polished.initial[places])

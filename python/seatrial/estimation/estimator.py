@@ -1,4 +1,4 @@
-"""Which criterion a joint estimate takes, what speaks against it, and the noise model of a filter.
+"""Ways to compare a joint estimate with the log: which one, what each has to give, and the noise model.
 
 Output error takes all that a simulation misses for noise of the sensors. That holds for open loops. In a
 closed loop the commands answer the waves, and in calm water the noise of the sensors and what the model
@@ -12,18 +12,44 @@ Tests: ``tests/estimation/test_method.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal, Protocol
+
+import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.plain import Plain
+from seatrial.base.work import Step
 from seatrial.inspect.feedback import runs_away
 from seatrial.inspect.verdict import VERDICT_SETTINGS, Verdict, best
 from seatrial.inspect.waves import waves
 from seatrial.problem.problem import Problem
 from seatrial.problem.settings import JointSettings
+from seatrial.statistics.linearisation import Linearisation
 
 Method = Literal["output", "innovations"]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What a way of comparing with the log can do.
+
+    ``simulates``: segments are simulated freely and independently, so that a part of them leads the way, a
+    trial may have a force of its own, and held-out data are predicted by a replay of their commands.
+    ``models_noise``: the noises are estimated along, so that it takes long records, has a likelihood and
+    states of a filter, and tells in part what feedback hides.
+    """
+
+    method: Method
+    simulates: bool
+    models_noise: bool
+
+
+COMPARISONS: dict[Method, Comparison] = {
+    "output": Comparison("output", simulates=True, models_noise=False),
+    "innovations": Comparison("innovations", simulates=False, models_noise=True),
+}
 
 
 @dataclass(frozen=True)
@@ -32,6 +58,11 @@ class ByItself:
 
     method: Method
     why: str
+
+    @property
+    def comparison(self) -> Comparison:
+        """What it can do."""
+        return COMPARISONS[self.method]
 
 
 def method_of(problem: Problem, trials: Sequence[str]) -> ByItself:
@@ -130,7 +161,7 @@ class FilterLayout:
     @property
     def width(self) -> int:
         """States of the filter."""
-        return self.current.stop
+        return self.states + self.velocities + 2 * (self.waved + self.water + 1)
 
     @property
     def speeds(self) -> slice:
@@ -161,11 +192,6 @@ class FilterLayout:
     def orbits(self) -> range:
         """Displacement of the shaping filter of each direction of the water in waves; its rate follows."""
         return range(self.pushes.stop, self.waves.stop, 2)
-
-    @property
-    def push_rates(self) -> slice:
-        """Rates of the shaping filters of the axes."""
-        return slice(self.pushes.start + 1, self.pushes.stop, 2)
 
     @property
     def orbit_rates(self) -> slice:
@@ -227,3 +253,186 @@ class NoiseModel:
             "damping_ratio": self.damping,
             "carried": self.carried if self.water else None,
         }
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """Estimates (m,) from predictions ``ahead_s`` ahead, and how far from those of the fit.
+
+    ``away`` (m,) is the difference in its own standard deviations; ``refused`` names the coefficients that
+    are not identified because of it.
+    """
+
+    ahead_s: float
+    values: Array
+    away: Array
+    refused: tuple[str, ...]
+
+    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
+        """The same by the unknowns' names."""
+        return {
+            "ahead_s": self.ahead_s,
+            "values": dict(zip(names, self.values.tolist(), strict=True)),
+            "away": dict(zip(names, self.away.tolist(), strict=True)),
+            "refused": list(self.refused),
+        }
+
+
+@dataclass(frozen=True)
+class OtherDamping(Plain, only="strips damping own values away refused"):
+    """Estimates with another model of the damping, which the log cannot tell from that of the fit.
+
+    ``strips`` names the drag coefficient that stands against quadratic damping, which ``replaced`` names;
+    ``by_strips`` says whether this model, and not that of the fit, is the one with strips. ``values`` and
+    ``away`` are those of the coefficients that both have; ``refused`` names those that are not identified
+    because of it.
+    """
+
+    strips: str
+    replaced: tuple[str, ...]
+    by_strips: bool
+    values: Mapping[str, float]
+    away: Mapping[str, float]
+    refused: tuple[str, ...]
+
+    @property
+    def damping(self) -> str:
+        """Name of the other model."""
+        return damping_model(self.strips, self.replaced, by_strips=self.by_strips)
+
+    @property
+    def own(self) -> str:
+        """Name of that of the fit."""
+        return damping_model(self.strips, self.replaced, by_strips=not self.by_strips)
+
+    @property
+    def short(self) -> str:
+        """Coefficients of the other model."""
+        return self.strips if self.by_strips else " and ".join(self.replaced)
+
+
+def damping_model(strips: str, replaced: Sequence[str], *, by_strips: bool) -> str:
+    """Name of a model of the damping, with its coefficients."""
+    return (
+        f"cross-flow drag by strips ({strips})"
+        if by_strips
+        else f"quadratic damping ({' and '.join(replaced)})"
+    )
+
+
+@dataclass(frozen=True)
+class LogAlone:
+    """Estimates (m,) free of what commands answer beyond the log, and how far from those of the fit.
+
+    ``commands`` names the actuators whose commands do, ``sure`` by how many of its deviations chi squared of
+    the prediction errors on the innovations of each says so. ``away`` and ``refused`` as of a `Horizon`.
+    """
+
+    commands: tuple[str, ...]
+    sure: tuple[float, ...]
+    values: Array
+    away: Array
+    refused: tuple[str, ...]
+
+    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
+        """The same by the names of actuators and unknowns."""
+        return {
+            "commands": dict(zip(self.commands, self.sure, strict=True)),
+            "values": dict(zip(names, self.values.tolist(), strict=True)),
+            "away": dict(zip(names, self.away.tolist(), strict=True)),
+            "refused": list(self.refused),
+        }
+
+
+@dataclass(frozen=True)
+class Polished:
+    """What the joint estimate found.
+
+    ``values`` (m,) of the unknowns, ``initial`` (segments, 12) initial conditions, ``noise`` (C,) standard
+    deviation of each channel's residual, ``cost`` half the robust sum of squares and priors in these units
+    over the ``samples`` that count in all channels. ``start_cost`` is that of the start in the same noise, or
+    by how much its negative log-likelihood lies above where that is more: it never lies below ``cost``.
+    ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
+    ``method_reason`` says why the method is what it is, "" where nothing speaks against output error.
+    With the method "innovations" ``horizons`` are what predictions over other horizons say, once they were
+    made (`Estimator.otherwise`), ``log_alone`` what the log says without commands that answer more than it
+    holds, where there are such, ``others`` what other models of the damping say that are as likely, and
+    ``waves`` the waves of its noise model (`NoiseModel.waves`). ``stopped`` says why a round had no result,
+    mostly "": the values are then those of the round before.
+    """
+
+    values: Array
+    initial: Array
+    noise: Array
+    cost: float
+    start_cost: float
+    samples: int
+    rounds: int
+    evaluations: int
+    converged: bool
+    interrupted: bool
+    wall_s: float
+    spread: Array
+    costs: Array
+    method: Method = "output"
+    method_reason: str = ""
+    horizons: tuple[Horizon, ...] = ()
+    log_alone: LogAlone | None = None
+    others: tuple[OtherDamping, ...] = ()
+    waves: Mapping[str, float | bool | None] | None = None
+    stopped: str = ""
+
+    def rms(self, cost: float) -> float:
+        """Root mean square residual in its standard deviation, outliers bounded, that a cost stands for."""
+        return float(np.sqrt(2.0 * cost / max(self.samples, 1)))
+
+    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
+        """The polish as plain numbers, values by the unknowns' names."""
+        costs = ("cost", "start_cost", "samples")
+        kept = (*costs, "rounds", "evaluations", "converged", "interrupted", "wall_s")
+        return {key: getattr(self, key) for key in kept} | {
+            "method": self.method,
+            "method_reason": self.method_reason,
+            "stopped": self.stopped,
+            "horizons": [horizon.to_dict(names) for horizon in self.horizons],
+            "log_alone": None if self.log_alone is None else self.log_alone.to_dict(names),
+            "others": [other.to_dict() for other in self.others],
+            "waves": None if self.waves is None else dict(self.waves),
+            "values": dict(zip(names, self.values.tolist(), strict=True)),
+            "noise": self.noise.tolist(),
+            "starts": [
+                {"cost": cost, "values": dict(zip(names, row, strict=True))}
+                for cost, row in zip(self.costs.tolist(), self.spread.tolist(), strict=True)
+            ],
+        }
+
+
+class Estimator(Protocol):
+    """A joint estimate that is compared with the log in one way.
+
+    `seatrial.estimation.joint_estimate` chooses it by the name of its `Comparison`. A further one is a class
+    in a file of its own, its `Comparison` here, and its name there.
+    """
+
+    def estimate(
+        self,
+        start: Array | None,
+        *,
+        rounds: int,
+        fixed: Sequence[int],
+        also: Sequence[Array],
+        near: bool,
+        watch: Callable[[Step], None] | None,
+    ) -> Polished:
+        """The estimate that a start (m,) and others lead to (`seatrial.estimation.joint_estimate.polish`)."""
+
+    def linearised(
+        self, values: Array, *, initial: Array | None, noise: Array | None, extra: Sequence[str]
+    ) -> Linearisation:
+        """Residuals and derivatives at a point; as `seatrial.estimation.joint_estimate.linearise`."""
+
+    def otherwise(self, polished: Polished) -> Polished:
+        """The estimate with what it would be under other assumptions of its method."""
+
+    def diverges(self, polished: Polished) -> bool:
+        """Whether the model leaves the log on every segment."""
