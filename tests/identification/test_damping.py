@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from seatrial.estimation.estimator import COMPARISONS
 from seatrial.identification import choice
 from seatrial.identification.choice import likelier_by
 
@@ -28,7 +29,9 @@ def test_strips_are_tried_on_slender_hulls_only() -> None:
 
     def tried(**measures: float) -> bool:
         joint = SimpleNamespace(
-            method="innovations", unknowns=(), vehicle=SimpleNamespace(geometry=lambda: measures)
+            comparison=COMPARISONS["innovations"],
+            unknowns=(),
+            vehicle=SimpleNamespace(geometry=lambda: measures),
         )
         try:
             choice.quadratic_or_strips(joint, SimpleNamespace(interrupted=False))  # type: ignore[arg-type]

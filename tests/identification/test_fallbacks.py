@@ -97,7 +97,7 @@ def test_a_step_that_fails_leaves_what_was_there(
     fit = campaign(trial).identify(work=Work(threads=1))
     whole(fit)
     first = fit.fallbacks[0]
-    assert (first.step, first.kind, first.cause) == (name, "numerical", "Singular matrix")
+    assert (first.name, first.kind, first.cause) == (name, "numerical", "Singular matrix")
     said = fit.summary().splitlines()
     words = f"{name} failed: Singular matrix. Kept instead: {first.kept}"
     assert any(words.lower() in line.lower() for line in said[:3])
@@ -127,13 +127,12 @@ def test_what_counts_as_a_failure_of_numbers() -> None:
     assert not is_numerical(raised(lambda: np.zeros(2) + np.zeros(3)))
     assert not is_numerical(raised(lambda: float("x")))
     border = Fallbacks()
-    words = {"kept": "the old one", "remedy": "look"}
-    assert border.attempt("scores", failing(CampaignError("no trial")), 1, **words) == 1
-    assert border.findings == [Fallback("scores", "refused", "no trial", "the old one", "look")]
+    assert border.attempt("scores", failing(CampaignError("no trial")), 1) == 1
+    assert border.findings == [Fallback("scores", "refused", "no trial")]
     with pytest.raises(SeatrialError, match="cannot be written"):
-        border.attempt("scores", failing(SeatrialError("cannot be written")), 1, **words)
+        border.attempt("scores", failing(SeatrialError("cannot be written")), 1)
     with pytest.raises(KeyboardInterrupt):
-        border.attempt("scores", failing(KeyboardInterrupt()), 1, **words)
+        border.attempt("scores", failing(KeyboardInterrupt()), 1)
 
 
 def test_a_stage_that_fails_costs_no_other_stage(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,7 +145,7 @@ def test_a_stage_that_fails_costs_no_other_stage(trial: Trial, monkeypatch: pyte
     first = STAGES[STAGES.index("[[stages]]") :].replace("surge", "first").replace("X_uu", "X_udot")
     fit = campaign(trial, first.replace("[-30.0, -4.0]", "[-30.0, -1.0]")).identify(work=Work(threads=1))
     whole(fit)
-    assert [one.step for one in fit.fallbacks] == ["stage 'first'"]
+    assert [one.name for one in fit.fallbacks] == ["stage 'first'"]
     assert [stage.name for stage in fit.stages] == ["surge"]
 
 
@@ -210,4 +209,4 @@ def test_a_vehicle_that_no_step_follows_has_no_noise_of_its_own(trial: Trial) ->
     fallbacks = Fallbacks()
     vehicle, _ = scored(Conclusion(campaign(trial, "").problem(), runaway), fallbacks)
     assert "model_error" not in vehicle.to_dict()
-    assert fallbacks.findings[0].step == "noise of a navigation filter"
+    assert fallbacks.findings[0].name == "noise of a navigation filter"

@@ -274,7 +274,7 @@ def ends_well(number: int) -> str:
         text = fit.report().text()
         assert Vehicle.from_toml(str(fit.files()["vehicle.toml"])).name == fit.vehicle.name
     if fit.fallbacks:
-        assert f"{fit.fallbacks[0].step} failed".lower() in text.lower(), number
+        assert f"{fit.fallbacks[0].name} failed".lower() in text.lower(), number
     return "result"
 
 

@@ -11,9 +11,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from importlib import import_module
 from typing import Any, Literal, TypeVar
 
 from seatrial.base.errors import CampaignError, SimulationError, TrialError, VehicleError
+from seatrial.base.plain import Plain
 
 
 class Severity(IntEnum):
@@ -100,34 +102,46 @@ Kind = Literal["numerical", "refused"]
 
 
 @dataclass(frozen=True)
-class Fallback:
-    """A step without a result, and what stands in its place.
+class Fallback(Plain, only="step=name kind cause kept remedy"):
+    """A step without a result, whose words are in `seatrial.report.results.fallbacks`.
 
-    Attributes
-    ----------
-    step
-        Name of the step.
-    kind
-        "numerical": it diverged or has no finite result; "refused": what was found does not suit it.
-    cause
-        What failed, as the step says it.
-    kept
-        What the result has instead.
-    remedy
-        What to do.
+    ``step`` says which, ``of`` which of several (a stage, a round). ``kind`` is "numerical" where it diverged
+    or has no finite result, "refused" where what was found does not suit it; ``cause`` is what failed, as the
+    step says it.
     """
 
     step: str
     kind: Kind
     cause: str
-    kept: str
-    remedy: str
+    of: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of the step."""
+        return self._words[0]
+
+    @property
+    def kept(self) -> str:
+        """What the result has instead."""
+        return self._words[1]
+
+    @property
+    def remedy(self) -> str:
+        """What to do."""
+        return self._words[2]
+
+    @property
+    def _words(self) -> tuple[str, str, str]:
+        words: tuple[str, str, str] = import_module("seatrial.report.results.fallbacks").words(
+            self.step, self.of
+        )
+        return words
 
     @property
     def sentence(self) -> str:
         """All of it in words."""
         cause = self.cause.rstrip(".")
-        return f"{self.step} failed: {cause}. Kept instead: {self.kept}; {self.remedy}"
+        return f"{self.name} failed: {cause}. Kept instead: {self.kept}; {self.remedy}"
 
 
 def is_numerical(error: BaseException) -> bool:
@@ -161,18 +175,15 @@ class Fallbacks:
     def __init__(self) -> None:
         self.findings: list[Fallback] = []
 
-    def attempt(self, step: str, work: Callable[[], T], otherwise: T, *, kept: str, remedy: str) -> T:
-        """Result of a step, or what was there before where the step fails.
-
-        `step` is its name, `kept` says in words what was there before, `remedy` what to do where it fails.
-        """
+    def attempt(self, step: str, work: Callable[[], T], otherwise: T, *, of: str = "") -> T:
+        """Result of a step, or what was there before where the step fails; names as of a `Fallback`."""
         try:
             return work()
         except Exception as error:
-            self.add(step, error, kept=kept, remedy=remedy)
+            self.add(step, error, of=of)
         return otherwise
 
-    def add(self, step: str, error: BaseException, *, kept: str, remedy: str) -> None:
+    def add(self, step: str, error: BaseException, *, of: str = "") -> None:
         """Keep the finding on an error; raise the error where it is no failure of numbers or data.
 
         Raises
@@ -185,4 +196,4 @@ class Fallbacks:
         if not refused and not is_numerical(error):
             raise error
         cause = str(error) or type(error).__name__
-        self.findings.append(Fallback(step, "refused" if refused else "numerical", cause, kept, remedy))
+        self.findings.append(Fallback(step, "refused" if refused else "numerical", cause, of))

@@ -36,13 +36,6 @@ if TYPE_CHECKING:
     from seatrial.identification.preparation import Preparation
     from seatrial.problem.problem import Problem
 
-_STAGES = "the result of the stages"
-
-_CHECK = (
-    "check the bounds, the damping of the free axes, and the signs and units of the commands; the rest of the"
-    " result does not depend on this step"
-)
-
 
 @dataclass(frozen=True)
 class Conclusion:
@@ -69,11 +62,10 @@ def staged(problem: Problem, stages: Sequence[StageResult], fallbacks: Fallbacks
     vehicle = problem.vehicle
     for stage in stages:
         vehicle = fallbacks.attempt(
-            f"stage {stage.name!r}",
+            "stage impossible",
             lambda so_far=vehicle, stage=stage: so_far.with_coefficients(stage.coefficients),  # type: ignore[misc]
             vehicle,
-            kept="the values from before the stage",
-            remedy="let the stages that share masses and inertias follow one another (after)",
+            of=stage.name,
         )
     return vehicle
 
@@ -100,7 +92,7 @@ def concluded(
         return joint_estimate_of(problem, ready.whole, ready.held, start.vehicle, threads=threads)
 
     try:
-        joint = fallbacks.attempt("joint estimate", begun, None, kept=_STAGES, remedy=_CHECK)
+        joint = fallbacks.attempt("joint estimate", begun, None)
         if joint is None:
             return start
         result, polished = start, None
@@ -109,9 +101,7 @@ def concluded(
         done = _assessed(ready, result, joint, polished, fallbacks, spoilt)
         if done is None and polished is not None:
             # The joint estimate cannot be assessed: the stages, whose deviations may be known.
-            fresh = fallbacks.attempt(
-                "standard deviations of the stages", begun, None, kept=_STAGES, remedy=_CHECK
-            )
+            fresh = fallbacks.attempt("stages anew", begun, None)
             result = replace(start, interrupted=result.interrupted)
             done = None if fresh is None else _assessed(ready, result, fresh, None, fallbacks, spoilt)
         return result if done is None else done
@@ -137,51 +127,36 @@ def jointly(
             raise NumericalError("it took no step, because the model diverges where the stages ended")
         return polished_again
 
-    polished = fallbacks.attempt("joint estimate", improved, None, kept=_STAGES, remedy=_CHECK)
+    polished = fallbacks.attempt("joint estimate", improved, None)
     if polished is None:
         return start, joint, None
     if polished.stopped:
-        fallbacks.findings.append(
-            Fallback(
-                f"round {polished.rounds} of the joint estimate",
-                "numerical",
-                polished.stopped,
-                "the estimate of the round before",
-                _CHECK,
-            )
-        )
+        stopped = Fallback("round", "numerical", polished.stopped, str(polished.rounds))
+        fallbacks.findings.append(stopped)
     problem, notes = start.problem, start.notes
     begun, best, dropped, why = fallbacks.attempt(
-        "comparison without coefficients that have a prior (sd)",
+        "presumed",
         lambda: with_or_without_presumed(joint, polished, watch=watch),
         (joint, polished, tuple[str, ...](), ""),
-        kept="the joint estimate with them",
-        remedy="leave them out of [polish] if their values are implausible",
     )
     if dropped:
         problem, notes = problem.without_coefficients(set(dropped)), (*notes, why)
     same: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
     other, best_other, kind, compared = fallbacks.attempt(
-        "comparison with cross-flow drag by strips",
+        "strips",
         lambda: quadratic_or_strips(begun, best, watch=watch),
         (begun, best, same, tuple[str, ...]()),
-        kept="the joint estimate with quadratic damping",
-        remedy=_CHECK,
     )
     rich, best_rich, accepted, proposals = fallbacks.attempt(
-        "rounds of proposals",
+        "proposals",
         lambda: in_rounds(other, best_other, rounds=other.polish.proposal_rounds, watch=watch),
         (other, best_other, same, tuple[Proposal, ...]()),
-        kept="the joint estimate without what its residuals ask for",
-        remedy="free what the residual analysis names by hand",
     )
     changed = accepted(kind(problem))
     choice = fallbacks.attempt(
-        "choice between stages and joint estimate",
+        "choice",
         lambda: choose(changed, rich, _finite(best_rich), stages=stages, begun=begun, threads=threads),
         None,
-        kept=f"{_STAGES}, because nothing judged the joint estimate",
-        remedy="hold out data on which the model does not diverge (hold_out_s)",
     )
     result = replace(
         start,
@@ -217,14 +192,8 @@ def _assessed(
         return estimate, assess(joint, estimate)
 
     # Each of the following may fail by itself and then costs only what rests on it.
-    what = "the stages" if polished is None else "the joint estimate"
-    both = fallbacks.attempt(
-        f"standard deviations of {what}",
-        judged,
-        None,
-        kept=f"{_STAGES}{', without deviations' if polished is None else ''}",
-        remedy=_CHECK,
-    )
+    step = "deviations of the stages" if polished is None else "deviations"
+    both = fallbacks.attempt(step, judged, None)
     if both is None:
         return None
     estimate, sure = both
@@ -232,18 +201,10 @@ def _assessed(
     if spoilt and joint.comparison.models_noise:
         sure = replace(sure, spoilt=spoilt)
     rests: tuple[Conditional, ...] = fallbacks.attempt(
-        "dependence on held coefficients",
-        lambda: conditional(joint, estimate, ready.held, sure.uncertainty),
-        (),
-        kept="the estimates, without what they rest on",
-        remedy=_CHECK,
+        "dependence", lambda: conditional(joint, estimate, ready.held, sure.uncertainty), ()
     )
     restarts = fallbacks.attempt(
-        "states of the filter for the scores",
-        lambda: Restarts.of(result.problem, joint, estimate.values, sure.vehicle),
-        Restarts(),
-        kept="scores that restart from the smoothed log",
-        remedy=_CHECK,
+        "restarts", lambda: Restarts.of(result.problem, joint, estimate.values, sure.vehicle), Restarts()
     )
     return replace(
         result,
@@ -259,19 +220,12 @@ def scored(result: Conclusion, fallbacks: Fallbacks) -> tuple[Vehicle, PartScore
     """The vehicle with the noise of a filter on it in its file, and its scores."""
     problem, vehicle = result.problem, result.vehicle
     noisy = fallbacks.attempt(
-        "noise of a navigation filter",
-        lambda: with_model_error(vehicle, problem),
-        vehicle.without_model_error(),
-        kept="the default noise of a filter (the vehicle file has no [model_error])",
-        remedy="give NavigationFilter its force and acceleration, or check the vehicle: one sample of the log"
-        " takes the model far from what was measured",
+        "filter noise", lambda: with_model_error(vehicle, problem), vehicle.without_model_error()
     )
     scores = fallbacks.attempt(
         "scores",
         lambda: part_scores(problem, noisy, nuisances=result.nuisances, restarts=result.restarts),
         PartScores({}, ()),
-        kept="the result without scores",
-        remedy=_CHECK,
     )
     return noisy, scores
 

@@ -239,7 +239,7 @@ class Identification(RunResult):
             "events": [estimate.to_dict() for estimate in self.events],
             "proposals": [proposal.to_dict() for proposal in self.proposals],
             "notes": list(self.notes),
-            "fallbacks": [asdict(fallback) for fallback in self.fallbacks],
+            "fallbacks": [fallback.to_dict() for fallback in self.fallbacks],
             "doubt": self.doubt,
             "facts": dict(self.facts),
         }

@@ -146,9 +146,6 @@ def identify(
         return run_identification(problem, work, fleet=fleet)
 
 
-_EVENTS = {"kept": "the estimate on the whole log", "remedy": "check bounds and damping of their axes"}
-"""What an identification has where the estimate on events fails."""
-
 _WORTH_SAYING_S = 10.0
 """Stages that took longer than this are followed by a joint estimate that takes long too."""
 
@@ -249,12 +246,7 @@ class StageOrder:
             elif not outcome.reused:
                 self.run.keep(f"{self.part}{outcome.name}", outcome.inputs, outcome.to_dict())
         elif not isinstance(outcome, KeyboardInterrupt):
-            self.fallbacks.add(
-                f"stage {name!r}",
-                outcome,
-                kept="the values from before the stage",
-                remedy="check its bounds, and the signs and units of the commands of its trials",
-            )
+            self.fallbacks.add("stage", outcome, of=name)
             self.failed.append(name)
 
     def _run(self, plan: StagePlan) -> None:
@@ -381,7 +373,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
 
         if not spoilt:  # what is late biases an event as it does the whole log
             ask = partial(from_events, problem, threads=threads, watch=watch_events)
-            by_events = early.attempt("events", ask, by_events, **_EVENTS)
+            by_events = early.attempt("events", ask, by_events)
         if by_events.taken and by_events.rest.stages:
             ready = prepare(by_events.rest, threads=threads)
         elif by_events.taken:  # events tell all that was asked
@@ -409,9 +401,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
             )
         if by_events.taken:
             again = partial(by_events.again, end.vehicle, threads=threads)
-            by_events = (
-                by_events if end.interrupted else fallbacks.attempt("events", again, by_events, **_EVENTS)
-            )
+            by_events = by_events if end.interrupted else fallbacks.attempt("events", again, by_events)
             vehicle = end.vehicle.with_coefficients(by_events.values)
             end = replace(end, problem=by_events.restored(end.problem), vehicle=vehicle)
         vehicle, judged = scored(end, fallbacks)
@@ -427,13 +417,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
             findings=findings,
             held=ready.held,
             conditional=end.conditional,
-            scale=fallbacks.attempt(
-                "scale of the forces",
-                lambda: judge_scale(problem, vehicle),
-                judge_scale(problem),
-                kept="the anchors, without what they say of the identified vehicle",
-                remedy="check the anchors of the campaign against the identified masses",
-            ),
+            scale=fallbacks.attempt("scale", lambda: judge_scale(problem, vehicle), judge_scale(problem)),
             notes=(*end.notes, *end.restarts.sentences, *judged.missing),
             facts=run_facts(
                 "identification",
@@ -450,16 +434,7 @@ def run_identification(problem: Problem, work: Work, *, fleet: Fleet | None = No
             proposals=end.proposals,
             events=by_events.estimates,
         )
-        fit = replace(
-            fit,
-            doubt=fallbacks.attempt(
-                "vehicles drawn from the covariance",
-                lambda: Fitted.of(fit).doubt(),
-                "",
-                kept="the coefficients and their deviations, without a covariance to draw vehicles from",
-                remedy="give verify and tune percentages under [verification] coefficients",
-            ),
-        )
+        fit = replace(fit, doubt=fallbacks.attempt("draws", lambda: Fitted.of(fit).doubt(), ""))
         fit = replace(fit, fallbacks=tuple(fallbacks.findings))
         if work.run_dir is not None:
             run.publish(fit.facts, fit.files())

@@ -150,7 +150,7 @@ def _worst(fit: Identification) -> tuple[str, str]:
         first = fit.fallbacks[0]
         others = len(fit.fallbacks) - 1
         more = f" ({others} more step{'s' if others > 1 else ''} failed, see the remarks)" if others else ""
-        return f"{first.step} failed: {first.cause}. Kept instead: {first.kept}{more}", first.remedy
+        return f"{first.name} failed: {first.cause}. Kept instead: {first.kept}{more}", first.remedy
     if strayed := [] if fit.assessment is None else fit.assessment.strayed():
         return f"a nuisance parameter left its prior: {diagnosis.problem(strayed[0])}", diagnosis.remedy(
             strayed[0]
