@@ -271,13 +271,17 @@ def report_of(result: object, **options: Any) -> Report:
 
 def sentence_of(finding: Finding, writer: str) -> str:
     """A finding as a sentence, in the words of a module of `seatrial.report.results`."""
-    return str(importlib.import_module(f"seatrial.report.results.{writer}").sentence(finding))
+    return str(wording(writer).sentence(finding))
 
 
 def words_about(result: object, writer: str) -> list[str]:
     """Sentences about a part of a result, in the words of a module of `seatrial.report.results`."""
-    sentences: list[str] = importlib.import_module(f"seatrial.report.results.{writer}").sentences(result)
-    return sentences
+    return list(wording(writer).sentences(result))
+
+
+def wording(writer: str) -> Any:
+    """Module of `seatrial.report.results` by name; it lies above all results, and is loaded when needed."""
+    return importlib.import_module(f"seatrial.report.results.{writer}")
 
 
 def _section_of(data: Mapping[str, Any]) -> Section:

@@ -233,6 +233,10 @@ class Assessment:
         vehicle = self.vehicle
         return manoeuvre(role(name, pushed=pushed_axes(vehicle), fins=fins_and_groups(vehicle)))
 
+    def sentences(self) -> list[str]:
+        """What to know before the numbers are used, the gravest first."""
+        return words_about(self, "diagnosis")
+
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain numbers, texts and lists."""
         return {
@@ -244,7 +248,7 @@ class Assessment:
             "residual_analysis": self.residual_analysis.to_dict(),
             "bounds": None if self.bounds is None else self.bounds.to_dict(),
             "spoilt": self.spoilt,
-            "sentences": words_about(self, "diagnosis"),
+            "sentences": self.sentences(),
         }
 
 

@@ -27,7 +27,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.base.errors import SimulationError, TrialError
 from seatrial.base.plain import Plain
-from seatrial.base.report import listed
+from seatrial.base.report import wording, words_about
 from seatrial.inspect.wiring import each_wrench, thrusts
 from seatrial.vehicle.actuators import actuator_groups
 
@@ -68,12 +68,7 @@ class Combination:
     @property
     def words(self) -> str:
         """The combination as it is written: ``a - b + 0.5 c``."""
-        text = ""
-        for i, (name, factor) in enumerate(self.parts):
-            size = "" if abs(abs(factor) - 1.0) < 0.05 else f"{abs(factor):.2g} "
-            sign = "-" if factor < 0.0 else "" if i == 0 else "+"
-            text += f"{sign}{size}{name}" if i == 0 else f" {sign} {size}{name}"
-        return text
+        return str(wording("inputs").combination(self))
 
 
 @dataclass(frozen=True)
@@ -108,20 +103,14 @@ class Dependence:
         parts = {name for combination in self.combinations for name, _ in combination.parts}
         return tuple(name for name in self.names if name in parts)
 
+    @property
+    def families(self) -> list[list[tuple[str, float]]]:
+        """Signals that move only together, each with its size for one of the first."""
+        return _families([row for row in self.combinations if len(row.parts) == 2], self.names)
+
     def sentences(self) -> list[str]:
         """A sentence for those that move only together, one per combination of three and more."""
-        pairs = [combination for combination in self.combinations if len(combination.parts) == 2]
-        texts = [
-            f"{', '.join(name for name, _ in family)} move only together:"
-            f" {' '.join(_proportion(factor) for _, factor in family)}"
-            for family in _families(pairs, self.names)
-        ]
-        return texts + [
-            f"Hardly driven: {combination.words} ({_share(combination.strength)} of what they would give"
-            " independently)"
-            for combination in self.combinations
-            if len(combination.parts) != 2
-        ]
+        return list(wording("inputs").dependence(self))
 
 
 def dependence(signals: Array, names: Sequence[str], *, weak: float = 1e-3) -> Dependence:
@@ -197,14 +186,6 @@ def _families(pairs: Sequence[Combination], names: Sequence[str]) -> list[list[t
         seen |= set(family)
         families.append([(name, family[name]) for name in names if name in family])
     return families
-
-
-def _proportion(factor: float) -> str:
-    return f"{round(factor):+d}" if abs(abs(factor) - 1.0) < 0.05 else f"{factor:+.2g}"
-
-
-def _share(strength: float) -> str:
-    return f"{100.0 * strength:.1g} %" if strength >= 5e-4 else "less than 0.05 %"
 
 
 @dataclass(frozen=True)
@@ -354,69 +335,10 @@ class InputJudgement(Plain, also="sentences"):
 
     def sentences(self) -> list[str]:
         """What the inputs tell, for a control engineer."""
-        texts = [*self._thrust_sentences(), *self._gain_sentences(), *self._row_sentences()]
-        return texts or [
-            "No input changes in the data that are fitted: only free decays and drift can be identified"
-        ]
+        return words_about(self, "inputs")
 
     def __str__(self) -> str:
         return "\n".join(self.sentences())
-
-    def _thrust_sentences(self) -> list[str]:
-        if not self.drives:
-            return []
-        driven = len(self.thrusts.singular_values) - self.thrusts.lost
-        what = "Thrust and fins" if self.fins else "Thrust"
-        texts = [
-            f"{what}: {len(self.drives)} actuators, {driven} independent combinations driven"
-            f" (singular values {', '.join(_rounded(x) for x in self.thrusts.singular_values)})"
-        ]
-        if self.thrusts.still:
-            kinds: dict[str, list[str]] = {"thrust": [], "lift": []}
-            for name in self.thrusts.still:
-                kinds["lift" if name in self.fins else "thrust"].append(name)
-            texts += [
-                f"The {what} of {listed(names)} hardly changes" for what, names in kinds.items() if names
-            ]
-        return texts + self.thrusts.sentences()
-
-    def _gain_sentences(self) -> list[str]:
-        texts: list[str] = []
-        lost = self.thrusts.involved
-        if lost:
-            fins = [name for name in lost if name in self.fins]
-            single = "lifts" if len(fins) == len(lost) else "thrusts and lifts" if fins else "thrust gains"
-            texts.append(
-                f"These inputs cannot separate the {single} of {listed(lost)}: their effects differ only in"
-                " axis coupling, which offset centres, levers and off-diagonal damping also cause"
-            )
-        if self.offered:
-            axis = next((o for o in self.options if o.kind == "axis" and o.told_apart and lost), None)
-            texts.append(
-                f"Gains that may be freed, except those that set the scale: {_keys(self.offered)}"
-                + (f"; or per axis, levers with relative bounds: {_keys(axis.names)}" if axis else "")
-            )
-        if self.freed:
-            texts.append(
-                f"The campaign frees {_keys(self.freed)} one by one: expect wide standard deviations,"
-                " or free the group's gain"
-            )
-        return texts
-
-    def _row_sentences(self) -> list[str]:
-        rows = ", ".join(
-            f"{row} {rms:.2g} {'N' if row in 'XYZ' else 'N m'}"
-            for row, rms in self.rows_rms.items()
-            if row not in self.rows.still
-        )
-        if not rows:
-            return []
-        still = f"; hardly driven: {listed(self.rows.still)}" if self.rows.still else ""
-        together = [
-            f"{listed([name for name, _ in combination.parts])} of the wrench move only together"
-            for combination in self.rows.combinations
-        ]
-        return [f"Wrench, root mean square: {rows}{still}", *together]
 
 
 def trained(problem: Problem) -> tuple[str, ...]:
@@ -526,11 +448,3 @@ def _joined(parts: Sequence[tuple[Array, float]]) -> tuple[Array, Array]:
     """Signals of all trials one after the other, and the share (n,) of each sample in their duration."""
     weight = np.concatenate([np.full(len(part), dt) for part, dt in parts])
     return np.concatenate([part for part, _ in parts]), weight / weight.sum()
-
-
-def _rounded(value: float) -> str:
-    return f"{value:.2g}" if value >= 1e-4 else "0"
-
-
-def _keys(names: Iterable[str]) -> str:
-    return ", ".join(f'"{name}"' for name in names)
