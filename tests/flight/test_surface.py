@@ -173,8 +173,7 @@ def test_flights_begin_afloat_and_never_fly() -> None:
 
 
 def test_a_gps_fix_needs_its_antenna_out_of_the_water() -> None:
-    from seatrial.sensors.ideal import Surroundings
-    from seatrial.sensors.log import measure
+    from seatrial.sensors.log import Surroundings, measure
     from seatrial.sensors.sensor import Sensor
 
     vehicle = rov()

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import pytest
 
-from seatrial.logs.gravity import by_gravity, points_down
+from seatrial.intake.survey import by_gravity, points_down
 from seatrial.logs.log import Field, Topic
 from seatrial.logs.recognise import propose
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from seatrial._core import Run, State, Vehicle
 from seatrial.base.errors import TrialError
 from seatrial.base.frames import from_euler, matrix
-from seatrial.sensors.ideal import Surroundings
-from seatrial.sensors.log import measure
+from seatrial.sensors.log import Surroundings, measure
 from seatrial.sensors.sensor import Sensor, parse_sensors
 from tests.sensors.sailing import turning_dive
 

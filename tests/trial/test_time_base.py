@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 import seatrial as st
-from seatrial.logs.stamps import base_step, spread_bursts, usual_interval
+from seatrial.logs.clock import base_step, spread_bursts, usual_interval
 
 
 def _motion(t: np.ndarray) -> dict[str, np.ndarray]:

@@ -20,8 +20,7 @@ import numpy as np
 import seatrial as st
 from seatrial.base.finding import Finding, Severity
 from seatrial.identification.fitted import Fitted
-from seatrial.sensors.ideal import Surroundings
-from seatrial.sensors.log import measure
+from seatrial.sensors.log import Surroundings, measure
 from seatrial.sensors.sensor import load_sensors
 from seatrial.verification.mission_log.judge_log import settled, state_inside
 from seatrial.verification.mission_log.log import MissionLog, offsets_of

@@ -32,7 +32,7 @@ from seatrial.base.toml_file import (
     twice,
 )
 from seatrial.trial.columns import Source, columns_of, mapped
-from seatrial.trial.readers import read_table
+from seatrial.trial.recording import read_table
 from seatrial.trial.table import numbers, time_base
 from seatrial.vehicle.actuators import actuator_groups
 
@@ -285,7 +285,7 @@ def read_bench_table(
 ) -> BenchTable:
     """Table of a bench recording; the vehicle gives the names of actuators and groups.
 
-    `reader` is as in `seatrial.trial.readers.read_table`, `columns` ``{canonical: "column"}`` or
+    `reader` is as in `seatrial.trial.recording.read_table`, `columns` ``{canonical: "column"}`` or
     ``{canonical: {from, unit, sign, frame}}``. Raises TrialError where the file cannot be read, or the map
     names what is not there.
     """

@@ -203,7 +203,7 @@ def campaign_log(campaign: Campaign, source: str | Path) -> CampaignLog:
 def _read(campaign: Campaign, path: Path) -> MissionLog:
     """A recording with the campaign's column map, or as it is where it has the canonical names."""
     from seatrial.trial.columns import columns_of
-    from seatrial.trial.readers import read_table
+    from seatrial.trial.recording import read_table
 
     file = campaign.file
     try:

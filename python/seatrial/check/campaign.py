@@ -12,7 +12,7 @@ from seatrial.base.report import Reported
 from seatrial.inspect.consistency_result import UNTOLD
 from seatrial.inspect.consistency_trials import Proposal, consistency_of_recording, proposals
 from seatrial.inspect.kind_of_data import KindOfData, kind_of_data
-from seatrial.intake.project import clocks_proposed
+from seatrial.intake.imported import clocks_proposed
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign

@@ -249,7 +249,7 @@ def _sources(trial: str, columns_from: Path | None) -> dict[str, str | Path | No
 
 def _table(trial: str, columns_from: Path | None) -> pl.DataFrame:
     """Table of a trial; one of a file with canonical columns as it is, so that a flight keeps all of its."""
-    from seatrial.trial.readers import FORMATS, read_table
+    from seatrial.trial.recording import FORMATS, read_table
 
     if columns_from is None and trial.lower().endswith((*FORMATS["csv"], *FORMATS["parquet"])):
         table = read_table(trial).table

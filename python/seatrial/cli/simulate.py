@@ -95,7 +95,7 @@ def simulate(
     """
     from seatrial._core import Vehicle
     from seatrial.cli.console import answer, print_json
-    from seatrial.sensors.ideal import ON_THE_TETHER, at_sea
+    from seatrial.sensors.log import ON_THE_TETHER, at_sea
     from seatrial.sensors.sensor import load_sensors
     from seatrial.trial.simulation import SimulatedTrial
     from seatrial.trial.trial import Trial

@@ -23,9 +23,16 @@ from seatrial.inspect.consistency_result import Consistency
 from seatrial.inspect.consistency_trials import series_of
 from seatrial.inspect.kind_of_data import KindOfData, kind_of_data
 from seatrial.inspect.trial_windows import moved, moves
-from seatrial.intake.imported import Imported, ImportedTrial
+from seatrial.intake.imported import (
+    Imported,
+    ImportedTrial,
+    delays_given,
+    edited,
+    map_text,
+    refuse_foreign,
+    write_project,
+)
 from seatrial.intake.map_file import Column, ImportMap, load_map
-from seatrial.intake.project import delays_given, edited, map_text, refuse_foreign, write_project
 from seatrial.intake.recordings import (
     MANY,
     Recorded,
@@ -38,8 +45,7 @@ from seatrial.intake.recordings import (
 from seatrial.intake.survey import Survey, importing, survey
 from seatrial.intake.vehicle_draft import VehicleDraft, draft_vehicle, matched, thruster_signs, turned
 from seatrial.trial.columns import GROUPS
-from seatrial.trial.readers import Recording as ReadTable
-from seatrial.trial.recording import recording
+from seatrial.trial.recording import RawTable, recording
 from seatrial.trial.signals import Series
 
 if TYPE_CHECKING:
@@ -246,7 +252,7 @@ def _trial(recording: Recording, recorded: Recorded) -> Trial:
 
     files = ", ".join(str(log.path) for log in recording.logs)
     trial = Trial.read(
-        ReadTable(recorded.table, files),
+        RawTable(recorded.table, files),
         columns=recorded.columns,
         name=recording.name,
         rate_hz=rate_of_long(recorded.table),

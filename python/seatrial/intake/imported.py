@@ -1,20 +1,38 @@
-"""What an import made of some logs, and its report: what there is, the worst, what is missing, what next."""
+"""What an import made of some logs, and the files of its project: what is written, overwritten or kept as
+edited.
+
+import.json says what the import wrote: a folder without it is not touched, and a file whose content differs
+from what it says was edited by the user and stays. It is written last. Held by
+``tests/intake/test_import.py``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from seatrial.base.atomic_write import whole_folder, write_atomic, write_table, writing
+from seatrial.base.errors import TrialError, printable
 from seatrial.base.report import Reported
+from seatrial.base.run import from_json
 from seatrial.inspect.consistency_result import Consistency
+from seatrial.inspect.consistency_trials import accepted
 from seatrial.inspect.kind_of_data import KindOfData
+from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, line
 from seatrial.intake.map_file import Column
+from seatrial.intake.recordings import rate_of_long
 from seatrial.intake.survey import Survey
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.intake.recordings import Recorded, Recording
     from seatrial.trial.trial import Trial
 
 
@@ -146,3 +164,225 @@ class Imported(Reported):
             "kept": list(self.kept),
             "survey": self.survey.to_dict(),
         }
+
+
+_OWN = "import.json"
+
+
+def refuse_foreign(folder: Path, force: bool) -> None:
+    """Refuse a folder with files that no import wrote, and without `force` one that an import wrote.
+
+    Raises
+    ------
+    TrialError
+    """
+    if folder.exists() and not folder.is_dir():
+        raise TrialError(f"{folder}: expected a folder for the project, found a file; choose another name")
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    if not (folder / _OWN).is_file():
+        raise TrialError(
+            f"{folder}: expected an empty or a new folder, found files that no import wrote; choose another"
+            " one"
+        )
+    if not force:
+        raise TrialError(
+            f"{folder}: an import wrote this project before; overwrite it with --force (force=True), which"
+            " keeps files that you edited, or choose another folder"
+        )
+
+
+def delays_given(folder: Path) -> dict[str, set[str]]:
+    """Sensors whose delay the project's edited campaign removes, by trial; those of all trials under ""."""
+    if not edited(folder, "campaign.toml"):
+        return {}
+    try:
+        data = tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}  # said where the campaign is read
+    trials = data.get("trials", {})
+    tables = {"": data} | (trials if isinstance(trials, dict) else {})
+    sensors = {}
+    for name, table in tables.items():
+        given = table.get("corrections", {}) if isinstance(table, dict) else {}
+        delays = given.get("delay_s", {}) if isinstance(given, dict) else {}
+        sensors[name] = set(delays) if isinstance(delays, dict) else set()
+    return sensors
+
+
+def clocks_proposed(folder: Path) -> dict[str, dict[str, str]]:
+    """By trial and sensor the file whose clock the import of a folder proposed to set, if it did."""
+    try:
+        trials = from_json((folder / _OWN).read_text(encoding="utf-8"))["trials"]
+        return {
+            trial["name"]: {
+                correction["sensor"]: correction["key"].rpartition(".")[0]
+                for correction in trial["consistency"]["corrections"]
+                if correction["table"] == "clocks" and correction["key"].endswith(".offset_s")
+            }
+            for trial in trials
+        }
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}  # no project of an import, or of an earlier one
+
+
+def map_text(made: Imported, recorded: Sequence[Recording]) -> str:
+    """Text of the proposed map: every choice with its reason, every other candidate as a comment."""
+    lines = [
+        "# Which field of the logs is which column of a trial. Drafted by seatrial import.",
+        "# Edit it and import again:",
+        f"# seatrial import LOG... --map {made.folder}/map.toml --out {made.folder} --force",
+        "format = 1",
+        "",
+        "[columns] # SI and degrees after NED and forward-starboard-down; frame: that of the log",
+    ]
+    for canonical, column in made.columns.items():
+        if not canonical.startswith("cmd."):
+            lines.append(line(canonical, _entry(column)))
+            lines += _others(made, canonical, column)
+    actuators = {name: column for name, column in made.columns.items() if name.startswith("cmd.")}
+    if actuators:
+        lines += ["", "[actuators] # command of each actuator of vehicle.toml"]
+        lines += [line(name.removeprefix("cmd."), _entry(column)) for name, column in actuators.items()]
+    lines += ["", *_clock_lines(made)]
+    for recording in recorded:
+        files = [log.path.name for log in recording.logs]
+        if all(name.isprintable() for name in files):
+            lines += [f"[trials.{json.dumps(recording.name, ensure_ascii=False)}]", line("logs", files)]
+            start, stop = _span(made, recording.name)
+            lines += [f"# start_s = {start:.1f}", f"# stop_s = {stop:.1f}", ""]
+    return "\n".join(lines)
+
+
+def _entry(column: Column) -> dict[str, Any]:
+    given = column.entry(column.source)
+    given |= {"convert": column.convert} if column.convert else {}
+    why = printable(column.why, 120) + ("" if column.certain else " (a guess: check it)")
+    return given | ({"why": why} if column.why else {})
+
+
+def _others(made: Imported, canonical: str, column: Column) -> list[str]:
+    """Other fields that could be the column, as comments."""
+    comments = []
+    for log in made.survey.logs:
+        for other in log.proposals:
+            if other.canonical != canonical or other.source == column.source.partition("/")[0]:
+                continue
+            if other.name == column.source or not other.source.isprintable():
+                continue
+            entry = Column(
+                other.source + (f"/{other.per}" if other.per else ""),
+                other.unit,
+                other.frame,
+                other.sign,
+                other.convert,
+            )
+            comments.append(f"# or {line(canonical, _entry(entry))}")
+    return list(dict.fromkeys(comments))[:3]
+
+
+def _clock_lines(made: Imported) -> list[str]:
+    """Clocks that the consistency check proposes, as comments."""
+    proposed: dict[str, dict[str, float]] = {}
+    effects: dict[str, str] = {}
+    for trial in made.trials:
+        for correction in trial.consistency.corrections:
+            file, _, key = correction.key.rpartition(".")
+            if correction.table == "clocks" and key not in proposed.setdefault(file, {}):
+                proposed[file][key] = correction.value
+                effects.setdefault(
+                    file, f"{correction.of}: {correction.before:.3g} to {correction.after:.3g} rms"
+                )
+    if not proposed:
+        return []
+    lines = [
+        "# Clocks that differ from the first file's: t = (stamp - offset_s) / (1 + drift).",
+        "# Not applied: remove the # to accept.",
+        "# [clocks]",
+    ]
+    for file, values in proposed.items():
+        entry = ", ".join(f"{key} = {value:.6g}" for key, value in values.items())
+        lines.append(f"# {json.dumps(file)} = {{ {entry} }} # {effects[file]}")
+    return [*lines, ""]
+
+
+def _span(made: Imported, name: str) -> tuple[float, float]:
+    trial = next((imported.trial for imported in made.trials if imported.name == name), None)
+    return (0.0, 0.0) if trial is None else (float(trial.t[0]), float(trial.t[-1]))
+
+
+def write_project(
+    made: Imported, folder: Path, vehicle_text: str, map_text: str, recorded: Sequence[Recorded]
+) -> tuple[str, ...]:
+    """Write the project, import.json last; names of edited files that were kept."""
+    drafted = [
+        DraftedTrial(
+            trial.name,
+            f"trials/{trial.name}.parquet",
+            trial.trial,
+            table.columns,
+            trial.hold_out_s,
+            trial.why,
+            "commands" if trial.trial.commands or trial.trial.tau is None else "tau",
+            rate_of_long(table.table),
+            trial.consistency.corrections,
+            accepted(trial.consistency),
+        )
+        for trial, table in zip(made.trials, recorded, strict=True)
+    ]
+    texts = {
+        "map.toml": map_text,
+        "vehicle.toml": vehicle_text,
+        "campaign.toml": campaign_text(folder.resolve().name or "imported", made.vehicle, drafted),
+    }
+    kept = []
+    with writing(folder), whole_folder(folder):
+        (folder / "trials").mkdir(parents=True, exist_ok=True)
+        for trial, table in zip(drafted, recorded, strict=True):
+            write_table(table.table, folder / trial.file)
+        for name, text in texts.items():
+            if edited(folder, name) and (folder / name).read_text(encoding="utf-8") != text:
+                kept.append(name)
+            else:
+                write_atomic(folder / name, text.encode())
+        hashes = {
+            name: hashlib.sha256(text.encode()).hexdigest()
+            for name, text in texts.items()
+            if name not in kept
+        }
+        hashes |= {name: _hashes(folder).get(name, "") for name in kept}
+        record = {"format": 1, "written": hashes} | made.to_dict() | {"kept": kept}
+        write_atomic(folder / _OWN, json.dumps(_plain(record), indent=1, ensure_ascii=False).encode())
+    return tuple(kept)
+
+
+def _plain(value: Any) -> Any:
+    """Plain data without NaN, which JSON does not know."""
+    if isinstance(value, Mapping):
+        return {_plain(str(key)): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, str):  # a name of a file may hold bytes that are no UTF-8
+        return value.encode(errors="replace").decode()
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    if isinstance(value, np.integer | np.bool_):
+        return value.item()
+    return value
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    try:
+        written = from_json((folder / _OWN).read_text(encoding="utf-8"))["written"]
+    except (OSError, ValueError, KeyError, TypeError):  # then every file counts as edited, and is kept
+        return {}
+    return written if isinstance(written, dict) else {}
+
+
+def edited(folder: Path, name: str) -> bool:
+    """Whether a file of the project is not as the last import wrote it."""
+    path = folder / name
+    if not path.is_file():
+        return False
+    known = _hashes(folder).get(name)
+    return known != hashlib.sha256(path.read_bytes()).hexdigest()

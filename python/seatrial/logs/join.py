@@ -2,7 +2,7 @@
 
 Rows are all stamps of all topics; a cell is empty (null) where its topic has no sample at that stamp, or
 NaN, so nothing is resampled here. Stamps that meet fill one row. Before that each topic is put in order: rows
-without a stamp are left out, rows out of order are sorted, bursts are spread (`seatrial.logs.stamps`), of
+without a stamp are left out, rows out of order are sorted, bursts are spread (`seatrial.logs.clock`), of
 rows with one stamp the last stays; all of it is reported. A file with a clock of its own is brought to the
 first one's: ``t = (stamp - offset_s) / (1 + drift)``.
 """
@@ -17,8 +17,8 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, printable
+from seatrial.logs.clock import spread_bursts, strays
 from seatrial.logs.log import Log, Samples, Share
-from seatrial.logs.stamps import spread_bursts, strays
 
 if TYPE_CHECKING:
     import polars as pl

@@ -20,7 +20,7 @@ from seatrial.base.errors import TrialError, printable, reason
 from seatrial.logs.clock import stated_unit, time_fields
 from seatrial.logs.formats import DAMAGED, unpacked
 from seatrial.logs.log import MOST_FIELDS
-from seatrial.logs.units import is_unit, no_unit, unit_of
+from seatrial.logs.names import is_unit, no_unit, unit_of
 
 _HEAD_BYTES = 262_144  # of the beginning, by which a file is judged
 _HEAD_ROWS = 200  # lines of the beginning, by which columns are judged

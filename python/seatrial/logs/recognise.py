@@ -19,8 +19,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from seatrial.logs.log import Field, Topic
-from seatrial.logs.names import actuator_of, quantity_of, words_of
-from seatrial.logs.units import PRESSURES, canonical_of, fits, misfit_of, no_unit, suffix_of, unit_of
+from seatrial.logs.names import (
+    PRESSURES,
+    actuator_of,
+    canonical_of,
+    fits,
+    misfit_of,
+    no_unit,
+    quantity_of,
+    suffix_of,
+    unit_of,
+    words_of,
+)
 
 
 @dataclass(frozen=True)

@@ -26,10 +26,10 @@ from seatrial._core import nuisance_names
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import ANGLES, CHANNELS, deviations, difference
 from seatrial.base.errors import TrialError, nearest
-from seatrial.logs.stamps import usual_interval
+from seatrial.logs.clock import usual_interval
 from seatrial.scoring.record import Record, Replay, cut_spans, restarted
 from seatrial.trial.columns import GROUPS, columns_of, parse
-from seatrial.trial.readers import FORMATS, Recording, read_table
+from seatrial.trial.recording import FORMATS, RawTable, read_table
 from seatrial.trial.resampling import own_samples
 from seatrial.trial.signals import RecordingReport
 from seatrial.trial.table import signals, time_base
@@ -335,7 +335,7 @@ def is_table(path: str) -> bool:
     return path.lower().endswith((*FORMATS["csv"], *FORMATS["parquet"]))
 
 
-def _samples(recording: Recording, columns: Mapping[str, Any] | None) -> Samples:
+def _samples(recording: RawTable, columns: Mapping[str, Any] | None) -> Samples:
     table, file, units, _ = recording
     entries = _short_names(table.columns, units, file) | dict(columns or {})
     sources = parse(entries, table.columns, file, units)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from seatrial.base.front import front
 
 if TYPE_CHECKING:
-    from seatrial.sensors.ideal import Surroundings as Surroundings
+    from seatrial.sensors.log import Surroundings as Surroundings
     from seatrial.sensors.log import measure as measure
     from seatrial.sensors.sensor import Sensor as Sensor
     from seatrial.sensors.sensor import load_sensors as load_sensors
@@ -16,5 +16,5 @@ __all__ = ["Sensor", "Surroundings", "load_sensors", "measure"]
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
     __getattr__ = front(
-        __name__, {"Surroundings": "ideal", "Sensor": "sensor", "load_sensors": "sensor", "measure": "log"}
+        __name__, {"Surroundings": "log", "Sensor": "sensor", "load_sensors": "sensor", "measure": "log"}
     )

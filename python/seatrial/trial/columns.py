@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from seatrial.base.channels import ACTUATOR_UNITS, DEGREE, is_unit
 from seatrial.base.errors import TrialError, nearest
-from seatrial.logs.units import canonical_of, misfit_of
+from seatrial.logs.names import canonical_of, misfit_of
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ from seatrial.base.atomic_write import write_table
 from seatrial.base.errors import DivergenceError, TrialError, nearest
 from seatrial.base.toml_file import Name, Number, Positive, Section
 from seatrial.flight.flight import Flight
-from seatrial.sensors.ideal import ON_THE_TETHER, Surroundings, at_sea
-from seatrial.sensors.log import finer, held, measure, times
+from seatrial.sensors.log import ON_THE_TETHER, Surroundings, at_sea, finer, held, measure, times
 from seatrial.sensors.sensor import Sensor, read_as
 from seatrial.trial.truth import DITHER, Current, Sailed, SailedTable, Truth, TruthFile, WavesTable
 from seatrial.vehicle.actuators import actuator_groups

@@ -4,7 +4,7 @@ A point of the base is valid where both neighbouring samples are good and no fur
 the sensor's own usual interval; elsewhere the value is a fill that no criterion may use. A command is held
 until the next one, unless a stream of a fixed rate falls silent: then it is unknown (`silences`). Stamps that
 came in bursts are spread first, and irregular ones get a base that is fine enough for all of them
-(`seatrial.logs.stamps`).
+(`seatrial.logs.clock`).
 
 In a log of several rates a row has cells of the sensors that sampled then and empty cells elsewhere. A depth
 that comes at other times than north and east is another sensor's: a signal of its own. Other components that
@@ -29,7 +29,7 @@ from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError
 from seatrial.base.frames import continuous, to_euler
-from seatrial.logs.stamps import Spread, base_step, spread_bursts, usual_interval
+from seatrial.logs.clock import Spread, base_step, spread_bursts, usual_interval
 from seatrial.trial.signals import RecordingReport, Signal
 
 GAP = 1.9

@@ -14,7 +14,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.plain import Plain
-from seatrial.logs.stamps import usual_interval
+from seatrial.logs.clock import usual_interval
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ import numpy as np
 from seatrial._core import State
 from seatrial.base.errors import DivergenceError, TrialError, nearest
 from seatrial.base.report import Report, Section, Table
-from seatrial.sensors.ideal import Surroundings
-from seatrial.sensors.log import finer, linear, measure, times
+from seatrial.sensors.log import Surroundings, finer, linear, measure, times
 from seatrial.sensors.log import held as rows_held
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.generated import motion_table, write_generated

@@ -29,8 +29,7 @@ from seatrial.trial.assembly import assemble, smooth, spline
 from seatrial.trial.columns import GROUPS
 from seatrial.trial.corrections import to_origin
 from seatrial.trial.mixer import Mixer
-from seatrial.trial.readers import Reader
-from seatrial.trial.recording import recording
+from seatrial.trial.recording import Reader, recording
 from seatrial.trial.resampling import own_samples
 from seatrial.trial.signals import RecordingReport
 

@@ -27,7 +27,7 @@ from seatrial.flight.conditions import Conditions, Water
 from seatrial.flight.fly import fly
 from seatrial.flight.mission import Mission
 from seatrial.flight.sea import SeaState
-from seatrial.sensors.ideal import at_sea
+from seatrial.sensors.log import at_sea
 from seatrial.sensors.sensor import TYPICAL, Sensor, SensorFile, parse_sensors, read_as
 
 if TYPE_CHECKING:

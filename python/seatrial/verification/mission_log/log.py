@@ -25,7 +25,7 @@ from seatrial.base.frames import shorter
 from seatrial.flight.mission import Route
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 from seatrial.trial.columns import columns_of, parse
-from seatrial.trial.readers import read_table
+from seatrial.trial.recording import read_table
 from seatrial.trial.trial import Trial
 
 if TYPE_CHECKING:
